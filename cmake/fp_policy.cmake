@@ -1,0 +1,19 @@
+# The floating-point policy, in one place (reasons: docs/numerics.md). Every target that compiles a body links it,
+# and it is an interface of the header target, because one translation unit built otherwise is enough to change bits.
+#   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only what says fma_()
+#   no errno/traps what lets sqrt and selects vectorise; changes no value
+#   device         the same four statements for nvcc, and the host flags for its host pass, which --fmad does not reach
+set(_stiction_host_fp -ffp-contract=off -fno-math-errno -fno-trapping-math)
+add_library(stiction_fp INTERFACE)
+target_compile_options(stiction_fp INTERFACE
+  "$<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off;-fno-math-errno;-fno-trapping-math>"
+  "$<$<COMPILE_LANGUAGE:CUDA>:--fmad=false;--prec-div=true;--prec-sqrt=true;--ftz=false>"
+  "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Xcompiler -ffp-contract=off,-fno-math-errno,-fno-trapping-math>")
+target_compile_features(stiction_fp INTERFACE cxx_std_20)
+
+foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAKE_CUDA_FLAGS}")
+  if(flags MATCHES "-ffast-math|-Ofast|-funsafe-math|-fassociative-math|use_fast_math")
+    message(FATAL_ERROR "stiction gives the same bits everywhere and cannot be built with '${flags}': remove the "
+                        "fast-math option")
+  endif()
+endforeach()

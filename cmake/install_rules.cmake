@@ -1,0 +1,1 @@
+# install(EXPORT ...): filled by the packaging rules below.

@@ -1,0 +1,9 @@
+# Warnings of our own targets; never exported.
+add_library(stiction_warnings INTERFACE)
+set(_w -Wall -Wextra -Wshadow -Wdouble-promotion -Wfloat-conversion -Wnon-virtual-dtor -Woverloaded-virtual)
+if(STICTION_WARNINGS_AS_ERRORS)
+  list(APPEND _w -Werror)
+  target_compile_options(stiction_warnings INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Werror all-warnings>")
+endif()
+target_compile_options(stiction_warnings INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:${_w}>"
+                                                   "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Xcompiler -Wall,-Wextra>")

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// Where the arrays of a view live.
+enum class MemorySpace : std::uint8_t { host = 0, cuda = 1 };
+
+/// Many environments' contact systems, as solvers read them. A POD over host or device memory that owns
+/// nothing. For each environment, with n rows tiled by cones, find lambda in the cones and
+///
+///     w = (A + diag R) lambda + b,   w complementary to lambda by the cones' law.
+///
+/// Rows of all environments follow one another; columns of A count from the environment's own first row.
+template <class Real>
+struct ContactBatchView {
+  Offset env_count = 0;
+  Offset cone_count = 0;
+  Offset row_count = 0;
+  Offset nonzero_count = 0;
+  const Offset* env_row_offsets = nullptr;   ///< first row of each environment        (env_count + 1)
+  const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
+  const ConeKind* cone_kind = nullptr;       ///< kind                                  (cone_count)
+  const Offset* cone_row_offsets = nullptr;  ///< first row of each cone               (cone_count + 1)
+  const Index* cone_group = nullptr;  ///< manifold: neighbouring cones of one environment with equal
+                                      ///< non-negative id are coloured as one vertex; null: none  (cone_count)
+  const Offset* row_offsets = nullptr;       ///< CSR rows of A                        (row_count + 1)
+  const Index* column = nullptr;             ///< CSR columns, within the environment  (nonzero_count)
+  const Real* A = nullptr;   ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
+  const Real* b = nullptr;   ///< right-hand side [w]                                  (row_count)
+  const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                        (row_count)
+  const Real* mu = nullptr;  ///< friction per axis, on a friction cone's rows after the first [-; torsional
+                             ///< and rolling: m]; ignored elsewhere                   (row_count)
+  const Real* lo = nullptr;  ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
+  const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
+  Law law = Law::convex;
+  MemorySpace space = MemorySpace::host;
+};
+
+/// One environment to be appended to a ContactBatch: the same arrays, counted from this environment's zero.
+template <class Real>
+struct Environment {
+  struct Cone {
+    ConeKind kind = ConeKind::unilateral;
+    Index row_count = 1;
+    Index group = -1;  ///< manifold id, -1: a vertex of its own
+  };
+  std::vector<Cone> cones;
+  std::vector<Index> row_offsets{0};  ///< CSR rows of A        (n + 1)
+  std::vector<Index> column;          ///< CSR columns          (nnz)
+  std::vector<Real> A;                ///< CSR values           (nnz)
+  std::vector<Real> b, R, mu, lo, hi; ///< empty R, mu, lo, hi mean zeros  (n)
+
+  /// Fills A from a dense row-major n x n matrix; entries that are exactly zero are not stored.
+  void set_dense(std::span<const Real> matrix, Index n);
+};
+
+/// Owner of a batch on the host; append-only.
+template <class Real>
+class ContactBatch {
+ public:
+  ContactBatch() = default;
+  explicit ContactBatch(Law law) : law_(law) {}
+
+  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups mean none).
+  struct Arrays {
+    std::vector<Offset> env_row_offsets, env_cone_offsets;
+    std::vector<ConeKind> cone_kind;
+    std::vector<Offset> cone_row_offsets;
+    std::vector<Index> cone_group;
+    std::vector<Offset> row_offsets;
+    std::vector<Index> column;
+    std::vector<Real> A, b, R, mu, lo, hi;
+  };
+
+  /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with what
+  /// was expected and what came; values are the business of validate().
+  static ContactBatch from_arrays(Law law, Arrays arrays);
+
+  /// Appends one environment (possibly empty). \throws Error(invalid_argument) on a wrong shape; then nothing
+  /// was appended.
+  void add(const Environment<Real>& environment);
+
+  [[nodiscard]] ContactBatchView<Real> view() const noexcept;
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(arrays_.env_row_offsets.size()) - 1; }
+  [[nodiscard]] Offset row_count() const noexcept { return arrays_.env_row_offsets.back(); }
+  [[nodiscard]] const Arrays& arrays() const noexcept { return arrays_; }
+  [[nodiscard]] Law law() const noexcept { return law_; }
+  void set_law(Law law) noexcept { law_ = law; }
+
+ private:
+  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}};
+  Law law_ = Law::convex;
+};
+
+/// The same batch with every number rounded to To (to nearest; what overflows becomes infinite and is then
+/// flagged by the solver, in that environment alone).
+template <class To, class From>
+ContactBatch<To> convert(const ContactBatch<From>& batch);
+
+/// The environments of `order` (indices into `batch`, repeats allowed), in that order.
+template <class Real>
+ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offset> order);
+
+/// One broken precondition, and where.
+struct Defect {
+  Offset env = -1;   ///< environment, -1: the batch as a whole
+  Index cone = -1;   ///< cone within the environment, -1: none
+  Index row = -1;    ///< row within the environment, -1: none
+  bool structural = false;  ///< offsets, columns, cone tiling: no solver can be run at all
+  std::string message;      ///< one sentence: what, where, the value, what to do
+};
+
+/// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure
+/// first: values are looked at only where the structure holds. An empty result means that the batch is sound.
+template <class Real>
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit = 64);
+
+/// max |A - A'| / max |A| of each environment (0 when symmetric or empty).  (env_count)
+template <class Real>
+std::vector<double> asymmetry(const ContactBatchView<Real>& batch);
+
+}  // namespace stiction

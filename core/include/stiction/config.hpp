@@ -1,0 +1,25 @@
+#pragma once
+
+/// Version of the library's interface (semantic versioning).
+#define STICTION_VERSION_MAJOR 0
+#define STICTION_VERSION_MINOR 1
+#define STICTION_VERSION_PATCH 0
+
+/// Marks a function that runs on host and device. Always inlined: the CPU machine compiles the bodies once
+/// per instruction set, and an out-of-line copy that the linker merged across those builds could be one the
+/// running CPU cannot execute. This is the one place that asks which compiler is reading.
+#if defined(__CUDACC__)
+#define STICTION_HD __host__ __device__ __forceinline__
+#else
+#define STICTION_HD inline __attribute__((always_inline))
+#endif
+
+namespace stiction {
+
+inline constexpr const char* kVersion = "0.1.0";
+
+/// Numerics epoch: results are bit-reproducible within one epoch. It changes, with a sentence in the
+/// changelog, whenever any golden hash does (docs/numerics.md).
+inline constexpr int kNumericsEpoch = 1;
+
+}  // namespace stiction

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "stiction/batch.hpp"
+
+namespace stiction {
+
+struct Residual {
+  double relative;  ///< largest cone residual / max|b| [-]
+  double absolute;  ///< largest cone residual [w]
+};
+
+/// The natural-map residual of a given lambda in f64, one per environment, written from the definition in
+/// docs/math/residual.md and sharing no code with the solvers: this is what `stiction verify` prints.
+/// \throws Error(invalid_argument) if lambda's length is not the batch's row count.
+template <class Real>
+std::vector<Residual> verify(const ContactBatchView<Real>& batch, std::span<const Real> lambda);
+
+}  // namespace stiction

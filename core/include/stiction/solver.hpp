@@ -1,0 +1,135 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+
+enum class DeviceKind : std::uint8_t { cpu = 0, cuda = 1 };
+
+/// A machine to solve on. Changing it changes the speed and not one bit.
+struct Device {
+  DeviceKind kind = DeviceKind::cpu;
+  int ordinal = 0;
+
+  static Device cpu() noexcept { return {DeviceKind::cpu, 0}; }
+  static Device cuda(int ordinal = 0) noexcept { return {DeviceKind::cuda, ordinal}; }
+  /// "auto" (the first usable CUDA device, else the CPU), "cpu", "cuda", "cuda:1".
+  /// \throws Error(invalid_argument) for any other text, Error(no_device) when "cuda" was asked for and is not there.
+  static Device from_string(const std::string& text);
+};
+
+/// One device of this machine, or the reason why there is none.
+struct DeviceReport {
+  Device device;
+  bool usable = false;
+  std::string name;    ///< "NVIDIA H200", or the CPU instruction set in use
+  std::string reason;  ///< why it is not usable; empty when it is
+};
+
+/// The CPU, and every CUDA device or the one line why there is none. Never throws.
+std::vector<DeviceReport> devices();
+
+/// A CUDA stream (cudaStream_t) owned by the caller; ignored by the CPU. Made from a handle or by name only, so
+/// that the legacy default stream is never taken by accident.
+class StreamRef {
+ public:
+  explicit StreamRef(void* handle) noexcept : handle_(handle) {}
+  StreamRef(int) = delete;
+  StreamRef(std::nullptr_t) = delete;
+  static StreamRef default_stream() noexcept { return StreamRef(static_cast<void*>(nullptr)); }
+  [[nodiscard]] void* handle() const noexcept { return handle_; }
+
+ private:
+  void* handle_;
+};
+
+/// What to do with an environment whose numbers break a precondition (NaN, mu < 0, ...).
+enum class InvalidPolicy : std::uint8_t {
+  reject,   ///< solve() throws before anything is changed, naming the first defect
+  isolate,  ///< that environment is flagged and gets zeros; no other environment's bits change
+};
+
+struct SolverOptions {
+  SolverKind solver = SolverKind::npgs;
+  std::optional<Law> law;         ///< overrides the batch's law
+  double tolerance = 1e-4;        ///< on the relative natural-map residual; 0: run all iterations [-]
+  Index max_iterations = 1000;    ///< per environment, >= 0
+  Index stall_window = 2000;      ///< stop after that many iterations without a better residual; 0: never
+  double omega = 1.0;             ///< relaxation of pgs, 0 < omega < 2 [-]
+  int threads = 0;                ///< CPU threads; 0: all cores
+  InvalidPolicy invalid = InvalidPolicy::reject;
+};
+
+/// Where a solve writes; same memory space as the batch.
+template <class Real>
+struct SolutionView {
+  Real* lambda = nullptr;       ///< reactions [lambda]           (row_count)
+  Real* w = nullptr;            ///< residual motion, may be null (row_count)
+  EnvStatus* status = nullptr;  ///< one record each              (env_count)
+};
+
+struct PlanData;
+
+/// Everything decided in integers before a solve: path and order of each environment. Depends on the batch's
+/// structure only; reusable while the structure stays the same. Cheap to copy.
+class Plan {
+ public:
+  explicit Plan(std::shared_ptr<const PlanData> data) : data_(std::move(data)) {}
+  [[nodiscard]] const PlanData& data() const noexcept { return *data_; }
+
+ private:
+  std::shared_ptr<const PlanData> data_;
+};
+
+class Backend;
+
+/// Solves batches on one device.
+class Solver {
+ public:
+  /// \throws Error(invalid_argument) for an option out of range, Error(no_device) or Error(unsupported) when the
+  /// device cannot be had; the message says why.
+  Solver(Device device, const SolverOptions& options);
+  ~Solver();
+  Solver(Solver&&) noexcept;
+  Solver& operator=(Solver&&) noexcept;
+
+  /// \throws Error(invalid_argument) if the structure is broken. A batch in device memory is planned from a host
+  /// copy of its structure, on `stream`.
+  template <class Real>
+  [[nodiscard]] Plan plan(const ContactBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero. Batch and solution
+  /// in device memory: asynchronous on `stream`; in host memory: complete on return.
+  /// \throws Error before anything is written; numerical trouble is in solution.status.
+  template <class Real>
+  void solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+             const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
+
+  [[nodiscard]] const SolverOptions& options() const noexcept { return options_; }
+  [[nodiscard]] Device device() const noexcept { return device_; }
+
+ private:
+  Device device_;
+  SolverOptions options_;
+  std::unique_ptr<Backend> backend_;
+};
+
+/// Host solution with owned memory: plan and solve in one call.
+template <class Real>
+struct Solution {
+  std::vector<Real> lambda, w;
+  std::vector<EnvStatus> status;
+};
+
+template <class Real>
+Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& options = {},
+                     Device device = Device::cpu(), std::span<const Real> warm_start = {});
+
+}  // namespace stiction

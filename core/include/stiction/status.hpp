@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// How the solve of one environment ended.
+enum class EnvCode : std::uint8_t {
+  solved = 0,          ///< residual finite and at most the tolerance
+  max_iterations = 1,  ///< iteration limit reached; the best iterate seen is returned
+  stalled = 2,         ///< no progress within the stall window; the best iterate seen is returned
+  numerical = 3,       ///< the iteration left the finite numbers; the best finite iterate is returned
+  invalid_input = 4,   ///< see the flags; lambda = 0 and w = 0 are returned
+  unsupported = 5,     ///< the solver cannot treat this system (see the flags); lambda = 0, w = b
+};
+
+/// Number of EnvCode values; status counts are arrays of this length.
+inline constexpr int kEnvCodeCount = 6;
+
+/// What was noticed about one environment; any number of bits at once.
+enum EnvFlag : std::uint32_t {
+  kFlagNonFiniteInput = 1U << 0,     ///< NaN or infinity in A, b, R or mu, or NaN in a bound
+  kFlagNegativeFriction = 1U << 1,   ///< some mu < 0
+  kFlagCrossedBounds = 1U << 2,      ///< some lo > hi
+  kFlagNegativeCompliance = 1U << 3, ///< some R < 0
+  kFlagBadDiagonal = 1U << 4,        ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
+  kFlagWarmStartRejected = 1U << 5,  ///< the warm start was not finite; started from zero
+  kFlagAsymmetric = 1U << 6,         ///< A differs from its transpose by more than 1e-2 of its largest entry
+};
+
+/// Number of EnvFlag bits in use.
+inline constexpr int kEnvFlagCount = 7;
+
+/// The record every environment gets, on the device that solved it. 32 bytes, no padding.
+struct EnvStatus {
+  double residual;           ///< natural-map residual of the returned lambda / max|b|  [-]
+  double residual_absolute;  ///< the same in units of w
+  std::uint32_t flags;       ///< EnvFlag bits
+  std::int32_t iterations;   ///< iterations of the solver that answered
+  EnvCode code;              ///< how it ended
+  SolverKind solver;         ///< who answered
+  std::uint8_t reserved[6];  ///< zero
+};
+static_assert(sizeof(EnvStatus) == 32);
+
+/// Name of a code, as reports print it ("solved", "max_iterations", ...).
+const char* to_string(EnvCode code) noexcept;
+/// Name of one flag bit, as reports print it ("non_finite_input", ...).
+const char* flag_name(EnvFlag flag) noexcept;
+const char* to_string(SolverKind solver) noexcept;
+const char* to_string(Law law) noexcept;
+const char* to_string(Precision precision) noexcept;
+const char* to_string(ConeKind kind) noexcept;
+
+/// The solver of that name. \throws Error(invalid_argument) that lists the names there are.
+SolverKind solver_from_string(const std::string& name);
+
+}  // namespace stiction

@@ -1,0 +1,10 @@
+#pragma once
+
+#include "stiction/batch.hpp"
+#include "stiction/config.hpp"
+#include "stiction/error.hpp"
+#include "stiction/hash.hpp"
+#include "stiction/residual.hpp"
+#include "stiction/solver.hpp"
+#include "stiction/status.hpp"
+#include "stiction/types.hpp"

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+
+#include "stiction/config.hpp"
+
+namespace stiction {
+
+/// A row, cone or column inside one environment.
+using Index = std::int32_t;
+/// A position in an array that spans the whole batch.
+using Offset = std::int64_t;
+
+/// Kind of a cone; the values are those of the contact-batch file format.
+enum class ConeKind : std::uint8_t {
+  free = 0,        ///< 1 row, w = 0
+  unilateral = 1,  ///< 1 row, 0 <= lambda _|_ w >= 0
+  box = 2,         ///< 1 row, lo <= lambda <= hi; w >= 0 at lo, w <= 0 at hi, w = 0 inside
+  friction = 3,    ///< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu), one mu per axis
+};
+
+/// The largest number of rows of a friction cone: normal, two tangential, torsional, two rolling.
+inline constexpr Index kMaxConeRows = 6;
+
+/// Law of the friction cones.
+enum class Law : std::uint8_t {
+  convex = 0,   ///< associated law: lambda minimises 1/2 lambda'(A+R)lambda + b'lambda over the cones
+  coulomb = 1,  ///< exact Coulomb law: w is replaced by w + (norm(mu * w_t), 0) (de Saxce 1998)
+};
+
+enum class Precision : std::uint8_t { f32 = 0, f64 = 1 };
+
+/// A solver by its command-line name (docs/cli.md).
+enum class SolverKind : std::uint8_t { pgs = 0, npgs = 1, jacobi = 2, apgd = 3 };
+
+}  // namespace stiction
