@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""Checks who may include whom, and the few words that belong in one place only.
+
+Usage: lint_includes.py [--root DIR] [--self-test]
+
+The table below is the architecture: one row per folder, what its files may include. A file that includes
+something else, or uses a word that a rule keeps out of its folder, is reported as `file:line: sentence` and the
+exit status is 1. Comments and string literals are not looked at.
+"""
+
+import argparse
+import pathlib
+import re
+import sys
+import tempfile
+
+SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
+SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "bench", "examples", "tools", "tests", "python"]
+
+STD_ANY = "std"
+# What a body or a Block may take from the standard library: types and compile-time facts, no arithmetic.
+STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type_traits", "utility"}
+
+PUBLIC = "core/include/stiction"
+IO_PUBLIC = "core/io/include/stiction"
+MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/runtime/backend.hpp"]
+
+
+class Row:
+    """One folder's permissions: project folders or files, standard headers, third-party prefixes."""
+
+    def __init__(self, folder, project, std=STD_ANY, foreign=()):
+        self.folder = folder
+        self.project = project
+        self.std = std
+        self.foreign = foreign
+
+
+# Longest folder first: the first row that contains a file is the one that speaks.
+TABLE = [
+    Row(PUBLIC, [PUBLIC]),
+    Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h",)),
+    Row("core/block", [PUBLIC, "core/base", "core/block"], std=STD_TYPES),
+    Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
+    Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
+    Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
+    Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5")),
+    Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
+    Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
+    Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
+    Row("bench", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
+    Row("examples", [PUBLIC, IO_PUBLIC]),
+    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
+        foreign=("CLI/", "fmt/", "nlohmann/", "unistd.h", "sys/", "H5", "hdf5.h")),
+    Row("python", [PUBLIC, IO_PUBLIC, "python"], foreign=("nanobind/",)),
+]
+# tests and tools outside tools/cli may include anything; the word rules still bind them.
+
+STANDARD_HEADER = re.compile(r"^[a-z_0-9]+$")
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
+
+# (word, folders or files it is kept out of, folders or files it is allowed in, why)
+WORDS = [
+    (r"__CUDACC__|__CUDA_ARCH__|__NVCC__", [""], ["core/include/stiction/config.hpp", "core/base"],
+     "which compiler is reading is asked in core/include/stiction/config.hpp and core/base only"),
+    (r"threadIdx|blockIdx|blockDim|gridDim|__syncthreads|__syncwarp|__shfl\w*|__ballot\w*|\batomic\w*|std::atomic|"
+     r"\bclock(64)?\s*\(", ["core/body", "core/base", "core/schedule"], [],
+     "a body is written in phases over a Block and never sees a thread, an atomic or a clock"),
+    (r"std::(f?min|f?max|clamp|sqrt|fma|abs|fabs|pow|hypot|reduce|accumulate)\b|\b(fminf?|fmaxf?|rsqrtf?|hypotf?|powf?|"
+     r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/body", "core/block"], [],
+     "every rounding and selection goes through core/base/real.hpp"),
+    (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback"], [],
+     "a machine holds a Block, memory and launches; arithmetic belongs in core/body"),
+    (r"\blong double\b|_Float16|__float128", ["core/body", "core/base", "core/block", "cuda", "cpu_fallback"], [],
+     "float and double are the two precisions whose bits are promised"),
+]
+
+
+def strip_comments(text):
+    """Blanks comments and string contents, keeping line numbers and #include paths."""
+    out = []
+    i, n = 0, len(text)
+    while i < n:
+        if text.startswith("//", i):
+            while i < n and text[i] != "\n":
+                i += 1
+        elif text.startswith("/*", i):
+            end = text.find("*/", i + 2)
+            end = n if end < 0 else end + 2
+            out.append("\n" * text.count("\n", i, end))
+            i = end
+        elif text[i] == '"' and not re.search(r"#\s*include\s*$", text[text.rfind("\n", 0, i) + 1:i]):
+            raw = re.search(r'R$', text[max(0, i - 1):i])
+            if raw:
+                tag = re.match(r'"([^()\\\s]*)\(', text[i:])
+                close = ")" + (tag.group(1) if tag else "") + '"'
+                end = text.find(close, i)
+                end = n if end < 0 else end + len(close)
+            else:
+                end = i + 1
+                while end < n and text[end] not in '"\n':
+                    end += 2 if text[end] == "\\" else 1
+                end += 1
+            out.append('""' + "\n" * text.count("\n", i, min(end, n)))
+            i = end
+        else:
+            out.append(text[i])
+            i += 1
+    return "".join(out)
+
+
+def inside(path, folder):
+    """Whether path (relative, posix) is the file `folder` or lies under the folder `folder` ('' is everything)."""
+    return folder == "" or path == folder or path.startswith(folder + "/")
+
+
+def row_of(path):
+    return next((row for row in TABLE if inside(path, row.folder)), None)
+
+
+def resolve(root, path, included):
+    """The project path an include names, or None if it is not one of ours."""
+    beside = pathlib.PurePosixPath(path).parent / included
+    candidates = [str(beside), included]
+    if included.startswith("stiction/"):
+        candidates += ["core/include/" + included, "core/io/include/" + included]
+    for candidate in candidates:
+        if (root / candidate).is_file():
+            return str(pathlib.PurePosixPath(*(root / candidate).resolve().relative_to(root.resolve()).parts))
+    return None
+
+
+def check_include(root, path, included):
+    """The sentence to report, or None."""
+    row = row_of(path)
+    target = resolve(root, path, included)
+    if target is None and re.match(r"(cuda|cuda_runtime\w*|cuda_\w+|device_launch\w+)\.h$", included):
+        if not (inside(path, "cuda") or inside(path, "tests/twin") or path == "bench/bench_kernels.cu"):
+            return f"includes <{included}>; only cuda/ may"
+        return None
+    if row is None:
+        return None
+    if target is not None:
+        if any(inside(target, allowed) for allowed in row.project):
+            return None
+        return f"{row.folder} may not include {target}; it may include {', '.join(row.project)}"
+    if any(included.startswith(prefix) for prefix in row.foreign):
+        return None
+    if STANDARD_HEADER.match(included):
+        if row.std == STD_ANY or included in row.std:
+            return None
+        return f"{row.folder} may not include <{included}>; of the standard library it may use {', '.join(sorted(row.std))}"
+    if re.match(r"(stiction|core|cuda|cpu_fallback|bench|tools)/", included):
+        return f"includes {included}, which does not exist"
+    return f"{row.folder} may not depend on <{included}>"
+
+
+def check_file(root, path):
+    """Sentences for one file."""
+    text = (root / path).read_text(encoding="utf-8")
+    code = strip_comments(text)
+    found = []
+    if path.endswith((".hpp", ".cuh", ".h")) and "#pragma once" not in code:
+        found.append((1, "a header begins with #pragma once"))
+    for number, line in enumerate(code.splitlines(), start=1):
+        include = INCLUDE.match(line)
+        if include:
+            problem = check_include(root, path, include.group(2))
+            if problem:
+                found.append((number, problem))
+            continue
+        for word, kept_out, allowed, why in WORDS:
+            if not any(inside(path, folder) for folder in kept_out) or any(inside(path, a) for a in allowed):
+                continue
+            match = re.search(word, line)
+            if match:
+                found.append((number, f"uses '{match.group(0).strip()}': {why}"))
+    return [f"{path}:{number}: {sentence}" for number, sentence in found]
+
+
+def sources(root):
+    for folder in SOURCE_FOLDERS:
+        for file in sorted((root / folder).rglob("*")):
+            if file.suffix in SOURCE_SUFFIXES and file.is_file():
+                yield file.relative_to(root).as_posix()
+
+
+def check_tree(root):
+    problems = []
+    count = 0
+    for path in sources(root):
+        count += 1
+        problems += check_file(root, path)
+    return count, problems
+
+
+def self_test():
+    """Plants one violation of every rule in a small tree: each must be found, and the clean tree must be clean."""
+    clean = {
+        "core/include/stiction/config.hpp": "#pragma once\n#if defined(__CUDACC__)\n#endif\n",
+        "core/include/stiction/types.hpp": '#pragma once\n#include <cstdint>\n#include "stiction/config.hpp"\n',
+        "core/base/real.hpp": '#pragma once\n#include <cmath>\n#include "stiction/types.hpp"\n#ifdef __CUDA_ARCH__\n#endif\n',
+        "core/block/phases.hpp": '#pragma once\n#include "core/base/real.hpp"\n',
+        "core/body/pgs_body.hpp": '#pragma once\n#include <cstdint>\n#include "core/block/phases.hpp"\n'
+                                  '// an atomic, std::min and threadIdx in a comment are fine\n',
+        "core/schedule/plan.hpp": '#pragma once\n#include <vector>\n#include "stiction/types.hpp"\n',
+        "core/runtime/backend.hpp": '#pragma once\n#include "core/schedule/plan.hpp"\n',
+        "core/runtime/solver.cpp": '#include "core/runtime/backend.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
+        "core/io/include/stiction/io.hpp": '#pragma once\n#include "stiction/types.hpp"\n',
+        "core/io/read.cpp": '#include <hdf5.h>\n#include "stiction/io.hpp"\n',
+        "cuda/pgs.cu": '#include <cuda_runtime.h>\n#include "core/body/pgs_body.hpp"\n',
+        "cpu_fallback/pgs.cpp": '#include "core/body/pgs_body.hpp"\n',
+        "cpu_fallback/serial_block.hpp": "#pragma once\n",
+        "examples/hello.cpp": '#include "stiction/types.hpp"\n',
+        "tools/cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/schedule/plan.hpp"\n#include "stiction/io.hpp"\n',
+    }
+    planted = [
+        ("core/include/stiction/types.hpp", '#include "core/base/real.hpp"'),
+        ("core/base/real.hpp", '#include "core/body/pgs_body.hpp"'),
+        ("core/block/phases.hpp", "#include <algorithm>"),
+        ("core/body/pgs_body.hpp", "#include <cmath>"),
+        ("core/body/pgs_body.hpp", '#include "core/runtime/backend.hpp"'),
+        ("core/body/pgs_body.hpp", "int i = threadIdx.x;"),
+        ("core/body/pgs_body.hpp", "std::atomic<int> n;"),
+        ("core/body/pgs_body.hpp", "float m = std::max(a, b);"),
+        ("core/body/pgs_body.hpp", "#ifdef __CUDA_ARCH__"),
+        ("core/schedule/plan.hpp", '#include "core/runtime/backend.hpp"'),
+        ("core/runtime/solver.cpp", '#include "cpu_fallback/serial_block.hpp"'),
+        ("core/runtime/solver.cpp", "#include <cuda_runtime.h>"),
+        ("core/runtime/solver.cpp", '#include "core/body/pgs_body.hpp"'),
+        ("core/io/read.cpp", '#include "core/runtime/backend.hpp"'),
+        ("cuda/pgs.cu", '#include "cpu_fallback/serial_block.hpp"'),
+        ("cuda/pgs.cu", "x = fma_(a, b, c);"),
+        ("cpu_fallback/pgs.cpp", '#include "cuda/pgs.cu"'),
+        ("cpu_fallback/pgs.cpp", "#include <cuda_runtime_api.h>"),
+        ("cpu_fallback/pgs.cpp", "#include <Eigen/Dense>"),
+        ("examples/hello.cpp", '#include "core/base/real.hpp"'),
+        ("examples/hello.cpp", '#include "stiction/no_such.hpp"'),
+        ("tools/cli/main.cpp", '#include "core/body/pgs_body.hpp"'),
+    ]
+    failures = []
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        for path, text in clean.items():
+            (root / path).parent.mkdir(parents=True, exist_ok=True)
+            (root / path).write_text(text, encoding="utf-8")
+        _, problems = check_tree(root)
+        failures += [f"a clean tree was reported: {p}" for p in problems]
+        for path, line in planted:
+            (root / path).write_text(clean[path] + line + "\n", encoding="utf-8")
+            expected = f"{path}:{clean[path].count(chr(10)) + 1}:"
+            _, problems = check_tree(root)
+            if len(problems) != 1 or not problems[0].startswith(expected):
+                failures.append(f"planted '{line}' in {path}, got {problems or 'nothing'}")
+            (root / path).write_text(clean[path], encoding="utf-8")
+        (root / "core/block/phases.hpp").write_text("struct A;\n", encoding="utf-8")
+        if not check_tree(root)[1]:
+            failures.append("a header without #pragma once was not reported")
+    for failure in failures:
+        print(failure)
+    print(f"self-test: {len(planted) + 2} cases, {len(failures)} failed")
+    return 1 if failures else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
+    parser.add_argument("--self-test", action="store_true", help="check that planted violations are found")
+    arguments = parser.parse_args()
+    if arguments.self_test:
+        return self_test()
+    count, problems = check_tree(arguments.root)
+    for problem in problems:
+        print(problem)
+    print(f"{count} files, {len(problems)} problems")
+    return 1 if problems or count == 0 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+#!/usr/bin/env python3
+"""Finds words that promise later work, paths of one machine, files that grew too long, and macros beyond the four.
+
+Usage: lint_words.py [--root DIR] [--self-test]
+"""
+
+import argparse
+import pathlib
+import re
+import subprocess
+import sys
+
+CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".py", ".sh", ".cmake", ".txt"}
+TEXT = CODE | {".md", ".json", ".yml", ".yaml", ".cff", ".in", ".toml"}
+MAX_LINES = 500  # the house aims at 400; beyond this a file holds more than one idea
+# The rules themselves spell the words they look for.
+SPELLS_THE_WORDS = {"tools/lint_words.py"}
+
+# The words are put together here so that a search for them finds unfinished work and not this list.
+LATER = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|not imple" r"mented|place" r"holder|for n" r"ow|st" r"ubs?)\b")
+MACHINE_PATH = re.compile(r"(?<![\w.$}])/(work|root|home/\w+)/\w")
+MACRO = re.compile(r"^\s*#\s*define\s+(\w+)")
+MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
+
+
+def problems_of(path, text):
+    """Sentences for one file; `path` decides which rules speak."""
+    found = []
+    suffix = pathlib.PurePosixPath(path).suffix
+    for number, line in enumerate(text.splitlines(), start=1):
+        if suffix in CODE and path not in SPELLS_THE_WORDS and LATER.search(line):
+            found.append(f"{path}:{number}: '{LATER.search(line).group(0)}' promises later work; do it or drop it")
+        if path not in SPELLS_THE_WORDS and MACHINE_PATH.search(line):
+            found.append(f"{path}:{number}: '{MACHINE_PATH.search(line).group(0)}...' is a path of one machine")
+        macro = MACRO.match(line)
+        if macro and suffix in {".hpp", ".cuh", ".h"} and not MACROS_ALLOWED.match(macro.group(1)):
+            found.append(f"{path}:{number}: macro {macro.group(1)} must begin with STICTION_")
+        if line != line.rstrip():
+            found.append(f"{path}:{number}: trailing blanks")
+    lines = text.count("\n")
+    if suffix in CODE and lines > MAX_LINES:
+        found.append(f"{path}:{lines}: {lines} lines; a file holds one idea in at most {MAX_LINES}")
+    if text and not text.endswith("\n"):
+        found.append(f"{path}: no newline at the end")
+    return found
+
+
+def tracked_files(root):
+    """The files git knows, or every file outside hidden and build folders where there is no git."""
+    listing = subprocess.run(["git", "-C", str(root), "ls-files", "-z"], capture_output=True, check=False)
+    if listing.returncode == 0 and listing.stdout:
+        return [name for name in listing.stdout.decode().split("\0") if name]
+    found = []
+    for file in sorted(root.rglob("*")):
+        name = file.relative_to(root).as_posix()
+        if file.is_file() and not re.match(r"(build|out|\.(?!ci/|github/))", name):
+            found.append(name)
+    return found
+
+
+def self_test():
+    """One planted problem per rule, and a clean file."""
+    later = "TO" + "DO"
+    cases = [
+        ("a.cpp", "int x = 1;\n", 0),
+        ("a.md", "the " + later + " list of a paper\n", 0),
+        ("a.cpp", f"int x; // {later} later\n", 1),
+        ("a.py", "x = 1  # place" + "holder\n", 1),
+        ("a.md", "see /wo" + "rk/main/core\n", 1),
+        ("a.sh", "x=$HOME/work/core\n", 0),
+        ("a.hpp", "#define MIN(a) a\n", 1),
+        ("a.hpp", "#define STICTION_HD inline\n", 0),
+        ("a.cpp", "int x; \n", 1),
+        ("a.cpp", "int x;", 1),
+        ("a.cpp", "int x;\n" * (MAX_LINES + 1), 1),
+    ]
+    failed = [(path, text[:40]) for path, text, expected in cases if len(problems_of(path, text)) != expected]
+    for path, text in failed:
+        print(f"self-test: {path} with {text!r} gave {problems_of(path, text)}")
+    print(f"self-test: {len(cases)} cases, {len(failed)} failed")
+    return 1 if failed else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
+    parser.add_argument("--self-test", action="store_true", help="check that planted problems are found")
+    arguments = parser.parse_args()
+    if arguments.self_test:
+        return self_test()
+    count = 0
+    problems = []
+    for name in tracked_files(arguments.root):
+        file = arguments.root / name
+        if file.suffix not in TEXT or not file.is_file():
+            continue
+        count += 1
+        problems += problems_of(name, file.read_text(encoding="utf-8"))
+    for problem in problems:
+        print(problem)
+    print(f"{count} files, {len(problems)} problems")
+    return 1 if problems or count == 0 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
