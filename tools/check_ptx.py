@@ -1,0 +1,212 @@
+#!/usr/bin/env python3
+"""Compiles CUDA sources to PTX and checks that every float operation rounds once, to nearest, where it is written.
+
+    check_ptx.py FILE.ptx ...                                   check PTX that is there
+    check_ptx.py --compile-commands BUILD/compile_commands.json --arch 80 --arch 90 --out DIR SOURCE.cu ...
+    check_ptx.py --self-test
+
+In the second form each source is compiled with the command that the build uses for it, word for word, except that it
+ends in PTX for one architecture. Needs nvcc, no GPU. Why these rules: docs/numerics.md. Exit status 1 on a finding.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import os
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+
+FLOAT = r"(?:f16|f16x2|bf16|bf16x2|f32|f32x2|tf32|f64)"
+INSTRUCTION = re.compile(r"^\s*(?:@!?%?\w+\s+)?([a-z][a-z0-9_]*(?:\.[a-z0-9_:]+)+)")
+FUNCTION = re.compile(r"\.(?:entry|func)\s+(?:\([^)]*\)\s*)?(\w+)")
+ROUNDED = {"add", "sub", "mul", "mad", "fma", "div", "sqrt", "rcp"}
+APPROXIMATE = {"rsqrt", "sin", "cos", "ex2", "lg2", "tanh"}
+MATRIX = {"mma", "wmma", "wgmma", "tcgen05"}
+
+
+def finding(operation):
+    """What is wrong with one instruction such as `add.f32`, or None."""
+    parts = operation.split(".")
+    name, modifiers = parts[0], parts[1:]
+    is_float = any(re.fullmatch(FLOAT, m) for m in modifiers)
+    if name in MATRIX:
+        return "a matrix instruction sums in an order of its own"
+    if not is_float:
+        return None
+    if "ftz" in modifiers:
+        return "flushes denormals to zero"
+    if "approx" in modifiers or "full" in modifiers:
+        return "is an approximation"
+    if name in APPROXIMATE:
+        return "has no correctly rounded result"
+    if name in {"min", "max"}:
+        return "treats -0 and NaN unlike the host"
+    if name in {"atom", "red"} and "add" in modifiers:
+        return "adds floats in the order of arrival"
+    if name in ROUNDED and "rn" not in modifiers:
+        return "carries no .rn, so ptxas may fuse it or it rounds another way"
+    return None
+
+
+def check_text(text, label):
+    """Findings in one PTX text, and how many float operations were seen."""
+    problems = []
+    function = "?"
+    seen = 0
+    for number, line in enumerate(text.splitlines(), start=1):
+        line = line.split("//")[0]
+        header = FUNCTION.search(line)
+        if header:
+            function = header.group(1)
+        match = INSTRUCTION.match(line)
+        if not match:
+            continue
+        operation = match.group(1)
+        if operation.split(".")[0] in ROUNDED and re.search(rf"\.{FLOAT}$", operation):
+            seen += 1
+        problem = finding(operation)
+        if problem:
+            problems.append(f"{label}:{number}: {operation} in {function}: {problem}")
+    return problems, seen
+
+
+def ptx_command(entry, arch, output):
+    """The build's command for one source, ending in PTX for one architecture."""
+    words = entry.get("arguments") or shlex.split(entry["command"])
+    kept = []
+    skip = 0
+    for index, word in enumerate(words):
+        if skip:
+            skip -= 1
+        elif word in {"-o", "-MF", "-MT", "-MQ", "-gencode", "--generate-code", "-arch", "-code"}:
+            skip = 1
+        elif re.match(r"(--generate-code=|-gencode=|-arch=|-code=|--gpu-architecture)", word):
+            continue
+        elif word in {"-c", "-dc", "-MD", "-MMD", "--compile", "-rdc=true"}:
+            continue
+        elif index == 0 and os.path.basename(word) == "ccache":
+            continue
+        else:
+            kept.append(word)
+    return kept + ["-ptx", f"-arch=compute_{arch}", "-o", str(output)]
+
+
+def compile_one(job):
+    entry, arch, output = job
+    output.parent.mkdir(parents=True, exist_ok=True)
+    command = ptx_command(entry, arch, output)
+    run = subprocess.run(command, cwd=entry["directory"], capture_output=True, text=True, check=False)
+    if run.returncode != 0:
+        return f"{entry['file']}: cannot be compiled to PTX for compute_{arch}:\n{' '.join(command)}\n{run.stderr}"
+    return None
+
+
+def compile_all(database, sources, archs, out):
+    """Compiles every source for every architecture. Returns (PTX files, errors)."""
+    entries = {os.path.realpath(os.path.join(e["directory"], e["file"])): e for e in json.loads(database.read_text())}
+    jobs = []
+    errors = []
+    for source in sources:
+        entry = entries.get(os.path.realpath(source))
+        if entry is None:
+            errors.append(f"{source}: not in {database}; is it compiled by the build?")
+            continue
+        for arch in archs:
+            jobs.append((entry, arch, out / f"sm_{arch}" / (pathlib.Path(source).name + ".ptx")))
+    with concurrent.futures.ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        errors += [e for e in pool.map(compile_one, jobs) if e]
+    return [output for _, _, output in jobs if output.is_file()], errors
+
+
+SELF_TEST = [
+    ("add.rn.f32 \t%f3, %f1, %f2;", True),
+    ("fma.rn.f64 %fd1, %fd2, %fd3, %fd4;", True),
+    ("div.rn.f32 %f1, %f2, %f3;", True),
+    ("sqrt.rn.f64 %fd1, %fd2;", True),
+    ("@%p1 mul.rn.f32 %f1, %f2, %f3;", True),
+    ("add.s64 %rd1, %rd2, %rd3;", True),
+    ("mul.wide.s32 %rd1, %r1, 4;", True),
+    ("mad.lo.s32 %r1, %r2, %r3, %r4;", True),
+    ("max.s32 %r1, %r2, %r3;", True),
+    ("setp.lt.f32 %p1, %f1, %f2;", True),
+    ("selp.f32 %f1, %f2, %f3, %p1;", True),
+    ("ld.global.nc.f32 %f1, [%rd1];", True),
+    ("neg.f32 %f1, %f2;", True),
+    ("cvt.rn.f32.f64 %f1, %fd1;", True),
+    ("atom.global.add.u64 %rd1, [%rd2], %rd3;", True),
+    ("shfl.sync.bfly.b32 %r1|%p1, %r2, 16, 31, -1;", True),
+    ("// add.f32 in a comment", True),
+    ("add.f32 %f1, %f2, %f3;", False),
+    ("@!%p2 sub.f64 %fd1, %fd2, %fd3;", False),
+    ("mul.f32 %f1, %f2, %f3;", False),
+    ("mul.rz.f32 %f1, %f2, %f3;", False),
+    ("add.rn.ftz.f32 %f1, %f2, %f3;", False),
+    ("setp.lt.ftz.f32 %p1, %f1, %f2;", False),
+    ("div.full.f32 %f1, %f2, %f3;", False),
+    ("div.approx.f32 %f1, %f2, %f3;", False),
+    ("sqrt.approx.ftz.f32 %f1, %f2;", False),
+    ("rcp.approx.ftz.f64 %fd1, %fd2;", False),
+    ("rsqrt.approx.f32 %f1, %f2;", False),
+    ("ex2.approx.f32 %f1, %f2;", False),
+    ("sin.approx.f32 %f1, %f2;", False),
+    ("min.f32 %f1, %f2, %f3;", False),
+    ("max.NaN.f64 %fd1, %fd2, %fd3;", False),
+    ("atom.global.add.f32 %f1, [%rd1], %f2;", False),
+    ("red.global.gpu.add.f64 [%rd1], %fd1;", False),
+    ("wmma.mma.sync.aligned.row.col.m16n16k16.f32.f32 {%f1}, {%r1};", False),
+]
+
+
+def self_test():
+    failed = 0
+    for line, good in SELF_TEST:
+        problems, _ = check_text(f".visible .entry kernel()\n{{\n{line}\n}}\n", "planted.ptx")
+        if bool(problems) == good:
+            print(f"self-test: '{line}' should be {'clean' if good else 'found'}, got {problems}")
+            failed += 1
+    entry = {"command": "/usr/bin/ccache nvcc -DX=1 --generate-code=arch=compute_80,code=[sm_80] --fmad=false -MD -MT t "
+                        "-MF t.d -x cu -c a.cu -o a.o", "directory": ".", "file": "a.cu"}
+    words = ptx_command(entry, "90", pathlib.Path("a.ptx"))
+    expected = ["nvcc", "-DX=1", "--fmad=false", "-x", "cu", "a.cu", "-ptx", "-arch=compute_90", "-o", "a.ptx"]
+    if words != expected:
+        print(f"self-test: command became {words}")
+        failed += 1
+    print(f"self-test: {len(SELF_TEST) + 1} cases, {failed} failed")
+    return 1 if failed else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--self-test", action="store_true", help="check that planted instructions are found")
+    parser.add_argument("--compile-commands", type=pathlib.Path, help="the build's compile_commands.json")
+    parser.add_argument("--arch", action="append", help="compute capability, as 80; may be repeated")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("ptx"), help="where PTX files go")
+    parser.add_argument("files", nargs="*", help="PTX files, or .cu sources with --compile-commands")
+    arguments = parser.parse_args()
+    if arguments.self_test:
+        return self_test()
+    if not arguments.files:
+        parser.error("no files given")
+    problems = []
+    ptx = [pathlib.Path(f) for f in arguments.files]
+    if arguments.compile_commands:
+        ptx, problems = compile_all(arguments.compile_commands, arguments.files, arguments.arch or ["80", "90"],
+                                    arguments.out)
+    operations = 0
+    for file in ptx:
+        found, seen = check_text(file.read_text(), f"{file.parent.name}/{file.name}")
+        problems += found
+        operations += seen
+    for problem in problems[:200]:
+        print(problem)
+    print(f"{len(ptx)} PTX files, {operations} rounded float operations, {len(problems)} problems")
+    if operations == 0:
+        print("no float operation was seen at all: the kernels are missing from the PTX")
+    return 1 if problems or operations == 0 else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
