@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "stiction/batch.hpp"
+
+namespace stiction {
+
+/// Collects defects up to a limit. Building a message costs more than looking: ask full() first.
+class DefectReport {
+ public:
+  explicit DefectReport(std::size_t limit) : limit_(limit) {}
+
+  [[nodiscard]] bool full() const { return defects_.size() >= limit_; }
+  void add(Defect defect) {
+    if (!full()) defects_.push_back(std::move(defect));
+  }
+  std::vector<Defect> take() { return std::move(defects_); }
+
+ private:
+  std::size_t limit_;
+  std::vector<Defect> defects_;
+};
+
+/// The shortest text that reads back as the same number, so that a message shows what is stored.
+template <class Real>
+std::string shortest_text(Real value) {
+  if (std::isnan(value)) return "nan";  // a NaN's sign means nothing, and not every machine makes the same one
+  std::array<char, 64> buffer{};
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return {buffer.data(), end.ptr};
+}
+
+/// Whether no value is infinite or NaN, on the bits and without a branch: this runs over all of A before a solve.
+template <class Real>
+bool all_finite(std::span<const Real> values) {
+  using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
+  constexpr Bits kExponent = sizeof(Real) == 4 ? Bits(0x7f800000U) : static_cast<Bits>(0x7ff0000000000000ULL);
+  Bits any = 0;
+  for (const Real value : values) {
+    any |= static_cast<Bits>((std::bit_cast<Bits>(value) & kExponent) == kExponent ? 1 : 0);
+  }
+  return any == 0;
+}
+
+/// Offsets that begin at 0, do not decrease and end at `total`, which together bounds every entry. Each fault is
+/// reported as a structural defect; `place(i)` is a Defect that names where entry i is, as far as that is known.
+template <class Place>
+bool check_offsets(const char* name, std::span<const Offset> offsets, Offset total, const char* total_name,
+                   const Place& place, DefectReport& report) {
+  bool sound = true;
+  const auto entry = [&](std::size_t i) {
+    return std::string(name) + "[" + std::to_string(i) + "] = " + std::to_string(offsets[i]);
+  };
+  const auto fail = [&](std::size_t i, const std::string& message) {
+    Defect defect = place(static_cast<Offset>(i));
+    defect.structural = true;
+    defect.message = message + "; rebuild the offsets";
+    report.add(std::move(defect));
+  };
+  const std::size_t last = offsets.size() - 1;
+  if (offsets[0] != 0) {
+    sound = false;
+    fail(0, entry(0) + ": offsets must begin at 0");
+  }
+  for (std::size_t i = 0; i < last; ++i) {
+    if (offsets[i + 1] >= offsets[i]) continue;
+    sound = false;
+    if (report.full()) break;
+    fail(i, entry(i + 1) + " is less than " + entry(i) + ": offsets must not decrease");
+  }
+  if (offsets[last] != total) {
+    sound = false;
+    fail(last > 0 ? last - 1 : 0,
+         entry(last) + ": the last offset must be the number of " + total_name + ", " + std::to_string(total));
+  }
+  return sound;
+}
+
+}  // namespace stiction

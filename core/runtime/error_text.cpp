@@ -1,0 +1,113 @@
+#include <array>
+#include <string>
+
+#include "stiction/error.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+namespace {
+
+constexpr std::array kSolvers = {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd};
+
+/// What is printed for a value that no enumerator has: a record read back from a damaged file, say.
+constexpr const char* kUnknown = "unknown";
+
+}  // namespace
+
+const char* to_string(EnvCode code) noexcept {
+  switch (code) {
+    case EnvCode::solved:
+      return "solved";
+    case EnvCode::max_iterations:
+      return "max_iterations";
+    case EnvCode::stalled:
+      return "stalled";
+    case EnvCode::numerical:
+      return "numerical";
+    case EnvCode::invalid_input:
+      return "invalid_input";
+    case EnvCode::unsupported:
+      return "unsupported";
+  }
+  return kUnknown;
+}
+
+const char* flag_name(EnvFlag flag) noexcept {
+  switch (flag) {
+    case kFlagNonFiniteInput:
+      return "non_finite_input";
+    case kFlagNegativeFriction:
+      return "negative_friction";
+    case kFlagCrossedBounds:
+      return "crossed_bounds";
+    case kFlagNegativeCompliance:
+      return "negative_compliance";
+    case kFlagBadDiagonal:
+      return "bad_diagonal";
+    case kFlagWarmStartRejected:
+      return "warm_start_rejected";
+    case kFlagAsymmetric:
+      return "asymmetric";
+  }
+  return kUnknown;
+}
+
+const char* to_string(SolverKind solver) noexcept {
+  switch (solver) {
+    case SolverKind::pgs:
+      return "pgs";
+    case SolverKind::npgs:
+      return "npgs";
+    case SolverKind::jacobi:
+      return "jacobi";
+    case SolverKind::apgd:
+      return "apgd";
+  }
+  return kUnknown;
+}
+
+const char* to_string(Law law) noexcept {
+  switch (law) {
+    case Law::convex:
+      return "convex";
+    case Law::coulomb:
+      return "coulomb";
+  }
+  return kUnknown;
+}
+
+const char* to_string(Precision precision) noexcept {
+  switch (precision) {
+    case Precision::f32:
+      return "f32";
+    case Precision::f64:
+      return "f64";
+  }
+  return kUnknown;
+}
+
+const char* to_string(ConeKind kind) noexcept {
+  switch (kind) {
+    case ConeKind::free:
+      return "free";
+    case ConeKind::unilateral:
+      return "unilateral";
+    case ConeKind::box:
+      return "box";
+    case ConeKind::friction:
+      return "friction";
+  }
+  return kUnknown;
+}
+
+SolverKind solver_from_string(const std::string& name) {
+  std::string names;
+  for (const SolverKind solver : kSolvers) {
+    if (name == to_string(solver)) return solver;
+    names += names.empty() ? "" : ", ";
+    names += to_string(solver);
+  }
+  throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
+}
+
+}  // namespace stiction

@@ -1,0 +1,356 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "core/runtime/defects.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/error.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+namespace {
+
+constexpr const char* kFixOrIsolate =
+    "; fix the value or solve with isolation (--isolate) to flag this environment and go on";
+
+/// Which environment owns position i, by offsets that are sound; empty environments own nothing.
+Offset owner_of(const Offset* offsets, Offset env_count, Offset i) {
+  return std::upper_bound(offsets, offsets + env_count + 1, i) - offsets - 1;
+}
+
+/// Goes through a batch's arrays in order. Nothing is indexed by an array that was not found sound before.
+template <class Real>
+class Validator {
+ public:
+  Validator(const ContactBatchView<Real>& batch, std::size_t limit) : batch_(batch), report_(limit) {}
+
+  std::vector<Defect> run() {
+    if (check_view()) {
+      check_all_offsets();
+      if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
+      if (env_rows_sound_ && rows_sound_) check_columns();
+      const bool offsets_sound = env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
+      if (offsets_sound && !report_.full()) check_values();
+    }
+    return report_.take();
+  }
+
+ private:
+  /// Counts and pointers, before anything is read through them.
+  bool check_view() {
+    bool sound = true;
+    const auto fail = [&](const std::string& message) {
+      sound = false;
+      report_.add({-1, -1, -1, true, message});
+    };
+    const auto count = [&](const char* name, Offset value) {
+      if (value < 0) fail(std::string(name) + " = " + std::to_string(value) + ": a count must be >= 0; fix the view");
+    };
+    count("env_count", batch_.env_count);
+    count("cone_count", batch_.cone_count);
+    count("row_count", batch_.row_count);
+    count("nonzero_count", batch_.nonzero_count);
+    const auto array = [&](const char* name, const void* pointer, bool needed) {
+      if (needed && pointer == nullptr) fail(std::string(name) + " is null; point it to the batch's array");
+    };
+    array("env_row_offsets", batch_.env_row_offsets, true);
+    array("env_cone_offsets", batch_.env_cone_offsets, true);
+    array("cone_kind", batch_.cone_kind, batch_.cone_count > 0);
+    array("cone_row_offsets", batch_.cone_row_offsets, true);
+    array("row_offsets", batch_.row_offsets, true);
+    array("column", batch_.column, batch_.nonzero_count > 0);
+    array("A", batch_.A, batch_.nonzero_count > 0);
+    array("b", batch_.b, batch_.row_count > 0);
+    array("R", batch_.R, batch_.row_count > 0);
+    array("mu", batch_.mu, batch_.row_count > 0);
+    array("lo", batch_.lo, batch_.row_count > 0);
+    array("hi", batch_.hi, batch_.row_count > 0);
+    return sound;
+  }
+
+  void check_all_offsets() {
+    const auto offsets = [](const Offset* begin, Offset count) {
+      return std::span(begin, static_cast<std::size_t>(count) + 1);
+    };
+    const auto env_place = [&](Offset i) { return i < batch_.env_count ? Defect{i, -1, -1, true, {}} : Defect{}; };
+    env_rows_sound_ = check_offsets("env_row_offsets", offsets(batch_.env_row_offsets, batch_.env_count),
+                                    batch_.row_count, "rows", env_place, report_);
+    env_cones_sound_ = check_offsets("env_cone_offsets", offsets(batch_.env_cone_offsets, batch_.env_count),
+                                     batch_.cone_count, "cones", env_place, report_);
+    const auto cone_place = [&](Offset i) {
+      if (!env_cones_sound_ || i >= batch_.cone_count) return Defect{};
+      const Offset env = owner_of(batch_.env_cone_offsets, batch_.env_count, i);
+      return Defect{env, static_cast<Index>(i - batch_.env_cone_offsets[env]), -1, true, {}};
+    };
+    cone_rows_sound_ = check_offsets("cone_row_offsets", offsets(batch_.cone_row_offsets, batch_.cone_count),
+                                     batch_.row_count, "rows", cone_place, report_);
+    const auto row_place = [&](Offset i) {
+      if (!env_rows_sound_ || i >= batch_.row_count) return Defect{};
+      const Offset env = owner_of(batch_.env_row_offsets, batch_.env_count, i);
+      return Defect{env, -1, static_cast<Index>(i - batch_.env_row_offsets[env]), true, {}};
+    };
+    rows_sound_ = check_offsets("row_offsets", offsets(batch_.row_offsets, batch_.row_count), batch_.nonzero_count,
+                                "stored entries", row_place, report_);
+    env_sound_.assign(static_cast<std::size_t>(batch_.env_count), true);
+  }
+
+  void fail_env(Offset env, Index cone, Index row, std::string message) {
+    env_sound_[static_cast<std::size_t>(env)] = false;
+    report_.add({env, cone, row, true, std::move(message)});
+  }
+
+  void check_cones() {
+    for (Offset env = 0; env < batch_.env_count && !report_.full(); ++env) {
+      const Offset row = batch_.env_row_offsets[env], row_end = batch_.env_row_offsets[env + 1];
+      const Offset cone = batch_.env_cone_offsets[env], cone_end = batch_.env_cone_offsets[env + 1];
+      const Offset tiled = batch_.cone_row_offsets[cone], tiled_end = batch_.cone_row_offsets[cone_end];
+      if (tiled != row || tiled_end != row_end) {
+        fail_env(env, -1, -1,
+                 "the cones of env " + std::to_string(env) + " cover rows " + std::to_string(tiled) + ".." +
+                     std::to_string(tiled_end) + " of the batch, but the environment has rows " + std::to_string(row) +
+                     ".." + std::to_string(row_end) + ": cones must tile their environment; rebuild cone_row_offsets");
+      }
+      for (Offset c = cone; c < cone_end && !report_.full(); ++c) check_cone(env, static_cast<Index>(c - cone), c);
+    }
+  }
+
+  void check_cone(Offset env, Index cone, Offset c) {
+    const Offset rows = batch_.cone_row_offsets[c + 1] - batch_.cone_row_offsets[c];
+    const ConeKind kind = batch_.cone_kind[c];
+    const bool friction = kind == ConeKind::friction;
+    if (kind <= ConeKind::friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) return;
+
+    const std::string where = "[env " + std::to_string(env) + ", cone " + std::to_string(cone) + "]";
+    if (kind > ConeKind::friction) {
+      fail_env(env, cone, -1,
+               "cone_kind" + where + " = " + std::to_string(static_cast<int>(kind)) +
+                   ": kinds are 0 free, 1 unilateral, 2 box, 3 friction; fix the kind");
+    } else {
+      fail_env(env, cone, -1,
+               std::string("the ") + to_string(kind) + " cone" + where + " has " + std::to_string(rows) +
+                   (rows == 1 ? " row: " : " rows: ") + (friction ? "friction has 2 to 6" : "this kind has 1") +
+                   "; fix cone_kind or cone_row_offsets");
+    }
+  }
+
+  /// Columns, and that rows and entries of one environment can be counted by Index at all.
+  void check_columns() {
+    constexpr Offset kMostOfOneEnv = std::numeric_limits<Index>::max();
+    for (Offset env = 0; env < batch_.env_count && !report_.full(); ++env) {
+      const Offset first = batch_.env_row_offsets[env], rows = batch_.env_row_offsets[env + 1] - first;
+      const Offset entries = batch_.row_offsets[first + rows] - batch_.row_offsets[first];
+      if (rows > kMostOfOneEnv || entries > kMostOfOneEnv) {
+        fail_env(env, -1, -1,
+                 "env " + std::to_string(env) + " has " + std::to_string(rows) + " rows and " +
+                     std::to_string(entries) + " stored entries, but one environment holds at most " +
+                     std::to_string(kMostOfOneEnv) + " of each; split it");
+        continue;
+      }
+      for (Offset i = 0; i < rows; ++i) {
+        for (Offset k = batch_.row_offsets[first + i]; k < batch_.row_offsets[first + i + 1]; ++k) {
+          const Index column = batch_.column[k];
+          if (column >= 0 && column < rows) continue;
+          if (report_.full()) return;
+          fail_env(env, -1, static_cast<Index>(i),
+                   "column[env " + std::to_string(env) + ", row " + std::to_string(i) + "] = " +
+                       std::to_string(column) + " (entry " + std::to_string(k) + " of the batch) is not in 0.." +
+                       std::to_string(rows - 1) + ": columns count from the environment's first row; fix the column");
+        }
+      }
+    }
+  }
+
+  void check_values() {
+    if (!all_finite(std::span(batch_.A, static_cast<std::size_t>(batch_.nonzero_count)))) {
+      for_each_row([&](Offset env, Offset cone, Offset row) {
+        for (Offset k = batch_.row_offsets[row]; k < batch_.row_offsets[row + 1]; ++k) {
+          if (std::isfinite(batch_.A[k])) continue;
+          add_value("A", env, cone, row, ", column " + std::to_string(batch_.column[k]), batch_.A[k], "must be finite");
+        }
+      });
+    }
+    check_rows("b", batch_.b, [&](Offset, Offset row) { return std::isfinite(batch_.b[row]) ? "" : "must be finite"; });
+    check_rows("R", batch_.R, [&](Offset, Offset row) {
+      if (!std::isfinite(batch_.R[row])) return "must be finite";
+      return batch_.R[row] < 0 ? "compliance must be >= 0" : "";
+    });
+    check_rows("mu", batch_.mu, [&](Offset cone, Offset row) {
+      if (batch_.cone_kind[cone] != ConeKind::friction || row == batch_.cone_row_offsets[cone]) return "";
+      if (!std::isfinite(batch_.mu[row])) return "friction must be finite";
+      return batch_.mu[row] < 0 ? "friction must be >= 0" : "";
+    });
+    check_rows("lo", batch_.lo, [&](Offset cone, Offset row) -> std::string {
+      if (batch_.cone_kind[cone] != ConeKind::box) return "";
+      const Real lo = batch_.lo[row], hi = batch_.hi[row];
+      if (std::isnan(lo)) return "a bound must be a number (-inf: no bound)";
+      if (lo > hi) return "the lower bound must not be above the upper, hi = " + shortest_text(hi);
+      return lo > std::numeric_limits<Real>::max() ? "no finite reaction reaches this lower bound" : "";
+    });
+    check_rows("hi", batch_.hi, [&](Offset cone, Offset row) {
+      if (batch_.cone_kind[cone] != ConeKind::box) return "";
+      const Real hi = batch_.hi[row];
+      if (std::isnan(hi)) return "a bound must be a number (inf: no bound)";
+      return hi < std::numeric_limits<Real>::lowest() ? "no finite reaction stays below this upper bound" : "";
+    });
+    check_diagonals();
+  }
+
+  /// A + R needs a positive diagonal wherever a cone bounds the reaction. What is not finite was reported before.
+  void check_diagonals() {
+    for_each_row([&](Offset env, Offset cone, Offset row) {
+      if (batch_.cone_kind[cone] == ConeKind::free) return;
+      const Offset own = row - batch_.env_row_offsets[env];
+      Real diagonal = batch_.R[row];
+      for (Offset k = batch_.row_offsets[row]; k < batch_.row_offsets[row + 1]; ++k) {
+        if (batch_.column[k] == own) diagonal += batch_.A[k];
+      }
+      if (diagonal > 0 || !std::isfinite(diagonal)) return;
+      add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
+    });
+  }
+
+  /// Calls fault(cone, row) for every row; a text that is not empty says what is wrong with values[row].
+  template <class Fault>
+  void check_rows(const char* array, const Real* values, const Fault& fault) {
+    for_each_row([&](Offset env, Offset cone, Offset row) {
+      const std::string what = fault(cone, row);
+      if (!what.empty()) add_value(array, env, cone, row, "", values[row], what);
+    });
+  }
+
+  /// Calls visit(env, cone, row), positions in the batch, for every row of the environments whose structure holds.
+  template <class Visit>
+  void for_each_row(const Visit& visit) const {
+    for (Offset env = 0; env < batch_.env_count; ++env) {
+      if (!env_sound_[static_cast<std::size_t>(env)]) continue;
+      for (Offset cone = batch_.env_cone_offsets[env]; cone < batch_.env_cone_offsets[env + 1]; ++cone) {
+        for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {
+          if (report_.full()) return;
+          visit(env, cone, row);
+        }
+      }
+    }
+  }
+
+  void add_value(const char* array, Offset env, Offset cone, Offset row, const std::string& column, Real value,
+                 const std::string& fault) {
+    const auto env_cone = static_cast<Index>(cone - batch_.env_cone_offsets[env]);
+    const auto env_row = static_cast<Index>(row - batch_.env_row_offsets[env]);
+    report_.add({env, env_cone, env_row, false,
+                 std::string(array) + "[env " + std::to_string(env) + ", cone " + std::to_string(env_cone) + ", row " +
+                     std::to_string(env_row) + column + "] = " + shortest_text(value) + ": " + fault + kFixOrIsolate});
+  }
+
+  const ContactBatchView<Real>& batch_;
+  DefectReport report_;
+  bool env_rows_sound_ = false, env_cones_sound_ = false, cone_rows_sound_ = false, rows_sound_ = false;
+  std::vector<bool> env_sound_;  ///< cones and columns of that environment are sound too  (env_count)
+};
+
+/// One environment's entries, row by row, those of a row by column.
+struct SortedRows {
+  std::vector<Index> offsets, column;
+  std::vector<double> value;
+};
+
+/// The transpose. Whatever the order in a row was, rows of the result are sorted by column: a counting sort is stable.
+SortedRows transpose(const SortedRows& a) {
+  const std::size_t n = a.offsets.size() - 1;
+  SortedRows result{std::vector<Index>(n + 1, 0), std::vector<Index>(a.column.size()),
+                    std::vector<double>(a.column.size())};
+  for (const Index j : a.column) ++result.offsets[static_cast<std::size_t>(j) + 1];
+  std::partial_sum(result.offsets.begin(), result.offsets.end(), result.offsets.begin());
+  std::vector<Index> next(result.offsets.begin(), result.offsets.end() - 1);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (auto k = static_cast<std::size_t>(a.offsets[i]); k < static_cast<std::size_t>(a.offsets[i + 1]); ++k) {
+      const auto to = static_cast<std::size_t>(next[static_cast<std::size_t>(a.column[k])]++);
+      result.column[to] = static_cast<Index>(i);
+      result.value[to] = a.value[k];
+    }
+  }
+  return result;
+}
+
+/// Walks along one sorted row, adding duplicates up.
+class RowWalk {
+ public:
+  RowWalk(const SortedRows& a, std::size_t row)
+      : a_(a), at_(static_cast<std::size_t>(a.offsets[row])), end_(static_cast<std::size_t>(a.offsets[row + 1])) {}
+  /// The next column not yet taken, or one past every column.
+  [[nodiscard]] Index column() const { return at_ < end_ ? a_.column[at_] : std::numeric_limits<Index>::max(); }
+  /// The entry in that column, 0 if there is none; goes on behind it.
+  double take(Index column_to_take) {
+    double sum = 0.0;
+    for (; column() == column_to_take; ++at_) sum += a_.value[at_];
+    return sum;
+  }
+
+ private:
+  const SortedRows& a_;
+  std::size_t at_, end_;
+};
+
+double asymmetry_of(const SortedRows& unsorted) {
+  const SortedRows mirror = transpose(unsorted);
+  const SortedRows a = transpose(mirror);
+  double largest = 0.0, difference = 0.0;
+  const auto keep_larger = [](double& kept, double value) {
+    if (value > kept) kept = value;
+  };
+  for (std::size_t i = 0; i + 1 < a.offsets.size(); ++i) {
+    RowWalk here(a, i), there(mirror, i);
+    for (Index j = std::min(here.column(), there.column()); j != std::numeric_limits<Index>::max();
+         j = std::min(here.column(), there.column())) {
+      const double ours = here.take(j), theirs = there.take(j);
+      if (!std::isfinite(ours) || !std::isfinite(theirs)) return std::numeric_limits<double>::quiet_NaN();
+      keep_larger(largest, std::abs(ours));
+      keep_larger(difference, std::abs(ours - theirs));
+    }
+  }
+  return largest > 0.0 ? difference / largest : 0.0;
+}
+
+}  // namespace
+
+template <class Real>
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit) {
+  if (batch.space != MemorySpace::host) {
+    throw Error(ErrorCode::invalid_argument,
+                "batch is in device memory, but validate() reads host memory; copy the batch to the host first");
+  }
+  return Validator<Real>(batch, limit).run();
+}
+
+template <class Real>
+std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
+  // Structure comes first among the defects, so that the first one tells whether the arrays can be read at all.
+  const std::vector<Defect> defects = validate(batch, 1);
+  if (!defects.empty() && defects.front().structural) {
+    throw Error(ErrorCode::invalid_argument, "asymmetry cannot be measured: " + defects.front().message);
+  }
+  std::vector<double> result;
+  result.reserve(static_cast<std::size_t>(batch.env_count));
+  SortedRows a;
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const Offset first = batch.env_row_offsets[env], end = batch.env_row_offsets[env + 1];
+    const Offset entry = batch.row_offsets[first], entry_end = batch.row_offsets[end];
+    a.offsets.clear();
+    for (Offset row = first; row <= end; ++row) {
+      a.offsets.push_back(static_cast<Index>(batch.row_offsets[row] - entry));
+    }
+    a.column.assign(batch.column + entry, batch.column + entry_end);
+    a.value.assign(batch.A + entry, batch.A + entry_end);
+    result.push_back(asymmetry_of(a));
+  }
+  return result;
+}
+
+template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t);
+template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t);
+template std::vector<double> asymmetry(const ContactBatchView<float>&);
+template std::vector<double> asymmetry(const ContactBatchView<double>&);
+
+}  // namespace stiction

@@ -1,0 +1,190 @@
+#include <array>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "stiction/error.hpp"
+#include "stiction/residual.hpp"
+
+// Written from docs/math/residual.md and from nothing else: no header of core/body is included here, so that a mistake
+// in the solvers' residual cannot hide in the judge. Everything is computed in f64, rows in stored order.
+
+namespace stiction {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Keeps a scale that divides away from zero: an environment at rest (b = 0), a cone without a diagonal.
+constexpr double kTiny = 1e-300;
+
+/// The largest of the values seen; one that is not finite makes it infinite for good.
+class Largest {
+ public:
+  void see(double value) {
+    if (!std::isfinite(value)) value_ = kInfinity;
+    if (value > value_) value_ = value;
+  }
+  [[nodiscard]] double value() const { return value_; }
+
+ private:
+  double value_ = 0.0;
+};
+
+/// The coordinates of one cone in which friction is the circular unit cone; up to kMaxConeRows of them.
+struct ConeVector {
+  std::array<double, kMaxConeRows> at{};
+  std::size_t size = 0;
+
+  void push(double value) { at[size++] = value; }
+  [[nodiscard]] double tail_norm() const {
+    double sum = 0.0;
+    for (std::size_t k = 1; k < size; ++k) sum += at[k] * at[k];
+    return std::sqrt(sum);
+  }
+};
+
+/// The nearest point of the cone n >= norm(t).
+ConeVector project_circular(const ConeVector& z) {
+  const double normal = z.at[0], tangential = z.tail_norm();
+  if (tangential <= normal) return z;
+  ConeVector result;
+  result.size = z.size;
+  if (tangential <= -normal) return result;
+  const double onto = 0.5 * (normal + tangential);
+  result.at[0] = onto;
+  for (std::size_t k = 1; k < z.size; ++k) result.at[k] = onto * z.at[k] / tangential;
+  return result;
+}
+
+double clamp(double value, double lo, double hi) {
+  if (value < lo) return lo;
+  if (value > hi) return hi;
+  return value;
+}
+
+/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm.
+template <class Real>
+double friction_residual(const double* lambda, const double* w, const Real* mu, std::size_t m, double a, Law law) {
+  ConeVector x, y;
+  x.push(lambda[0]);
+  y.push(w[0]);
+  double penalty = 0.0;  // an axis without friction has no coordinate in the cone: any reaction on it is an error
+  for (std::size_t k = 1; k < m; ++k) {
+    const auto axis = static_cast<double>(mu[k]);
+    if (axis <= 0.0) {
+      const double error = std::abs(lambda[k]) * a;
+      if (error > penalty) penalty = error;
+    } else {
+      x.push(lambda[k] / axis);
+      y.push(w[k] * axis);
+    }
+  }
+  if (law == Law::coulomb) y.at[0] += y.tail_norm();
+
+  ConeVector z;
+  for (std::size_t k = 0; k < x.size; ++k) z.push(x.at[k] - y.at[k] / a);
+  const ConeVector projected = project_circular(z);
+  double sum = penalty * penalty;
+  for (std::size_t k = 0; k < x.size; ++k) {
+    const double r = (x.at[k] - projected.at[k]) * a;
+    sum += r * r;
+  }
+  return std::sqrt(sum);
+}
+
+template <class Real>
+double cone_residual(const ContactBatchView<Real>& batch, Offset cone, const double* lambda, const double* w,
+                     const double* diagonal) {
+  const Offset row = batch.cone_row_offsets[cone];
+  const auto m = static_cast<std::size_t>(batch.cone_row_offsets[cone + 1] - row);
+  double trace = 0.0;
+  for (std::size_t k = 0; k < m; ++k) trace += diagonal[k];
+  const double mean = trace / static_cast<double>(m);
+  const double a = mean > kTiny ? mean : kTiny;
+
+  switch (batch.cone_kind[cone]) {
+    case ConeKind::free:
+      return std::abs(w[0]);
+    case ConeKind::unilateral:
+      return std::abs((lambda[0] - clamp(lambda[0] - w[0] / a, 0.0, kInfinity)) * a);
+    case ConeKind::box:
+      return std::abs((lambda[0] - clamp(lambda[0] - w[0] / a, static_cast<double>(batch.lo[row]),
+                                         static_cast<double>(batch.hi[row]))) *
+                      a);
+    case ConeKind::friction:
+      return friction_residual(lambda, w, batch.mu + row, m, a, batch.law);
+  }
+  return kInfinity;
+}
+
+/// Room for one environment, kept from one to the next.
+struct Scratch {
+  std::vector<double> lambda, w, diagonal;
+};
+
+template <class Real>
+Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Real* solution, Scratch& scratch) {
+  const Offset first_row = batch.env_row_offsets[env];
+  const auto rows = static_cast<std::size_t>(batch.env_row_offsets[env + 1] - first_row);
+  scratch.lambda.assign(solution + first_row, solution + first_row + rows);
+  scratch.w.resize(rows);
+  scratch.diagonal.resize(rows);
+
+  Largest b_largest, worst;
+  for (std::size_t i = 0; i < rows; ++i) {
+    const Offset row = first_row + static_cast<Offset>(i);
+    const auto b = static_cast<double>(batch.b[row]);
+    const auto compliance = static_cast<double>(batch.R[row]);
+    double w = b + compliance * scratch.lambda[i];
+    double diagonal = compliance;
+    for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
+      const auto column = static_cast<std::size_t>(batch.column[k]);
+      const auto entry = static_cast<double>(batch.A[k]);
+      w += entry * scratch.lambda[column];
+      if (column == i) diagonal += entry;
+    }
+    scratch.w[i] = w;
+    scratch.diagonal[i] = diagonal;
+    b_largest.see(std::abs(b));
+    // Infinite reactions and motions can cancel in a cone's condition (w = +infinity lets a contact go): they are
+    // an error whatever the cone says.
+    if (!std::isfinite(scratch.lambda[i]) || !std::isfinite(w)) worst.see(kInfinity);
+  }
+
+  for (Offset cone = batch.env_cone_offsets[env]; cone < batch.env_cone_offsets[env + 1]; ++cone) {
+    const auto at = static_cast<std::size_t>(batch.cone_row_offsets[cone] - first_row);
+    worst.see(
+        cone_residual(batch, cone, scratch.lambda.data() + at, scratch.w.data() + at, scratch.diagonal.data() + at));
+  }
+  if (!std::isfinite(worst.value())) return {kInfinity, kInfinity};
+  const double scale = b_largest.value() > kTiny ? b_largest.value() : kTiny;
+  return {worst.value() / scale, worst.value()};
+}
+
+}  // namespace
+
+template <class Real>
+std::vector<Residual> verify(const ContactBatchView<Real>& batch, std::span<const Real> lambda) {
+  // Structure comes first among the defects, so that the first one tells whether the arrays can be read at all.
+  const std::vector<Defect> defects = validate(batch, 1);
+  if (!defects.empty() && defects.front().structural) {
+    throw Error(ErrorCode::invalid_argument, "batch cannot be verified: " + defects.front().message);
+  }
+  if (lambda.size() != static_cast<std::size_t>(batch.row_count)) {
+    throw Error(ErrorCode::invalid_argument, "lambda has " + std::to_string(lambda.size()) + " entries, expected " +
+                                                 std::to_string(batch.row_count) +
+                                                 " (one per row of the batch); pass the solution of this batch");
+  }
+  std::vector<Residual> result;
+  result.reserve(static_cast<std::size_t>(batch.env_count));
+  Scratch scratch;
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    result.push_back(env_residual(batch, env, lambda.data(), scratch));
+  }
+  return result;
+}
+
+template std::vector<Residual> verify(const ContactBatchView<float>&, std::span<const float>);
+template std::vector<Residual> verify(const ContactBatchView<double>&, std::span<const double>);
+
+}  // namespace stiction

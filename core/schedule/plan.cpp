@@ -1,0 +1,250 @@
+#include "core/schedule/plan.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <tuple>
+
+#include "core/schedule/color.hpp"
+
+namespace stiction {
+namespace {
+
+/// The integers of a batch. A plan is made from these and cannot see a number: order that depended on values would
+/// differ between precisions, and between an environment and its poisoned twin.
+struct Structure {
+  Offset env_count, cone_count, row_count, nonzero_count;
+  const Offset *env_row_offsets, *env_cone_offsets;
+  const ConeKind* cone_kind;
+  const Offset* cone_row_offsets;
+  const Index* cone_group;
+  const Offset* row_offsets;
+  const Index* column;
+};
+
+/// One environment of it. Cones and rows count from the environment's own zero.
+struct EnvStructure {
+  const Structure& all;
+  Offset first_row, first_cone;
+  Index rows, cones;
+
+  EnvStructure(const Structure& structure, Offset env)
+      : all(structure),
+        first_row(structure.env_row_offsets[env]),
+        first_cone(structure.env_cone_offsets[env]),
+        rows(static_cast<Index>(structure.env_row_offsets[env + 1] - first_row)),
+        cones(static_cast<Index>(structure.env_cone_offsets[env + 1] - first_cone)) {}
+
+  [[nodiscard]] ConeKind kind(Index cone) const { return all.cone_kind[first_cone + cone]; }
+  [[nodiscard]] Index cone_begin(Index cone) const {
+    return static_cast<Index>(all.cone_row_offsets[first_cone + cone] - first_row);
+  }
+  [[nodiscard]] Index cone_rows(Index cone) const { return cone_begin(cone + 1) - cone_begin(cone); }
+  [[nodiscard]] Index group(Index cone) const { return all.cone_group ? all.cone_group[first_cone + cone] : -1; }
+  [[nodiscard]] Offset nonzeros() const { return all.row_offsets[first_row + rows] - all.row_offsets[first_row]; }
+};
+
+std::size_t at(Index i) {
+  return static_cast<std::size_t>(i);
+}
+
+ConeCounts count_cones(const EnvStructure& env) {
+  ConeCounts counts;
+  for (Index c = 0; c < env.cones; ++c) {
+    switch (env.kind(c)) {
+      case ConeKind::free:
+        ++counts.free;
+        break;
+      case ConeKind::unilateral:
+        ++counts.unilateral;
+        break;
+      case ConeKind::box:
+        ++counts.box;
+        break;
+      case ConeKind::friction:
+        ++counts.friction[at(env.cone_rows(c))];
+        break;
+    }
+  }
+  return counts;
+}
+
+/// Cones by kind and row count, stably.
+void append_canonical_order(const EnvStructure& env, std::vector<Index>& cone_order) {
+  const auto first = static_cast<std::ptrdiff_t>(cone_order.size());
+  cone_order.resize(cone_order.size() + at(env.cones));
+  std::iota(cone_order.begin() + first, cone_order.end(), 0);
+  std::stable_sort(cone_order.begin() + first, cone_order.end(), [&](Index a, Index b) {
+    return std::tuple(env.kind(a), env.cone_rows(a)) < std::tuple(env.kind(b), env.cone_rows(b));
+  });
+}
+
+/// Symmetric graph in CSR form, each neighbour once.
+struct Graph {
+  std::vector<Index> offsets, neighbours;
+};
+
+/// The vertices of a sparse environment and how they conflict. Its vectors are kept from one environment to the next.
+class SparsePlanner {
+ public:
+  void append(const EnvStructure& env, PlanData& plan) {
+    find_vertices(env);
+    find_conflicts(env);
+    const Coloring coloring = color_graph(conflicts_.offsets, conflicts_.neighbours);
+    sort_vertices(env, coloring);
+
+    Index position = 0;
+    plan.vertex_offsets.push_back(0);
+    for (const Index v : order_) {
+      for (Index c = vertex_begin_[at(v)]; c < vertex_begin_[at(v) + 1]; ++c) plan.cone_order.push_back(c);
+      position += vertex_begin_[at(v) + 1] - vertex_begin_[at(v)];
+      plan.vertex_offsets.push_back(position);
+    }
+
+    std::vector<Index> color_end(at(coloring.color_count) + 1, 0);
+    for (const Index color : coloring.color) ++color_end[at(color) + 1];
+    std::partial_sum(color_end.begin(), color_end.end(), color_end.begin());
+    plan.color_offsets.insert(plan.color_offsets.end(), color_end.begin(), color_end.end());
+  }
+
+ private:
+  [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertex_begin_.size()) - 1; }
+
+  /// Runs of neighbouring cones with one non-negative group, else cones; vertex_of_row_ for the edges.
+  void find_vertices(const EnvStructure& env) {
+    vertex_begin_.assign(1, 0);
+    vertex_of_row_.resize(at(env.rows));
+    for (Index c = 0; c < env.cones; ++c) {
+      const bool goes_on = c > 0 && env.group(c) >= 0 && env.group(c) == env.group(c - 1);
+      if (!goes_on && c > 0) vertex_begin_.push_back(c);
+      const auto vertex = static_cast<Index>(vertex_begin_.size()) - 1;
+      std::fill(vertex_of_row_.begin() + env.cone_begin(c), vertex_of_row_.begin() + env.cone_begin(c + 1), vertex);
+    }
+    vertex_begin_.push_back(env.cones);
+  }
+
+  /// Two vertices conflict if any stored entry, its value not looked at, joins their rows either way round.
+  void find_conflicts(const EnvStructure& env) {
+    const Index vertices = vertex_count();
+    stamp_.assign(at(vertices), -1);
+    directed_.offsets.assign(1, 0);
+    directed_.neighbours.clear();
+    for (Index v = 0; v < vertices; ++v) {
+      stamp_[at(v)] = v;
+      const Offset begin = env.all.row_offsets[env.first_row + env.cone_begin(vertex_begin_[at(v)])];
+      const Offset end = env.all.row_offsets[env.first_row + env.cone_begin(vertex_begin_[at(v) + 1])];
+      for (Offset k = begin; k < end; ++k) add_once(directed_, v, vertex_of_row_[at(env.all.column[k])]);
+      directed_.offsets.push_back(static_cast<Index>(directed_.neighbours.size()));
+    }
+    transpose(directed_, transposed_);
+
+    stamp_.assign(at(vertices), -1);
+    conflicts_.offsets.assign(1, 0);
+    conflicts_.neighbours.clear();
+    for (Index v = 0; v < vertices; ++v) {
+      for (const Graph* half : {&directed_, &transposed_}) {
+        for (Index k = half->offsets[at(v)]; k < half->offsets[at(v) + 1]; ++k) {
+          add_once(conflicts_, v, half->neighbours[at(k)]);
+        }
+      }
+      conflicts_.offsets.push_back(static_cast<Index>(conflicts_.neighbours.size()));
+    }
+  }
+
+  void add_once(Graph& graph, Index v, Index neighbour) {
+    if (stamp_[at(neighbour)] == v) return;
+    stamp_[at(neighbour)] = v;
+    graph.neighbours.push_back(neighbour);
+  }
+
+  static void transpose(const Graph& graph, Graph& result) {
+    const std::size_t vertices = graph.offsets.size() - 1;
+    result.offsets.assign(vertices + 1, 0);
+    for (const Index u : graph.neighbours) ++result.offsets[at(u) + 1];
+    std::partial_sum(result.offsets.begin(), result.offsets.end(), result.offsets.begin());
+    result.neighbours.resize(graph.neighbours.size());
+    std::vector<Index> next(result.offsets.begin(), result.offsets.end() - 1);
+    for (std::size_t v = 0; v < vertices; ++v) {
+      for (Index k = graph.offsets[v]; k < graph.offsets[v + 1]; ++k) {
+        result.neighbours[at(next[at(graph.neighbours[at(k)])]++)] = static_cast<Index>(v);
+      }
+    }
+  }
+
+  /// By colour; in a colour by kind of the first cone, then rows, so that neighbouring lanes run the same code.
+  void sort_vertices(const EnvStructure& env, const Coloring& coloring) {
+    order_.resize(at(vertex_count()));
+    std::iota(order_.begin(), order_.end(), 0);
+    const auto key = [&](Index v) {
+      const Index first = vertex_begin_[at(v)];
+      return std::tuple(coloring.color[at(v)], env.kind(first),
+                        env.cone_begin(vertex_begin_[at(v) + 1]) - env.cone_begin(first), v);
+    };
+    std::sort(order_.begin(), order_.end(), [&](Index a, Index b) { return key(a) < key(b); });
+  }
+
+  std::vector<Index> vertex_begin_;   ///< first cone of each vertex, closed by the cone count
+  std::vector<Index> vertex_of_row_;  ///< (rows)
+  std::vector<Index> stamp_;          ///< stamp_[u] == v: u is already among v's neighbours
+  std::vector<Index> order_;          ///< vertices as they are swept
+  Graph directed_, transposed_, conflicts_;
+};
+
+/// Environments of one path, the most expensive first, so that none is left to run alone at the end. Ties end in the
+/// index: the order is total, and no sort can leave a choice to the library.
+void order_environments(const Structure& structure, PlanData& plan) {
+  for (Offset env = 0; env < plan.env_count; ++env) {
+    const EnvPath path = plan.path[static_cast<std::size_t>(env)];
+    if (path == EnvPath::dense) plan.dense_order.push_back(env);
+    if (path == EnvPath::sparse) plan.sparse_order.push_back(env);
+  }
+  std::sort(plan.dense_order.begin(), plan.dense_order.end(), [&](Offset a, Offset b) {
+    const ConeCounts& left = plan.counts[static_cast<std::size_t>(a)];
+    const ConeCounts& right = plan.counts[static_cast<std::size_t>(b)];
+    const Index left_rows = row_count(left), right_rows = row_count(right);
+    if (left_rows != right_rows) return left_rows > right_rows;
+    return left != right ? left > right : a < b;
+  });
+  std::sort(plan.sparse_order.begin(), plan.sparse_order.end(), [&](Offset a, Offset b) {
+    const Offset left = EnvStructure(structure, a).nonzeros(), right = EnvStructure(structure, b).nonzeros();
+    return left != right ? left > right : a < b;
+  });
+}
+
+PlanData plan_structure(const Structure& structure) {
+  PlanData plan;
+  plan.env_count = structure.env_count;
+  plan.cone_count = structure.cone_count;
+  plan.row_count = structure.row_count;
+  plan.nonzero_count = structure.nonzero_count;
+  plan.cone_order.reserve(static_cast<std::size_t>(structure.cone_count));
+  plan.env_vertex_offsets.push_back(0);
+  plan.env_color_offsets.push_back(0);
+
+  SparsePlanner sparse;
+  for (Offset e = 0; e < structure.env_count; ++e) {
+    const EnvStructure env(structure, e);
+    plan.counts.push_back(count_cones(env));
+    plan.path.push_back(choose_path(env.rows, env.nonzeros()));
+    if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
+    if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
+    plan.env_vertex_offsets.push_back(static_cast<Offset>(plan.vertex_offsets.size()));
+    plan.env_color_offsets.push_back(static_cast<Offset>(plan.color_offsets.size()));
+  }
+  order_environments(structure, plan);
+  return plan;
+}
+
+}  // namespace
+
+template <class Real>
+PlanData make_plan(const ContactBatchView<Real>& batch) {
+  return plan_structure({batch.env_count, batch.cone_count, batch.row_count, batch.nonzero_count, batch.env_row_offsets,
+                         batch.env_cone_offsets, batch.cone_kind, batch.cone_row_offsets, batch.cone_group,
+                         batch.row_offsets, batch.column});
+}
+
+template PlanData make_plan(const ContactBatchView<float>&);
+template PlanData make_plan(const ContactBatchView<double>&);
+
+}  // namespace stiction
