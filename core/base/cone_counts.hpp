@@ -1,0 +1,43 @@
+#pragma once
+
+#include <compare>
+#include <cstdint>
+
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// Which form of the system an environment is solved in. It reaches floats (right-looking or coloured sweep), so it
+/// is a function of that environment's structure alone.
+enum class EnvPath : std::uint8_t {
+  empty = 0,   ///< no rows
+  dense = 1,   ///< A as a dense matrix, cones in canonical order, right-looking sweep
+  sparse = 2,  ///< A as CSR, cones colour by colour, left-looking sweep
+};
+
+/// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count
+/// (free, unilateral, box, friction of 2, 3, ... 6 rows), stably, so these counts say where every cone begins.
+struct ConeCounts {
+  Index free = 0;
+  Index unilateral = 0;
+  Index box = 0;
+  Index friction[kMaxConeRows + 1] = {};  ///< by row count m; entries 0 and 1 stay zero
+
+  friend constexpr auto operator<=>(const ConeCounts&, const ConeCounts&) = default;
+};
+
+/// Rows tiled by those cones.
+STICTION_HD constexpr Index row_count(const ConeCounts& counts) {
+  Index rows = counts.free + counts.unilateral + counts.box;
+  for (Index m = 2; m <= kMaxConeRows; ++m) rows += m * counts.friction[m];
+  return rows;
+}
+
+/// Cones in all.
+STICTION_HD constexpr Index cone_count(const ConeCounts& counts) {
+  Index cones = counts.free + counts.unilateral + counts.box;
+  for (Index m = 2; m <= kMaxConeRows; ++m) cones += counts.friction[m];
+  return cones;
+}
+
+}  // namespace stiction

@@ -1,0 +1,139 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
+
+#include "core/base/real.hpp"
+
+/// W environments in lock-step, one per lane, on the compilers' vector extension. Each lane performs exactly the
+/// operations the scalar would, so a pack changes speed and not one bit. Host only.
+namespace stiction::inline STICTION_ISA {
+
+template <class T, int W>
+struct Pack {
+  using Vector [[gnu::vector_size(sizeof(T) * W), gnu::aligned(sizeof(T) * W)]] = T;
+  Vector v;
+
+  Pack() = default;
+  STICTION_HD Pack(Vector value) : v(value) {}
+  /// Every lane the same.
+  STICTION_HD explicit Pack(T value) : v(value - Vector{}) {}
+  template <class U>
+    requires(std::is_arithmetic_v<U> && !std::is_same_v<U, T>)
+  STICTION_HD explicit Pack(U value) : Pack(static_cast<T>(value)) {}
+
+  friend STICTION_HD Pack operator+(Pack a, Pack b) { return a.v + b.v; }
+  friend STICTION_HD Pack operator-(Pack a, Pack b) { return a.v - b.v; }
+  friend STICTION_HD Pack operator*(Pack a, Pack b) { return a.v * b.v; }
+};
+
+/// Lane-wise truth: all bits set or none.
+template <class T, int W>
+struct PackMask {
+  using Word = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
+  using Vector [[gnu::vector_size(sizeof(T) * W), gnu::aligned(sizeof(T) * W)]] = Word;
+  Vector v;
+};
+
+template <class T, int W>
+struct RealTraits<Pack<T, W>> {
+  using Scalar = T;
+  using Mask = PackMask<T, W>;
+  static constexpr int kLanes = W;
+};
+
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator<(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v < b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator>(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v > b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator<=(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v <= b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator>=(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v >= b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator==(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v == b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> operator!=(Pack<T, W> a, Pack<T, W> b) {
+  return {a.v != b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> not_(PackMask<T, W> a) {
+  return {~a.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> and_(PackMask<T, W> a, PackMask<T, W> b) {
+  return {a.v & b.v};
+}
+template <class T, int W>
+STICTION_HD PackMask<T, W> or_(PackMask<T, W> a, PackMask<T, W> b) {
+  return {a.v | b.v};
+}
+template <class T, int W>
+STICTION_HD bool any(PackMask<T, W> a) {
+  typename PackMask<T, W>::Word bits = 0;
+  for (int lane = 0; lane < W; ++lane) bits |= a.v[lane];
+  return bits != 0;
+}
+template <class T, int W>
+STICTION_HD Pack<T, W> select(PackMask<T, W> c, Pack<T, W> a, Pack<T, W> b) {
+  return Pack<T, W>(c.v ? a.v : b.v);
+}
+template <class T, int W>
+STICTION_HD Pack<T, W> div_(Pack<T, W> a, Pack<T, W> b) {
+  return a.v / b.v;
+}
+
+/// Lane by lane through the scalar: what the overloads below fall back to.
+template <class T, int W>
+STICTION_HD Pack<T, W> fma_(Pack<T, W> a, Pack<T, W> b, Pack<T, W> c) {
+  Pack<T, W> r;
+  for (int lane = 0; lane < W; ++lane) r.v[lane] = fma_(a.v[lane], b.v[lane], c.v[lane]);
+  return r;
+}
+template <class T, int W>
+STICTION_HD Pack<T, W> sqrt_(Pack<T, W> a) {
+  Pack<T, W> r;
+  for (int lane = 0; lane < W; ++lane) r.v[lane] = sqrt_(a.v[lane]);
+  return r;
+}
+
+#if defined(__AVX512F__)
+STICTION_HD Pack<float, 16> fma_(Pack<float, 16> a, Pack<float, 16> b, Pack<float, 16> c) {
+  return Pack<float, 16>(_mm512_fmadd_ps(a.v, b.v, c.v));
+}
+STICTION_HD Pack<double, 8> fma_(Pack<double, 8> a, Pack<double, 8> b, Pack<double, 8> c) {
+  return Pack<double, 8>(_mm512_fmadd_pd(a.v, b.v, c.v));
+}
+STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) { return Pack<float, 16>(_mm512_sqrt_ps(a.v)); }
+STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) { return Pack<double, 8>(_mm512_sqrt_pd(a.v)); }
+STICTION_HD bool any(PackMask<float, 16> a) { return _mm512_test_epi32_mask((__m512i)a.v, (__m512i)a.v) != 0; }
+STICTION_HD bool any(PackMask<double, 8> a) { return _mm512_test_epi64_mask((__m512i)a.v, (__m512i)a.v) != 0; }
+#endif
+#if defined(__AVX2__) && defined(__FMA__)
+STICTION_HD Pack<float, 8> fma_(Pack<float, 8> a, Pack<float, 8> b, Pack<float, 8> c) {
+  return Pack<float, 8>(_mm256_fmadd_ps(a.v, b.v, c.v));
+}
+STICTION_HD Pack<double, 4> fma_(Pack<double, 4> a, Pack<double, 4> b, Pack<double, 4> c) {
+  return Pack<double, 4>(_mm256_fmadd_pd(a.v, b.v, c.v));
+}
+STICTION_HD Pack<float, 8> sqrt_(Pack<float, 8> a) { return Pack<float, 8>(_mm256_sqrt_ps(a.v)); }
+STICTION_HD Pack<double, 4> sqrt_(Pack<double, 4> a) { return Pack<double, 4>(_mm256_sqrt_pd(a.v)); }
+STICTION_HD bool any(PackMask<float, 8> a) { return _mm256_movemask_ps((__m256)a.v) != 0; }
+STICTION_HD bool any(PackMask<double, 4> a) { return _mm256_movemask_pd((__m256d)a.v) != 0; }
+#endif
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "core/base/macros.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// An array whose neighbours lie kStride apart: 1 for an environment on its own, W for one lane of a CPU pack, 32 for
+/// one lane of a warp. A body sees an index and cannot tell which.
+template <class T, int kStride>
+struct Strided {
+  T* data = nullptr;
+  STICTION_HD T& operator[](Index i) const { return data[static_cast<Offset>(i) * kStride]; }
+  [[nodiscard]] STICTION_HD Strided from(Offset i) const { return {data + i * kStride}; }
+};
+
+}  // namespace stiction::inline STICTION_ISA

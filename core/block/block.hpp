@@ -1,0 +1,55 @@
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+
+#include "core/base/real.hpp"
+#include "core/base/strided.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// The team of lanes that owns one environment. A body is a sequence of phases over a Block (phases.hpp): it never sees
+/// a thread, a warp or a barrier, so one text runs on a GPU thread, a GPU block, a CPU core and, in the tests, on real
+/// threads made to disagree about speed.
+///
+///   rank(), size()   this lane and how many there are
+///   sync()           all lanes have arrived and see each other's writes
+///   broadcast(f)     lane 0 evaluates f, every lane gets the value; contains the syncs that this needs
+///   combine(bits)    bitwise or over the lanes, on every lane
+///   max(v)           the largest v over the lanes, on every lane; exact, so no order can change it
+///   kRowTile         rows a lane takes at once in a matrix product; speed only
+///   leaves<T>()      32 values of T shared by the lanes, for sums over a fixed tree (reduce.hpp)
+template <class B>
+concept Block = requires(B& block, double v) {
+  { block.rank() } -> std::convertible_to<Index>;
+  { block.size() } -> std::convertible_to<Index>;
+  block.sync();
+  { block.broadcast([] { return 1.0; }) } -> std::convertible_to<double>;
+  { block.combine(std::uint32_t{}) } -> std::convertible_to<std::uint32_t>;
+  { block.max(v) } -> std::convertible_to<double>;
+  { B::kRowTile } -> std::convertible_to<Index>;
+  { block.template leaves<double>() } -> std::convertible_to<double*>;
+};
+
+/// A block of one: a CPU core (whose Real may be a Pack) or a single GPU thread.
+struct SerialBlock {
+  static constexpr Index kRowTile = 8;
+  static STICTION_HD constexpr Index rank() { return 0; }
+  static STICTION_HD constexpr Index size() { return 1; }
+  STICTION_HD void sync() const {}
+  template <class F>
+  STICTION_HD auto broadcast(F&& f) const {
+    return f();
+  }
+  STICTION_HD std::uint32_t combine(std::uint32_t bits) const { return bits; }
+  template <class T>
+  STICTION_HD T max(T value) const {
+    return value;
+  }
+  template <class T>
+  STICTION_HD T* leaves() const {
+    return nullptr;
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,93 @@
+#pragma once
+
+#include "core/base/cone_counts.hpp"
+#include "core/base/real.hpp"
+#include "core/base/strided.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// A plan's arrays as kernels read them (host or device memory); shapes in core/schedule/plan.hpp.
+struct PlanView {
+  const EnvPath* path = nullptr;
+  const ConeCounts* counts = nullptr;
+  const Index* cone_order = nullptr;
+  const Offset* env_vertex_offsets = nullptr;
+  const Index* vertex_offsets = nullptr;
+  const Offset* env_color_offsets = nullptr;
+  const Index* color_offsets = nullptr;
+};
+
+/// One environment sliced from a batch, a plan and a solution. Row and cone numbers count from its own zero.
+template <class Real>
+struct EnvView {
+  Index n;                     ///< rows
+  Index cone_count;            ///< cones
+  Offset first_row;            ///< this environment's first row in the batch
+  Law law;                     ///< law of its friction cones
+  const ConeKind* kind;        ///< kind                                      (cone_count)
+  const Offset* cone_rows;     ///< batch-wide first row of each cone         (cone_count + 1)
+  const Offset* row_offsets;   ///< CSR rows of A, batch-wide positions       (n + 1)
+  const Index* column;         ///< CSR columns, the whole batch's array
+  const Real* A;               ///< CSR values, the whole batch's array [w / lambda]
+  const Real* b;               ///< right-hand side [w]                       (n)
+  const Real* R;               ///< compliance [w / lambda]                   (n)
+  const Real* mu;              ///< friction per axis [-]                     (n)
+  const Real* lo;              ///< box lower bound [lambda]                  (n)
+  const Real* hi;              ///< box upper bound [lambda]                  (n)
+  const Real* warm_start;      ///< first guess [lambda], or null             (n)
+  Real* lambda;                ///< out: reactions [lambda]                   (n)
+  Real* w;                     ///< out: residual motion [w], or null         (n)
+  EnvStatus* status;           ///< out                                       (1)
+  ConeCounts counts;           ///< cones by kind
+  const Index* cone_order;     ///< the plan's order of cones                 (cone_count)
+  const Index* vertex_offsets; ///< sparse path: cone position of each vertex
+  const Index* color_offsets;  ///< sparse path: vertex where each colour begins
+  Index color_count;           ///< sparse path: colours
+
+  [[nodiscard]] STICTION_HD Index cone_row(Index cone) const { return static_cast<Index>(cone_rows[cone] - first_row); }
+  [[nodiscard]] STICTION_HD Index cone_size(Index cone) const {
+    return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]);
+  }
+};
+
+/// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.
+template <class Real>
+STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index first, Index row) {
+  return kind == ConeKind::friction && row > first ? env.mu[row] : Real(1);
+}
+
+template <class Real>
+STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanView& plan, Law law,
+                                const Real* warm_start, Real* lambda, Real* w, EnvStatus* status, Offset env) {
+  const Offset row = batch.env_row_offsets[env];
+  const Offset cone = batch.env_cone_offsets[env];
+  EnvView<Real> v;
+  v.n = static_cast<Index>(batch.env_row_offsets[env + 1] - row);
+  v.cone_count = static_cast<Index>(batch.env_cone_offsets[env + 1] - cone);
+  v.first_row = row;
+  v.law = law;
+  v.kind = batch.cone_kind + cone;
+  v.cone_rows = batch.cone_row_offsets + cone;
+  v.row_offsets = batch.row_offsets + row;
+  v.column = batch.column;
+  v.A = batch.A;
+  v.b = batch.b + row;
+  v.R = batch.R + row;
+  v.mu = batch.mu + row;
+  v.lo = batch.lo + row;
+  v.hi = batch.hi + row;
+  v.warm_start = warm_start == nullptr ? nullptr : warm_start + row;
+  v.lambda = lambda + row;
+  v.w = w == nullptr ? nullptr : w + row;
+  v.status = status + env;
+  v.counts = plan.counts[env];
+  v.cone_order = plan.cone_order + cone;
+  v.vertex_offsets = plan.vertex_offsets + plan.env_vertex_offsets[env];
+  v.color_offsets = plan.color_offsets + plan.env_color_offsets[env];
+  v.color_count = static_cast<Index>(plan.env_color_offsets[env + 1] - plan.env_color_offsets[env]) - 1;
+  return v;
+}
+
+}  // namespace stiction::inline STICTION_ISA

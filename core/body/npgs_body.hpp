@@ -1,0 +1,64 @@
+#pragma once
+
+#include "core/body/pgs_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Projected Gauss-Seidel with Nesterov's momentum and adaptive restart (docs/math/npgs.md). Between sweeps the
+/// iterate is extrapolated along its last change; x and y = (A + R) x + b are affine in each other, so y is extrapolated
+/// with the same numbers and no product is needed. When a sweep changes more than the one before, momentum overshoots
+/// and starts over (O'Donoghue and Candes 2015, by the size of the step: a max-norm is exact, so the decision does not
+/// depend on an order of summation).
+struct Npgs {
+  static constexpr SolverKind kKind = SolverKind::npgs;
+  static constexpr Index kVectors = 2;
+  static constexpr bool kNeedsSymmetry = false;
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void start(B& block, System& s) {
+    const auto x_before = s.vector(0);
+    const auto y_before = s.vector(1);
+    for_each(block, s.n, [&](Index i) {
+      x_before[i] = s.x[i];
+      if constexpr (System::kMaintainsMotion) y_before[i] = s.y[i];
+    });
+    single(block, [&] {
+      s.scalar[kTheta] = 1;
+      s.scalar[kProgress] = __builtin_huge_valf();
+    });
+  }
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
+                                  Index iteration) {
+    using Real = typename System::Real;
+    const auto x_before = s.vector(0);
+    const auto y_before = s.vector(1);
+    // theta' solves theta'^2 = (1 - theta') theta^2; beta is 0 at theta = 1, so a restart needs no branch.
+    const Real theta = s.scalar[kTheta];
+    const Real square = theta * theta;
+    const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
+    const Real beta = div_(theta * (Real(1) - theta), square + next);
+    for_each(block, s.n, [&](Index i) {
+      const Real x = s.x[i];
+      s.x[i] = fma_(beta, x - x_before[i], x);
+      x_before[i] = x;
+      if constexpr (System::kMaintainsMotion) {
+        const Real y = s.y[i];
+        s.y[i] = fma_(beta, y - y_before[i], y);
+        y_before[i] = y;
+      }
+    });
+    const Real progress = sweep<kLaw>(block, s, Real(params.omega));
+    const auto restart = progress > s.scalar[kProgress];
+    block.sync();
+    single(block, [&] {
+      s.scalar[kTheta] = select(restart, Real(1), next);
+      s.scalar[kProgress] = progress;
+    });
+    if constexpr (System::kMaintainsMotion)
+      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

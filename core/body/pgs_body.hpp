@@ -1,0 +1,37 @@
+#pragma once
+
+#include "core/body/sweep_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Options of an iteration, as numbers of the solve's precision.
+template <class Real>
+struct MethodParams {
+  Real omega;
+};
+
+/// Sweeps after which maintained motion is computed afresh, so that rounding does not pile up in it.
+inline constexpr Index kRefreshInterval = 16;
+
+/// Projected Gauss-Seidel by cones, relaxed by omega (docs/math/pgs.md; Jourdan, Alart, Jean 1998 for the Coulomb
+/// form).
+struct Pgs {
+  static constexpr SolverKind kKind = SolverKind::pgs;
+  static constexpr Index kVectors = 0;
+  static constexpr bool kNeedsSymmetry = false;
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void start(B&, System&) {}
+
+  /// One iteration; `iteration` counts from 0 within a refresh interval.
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
+                                  Index iteration) {
+    using Real = typename System::Real;
+    sweep<kLaw>(block, s, Real(params.omega));
+    if constexpr (System::kMaintainsMotion)
+      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,214 @@
+#pragma once
+
+#include "core/body/inspect_body.hpp"
+#include "core/body/record_body.hpp"
+
+/// From the batch's arrays to a system in the solver's coordinates, one lane at a time.
+namespace stiction::inline STICTION_ISA {
+
+/// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [first, M) of a cone's block,
+/// at most M^(1/16) too large: trace(B^16)^(1/16), by four squarings of B / trace(B).
+template <int M, class System>
+STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row, int first) {
+  using Real = typename System::Real;
+  Real trace(0);
+  for (int i = first; i < M; ++i) trace = trace + s.block_entry(row, i, i);
+  if (!(trace > Real(0))) return Real(0);
+  Real power[M][M];
+  for (int i = first; i < M; ++i)
+    for (int j = first; j < M; ++j)
+      power[i][j] = div_(Real(0.5) * (s.block_entry(row, i, j) + s.block_entry(row, j, i)), trace);
+  for (int squaring = 0; squaring < 4; ++squaring) {
+    Real square[M][M];
+    for (int i = first; i < M; ++i)
+      for (int j = first; j < M; ++j) {
+        Real sum(0);
+        for (int k = first; k < M; ++k) sum = fma_(power[i][k], power[k][j], sum);
+        square[i][j] = sum;
+      }
+    for (int i = first; i < M; ++i)
+      for (int j = first; j < M; ++j) power[i][j] = square[i][j];
+  }
+  Real sum(0);
+  for (int i = first; i < M; ++i) sum = sum + power[i][i];
+  return trace * sqrt_(sqrt_(sqrt_(sqrt_(sum))));
+}
+
+/// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each other.
+template <Block B, class Real, int kStride, class F>
+STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+  for_each(block, env.cone_count, [&](Index position) {
+    f(env.cone_order[position], locate(env.counts, s.counts, position));
+  });
+}
+template <Block B, class Real, class F>
+STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const SparseSystem<Real>&, F&& f) {
+  for_each(block, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
+}
+
+/// The dense matrix. While it is built, y holds the slot of every row and best its scale: both are numbers a Real holds
+/// exactly, and neither vector is in use yet.
+template <Block B, class Real, int kStride>
+STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
+  for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k) {
+      s.y[first + k] = static_cast<Real>(place.row + k);
+      s.best[first + k] = row_scale(env, env.kind[cone], first, first + k);
+    }
+  });
+  for_each(block, env.n, [&](Index i) {
+    const Index slot = static_cast<Index>(s.y[i]);
+    const Real scale = s.best[i];
+    for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
+      const Index j = env.column[k];
+      Real& entry = s.A[slot + s.n * static_cast<Index>(s.y[j])];
+      entry = entry + (env.A[k] * scale_a) * (scale * s.best[j]);
+    }
+    Real& diagonal = s.A[slot + s.n * slot];
+    diagonal = diagonal + (env.R[i] * scale_a) * (scale * scale);
+  });
+}
+
+/// The sparse values, on the batch's own pattern. best holds the row scales meanwhile.
+template <Block B, class Real>
+STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>& s, Real scale_a) {
+  for_each(block, env.cone_count, [&](Index cone) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k)
+      s.best[first + k] = row_scale(env, env.kind[cone], first, first + k);
+  });
+  for_each(block, env.cone_count, [&](Index cone) {
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    for (Index i = first; i < first + size; ++i) {
+      const Real scale = s.best[i];
+      s.R[i] = (env.R[i] * scale_a) * (scale * scale);
+      for (Index j = 0; j < size; ++j) s.blocks[first * 6 + (i - first) * 6 + j] = 0;
+      for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
+        const Index j = env.column[k];
+        const Real value = (env.A[k] * scale_a) * (scale * s.best[j]);
+        s.value.data[k - env.row_offsets[0]] = value;
+        if (j >= first && j < first + size) {
+          Real& entry = s.blocks[first * 6 + (i - first) * 6 + (j - first)];
+          entry = entry + value;
+        }
+      }
+      Real& diagonal = s.blocks[first * 6 + (i - first) * 7];
+      diagonal = diagonal + s.R[i];
+    }
+  });
+}
+
+/// Smallest tangential step bound relative to the whole block's.
+inline constexpr float kSmallestTangential = 1.0F / (1 << 30);
+
+/// b, bounds, step lengths and the first iterate of the cone at `place`.
+template <class Real, class System>
+STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, ConePlace place, Real scale_a,
+                              Real scale_b, bool warm) {
+  const ConeKind kind = env.kind[cone];
+  const Index first = env.cone_row(cone);
+  const Index size = env.cone_size(cone);
+  const Real scale_x = div_(scale_b, scale_a);
+  Real sum(0);
+  for (Index k = 0; k < size; ++k) sum = sum + diagonal_entry(env, first + k);
+  s.trace[place.cone] = div_(sum, static_cast<Real>(size)) * scale_a;
+  s.lo[place.cone] = kind == ConeKind::box ? env.lo[first] * scale_x : Real(0);
+  s.hi[place.cone] = kind == ConeKind::box ? env.hi[first] * scale_x : Real(0);
+  with_shape(kind, size, [&](auto shape) {
+    constexpr int kRows = decltype(shape)::kRows;
+    const Real normal = s.block_entry(place.row, 0, 0);
+    s.inv_n[place.cone] = normal > Real(0) ? div_(Real(1), normal) : Real(0);
+    if constexpr (kRows == 1) {
+      s.inv_t[place.cone] = 0;
+      s.inv_cone[place.cone] = s.inv_n[place.cone];
+    } else {
+      // A tangential block that couples to nothing still needs a finite step: its rows slide to the disk's edge.
+      const Real whole = largest_eigenvalue_bound<kRows>(s, place.row, 0);
+      const Real tangential = largest_eigenvalue_bound<kRows>(s, place.row, 1);
+      const Real floored = max_(tangential, whole * Real(kSmallestTangential));
+      s.inv_t[place.cone] = floored > Real(0) ? div_(Real(1), floored) : Real(0);
+      s.inv_cone[place.cone] = whole > Real(0) ? div_(Real(1), whole) : Real(0);
+    }
+    Real z[kRows];
+    Real still[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      const Real scale = row_scale(env, kind, first, first + k);
+      s.b[place.row + k] = (env.b[first + k] * scale_b) * scale;
+      z[k] = warm && scale > Real(0) ? div_(env.warm_start[first + k] * scale_x, scale) : Real(0);
+      still[k] = 0;
+    }
+    proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[place.cone], s.hi[place.cone]);
+    for (int k = 0; k < kRows; ++k) s.x[place.row + k] = canonical_zero(z[k]);
+  });
+}
+
+/// max|A - A'| / max|A| of the dense system.
+template <Block B, class Real, int kStride>
+STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
+  const Real largest = max_over<Real>(block, s.n * s.n, [&](Index k) { return abs_(s.A[k]); });
+  const Real difference = max_over<Real>(block, s.n * s.n, [&](Index k) {
+    return abs_(s.A[k] - s.A[(k % s.n) * s.n + k / s.n]);
+  });
+  return largest > Real(0) ? div_(difference, largest) : Real(0);
+}
+
+/// The same on a sparse pattern; an entry whose transpose is not stored counts in full. Duplicates are compared one by
+/// one and may overstate the difference.
+template <Block B, class Real>
+STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
+  const EnvView<Real>& env = *s.env;
+  const Offset base = env.row_offsets[0];
+  Real largest(0);
+  Real difference(0);
+  for (Index i = block.rank(); i < s.n; i += block.size())
+    for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
+      const Index j = env.column[k];
+      Real mirrored(0);
+      for (Offset t = env.row_offsets[j]; t < env.row_offsets[j + 1]; ++t)
+        if (env.column[t] == i) mirrored = s.value.data[t - base];
+      largest = max_(abs_(s.value.data[k - base]), largest);
+      difference = max_(abs_(s.value.data[k - base] - mirrored), difference);
+    }
+  largest = block.max(largest);
+  difference = block.max(difference);
+  return largest > Real(0) ? div_(difference, largest) : Real(0);
+}
+
+/// How far A may be from symmetric for a method that minimises.
+inline constexpr float kLargestAsymmetry = 1e-2F;
+
+/// Brings one environment into the solver's coordinates and records its first iterate. Returns its flags; with any
+/// but kFlagWarmStartRejected set the system is not to be used.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
+  const Inspection<Real> seen = inspect(block, env);
+  std::uint32_t flags = seen.flags;
+  if ((flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) return flags;
+  const Real scale_a = unit_scale(seen.largest_diagonal);
+  const Real scale_b = unit_scale(seen.largest_b);
+  // With b = 0 the answer is zero, and no warm start is better.
+  const bool warm = env.warm_start != nullptr && flags == 0 && seen.largest_b > Real(0);
+  assemble(block, env, s, scale_a);
+  for_each(block, s.cones, [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
+  for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
+  for_each_place(block, env, s,
+                 [&](Index cone, ConePlace place) { prepare_cone(env, s, cone, place, scale_a, scale_b, warm); });
+  if constexpr (Method::kNeedsSymmetry)
+    if (asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
+  single(block, [&] {
+    s.scalar[kBestResidual] = s.scalar[kLastResidual] = __builtin_huge_valf();
+    s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
+    s.scalar[kScaleA] = scale_a;
+    s.scalar[kScaleB] = scale_b;
+  });
+  refresh_motion(block, s);
+  for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
+  record<kLaw>(block, s, true);
+  Method::template start<kLaw>(block, s);
+  return flags;
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,58 @@
+#pragma once
+
+#include "core/body/sweep_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Norm of the natural map of one cone, a x - P(a x - y), with de Saxce's term in y under the Coulomb law
+/// (docs/math/residual.md). The cones are cones, so the weight a goes inside the projection and no division is needed.
+/// Anything that is not a finite number counts as infinite: a projection would hide it.
+template <Law kLaw, class Shape, class Real, int M>
+STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+  Real ax[M];
+  Real z[M];
+  for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
+  proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
+  Real sum(0);
+  for (int k = 0; k < M; ++k) {
+    const Real r = ax[k] - z[k];
+    sum = fma_(r, r, sum);
+  }
+  const Real norm = sqrt_(sum);
+  Real input(0);
+  for (int k = 0; k < M; ++k) input = input + (ax[k] + y[k]);
+  return select(and_(finite_(norm), finite_(input)), norm, Real(__builtin_huge_valf()));
+}
+
+/// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
+/// iterate itself. Reads y, which must be the motion of x.
+template <Law kLaw, Block B, class System>
+STICTION_HD void record(B& block, System& s, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  if constexpr (!System::kMaintainsMotion) refresh_motion(block, s);
+  Real largest(0);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    Real x[kRows];
+    Real y[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      x[k] = s.x[row + k];
+      y[k] = s.y[row + k];
+    }
+    const Real lo = decltype(shape)::kKind == ConeKind::box ? s.lo[cone] : Real(0);
+    const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
+    largest = max_(natural_map<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
+  });
+  largest = block.max(largest);
+  const Real residual = div_(largest, s.scalar[kNormB]);
+  const auto better = and_(due, residual < s.scalar[kBestResidual]);
+  if (any(better))
+    for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
+  block.sync();
+  single(block, [&] {
+    s.scalar[kBestResidual] = select(better, residual, s.scalar[kBestResidual]);
+    s.scalar[kLastResidual] = select(due, residual, s.scalar[kLastResidual]);
+  });
+}
+
+}  // namespace stiction::inline STICTION_ISA

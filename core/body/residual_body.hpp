@@ -1,0 +1,56 @@
+#pragma once
+
+#include "core/body/record_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
+/// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
+template <Block B, class Real>
+STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
+  double largest = 0.0;
+  for_each(block, env.cone_count, [&](Index cone) {
+    const ConeKind kind = env.kind[cone];
+    const Index first = env.cone_row(cone);
+    with_shape(kind, env.cone_size(cone), [&](auto shape) {
+      constexpr int kRows = decltype(shape)::kRows;
+      double x[kRows];
+      double y[kRows];
+      double trace = 0.0;
+      for (int k = 0; k < kRows; ++k) {
+        const Index i = first + k;
+        const double compliance = static_cast<double>(env.R[i]);
+        double motion = fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i]));
+        double diagonal = compliance;
+        for (Offset t = env.row_offsets[i]; t < env.row_offsets[i + 1]; ++t) {
+          const Index j = env.column[t];
+          const double a = static_cast<double>(env.A[t]);
+          motion = fma_(a, static_cast<double>(env.lambda[j]), motion);
+          if (j == i) diagonal = diagonal + a;
+        }
+        if (env.w != nullptr) env.w[i] = canonical_zero(static_cast<Real>(motion));
+        trace = trace + diagonal;
+        // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
+        const double mu = static_cast<double>(row_scale(env, kind, first, i));
+        x[k] = mu > 0.0 ? div_(static_cast<double>(env.lambda[i]), mu) : 0.0;
+        y[k] = mu * motion;
+      }
+      const double a = div_(trace, static_cast<double>(kRows));
+      const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
+      const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+      const double norm = env.law == Law::coulomb ? natural_map<Law::coulomb>(shape, x, y, a, lo, hi)
+                                                  : natural_map<Law::convex>(shape, x, y, a, lo, hi);
+      largest = max_(norm, largest);
+    });
+  });
+  return block.max(largest);
+}
+
+/// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.
+template <Block B, class Real>
+STICTION_HD double residual_scale(B& block, const EnvView<Real>& env) {
+  const double largest = max_over<double>(block, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
+  return max_(largest, 1e-300);
+}
+
+}  // namespace stiction::inline STICTION_ISA

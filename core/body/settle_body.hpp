@@ -1,0 +1,99 @@
+#pragma once
+
+#include "core/body/prepare_body.hpp"
+#include "core/body/residual_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// When to stop; the same for every environment of a solve.
+struct StopRule {
+  double tolerance;      ///< on the relative residual [-]
+  Index max_iterations;  ///< per environment
+  Index stall_window;    ///< iterations without a better residual before giving up; 0: never
+};
+
+/// What an environment remembers between two looks at it. Lanes of a block hold equal copies.
+template <class Real>
+struct EnvProgress {
+  Index iterations = 0;     ///< done so far
+  Index best_at = 0;        ///< iteration at which the best residual was recorded
+  Real best = Real(0);      ///< that residual, valid once iterations or best_at moved
+  Real verified = Real(-1); ///< estimate whose iterate failed the final residual; not worth a second look
+  std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
+};
+
+template <Block B, class Real>
+STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, SolverKind solver, std::uint32_t flags,
+                              Index iterations, double relative, double absolute) {
+  single(block, [&] {
+    *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}};
+  });
+}
+
+/// The safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since w = b
+/// could carry the very NaN; for an unsupported system w = b.
+template <Block B, class Real>
+STICTION_HD void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
+  const bool unsupported = (flags & ~static_cast<std::uint32_t>(kFlagAsymmetric | kFlagWarmStartRejected)) == 0;
+  for_each(block, env.n, [&](Index i) {
+    env.lambda[i] = 0;
+    if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);
+  });
+  const double infinite = __builtin_huge_val();
+  write_status(block, env, unsupported ? EnvCode::unsupported : EnvCode::invalid_input, solver, flags, 0, infinite,
+               infinite);
+}
+
+/// An environment without rows is solved by saying so.
+template <Block B, class Real>
+STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind solver) {
+  write_status(block, env, EnvCode::solved, solver, 0, 0, 0.0, 0.0);
+}
+
+/// The best iterate back in the batch's units and order.
+template <Block B, class Real, class System>
+STICTION_HD void publish(B& block, const EnvView<Real>& env, const System& s) {
+  const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k) {
+      const Real scale = row_scale(env, env.kind[cone], first, first + k);
+      env.lambda[first + k] = canonical_zero((s.best[place.row + k] * scale) * unscale);
+    }
+  });
+}
+
+/// Looks at an environment between chunks: true when it is finished, and then its answer and status are written. The
+/// estimate the iteration works with only nominates; the residual that decides, and is reported, is computed in double
+/// from the batch's own numbers and the very bits of lambda that are returned.
+template <class Method, Block B, class Real, class System>
+STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                        EnvProgress<Real>& progress) {
+  const Real best = s.scalar[kBestResidual];
+  const Real last = s.scalar[kLastResidual];
+  if (progress.iterations == 0 || best < progress.best) {
+    progress.best = best;
+    progress.best_at = progress.iterations;
+  }
+  const bool broken = !finite_(last);
+  const bool stalled = rule.stall_window > 0 && progress.iterations - progress.best_at >= rule.stall_window;
+  const bool ended = broken || stalled || progress.iterations >= rule.max_iterations;
+  const bool nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
+  // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
+  block.sync();
+  if (!nominated && !ended) return false;
+  publish(block, env, s);
+  const double absolute = final_residual(block, env);
+  const double relative = div_(absolute, residual_scale(block, env));
+  const bool solved = finite_(relative) && relative <= rule.tolerance;
+  progress.verified = best;
+  if (!solved && !ended) return false;
+  const EnvCode code = solved    ? EnvCode::solved
+                       : broken  ? EnvCode::numerical
+                       : stalled ? EnvCode::stalled
+                                 : EnvCode::max_iterations;
+  write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
+  return true;
+}
+
+}  // namespace stiction::inline STICTION_ISA

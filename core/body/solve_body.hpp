@@ -1,0 +1,42 @@
+#pragma once
+
+#include "core/body/settle_body.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Iterations between two looks at the residual. Part of the numerics epoch: environments stop at multiples of it.
+inline constexpr Index kChunk = 4;
+static_assert(kRefreshInterval % kChunk == 0);
+
+/// kChunk iterations. `done` iterations lie behind every lane, modulo the refresh interval; `left` may differ between
+/// lanes: a lane whose iterations run out inside the chunk is recorded at its last one and ignored from then on.
+template <class Method, Law kLaw, Block B, class System>
+STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
+                         Index done_modulo, typename System::Real left) {
+  using Real = typename System::Real;
+  for (Index k = 0; k < kChunk; ++k) {
+    Method::template iterate<kLaw>(block, s, params, done_modulo + k);
+    left = left - Real(1);
+    const auto due = k + 1 == kChunk ? left >= Real(0) : left == Real(0);
+    if (any(due)) record<kLaw>(block, s, due);
+  }
+}
+
+/// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                                   const StopRule& rule) {
+  EnvProgress<Real> progress;
+  progress.flags = prepare<Method, kLaw>(block, env, s);
+  if ((progress.flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) {
+    refuse(block, env, Method::kKind, progress.flags);
+    return;
+  }
+  while (!settle<Method>(block, env, s, rule, progress)) {
+    const Index left = rule.max_iterations - progress.iterations;
+    advance<Method, kLaw>(block, s, params, progress.iterations % kRefreshInterval, static_cast<Real>(left));
+    progress.iterations += left < kChunk ? left : kChunk;
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

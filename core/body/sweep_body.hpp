@@ -1,0 +1,77 @@
+#pragma once
+
+#include "core/body/dense_system.hpp"
+#include "core/body/local_solve.hpp"
+#include "core/body/sparse_system.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Size of a cone's change in units of w: the largest |d_k| times the cone's mean diagonal.
+template <class Real, int M>
+STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
+  Real largest = abs_(step.d[0]);
+  for (int k = 1; k < M; ++k) largest = max_(abs_(step.d[k]), largest);
+  return largest * weight;
+}
+
+/// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
+/// next is visited. Returns the largest step size, on every lane.
+template <Law kLaw, Block B, class RealType, int kStride>
+STICTION_HD RealType sweep(B& block, DenseSystem<RealType, kStride>& s, RealType omega) {
+  using Real = RealType;
+  Real largest(0);
+  for_each_segment(s.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (Index k = 0; k < count; ++k) {
+      const Index cone = first_cone + k;
+      const Index row = first_row + k * kRows;
+      const ConeStep<Real, kRows> step = block.broadcast([&] {
+        Real y[kRows];
+        for (int r = 0; r < kRows; ++r) y[r] = s.y[row + r];
+        const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
+        for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
+        return local;
+      });
+      const Real size = step_size(step, s.trace[cone]);
+      // A cone that does not move, an open contact above all, pushes nothing.
+      if (any(size != Real(0))) s.push(block, row, step.d);
+      largest = max_(size, largest);
+    }
+  });
+  return largest;
+}
+
+/// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
+/// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
+template <Law kLaw, Block B, class RealType>
+STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) {
+  using Real = RealType;
+  const EnvView<Real>& env = *s.env;
+  Real largest(0);
+  for (Index color = 0; color < env.color_count; ++color) {
+    const Index first = env.color_offsets[color];
+    for_each(block, env.color_offsets[color + 1] - first, [&](Index k) {
+      for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p) {
+        const Index cone = env.cone_order[p];
+        const Index row = env.cone_row(cone);
+        with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+          constexpr int kRows = decltype(shape)::kRows;
+          Real y[kRows];
+          for (int r = 0; r < kRows; ++r) y[r] = s.gather(row + r, s.x, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
+          const auto step = local_step<kLaw>(shape, s, cone, row, y, omega);
+          for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
+          largest = max_(step_size(step, s.trace[cone]), largest);
+        });
+      }
+    });
+  }
+  return block.max(largest);
+}
+
+/// y = (A + diag R) x + b from scratch.
+template <Block B, class System>
+STICTION_HD void refresh_motion(B& block, System& s) {
+  s.multiply(block, s.x, s.y, [&](Index i) { return s.b[i]; });
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,65 @@
+#pragma once
+
+#include "core/base/real.hpp"
+#include "core/base/strided.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Scalars an environment carries from chunk to chunk, kept beside its arrays so that a lane can be loaded and read
+/// like any other data.
+enum StateScalar : Index {
+  kBestResidual = 0,  ///< smallest residual estimate recorded so far [-]
+  kLastResidual,      ///< the latest one [-]
+  kNormB,             ///< max|b| in the solver's units
+  kScaleA,            ///< power of two that A was multiplied by
+  kScaleB,            ///< power of two that b was multiplied by
+  kTheta,             ///< momentum: Nesterov's theta
+  kProgress,          ///< momentum: size of the last change, in units of w
+  kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
+  kStateScalars
+};
+
+/// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
+/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of two.
+template <class Real, int kStride>
+struct SystemArrays {
+  Strided<Real, kStride> b;         ///< right-hand side                                   (n)
+  Strided<Real, kStride> x;         ///< the iterate                                       (n)
+  Strided<Real, kStride> y;         ///< motion (A + R) x + b                              (n)
+  Strided<Real, kStride> best;      ///< the iterate with the smallest residual recorded   (n)
+  Strided<Real, kStride> extra;     ///< vectors of the method, n apart                    (method * n)
+  Strided<Real, kStride> trace;     ///< mean diagonal of the cone's block before mu: the residual's weight a  (cones)
+  Strided<Real, kStride> inv_n;     ///< 1 / first diagonal entry                          (cones)
+  Strided<Real, kStride> inv_t;     ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
+  Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
+  Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
+  Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
+
+  static constexpr Offset elements(Offset n, Offset cones, Offset method_vectors) {
+    return (4 + method_vectors) * n + 6 * cones + kStateScalars;
+  }
+  /// Lays the arrays out one after the other from `memory`; returns the first element behind them.
+  STICTION_HD Strided<Real, kStride> carve(Strided<Real, kStride> memory, Offset n, Offset cones,
+                                           Offset method_vectors) {
+    const auto take = [&memory](Offset count) {
+      const Strided<Real, kStride> part = memory;
+      memory = memory.from(count);
+      return part;
+    };
+    b = take(n);
+    x = take(n);
+    y = take(n);
+    best = take(n);
+    extra = take(method_vectors * n);
+    trace = take(cones);
+    inv_n = take(cones);
+    inv_t = take(cones);
+    inv_cone = take(cones);
+    lo = take(cones);
+    hi = take(cones);
+    scalar = take(kStateScalars);
+    return memory;
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/base/cone_counts.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone.
+/// "cone position" below is a position in that environment's part of cone_order.
+struct PlanData {
+  Offset env_count = 0;
+  Offset cone_count = 0;
+  Offset row_count = 0;
+  Offset nonzero_count = 0;
+  std::vector<EnvPath> path;              ///<                                                       (env_count)
+  std::vector<ConeCounts> counts;         ///<                                                       (env_count)
+  std::vector<Index> cone_order;          ///< cones, environment-local: dense: canonical order; sparse: by colour,
+                                          ///< then vertex                                           (cone_count)
+  std::vector<Offset> env_vertex_offsets; ///< where each environment's vertex_offsets begin         (env_count + 1)
+  std::vector<Index> vertex_offsets;      ///< sparse: cone position where each vertex begins, closed by the cone
+                                          ///< count; dense, empty: no entries
+  std::vector<Offset> env_color_offsets;  ///< where each environment's color_offsets begin          (env_count + 1)
+  std::vector<Index> color_offsets;       ///< sparse: vertex where each colour begins, closed by the vertex count
+  std::vector<Offset> dense_order;        ///< dense environments, most expensive first, equal shapes together;
+                                          ///< the order reaches speed only
+  std::vector<Offset> sparse_order;       ///< sparse environments, most expensive first
+};
+
+/// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a
+/// gathered one (small, or at least a quarter full), and never so large that the square would not fit.
+constexpr EnvPath choose_path(Offset n, Offset nnz) {
+  if (n == 0) return EnvPath::empty;
+  if (n <= 64) return EnvPath::dense;
+  return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
+}
+
+/// Plans a host batch whose structure is sound.
+template <class Real>
+PlanData make_plan(const ContactBatchView<Real>& batch);
+
+}  // namespace stiction
