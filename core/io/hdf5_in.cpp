@@ -1,0 +1,351 @@
+#include "core/io/hdf5_in.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <memory>
+
+#include "stiction/error.hpp"
+
+namespace stiction::io {
+namespace {
+
+/// No deflate stream expands more (zlib's documented limit of 1032:1), so no honest dataset claims more than this many
+/// bytes for each byte that is stored for it.
+constexpr std::uint64_t kDeflateLimit = 1032;
+
+/// Longest text attribute or fixed-length string taken.
+constexpr std::size_t kMaxTextBytes = std::size_t{1} << 20;
+
+const char* class_name(H5T_class_t type_class) {
+  switch (type_class) {
+    case H5T_INTEGER:
+      return "integers";
+    case H5T_FLOAT:
+      return "floating-point numbers";
+    case H5T_STRING:
+      return "strings";
+    case H5T_COMPOUND:
+      return "compound records";
+    case H5T_ENUM:
+      return "enumerators";
+    default:
+      return "an unusual type";
+  }
+}
+
+/// The standard types: IEEE and two's complement, either byte order. HDF5 can describe others (odd exponents, padding
+/// bits), which no honest writer uses and whose conversion is the least travelled code of HDF5.
+bool is_standard(hid_t type, H5T_class_t type_class) {
+  const auto any_of = [type](const auto& known) {
+    return std::any_of(known.begin(), known.end(), [type](hid_t one) { return H5Tequal(type, one) > 0; });
+  };
+  if (type_class == H5T_FLOAT) {
+    return any_of(std::array{H5T_IEEE_F32LE, H5T_IEEE_F32BE, H5T_IEEE_F64LE, H5T_IEEE_F64BE});
+  }
+  return any_of(std::array{H5T_STD_I8LE, H5T_STD_I8BE, H5T_STD_U8LE, H5T_STD_U8BE, H5T_STD_I16LE, H5T_STD_I16BE,
+                           H5T_STD_U16LE, H5T_STD_U16BE, H5T_STD_I32LE, H5T_STD_I32BE, H5T_STD_U32LE, H5T_STD_U32BE,
+                           H5T_STD_I64LE, H5T_STD_I64BE, H5T_STD_U64LE, H5T_STD_U64BE});
+}
+
+/// Memory for variable-length strings, bounded: their lengths come from the file.
+struct Arena {
+  std::uint64_t left;
+  std::vector<std::unique_ptr<char[]>> blocks;
+  static void* allocate(std::size_t size, void* arena) noexcept try {
+    auto* self = static_cast<Arena*>(arena);
+    if (size > self->left) return nullptr;
+    self->left -= size;
+    return self->blocks.emplace_back(std::make_unique<char[]>(size)).get();
+  } catch (const std::bad_alloc&) {
+    return nullptr;  // HDF5 is C: it takes no exception
+  }
+  static void release(void*, void*) {}
+};
+
+std::string fixed_text(const char* text, std::size_t width) {
+  return {text, std::find(text, text + width, '\0')};
+}
+
+}  // namespace
+
+InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
+  std::error_code trouble;
+  const auto status = std::filesystem::status(path, trouble);
+  if (status.type() == std::filesystem::file_type::not_found) throw Error(ErrorCode::io, name_ + ": no such file");
+  if (status.type() != std::filesystem::file_type::regular) throw Error(ErrorCode::io, name_ + ": not a regular file");
+  errno = 0;
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw Error(ErrorCode::io, name_ + ": cannot be read: " + std::strerror(errno));
+  file_bytes_ = std::filesystem::file_size(path, trouble);
+  if (trouble) throw Error(ErrorCode::io, name_ + ": cannot be read: " + trouble.message());
+  stream.close();
+
+  if (H5Fis_hdf5(name_.c_str()) <= 0) {
+    refuse(file_bytes_ == 0 ? "the file is empty"
+                            : "not an HDF5 file, so neither a contact batch nor FCLIB nor a solution");
+  }
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+#if H5_VERSION_GE(1, 10, 7)
+  H5Pset_file_locking(access.get(), false, true);  // read-only media cannot be locked
+#endif
+  file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
+  if (!file_.ok()) refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
+}
+
+InputFile::InputFile(std::span<const std::byte> image, std::string name)
+    : name_(std::move(name)), file_bytes_(image.size()) {
+  if (image.empty()) refuse("the file is empty");
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  constexpr std::size_t kGrowth = 1 << 16;
+  H5Pset_fapl_core(access.get(), kGrowth, false);
+  // HDF5 copies the image and never writes through the pointer, it only forgot to say so.
+  H5Pset_file_image(access.get(), const_cast<std::byte*>(image.data()), image.size());
+  file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
+  if (!file_.ok()) refuse("not an HDF5 file, or a truncated or damaged one" + hdf5_reason());
+}
+
+void InputFile::refuse(const std::string& sentence) const {
+  throw Error(ErrorCode::bad_file, name_ + ": " + sentence);
+}
+
+void InputFile::refuse_dataset(const std::string& path, const std::string& what) const {
+  refuse("dataset '" + path + "' " + what);
+}
+
+bool InputFile::has(const std::string& path) const {
+  for (std::size_t end = path.find('/'); true; end = path.find('/', end + 1)) {
+    const std::string part = path.substr(0, end);
+    const htri_t exists = H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT);
+    if (exists < 0) refuse("'" + part + "' cannot be looked up" + hdf5_reason());
+    if (exists == 0) return false;
+    H5L_info_t link{};
+    if (H5Lget_info(file_.get(), part.c_str(), &link, H5P_DEFAULT) < 0) {
+      refuse("'" + part + "' cannot be looked up" + hdf5_reason());
+    }
+    if (link.type != H5L_TYPE_HARD) refuse("'" + part + "' is a soft or external link, only plain objects are read");
+    if (end == std::string::npos) return true;
+    const Handle object(H5Oopen(file_.get(), part.c_str(), H5P_DEFAULT), H5Oclose);
+    if (!object.ok() || H5Iget_type(object.get()) != H5I_GROUP) refuse("'" + part + "' is not a group" + hdf5_reason());
+  }
+}
+
+InputFile::Dataset InputFile::open(const std::string& path, Values values, std::optional<std::size_t> length) const {
+  if (!has(path)) refuse_dataset(path, "is missing");
+  Dataset dataset;
+  dataset.id = Handle(H5Oopen(file_.get(), path.c_str(), H5P_DEFAULT), H5Oclose);
+  if (!dataset.id.ok()) refuse_dataset(path, "cannot be opened" + hdf5_reason());
+  if (H5Iget_type(dataset.id.get()) != H5I_DATASET) refuse_dataset(path, "is not a dataset");
+
+  dataset.type = Handle(H5Dget_type(dataset.id.get()), H5Tclose);
+  if (!dataset.type.ok()) refuse_dataset(path, "has an unreadable type" + hdf5_reason());
+  check_type(path, dataset.type.get(), values);
+
+  const Handle space(H5Dget_space(dataset.id.get()), H5Sclose);
+  const int rank = space.ok() ? H5Sget_simple_extent_ndims(space.get()) : -1;
+  if (rank < 0) refuse_dataset(path, "has an unreadable shape" + hdf5_reason());
+  if (rank != 1) refuse_dataset(path, "has " + std::to_string(rank) + " dimensions, expected 1");
+  hsize_t extent = 0;
+  H5Sget_simple_extent_dims(space.get(), &extent, nullptr);
+  if (length && extent != *length) {
+    refuse_dataset(path, "has " + std::to_string(extent) + " elements, expected " + std::to_string(*length));
+  }
+  dataset.count = static_cast<std::size_t>(extent);
+  check_storage(path, dataset);
+  return dataset;
+}
+
+void InputFile::check_type(const std::string& path, hid_t type, Values values) const {
+  const H5T_class_t found = H5Tget_class(type);
+  const H5T_class_t wanted = values == Values::real ? H5T_FLOAT : values == Values::integer ? H5T_INTEGER : H5T_STRING;
+  if (found != wanted) {
+    refuse_dataset(path, std::string("holds ") + class_name(found) + ", expected " + class_name(wanted));
+  }
+  if (wanted == H5T_STRING) {
+    if (H5Tis_variable_str(type) <= 0 && H5Tget_size(type) > kMaxTextBytes) {
+      refuse_dataset(path, "holds strings of more than 1 MiB");
+    }
+  } else if (!is_standard(type, wanted)) {
+    refuse_dataset(path, std::string("holds ") + class_name(found) + " of no standard layout (" +
+                             std::to_string(H5Tget_size(type)) + " bytes)");
+  }
+}
+
+void InputFile::check_storage(const std::string& path, const Dataset& dataset) const {
+  if (dataset.count == 0) return;
+  const std::size_t width = H5Tget_size(dataset.type.get());
+  if (width == 0 || dataset.count > std::numeric_limits<std::size_t>::max() / kDeflateLimit / width) {
+    refuse_dataset(path, "claims " + std::to_string(dataset.count) + " elements, more than any file holds");
+  }
+  const std::size_t bytes = dataset.count * width;
+  const Handle properties(H5Dget_create_plist(dataset.id.get()), H5Pclose);
+  if (!properties.ok()) refuse_dataset(path, "has an unreadable layout" + hdf5_reason());
+  if (H5Pget_external_count(properties.get()) > 0) refuse_dataset(path, "keeps its data in another file");
+  switch (H5Pget_layout(properties.get())) {
+    case H5D_CHUNKED:
+      return check_chunks(path, dataset, properties.get(), bytes);
+    case H5D_COMPACT:
+    case H5D_CONTIGUOUS:
+      break;
+    default:
+      refuse_dataset(path, "has neither a compact, contiguous nor chunked layout");
+  }
+  const std::uint64_t stored = H5Dget_storage_size(dataset.id.get());
+  if (stored < bytes || bytes > file_bytes_) {
+    refuse_dataset(path, "claims " + std::to_string(dataset.count) + " elements (" + std::to_string(bytes) +
+                             " bytes), the file of " + std::to_string(file_bytes_) + " bytes stores " +
+                             std::to_string(stored) + " for it");
+  }
+}
+
+void InputFile::check_chunks(const std::string& path, const Dataset& dataset, hid_t properties,
+                             std::size_t bytes) const {
+  const int filters = H5Pget_nfilters(properties);
+  bool deflated = false;
+  for (int i = 0; i < filters; ++i) {
+    unsigned flags = 0, config = 0;
+    std::size_t value_count = 0;
+    const H5Z_filter_t filter =
+        H5Pget_filter2(properties, static_cast<unsigned>(i), &flags, &value_count, nullptr, 0, nullptr, &config);
+    if (filter != H5Z_FILTER_DEFLATE && filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32) {
+      refuse_dataset(path, "is packed with filter " + std::to_string(filter) +
+                               ", only deflate, shuffle and fletcher32 "
+                               "are read");
+    }
+    deflated = deflated || filter == H5Z_FILTER_DEFLATE;
+  }
+  const std::uint64_t limit = deflated ? kDeflateLimit : 1;
+  const std::string claim =
+      "claims " + std::to_string(dataset.count) + " elements (" + std::to_string(bytes) + " bytes)";
+  if (bytes / limit > file_bytes_) {
+    refuse_dataset(path, claim + ", more than a file of " + std::to_string(file_bytes_) + " bytes holds");
+  }
+  hsize_t chunk = 0;
+  if (H5Pget_chunk(properties, 1, &chunk) != 1 || chunk == 0) refuse_dataset(path, "has an unreadable chunk size");
+  if (chunk > dataset.count && chunk * (bytes / dataset.count) / limit > file_bytes_) {
+    refuse_dataset(path, "claims chunks of " + std::to_string(chunk) + " elements, more than the file holds");
+  }
+  for (hsize_t begin = 0; begin < dataset.count; begin += chunk) {
+    hsize_t stored = 0;
+    if (H5Dget_chunk_storage_size(dataset.id.get(), &begin, &stored) < 0 || stored == 0) {
+      refuse_dataset(path, "lacks the chunk that begins at element " + std::to_string(begin));
+    }
+    if (stored > file_bytes_) {
+      refuse_dataset(path,
+                     "has a chunk of " + std::to_string(stored) + " bytes in a file of " + std::to_string(file_bytes_));
+    }
+  }
+}
+
+void InputFile::read(const std::string& path, const Dataset& dataset, hid_t memory_type, void* out) const {
+  if (dataset.count == 0) return;
+  if (H5Dread(dataset.id.get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, out) < 0) {
+    refuse_dataset(path, "cannot be read" + hdf5_reason());
+  }
+}
+
+std::vector<double> InputFile::reals(const std::string& path, std::optional<std::size_t> length) const {
+  const Dataset dataset = open(path, Values::real, length);
+  std::vector<double> values(dataset.count);
+  read(path, dataset, H5T_NATIVE_DOUBLE, values.data());
+  return values;
+}
+
+bool InputFile::is_single(const std::string& path) const {
+  return H5Tget_size(open(path, Values::real, {}).type.get()) == sizeof(float);
+}
+
+std::vector<std::int64_t> InputFile::wide_integers(const std::string& path, std::optional<std::size_t> length) const {
+  const Dataset dataset = open(path, Values::integer, length);
+  std::vector<std::int64_t> values(dataset.count);
+  // HDF5 would clip what does not fit; unsigned 64-bit numbers are therefore read as such, and a set top bit refused.
+  const bool huge =
+      H5Tget_sign(dataset.type.get()) == H5T_SGN_NONE && H5Tget_size(dataset.type.get()) == sizeof(std::int64_t);
+  read(path, dataset, huge ? H5T_NATIVE_UINT64 : H5T_NATIVE_INT64, values.data());
+  if (huge) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (values[i] < 0) {
+        refuse_dataset(path, "holds " + std::to_string(static_cast<std::uint64_t>(values[i])) + " at position " +
+                                 std::to_string(i) + ", which does not fit 63 bits");
+      }
+    }
+  }
+  return values;
+}
+
+std::int64_t InputFile::integer(const std::string& path) const {
+  return wide_integers(path, 1).front();
+}
+
+std::vector<std::string> InputFile::strings(const std::string& path, std::optional<std::size_t> length) const {
+  const Dataset dataset = open(path, Values::text, length);
+  std::vector<std::string> values;
+  values.reserve(dataset.count);
+  const std::size_t width = H5Tget_size(dataset.type.get());
+  const Handle memory_type(H5Tcopy(dataset.type.get()), H5Tclose);
+  if (H5Tis_variable_str(dataset.type.get()) > 0) {
+    Arena arena{file_bytes_, {}};
+    const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose);
+    H5Pset_vlen_mem_manager(transfer.get(), Arena::allocate, &arena, Arena::release, &arena);
+    std::vector<char*> texts(dataset.count, nullptr);
+    if (dataset.count > 0 &&
+        H5Dread(dataset.id.get(), memory_type.get(), H5S_ALL, H5S_ALL, transfer.get(), texts.data()) < 0) {
+      refuse_dataset(path, "cannot be read" + hdf5_reason());
+    }
+    for (const char* text : texts) values.emplace_back(text == nullptr ? "" : text);
+  } else {
+    std::vector<char> text(dataset.count * width);
+    read(path, dataset, memory_type.get(), text.data());
+    for (std::size_t i = 0; i < dataset.count; ++i) values.push_back(fixed_text(text.data() + i * width, width));
+  }
+  return values;
+}
+
+std::optional<std::string> InputFile::text_attribute(const std::string& name) const {
+  const htri_t exists = H5Aexists(file_.get(), name.c_str());
+  if (exists < 0) refuse("attribute '" + name + "' cannot be looked up" + hdf5_reason());
+  if (exists == 0) return std::nullopt;
+  const Handle attribute(H5Aopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+  const Handle type(attribute.ok() ? H5Aget_type(attribute.get()) : -1, H5Tclose);
+  const Handle space(attribute.ok() ? H5Aget_space(attribute.get()) : -1, H5Sclose);
+  if (!type.ok() || !space.ok() || H5Tget_class(type.get()) != H5T_STRING ||
+      H5Sget_simple_extent_npoints(space.get()) != 1) {
+    refuse("attribute '" + name + "' is not one string" + hdf5_reason());
+  }
+  const Handle memory_type(H5Tcopy(type.get()), H5Tclose);
+  if (H5Tis_variable_str(type.get()) > 0) {
+    char* text = nullptr;
+    if (H5Aread(attribute.get(), memory_type.get(), &text) < 0) {
+      refuse("attribute '" + name + "' cannot be read" + hdf5_reason());
+    }
+    const std::unique_ptr<char, herr_t (*)(void*)> owner(text, H5free_memory);
+    return text == nullptr ? std::string() : std::string(text);
+  }
+  const std::size_t width = H5Tget_size(type.get());
+  if (width > kMaxTextBytes) refuse("attribute '" + name + "' is longer than 1 MiB");
+  std::vector<char> text(width);
+  if (H5Aread(attribute.get(), memory_type.get(), text.data()) < 0) {
+    refuse("attribute '" + name + "' cannot be read" + hdf5_reason());
+  }
+  return fixed_text(text.data(), width);
+}
+
+std::optional<std::int64_t> InputFile::integer_attribute(const std::string& name) const {
+  const htri_t exists = H5Aexists(file_.get(), name.c_str());
+  if (exists < 0) refuse("attribute '" + name + "' cannot be looked up" + hdf5_reason());
+  if (exists == 0) return std::nullopt;
+  const Handle attribute(H5Aopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+  const Handle type(attribute.ok() ? H5Aget_type(attribute.get()) : -1, H5Tclose);
+  const Handle space(attribute.ok() ? H5Aget_space(attribute.get()) : -1, H5Sclose);
+  std::int64_t value = 0;
+  if (!type.ok() || !space.ok() || H5Tget_class(type.get()) != H5T_INTEGER || !is_standard(type.get(), H5T_INTEGER) ||
+      H5Sget_simple_extent_npoints(space.get()) != 1 || H5Aread(attribute.get(), H5T_NATIVE_INT64, &value) < 0) {
+    refuse("attribute '" + name + "' is not one integer" + hdf5_reason());
+  }
+  return value;
+}
+
+}  // namespace stiction::io

@@ -1,0 +1,158 @@
+#include "core/io/hdf5_out.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+
+#include "stiction/error.hpp"
+
+namespace stiction::io {
+namespace {
+
+/// Arrays from this many elements on are packed (shuffle, deflate): below, the chunk index outweighs the gain.
+constexpr std::size_t kPackedFrom = 1024;
+constexpr std::size_t kChunk = std::size_t{1} << 16;
+constexpr unsigned kDeflateLevel = 4;
+
+std::filesystem::path beside(const std::filesystem::path& path) {
+  static std::atomic<unsigned> serial{0};
+  std::filesystem::path temporary = path;
+  temporary += "." + std::to_string(getpid()) + "." + std::to_string(serial++) + ".part";
+  return temporary;
+}
+
+}  // namespace
+
+OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)), temporary_(beside(path_)) {
+  const Handle create(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+  H5Pset_obj_track_times(create.get(), false);
+  file_ = Handle(H5Fcreate(temporary_.c_str(), H5F_ACC_EXCL, create.get(), H5P_DEFAULT), H5Fclose);
+  if (!file_.ok()) {
+    committed_ = true;  // nothing to remove
+    fail("cannot be created: is the folder there and writable?");
+  }
+}
+
+OutputFile::~OutputFile() {
+  file_.close();
+  std::error_code ignored;
+  if (!committed_) std::filesystem::remove(temporary_, ignored);
+}
+
+void OutputFile::fail(const std::string& what) const {
+  throw Error(ErrorCode::io, path_.string() + ": " + what + hdf5_reason());
+}
+
+void OutputFile::group(const std::string& path) {
+  const Handle create(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
+  H5Pset_obj_track_times(create.get(), false);
+  const Handle group(H5Gcreate2(file_.get(), path.c_str(), H5P_DEFAULT, create.get(), H5P_DEFAULT), H5Gclose);
+  if (!group.ok()) fail("group '" + path + "' cannot be written");
+}
+
+void OutputFile::write(const std::string& path, hid_t file_type, hid_t memory_type, std::size_t width,
+                       std::size_t count, const void* values) {
+  const hsize_t extent = count;
+  const Handle space(H5Screate_simple(1, &extent, nullptr), H5Sclose);
+  const Handle create(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  H5Pset_obj_track_times(create.get(), false);
+  if (width > 0 && count >= kPackedFrom && H5Zfilter_avail(H5Z_FILTER_DEFLATE) > 0) {
+    const hsize_t chunk = count < kChunk ? count : kChunk;
+    H5Pset_chunk(create.get(), 1, &chunk);
+    H5Pset_shuffle(create.get());
+    H5Pset_deflate(create.get(), kDeflateLevel);
+  }
+  const Handle dataset(
+      H5Dcreate2(file_.get(), path.c_str(), file_type, space.get(), H5P_DEFAULT, create.get(), H5P_DEFAULT), H5Dclose);
+  if (!dataset.ok() || (count > 0 && H5Dwrite(dataset.get(), memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0)) {
+    fail("dataset '" + path + "' cannot be written");
+  }
+}
+
+void OutputFile::array(const std::string& path, std::span<const double> values) {
+  write(path, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, sizeof(double), values.size(), values.data());
+}
+
+void OutputFile::array(const std::string& path, std::span<const float> values) {
+  write(path, H5T_IEEE_F32LE, H5T_NATIVE_FLOAT, sizeof(float), values.size(), values.data());
+}
+
+void OutputFile::array(const std::string& path, std::span<const std::int64_t> values) {
+  write(path, H5T_STD_I64LE, H5T_NATIVE_INT64, sizeof(std::int64_t), values.size(), values.data());
+}
+
+void OutputFile::array(const std::string& path, std::span<const std::int32_t> values) {
+  write(path, H5T_STD_I32LE, H5T_NATIVE_INT32, sizeof(std::int32_t), values.size(), values.data());
+}
+
+void OutputFile::array(const std::string& path, std::span<const std::uint32_t> values) {
+  write(path, H5T_STD_U32LE, H5T_NATIVE_UINT32, sizeof(std::uint32_t), values.size(), values.data());
+}
+
+void OutputFile::array(const std::string& path, std::span<const std::uint8_t> values) {
+  write(path, H5T_STD_U8LE, H5T_NATIVE_UINT8, sizeof(std::uint8_t), values.size(), values.data());
+}
+
+void OutputFile::strings(const std::string& path, const std::vector<std::string>& values) {
+  std::vector<const char*> texts;
+  texts.reserve(values.size());
+  for (const std::string& value : values) texts.push_back(value.c_str());
+  const Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type.get(), H5T_VARIABLE);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  constexpr std::size_t kNeverPacked = 0;  // the texts lie in HDF5's heap, the array holds only where
+  write(path, type.get(), type.get(), kNeverPacked, texts.size(), texts.data());
+}
+
+namespace {
+
+Handle text_type(const std::string& value) {
+  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type.get(), value.size() + 1);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return type;
+}
+
+}  // namespace
+
+void OutputFile::text(const std::string& path, const std::string& value) {
+  const Handle type = text_type(value);
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+  const Handle create(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  H5Pset_obj_track_times(create.get(), false);
+  const Handle dataset(
+      H5Dcreate2(file_.get(), path.c_str(), type.get(), space.get(), H5P_DEFAULT, create.get(), H5P_DEFAULT), H5Dclose);
+  if (!dataset.ok() || H5Dwrite(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, value.c_str()) < 0) {
+    fail("dataset '" + path + "' cannot be written");
+  }
+}
+
+void OutputFile::attribute(const std::string& name, const std::string& value) {
+  const Handle type = text_type(value);
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+  const Handle attribute(H5Acreate2(file_.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose);
+  if (!attribute.ok() || H5Awrite(attribute.get(), type.get(), value.c_str()) < 0) {
+    fail("attribute '" + name + "' cannot be written");
+  }
+}
+
+void OutputFile::attribute(const std::string& name, std::int64_t value) {
+  const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+  const Handle attribute(H5Acreate2(file_.get(), name.c_str(), H5T_STD_I64LE, space.get(), H5P_DEFAULT, H5P_DEFAULT),
+                         H5Aclose);
+  if (!attribute.ok() || H5Awrite(attribute.get(), H5T_NATIVE_INT64, &value) < 0) {
+    fail("attribute '" + name + "' cannot be written");
+  }
+}
+
+void OutputFile::commit() {
+  if (!file_.close()) fail("cannot be completed: is the disk full?");
+  std::error_code trouble;
+  std::filesystem::rename(temporary_, path_, trouble);
+  if (trouble) throw Error(ErrorCode::io, path_.string() + ": cannot be put in place: " + trouble.message());
+  committed_ = true;
+}
+
+}  // namespace stiction::io

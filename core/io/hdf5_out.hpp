@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/io/hdf5_session.hpp"
+
+namespace stiction::io {
+
+/// An HDF5 file being written: beside its destination, to which commit() renames it, so that a reader never sees half
+/// a file and a failed write leaves what was there. The same calls give the same bytes (no time stamps).
+class OutputFile {
+ public:
+  explicit OutputFile(std::filesystem::path path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  void group(const std::string& path);
+  void array(const std::string& path, std::span<const double> values);
+  void array(const std::string& path, std::span<const float> values);
+  void array(const std::string& path, std::span<const std::int64_t> values);
+  void array(const std::string& path, std::span<const std::int32_t> values);
+  void array(const std::string& path, std::span<const std::uint32_t> values);
+  void array(const std::string& path, std::span<const std::uint8_t> values);
+  /// Variable-length UTF-8 strings.
+  void strings(const std::string& path, const std::vector<std::string>& values);
+  /// One fixed-length string as a scalar dataset.
+  void text(const std::string& path, const std::string& value);
+  void attribute(const std::string& name, const std::string& value);
+  void attribute(const std::string& name, std::int64_t value);
+
+  /// Completes the file and moves it to its destination.
+  void commit();
+
+ private:
+  void write(const std::string& path, hid_t file_type, hid_t memory_type, std::size_t width, std::size_t count,
+             const void* values);
+  [[noreturn]] void fail(const std::string& what) const;
+
+  Session session_;
+  std::filesystem::path path_;
+  std::filesystem::path temporary_;
+  bool committed_ = false;
+  Handle file_;
+};
+
+}  // namespace stiction::io

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+/// Problems and solutions in HDF5 files (docs/file_formats.md). Every function may be called from any thread; calls
+/// wait for one another. Failures: Error(io) when the operating system refuses, Error(bad_file) when the content is
+/// not what it should be, with one sentence that begins with the file's name.
+namespace stiction::io {
+
+/// A sparse matrix by rows. An empty ptr: the matrix is absent.
+struct Csr {
+  std::vector<Offset> ptr;  ///< row offsets                       (rows + 1)
+  std::vector<Index> col;   ///< column within the environment     (nnz)
+  std::vector<double> val;  ///< value                             (nnz)
+};
+
+/// A contact-batch file in memory. Optional parts are empty when absent.
+struct Recording {
+  ContactBatch<double> batch;
+  std::string source;                   ///< who recorded it, free text
+  std::vector<Offset> env_dof_offsets;  ///< first degree of freedom of each environment  (E + 1)
+  Csr J;                              ///< constraint Jacobian, A = J M^-1 J'           (rows x dofs of the environment)
+  Csr M;                              ///< joint-space mass matrix                      (dofs x dofs)
+  std::vector<double> v_free;         ///< unconstrained motion                         (dofs)
+  std::vector<double> row_target;     ///< b = J v_free - row_target                    (rows)
+  std::vector<double> lambda_ref;     ///< a reference solution                         (rows)
+  std::vector<double> v_ref;          ///< its motion                                   (dofs)
+  std::vector<std::string> env_name;  ///< a name for each environment                  (E)
+  std::vector<std::int64_t> step;     ///< time step each environment was taken from    (E)
+};
+
+enum class FileKind { contact_batch, fclib_local, fclib_global, fclib_rolling };
+
+/// What the file holds, by content. \throws Error
+FileKind detect(const std::filesystem::path& path);
+
+/// Reads a contact batch or an FCLIB problem, told apart by content. Shapes, offsets and types are checked; columns
+/// of A and numerical values are not (that is stiction::validate). FCLIB global problems are condensed to
+/// W = H' M^-1 H and keep J = H', M, v_free, row_target. \throws Error
+Recording read_batch(const std::filesystem::path& path);
+
+/// Writes a contact batch: to a temporary file beside `path` that is renamed when complete.
+/// \throws Error(invalid_argument) if an optional part's length does not fit the batch, Error(io)
+void write_batch(const std::filesystem::path& path, const Recording& recording);
+
+/// Writes environment `env` as an FCLIB local problem with W = A + diag R, q = b.
+/// \throws Error(invalid_argument) if env is out of range or FCLIB cannot say it: the law must be coulomb and every
+/// cone a friction cone of the same size, 2 or 3, with one mu for its tangential rows
+void write_fclib_local(const std::filesystem::path& path, const Recording& recording, Offset env);
+
+/// A solution file in memory, in the order of the batch it belongs to. Everything but lambda may be empty.
+struct SolutionFile {
+  Precision precision = Precision::f64;  ///< type of lambda and w in the file; f32 is widened exactly
+  std::vector<double> lambda;            ///< reactions                             (rows)
+  std::vector<double> w;                 ///< residual motion                       (rows)
+  std::vector<EnvStatus> status;         ///< one record each                       (E)
+  std::vector<Offset> env_row_offsets;   ///< first row of each environment         (E + 1)
+  Law law = Law::convex;                 ///< law that was solved
+  std::string solver;                    ///< command-line name of the solver
+  std::string source;                    ///< the batch, free text
+};
+
+/// \throws Error
+SolutionFile read_solution(const std::filesystem::path& path);
+
+/// Writes like write_batch. \throws Error(invalid_argument) if the lengths do not fit one another, Error(io)
+void write_solution(const std::filesystem::path& path, const SolutionFile& solution);
+
+}  // namespace stiction::io

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "core/io/hdf5_in.hpp"
+#include "stiction/io.hpp"
+
+namespace stiction::io {
+
+/// What an open file holds.
+FileKind kind_of(const InputFile& file);
+
+/// The readers behind read_batch, one per kind.
+Recording read_contact_batch(const InputFile& file);
+Recording read_fclib_local(const InputFile& file);
+Recording read_fclib_global(const InputFile& file);
+
+Recording read_any(const InputFile& file);
+SolutionFile read_solution(const InputFile& file);
+
+/// A file's law attribute. Absent: `fallback`, or refused if there is none.
+Law read_law(const InputFile& file, std::optional<Law> fallback);
+
+/// Refuses offsets that do not start at 0, decrease, or do not end at `last`.
+void check_offsets(const InputFile& file, const std::string& path, const std::vector<Offset>& offsets,
+                   std::size_t last);
+
+}  // namespace stiction::io

@@ -1,0 +1,128 @@
+#include "core/io/hdf5_out.hpp"
+#include "core/io/readers.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::io {
+namespace {
+
+constexpr const char* kFormat = "contact-solution";
+
+void require_length(const char* what, std::size_t found, std::size_t expected) {
+  if (found == 0 || found == expected) return;
+  throw Error(ErrorCode::invalid_argument, std::string("write_solution: solution.") + what + " has " +
+                                               std::to_string(found) + " elements, expected " +
+                                               std::to_string(expected) + " or none");
+}
+
+void write_reals(OutputFile& file, const std::string& path, const std::vector<double>& values, Precision precision) {
+  if (precision == Precision::f64) return file.array(path, std::span<const double>(values));
+  std::vector<float> narrow;
+  narrow.reserve(values.size());
+  for (const double value : values) narrow.push_back(static_cast<float>(value));
+  file.array(path, std::span<const float>(narrow));
+}
+
+/// One member of every record, as an array.
+template <class T, class Member>
+std::vector<T> column(const std::vector<EnvStatus>& status, Member member) {
+  std::vector<T> values;
+  values.reserve(status.size());
+  for (const EnvStatus& record : status) values.push_back(static_cast<T>(record.*member));
+  return values;
+}
+
+/// Refuses a code that this library does not know.
+void check_codes(const InputFile& file, const std::string& path, const std::vector<std::uint8_t>& codes, int count) {
+  for (std::size_t env = 0; env < codes.size(); ++env) {
+    if (codes[env] >= count) {
+      file.refuse_dataset(path, "holds " + std::to_string(codes[env]) + " at position " + std::to_string(env) +
+                                    ", the last code known is " + std::to_string(count - 1));
+    }
+  }
+}
+
+std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
+  const auto codes = file.integers<std::uint8_t>("status", envs);
+  check_codes(file, "status", codes, kEnvCodeCount);
+  std::vector<EnvStatus> status(envs, EnvStatus{});
+  for (std::size_t env = 0; env < envs; ++env) status[env].code = static_cast<EnvCode>(codes[env]);
+  const auto fill = [&status](const auto& values, auto member) {
+    using Member = std::remove_reference_t<decltype(status[0].*member)>;
+    for (std::size_t env = 0; env < status.size(); ++env) status[env].*member = static_cast<Member>(values[env]);
+  };
+  if (file.has("flags")) fill(file.integers<std::uint32_t>("flags", envs), &EnvStatus::flags);
+  if (file.has("iterations")) fill(file.integers<Index>("iterations", envs), &EnvStatus::iterations);
+  if (file.has("residual")) fill(file.reals("residual", envs), &EnvStatus::residual);
+  if (file.has("residual_absolute")) {
+    fill(file.reals("residual_absolute", envs), &EnvStatus::residual_absolute);
+  }
+  if (file.has("answered_by")) {
+    fill(file.integers<std::uint8_t>("answered_by", envs), &EnvStatus::solver);
+  }
+  return status;
+}
+
+}  // namespace
+
+SolutionFile read_solution(const InputFile& file) {
+  const auto format = file.text_attribute("format");
+  if (format && *format != kFormat) {
+    file.refuse("attribute 'format' is '" + *format + "', expected '" + kFormat + "' or none");
+  }
+  SolutionFile solution;
+  solution.precision = file.is_single("lambda") ? Precision::f32 : Precision::f64;
+  solution.lambda = file.reals("lambda");
+  const std::size_t rows = solution.lambda.size();
+  if (file.has("w")) solution.w = file.reals("w", rows);
+  if (file.has("env_row_ptr")) {
+    solution.env_row_offsets = file.integers<Offset>("env_row_ptr");
+    check_offsets(file, "env_row_ptr", solution.env_row_offsets, rows);
+  }
+  if (file.has("status")) {
+    if (solution.env_row_offsets.empty()) file.refuse_dataset("env_row_ptr", "is missing, 'status' needs it");
+    solution.status = read_status(file, solution.env_row_offsets.size() - 1);
+  }
+  solution.law = read_law(file, Law::convex);
+  solution.solver = file.text_attribute("solver").value_or("");
+  solution.source = file.text_attribute("source").value_or("");
+  return solution;
+}
+
+void write_solution(const std::filesystem::path& path, const SolutionFile& solution) {
+  require_length("w", solution.w.size(), solution.lambda.size());
+  if (!solution.status.empty()) {
+    if (solution.env_row_offsets.empty()) {
+      throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets is empty, status needs it");
+    }
+    require_length("status", solution.status.size(), solution.env_row_offsets.size() - 1);
+  }
+  if (!solution.env_row_offsets.empty() &&
+      solution.env_row_offsets.back() != static_cast<Offset>(solution.lambda.size())) {
+    throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets ends at " +
+                                                 std::to_string(solution.env_row_offsets.back()) + ", expected " +
+                                                 std::to_string(solution.lambda.size()) + ", the length of lambda");
+  }
+
+  OutputFile file(path);
+  file.attribute("format", kFormat);
+  file.attribute("version", std::int64_t{1});
+  file.attribute("law", to_string(solution.law));
+  file.attribute("solver", solution.solver);
+  file.attribute("source", solution.source);
+  file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
+  write_reals(file, "lambda", solution.lambda, solution.precision);
+  if (!solution.w.empty()) write_reals(file, "w", solution.w, solution.precision);
+  if (!solution.env_row_offsets.empty()) file.array("env_row_ptr", solution.env_row_offsets);
+  const auto& status = solution.status;
+  if (!status.empty()) {
+    file.array("status", column<std::uint8_t>(status, &EnvStatus::code));
+    file.array("flags", column<std::uint32_t>(status, &EnvStatus::flags));
+    file.array("iterations", column<std::int32_t>(status, &EnvStatus::iterations));
+    file.array("residual", column<double>(status, &EnvStatus::residual));
+    file.array("residual_absolute", column<double>(status, &EnvStatus::residual_absolute));
+    file.array("answered_by", column<std::uint8_t>(status, &EnvStatus::solver));
+  }
+  file.commit();
+}
+
+}  // namespace stiction::io
