@@ -1,1 +1,53 @@
-# install(EXPORT ...): filled by the packaging rules below.
+# What `cmake --install` puts where, so that find_package(stiction CONFIG) gives stiction::stiction and, when files are
+# supported, stiction::io. The installed tree names no path of the build and may be moved.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(_stiction_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/stiction")
+set(_stiction_targets)
+foreach(name IN ITEMS core cpu cuda)
+  if(TARGET stiction_${name})
+    set_target_properties(stiction_${name} PROPERTIES EXPORT_NAME ${name})
+    list(APPEND _stiction_targets stiction_${name})
+  endif()
+endforeach()
+list(APPEND _stiction_targets stiction)
+
+set(STICTION_CUDA_NEEDS_TOOLKIT OFF)
+if(TARGET stiction_cuda)
+  get_target_property(_stiction_cuda_type stiction_cuda TYPE)
+  if(NOT _stiction_cuda_type STREQUAL "SHARED_LIBRARY")
+    set(STICTION_CUDA_NEEDS_TOOLKIT ON)
+  endif()
+endif()
+
+install(TARGETS ${_stiction_targets} EXPORT stictionTargets
+        RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}"
+        LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
+        ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}"
+        INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+install(DIRECTORY core/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
+# Files are an export of their own: a consumer that has no HDF5 still gets the solver.
+if(TARGET stiction_io)
+  set_target_properties(stiction_io PROPERTIES EXPORT_NAME io)
+  install(TARGETS stiction_io EXPORT stictionIoTargets
+          LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
+          ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}"
+          INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+  install(EXPORT stictionIoTargets NAMESPACE stiction:: DESTINATION "${_stiction_package_dir}")
+  install(DIRECTORY core/io/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
+endif()
+if(TARGET stiction_cli)
+  install(TARGETS stiction_cli RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}")
+endif()
+install(FILES LICENSE CHANGELOG.md DESTINATION "${CMAKE_INSTALL_DOCDIR}")
+
+install(EXPORT stictionTargets NAMESPACE stiction:: DESTINATION "${_stiction_package_dir}")
+configure_package_config_file(cmake/stictionConfig.cmake.in "${CMAKE_CURRENT_BINARY_DIR}/stictionConfig.cmake"
+                              INSTALL_DESTINATION "${_stiction_package_dir}"
+                              NO_SET_AND_CHECK_MACRO)
+write_basic_package_version_file("${CMAKE_CURRENT_BINARY_DIR}/stictionConfigVersion.cmake"
+                                 VERSION ${PROJECT_VERSION} COMPATIBILITY SameMajorVersion)
+install(FILES "${CMAKE_CURRENT_BINARY_DIR}/stictionConfig.cmake"
+              "${CMAKE_CURRENT_BINARY_DIR}/stictionConfigVersion.cmake"
+        DESTINATION "${_stiction_package_dir}")

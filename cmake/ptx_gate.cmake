@@ -15,7 +15,7 @@ function(stiction_add_ptx_gate target)
   list(FILTER sources INCLUDE REGEX "\\.cu$")
   list(TRANSFORM sources PREPEND "${folder}/" REGEX "^[^/]")
   add_test(NAME ptx_gate
-           COMMAND Python3::Interpreter "${PROJECT_SOURCE_DIR}/tools/check_ptx.py"
+           COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptx.py"
                    --compile-commands "${CMAKE_BINARY_DIR}/compile_commands.json" --arch 80 --arch 90
                    --out "${CMAKE_BINARY_DIR}/ptx" ${sources})
   set_tests_properties(ptx_gate PROPERTIES LABELS "ptx" TIMEOUT 900 PROCESSORS 2)

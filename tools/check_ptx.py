@@ -20,7 +20,7 @@ import subprocess
 import sys
 
 FLOAT = r"(?:f16|f16x2|bf16|bf16x2|f32|f32x2|tf32|f64)"
-INSTRUCTION = re.compile(r"^\s*(?:@!?%?\w+\s+)?([a-z][a-z0-9_]*(?:\.[a-z0-9_:]+)+)")
+INSTRUCTION = re.compile(r"^\s*(?:@!?%?\w+\s+)?([a-z][a-z0-9_]*(?:\.[A-Za-z0-9_:]+)+)")
 FUNCTION = re.compile(r"\.(?:entry|func)\s+(?:\([^)]*\)\s*)?(\w+)")
 ROUNDED = {"add", "sub", "mul", "mad", "fma", "div", "sqrt", "rcp"}
 APPROXIMATE = {"rsqrt", "sin", "cos", "ex2", "lg2", "tanh"}
