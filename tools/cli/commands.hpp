@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "stiction/types.hpp"
+
+namespace stiction::cli {
+
+/// Exit statuses of every command. Bad input or usage is thrown and becomes kExitBadInput in main().
+inline constexpr int kExitDone = 0;
+inline constexpr int kExitMissed = 1;    ///< an environment missed the tolerance, or a difference was found
+inline constexpr int kExitBadInput = 2;  ///< bad input or usage, with one sentence on stderr
+
+/// Version of the JSON reports (docs/cli.md); it changes when a key changes its name or meaning.
+inline constexpr int kReportSchemaVersion = 1;
+
+struct InfoArguments {
+  bool json = false;
+};
+
+struct GenerateArguments {
+  bool list = false;
+  std::string scene;
+  std::int64_t environments = 1;
+  std::uint64_t seed = 0;
+  int size = 0;     ///< 0: the scene's default
+  int threads = 0;  ///< 0: all cores
+  std::filesystem::path output;
+  bool quiet = false;
+};
+
+struct InspectArguments {
+  std::filesystem::path batch;
+  bool json = false;
+  std::optional<std::filesystem::path> graph;
+  std::optional<std::int64_t> environment;
+};
+
+struct SolveArguments {
+  std::filesystem::path batch;
+  std::string solver = "npgs";
+  std::string device = "auto";
+  std::string precision = "f64";
+  std::string law = "file";
+  double tolerance = 1e-4;
+  Index max_iterations = 1000;
+  double omega = 1.0;
+  int threads = 0;
+  bool isolate = false;
+  bool quiet = false;
+  std::optional<std::uint64_t> permute;
+  std::optional<std::filesystem::path> warm_start, output, json, trace;
+};
+
+struct VerifyArguments {
+  std::filesystem::path batch, solution;
+  std::string law = "file";
+  double tolerance = 1e-6;
+  bool json = false;
+};
+
+struct HashArguments {
+  std::filesystem::path solution;
+  bool per_environment = false;
+};
+
+struct DiffArguments {
+  std::filesystem::path left, right;
+};
+
+struct ConvertArguments {
+  std::filesystem::path input, output;
+  std::string to;  ///< "batch", "fclib" or empty: by the output's extension
+  std::optional<std::int64_t> environment;
+};
+
+/// One function a command, each in the file of its name. They return an exit status and throw stiction::Error.
+int run_info(const InfoArguments& arguments);
+int run_generate(const GenerateArguments& arguments);
+int run_inspect(const InspectArguments& arguments);
+int run_solve(const SolveArguments& arguments);
+int run_verify(const VerifyArguments& arguments);
+int run_hash(const HashArguments& arguments);
+int run_diff(const DiffArguments& arguments);
+int run_convert(const ConvertArguments& arguments);
+
+}  // namespace stiction::cli

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace stiction::cli {
+
+/// Writes DOT text to `path`: as it is for .dot and .gv, drawn by Graphviz for .svg. \throws Error(invalid_argument)
+/// for another extension, Error(unsupported) when Graphviz is not installed, Error(io) when it fails.
+void write_graph(const std::filesystem::path& path, const std::string& dot);
+
+/// Refuses what write_graph would refuse for its extension, before any work is done.
+void require_graph_path(const std::filesystem::path& path);
+
+}  // namespace stiction::cli

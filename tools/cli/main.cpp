@@ -1,0 +1,143 @@
+// The only translation unit that includes CLI11, which takes longer to compile than all the others.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <new>
+#include <stdexcept>
+
+#include "stiction/config.hpp"
+#include "tools/cli/commands.hpp"
+
+namespace stiction::cli {
+
+namespace {
+
+using Command = std::function<int()>;
+
+/// Declares a command whose arguments live as long as the parser; `declare` adds its options.
+template <class Arguments, class Declare>
+void add_command(CLI::App& app, Command& chosen, const char* name, const char* summary, int (*run)(const Arguments&),
+                 Declare declare) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand(name, summary);
+  declare(*command, *arguments);
+  command->callback([&chosen, run, arguments] { chosen = [run, arguments] { return run(*arguments); }; });
+}
+
+void declare_info(CLI::App& app, InfoArguments& a) {
+  app.add_flag("--json", a.json, "Print JSON");
+}
+
+void declare_generate(CLI::App& app, GenerateArguments& a) {
+  app.add_option("scene", a.scene, "Scene; --list shows them");
+  app.add_option("--envs", a.environments, "Number of environments")->check(CLI::NonNegativeNumber);
+  app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone");
+  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
+  app.add_option("--threads", a.threads, "Threads (0: all cores)")->check(CLI::NonNegativeNumber);
+  app.add_option("-o,--output", a.output, "Contact-batch file to write");
+  app.add_flag("--list", a.list, "List the scenes");
+  app.add_flag("--quiet", a.quiet, "No progress, no summary");
+}
+
+void declare_inspect(CLI::App& app, InspectArguments& a) {
+  app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
+  app.add_flag("--json", a.json, "Print JSON");
+  app.add_option("--graph", a.graph, "Draw the contact graph of one environment (.svg or .dot)");
+  app.add_option("--env", a.environment, "Look at this environment only");
+}
+
+void declare_solve(CLI::App& app, SolveArguments& a) {
+  app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
+  app.add_option("--solver", a.solver, "Solver")->capture_default_str();
+  app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
+  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
+  app.add_option("--max-iterations", a.max_iterations, "Per environment")->capture_default_str();
+  app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
+  app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
+  app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed");
+  app.add_option("--warm-start", a.warm_start, "Solution file to start from");
+  app.add_flag("--isolate", a.isolate, "Flag environments with broken numbers and solve the others");
+  app.add_option("-o,--output", a.output, "Solution file to write");
+  app.add_option("--json", a.json, "JSON report to write; - is standard output");
+  app.add_option("--trace", a.trace, "CSV of residual against iterations to write");
+  app.add_flag("--quiet", a.quiet, "No progress, no summary");
+}
+
+void declare_verify(CLI::App& app, VerifyArguments& a) {
+  app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
+  app.add_option("solution", a.solution, "Solution file")->required();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual")->capture_default_str();
+  app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
+  app.add_flag("--json", a.json, "Print JSON");
+}
+
+void declare_hash(CLI::App& app, HashArguments& a) {
+  app.add_option("solution", a.solution, "Solution file")->required();
+  app.add_flag("--per-environment", a.per_environment, "A line per environment before the total");
+}
+
+void declare_diff(CLI::App& app, DiffArguments& a) {
+  app.add_option("left", a.left, "Solution file")->required();
+  app.add_option("right", a.right, "Solution file")->required();
+}
+
+void declare_convert(CLI::App& app, ConvertArguments& a) {
+  app.add_option("input", a.input, "Contact-batch or FCLIB file")->required();
+  app.add_option("output", a.output, "File to write; .hdf5 is FCLIB, anything else a contact batch")->required();
+  app.add_option("--to", a.to, "fclib or batch, whatever the output's extension");
+  app.add_option("--env", a.environment, "The environment an FCLIB file is to hold");
+}
+
+void declare_all(CLI::App& app, Command& chosen) {
+  app.set_version_flag("--version", std::string("stiction ") + kVersion);
+  app.require_subcommand(1);
+  add_command(app, chosen, "info", "Version, devices and why not, CPU features", run_info, declare_info);
+  add_command(app, chosen, "generate", "Write a batch of a generated scene", run_generate, declare_generate);
+  add_command(app, chosen, "inspect", "Sizes, cones, sparsity, colours, islands, warnings", run_inspect,
+              declare_inspect);
+  add_command(app, chosen, "solve", "Solve a batch", run_solve, declare_solve);
+  add_command(app, chosen, "verify", "Recompute a solution's residual, apart from any solver", run_verify,
+              declare_verify);
+  add_command(app, chosen, "hash", "Hash of a solution's bits", run_hash, declare_hash);
+  add_command(app, chosen, "diff", "First difference of two solutions, in ulps", run_diff, declare_diff);
+  add_command(app, chosen, "convert", "FCLIB to contact batch and back", run_convert, declare_convert);
+  app.footer(
+      "Exit status: 0 done; 1 solved but an environment missed the tolerance, or a difference was found;\n"
+      "2 bad input or usage.");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"Batched frictional contact solver with the same bits on GPU and CPU", "stiction"};
+  Command chosen;
+  declare_all(app, chosen);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    fmt::print(stderr, "stiction: {}; see stiction --help\n", error.what());
+    return kExitBadInput;
+  }
+  const int status = chosen();
+  if (std::fflush(stdout) != 0) throw std::runtime_error("standard output cannot be written");
+  return status;
+}
+
+}  // namespace
+
+}  // namespace stiction::cli
+
+int main(int argc, char** argv) {
+  try {
+    return stiction::cli::run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fputs("stiction: out of memory; use a smaller batch\n", stderr);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "stiction: %s\n", error.what());
+  }
+  return stiction::cli::kExitBadInput;
+}

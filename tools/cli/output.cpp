@@ -1,0 +1,75 @@
+#include "tools/cli/output.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+
+#include "stiction/error.hpp"
+
+namespace stiction::cli {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+[[noreturn]] void refuse(const fs::path& path, const std::string& why) {
+  throw Error(ErrorCode::io, fmt::format("{}: cannot be written: {}", path.string(), why));
+}
+
+void probe(const fs::path& target, const fs::path& probed) {
+  std::error_code ignored;
+  const bool there = fs::exists(probed, ignored);
+  errno = 0;
+  std::FILE* file = std::fopen(probed.c_str(), "ab");
+  if (file == nullptr) refuse(target, std::strerror(errno));
+  std::fclose(file);
+  if (!there) fs::remove(probed, ignored);
+}
+
+}  // namespace
+
+void require_writable(const fs::path& path) {
+  if (path == "-") return;
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored)) refuse(path, "it is a folder");
+  probe(path, path);
+}
+
+void require_replaceable(const fs::path& path) {
+  std::error_code ignored;
+  if (fs::exists(path, ignored)) {
+    if (!fs::is_regular_file(path, ignored)) refuse(path, "it exists and is not an ordinary file");
+    probe(path, path);
+  }
+  fs::path beside = path;
+  beside += fmt::format(".probe-{}", getpid());
+  probe(path, beside);
+}
+
+void require_different(const fs::path& input, const fs::path& output) {
+  std::error_code ignored;
+  if (fs::equivalent(input, output, ignored)) {
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("{}: the output would overwrite the input; choose another output", output.string()));
+  }
+}
+
+void write_text(const fs::path& path, const std::string& text) {
+  if (path == "-") {
+    if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size())
+      refuse("standard output", std::strerror(errno));
+    return;
+  }
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) refuse(path, std::strerror(errno));
+  const bool complete = std::fwrite(text.data(), 1, text.size(), file) == text.size();
+  const int write_error = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!complete || !closed) refuse(path, std::strerror(complete ? errno : write_error));
+}
+
+}  // namespace stiction::cli

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace stiction::cli {
+
+/// Makes sure, before any work is done, that a text file can be written at `path`. \throws Error(io) if not.
+void require_writable(const std::filesystem::path& path);
+
+/// The same for a file that is written beside its target and renamed over it: the folder must be writable and the
+/// target, if there, an ordinary file (renaming over /dev/null would replace it).
+void require_replaceable(const std::filesystem::path& path);
+
+/// \throws Error(invalid_argument) if `output` is the same file as `input`.
+void require_different(const std::filesystem::path& input, const std::filesystem::path& output);
+
+/// Writes `text` to `path`, "-" meaning standard output. \throws Error(io).
+void write_text(const std::filesystem::path& path, const std::string& text);
+
+}  // namespace stiction::cli

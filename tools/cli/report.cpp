@@ -1,0 +1,126 @@
+#include "tools/cli/report.hpp"
+
+#include <fmt/format.h>
+
+#include "tools/cli/commands.hpp"
+#include "tools/cli/json_text.hpp"
+
+namespace stiction::cli {
+
+namespace {
+
+EnvFlag flag_of(std::size_t bit) {
+  return static_cast<EnvFlag>(1U << bit);
+}
+
+std::string counts_text(const std::string& zero, const std::vector<std::string>& counts) {
+  return counts.empty() ? zero : fmt::format("{}", fmt::join(counts, ", "));
+}
+
+std::string codes_text(const SolveReport& report) {
+  std::vector<std::string> counts;
+  for (std::size_t code = 0; code < report.codes.size(); ++code) {
+    if (report.codes[code] != 0) {
+      counts.push_back(fmt::format("{} {}", report.codes[code], to_string(static_cast<EnvCode>(code))));
+    }
+  }
+  return counts_text("-", counts);
+}
+
+std::string flags_text(const SolveReport& report) {
+  std::vector<std::string> counts;
+  for (std::size_t bit = 0; bit < report.flags.size(); ++bit) {
+    if (report.flags[bit] != 0) counts.push_back(fmt::format("{} {}", report.flags[bit], flag_name(flag_of(bit))));
+  }
+  return counts_text("none", counts);
+}
+
+std::string rate_text(const SolveReport& report) {
+  if (report.seconds.solve <= 0) return "-";
+  return fmt::format("{:.4g}", static_cast<double>(report.environments) / report.seconds.solve);
+}
+
+}  // namespace
+
+void SolveReport::count(std::span<const EnvStatus> status) {
+  std::vector<std::int32_t> iteration_counts;
+  std::vector<double> residuals;
+  iteration_counts.reserve(status.size());
+  residuals.reserve(status.size());
+  for (const EnvStatus& env : status) {
+    iteration_counts.push_back(env.iterations);
+    residuals.push_back(env.residual);
+    ++codes[static_cast<std::size_t>(env.code)];
+    for (std::size_t bit = 0; bit < flags.size(); ++bit) flags[bit] += (env.flags & flag_of(bit)) != 0 ? 1 : 0;
+    unconverged += env.code != EnvCode::solved ? 1 : 0;
+  }
+  iterations = quantiles(std::move(iteration_counts));
+  residual = quantiles(std::move(residuals));
+}
+
+std::string to_json(const SolveReport& report) {
+  Json flags = Json::object();
+  for (std::size_t bit = 0; bit < report.flags.size(); ++bit) flags[flag_name(flag_of(bit))] = report.flags[bit];
+  return dump(
+      {{"schema_version", kReportSchemaVersion},
+       {"device", report.device},
+       {"solver", to_string(report.options.solver)},
+       {"precision", to_string(report.precision)},
+       {"law", to_string(report.law)},
+       {"environments", report.environments},
+       {"rows", report.rows},
+       {"cones", report.cones},
+       {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
+       {"iterations", json_of(report.iterations)},
+       {"residual", json_of(report.residual)},
+       {"flags", flags},
+       {"unconverged", report.unconverged},
+       {"hash", hex(report.hash)},
+       {"epoch", kNumericsEpoch}});
+}
+
+std::string to_text(const SolveReport& report) {
+  std::string text;
+  const auto line = [&](const char* name, const std::string& value) { text += fmt::format("{:<16}{}\n", name, value); };
+  line("file", report.file);
+  line("environments", fmt::format("{}", report.environments));
+  line("rows", fmt::format("{}", report.rows));
+  line("cones", fmt::format("{}", report.cones));
+  line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", to_string(report.options.solver),
+                             report.options.tolerance, report.options.max_iterations));
+  line("law", to_string(report.law));
+  line("device", fmt::format("{} ({})", report.device, report.device_name));
+  line("precision", to_string(report.precision));
+  line("threads", report.threads == 0 ? "-" : fmt::format("{}", report.threads));
+  line("seconds", fmt::format("load {:.4g}  plan {:.4g}  solve {:.4g}", report.seconds.load, report.seconds.plan,
+                              report.seconds.solve));
+  line("environments/s", rate_text(report));
+  line("iterations", quantile_text(report.iterations));
+  line("residual", quantile_text(report.residual));
+  line("ended", codes_text(report));
+  line("flags", flags_text(report));
+  line("unconverged", fmt::format("{}", report.unconverged));
+  line("hash", fmt::format("{} (numerics epoch {})", hex(report.hash), kNumericsEpoch));
+  return text;
+}
+
+std::string hex(std::uint64_t hash) {
+  return fmt::format("{:016x}", hash);
+}
+
+std::string to_string(Device device) {
+  return device.kind == DeviceKind::cpu ? "cpu" : fmt::format("cuda:{}", device.ordinal);
+}
+
+std::string quantile_text(const std::optional<Quantiles<double>>& values) {
+  if (!values) return "-";
+  return fmt::format("min {:.2e}  median {:.2e}  p90 {:.2e}  max {:.2e}", values->min, values->median, values->p90,
+                     values->max);
+}
+
+std::string quantile_text(const std::optional<Quantiles<std::int32_t>>& values) {
+  if (!values) return "-";
+  return fmt::format("min {}  median {}  p90 {}  max {}", values->min, values->median, values->p90, values->max);
+}
+
+}  // namespace stiction::cli

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "stiction/solver.hpp"
+#include "tools/cli/quantiles.hpp"
+
+namespace stiction::cli {
+
+struct Seconds {
+  double load = 0, plan = 0, solve = 0;
+};
+
+/// Everything `stiction solve` reports, gathered once and printed as text and as JSON.
+struct SolveReport {
+  std::string file, device, device_name;
+  SolverOptions options;
+  Law law = Law::convex;
+  Precision precision = Precision::f64;
+  int threads = 0;  ///< 0: not a matter of CPU threads
+  Offset environments = 0, rows = 0, cones = 0;
+  Seconds seconds;
+  std::optional<Quantiles<std::int32_t>> iterations;
+  std::optional<Quantiles<double>> residual;
+  std::array<Offset, kEnvCodeCount> codes{};
+  std::array<Offset, kEnvFlagCount> flags{};
+  Offset unconverged = 0;
+  std::uint64_t hash = 0;
+
+  /// Fills iterations, residual, codes, flags and unconverged.
+  void count(std::span<const EnvStatus> status);
+};
+
+/// The JSON of design section 4 (keys: docs/cli.md), closed by a line feed.
+std::string to_json(const SolveReport& report);
+/// The table a person reads.
+std::string to_text(const SolveReport& report);
+
+/// 16 hexadecimal digits.
+std::string hex(std::uint64_t hash);
+/// "cpu", "cuda:0".
+std::string to_string(Device device);
+/// "min 1.0e-07  median ...", or "-" for no values.
+std::string quantile_text(const std::optional<Quantiles<double>>& values);
+std::string quantile_text(const std::optional<Quantiles<std::int32_t>>& values);
+
+}  // namespace stiction::cli

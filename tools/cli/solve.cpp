@@ -1,0 +1,230 @@
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <thread>
+
+#include "stiction/hash.hpp"
+#include "stiction/io.hpp"
+#include "stiction/solver.hpp"
+#include "tools/cli/commands.hpp"
+#include "tools/cli/load.hpp"
+#include "tools/cli/output.hpp"
+#include "tools/cli/permute.hpp"
+#include "tools/cli/progress.hpp"
+#include "tools/cli/report.hpp"
+#include "tools/cli/trace.hpp"
+
+namespace stiction::cli {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+Precision precision_from_option(const std::string& text) {
+  for (const Precision precision : {Precision::f32, Precision::f64}) {
+    if (text == to_string(precision)) return precision;
+  }
+  throw Error(ErrorCode::invalid_argument, fmt::format("--precision {}: expected f32 or f64", text));
+}
+
+SolverOptions solver_options(const SolveArguments& arguments) {
+  SolverOptions options;
+  options.solver = solver_from_string(arguments.solver);
+  options.tolerance = arguments.tolerance;
+  options.max_iterations = arguments.max_iterations;
+  options.omega = arguments.omega;
+  options.threads = arguments.threads;
+  options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
+  return options;
+}
+
+/// Whatever can be refused is refused before the file is read, let alone solved.
+void check_outputs(const SolveArguments& arguments) {
+  if (arguments.output) {
+    require_different(arguments.batch, *arguments.output);
+    if (arguments.warm_start) require_different(*arguments.warm_start, *arguments.output);
+    require_replaceable(*arguments.output);
+  }
+  for (const auto& text : {arguments.json, arguments.trace}) {
+    if (!text) continue;
+    require_different(arguments.batch, *text);
+    require_writable(*text);
+  }
+}
+
+std::string name_of(Device device) {
+  for (const DeviceReport& report : devices()) {
+    if (report.device.kind == device.kind && report.device.ordinal == device.ordinal) return report.name;
+  }
+  return "?";
+}
+
+int thread_count(const SolverOptions& options, Device device) {
+  if (device.kind != DeviceKind::cpu) return 0;
+  if (options.threads > 0) return options.threads;
+  const unsigned cores = std::thread::hardware_concurrency();
+  return cores == 0 ? 1 : static_cast<int>(cores);
+}
+
+template <class To, class From>
+std::vector<To> convert_values(const std::vector<From>& values) {
+  std::vector<To> converted;
+  converted.reserve(values.size());
+  for (const From value : values) converted.push_back(static_cast<To>(value));
+  return converted;
+}
+
+/// A batch and a warm start in the precision and the order they are solved in.
+template <class Real>
+struct Work {
+  ContactBatch<Real> batch;
+  std::vector<Real> warm_start;  ///< empty: none
+};
+
+template <class Real>
+Solution<Real> solve_work(const Solver& solver, const Plan& plan, const Work<Real>& work) {
+  Solution<Real> solution;
+  solution.lambda.resize(static_cast<std::size_t>(work.batch.row_count()));
+  solution.w.resize(solution.lambda.size());
+  solution.status.resize(static_cast<std::size_t>(work.batch.env_count()));
+  solver.solve(plan, work.batch.view(), {solution.lambda.data(), solution.w.data(), solution.status.data()},
+               work.warm_start.empty() ? nullptr : work.warm_start.data());
+  return solution;
+}
+
+/// Back from the order of solving to the file's.
+template <class Real>
+Solution<Real> to_file_order(const Solution<Real>& solution, std::span<const Offset> env_row_offsets,
+                             std::span<const Offset> order) {
+  Solution<Real> sorted;
+  sorted.lambda = scatter_rows(std::span<const Real>(solution.lambda), env_row_offsets, order);
+  sorted.w = scatter_rows(std::span<const Real>(solution.w), env_row_offsets, order);
+  sorted.status.resize(solution.status.size());
+  for (std::size_t i = 0; i < order.size(); ++i) sorted.status[static_cast<std::size_t>(order[i])] = solution.status[i];
+  return sorted;
+}
+
+io::SolutionFile solution_file(const SolveReport& report, std::vector<double> lambda, std::vector<double> w,
+                               std::vector<EnvStatus> status, const std::vector<Offset>& env_row_offsets) {
+  io::SolutionFile file;
+  file.precision = report.precision;
+  file.lambda = std::move(lambda);
+  file.w = std::move(w);
+  file.status = std::move(status);
+  file.env_row_offsets = env_row_offsets;
+  file.law = report.law;
+  file.solver = to_string(report.options.solver);
+  file.source = fmt::format("stiction {} solve {}", kVersion, report.file);
+  return file;
+}
+
+template <class Real>
+std::string run_trace(const SolveArguments& arguments, const SolverOptions& options, Device device,
+                      const Work<Real>& work, const ContactBatchView<double>& file_batch) {
+  const auto points = trace_iterations(options.max_iterations);
+  Progress progress("tracing", static_cast<std::int64_t>(points.size()), arguments.quiet);
+  return trace_csv(file_batch, options.max_iterations, [&](Index iterations) {
+    SolverOptions prefix = options;
+    prefix.tolerance = 0;
+    prefix.max_iterations = iterations;
+    prefix.stall_window = 0;
+    const Solver solver(device, prefix);
+    auto lambda = solve_work(solver, solver.plan(work.batch.view()), work).lambda;
+    progress.advance();
+    return convert_values<double>(lambda);
+  });
+}
+
+template <class Real>
+Work<Real> prepare(const ContactBatch<double>& batch, const std::vector<double>& warm_start,
+                   std::span<const Offset> order) {
+  Work<Real> work{convert<Real>(batch), convert_values<Real>(warm_start)};
+  if (!order.empty()) {
+    work.batch = gather(work.batch, order);
+    if (!warm_start.empty()) {
+      work.warm_start = gather_rows(std::span<const Real>(work.warm_start),
+                                    std::span<const Offset>(batch.arrays().env_row_offsets), order);
+    }
+  }
+  return work;
+}
+
+template <class Real>
+int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport& report, Clock::time_point start) {
+  std::optional<Progress> stage(std::in_place, "loading", 0, arguments.quiet);
+  const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;
+  const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy);
+  const ContactBatch<double>& batch = loaded.recording.batch;
+  std::vector<double> warm_start;
+  if (arguments.warm_start) warm_start = load_solution(*arguments.warm_start, batch).lambda;
+  std::vector<Offset> order;
+  if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
+  const Work<Real> work = prepare<Real>(batch, warm_start, order);
+  report.environments = batch.env_count();
+  report.rows = batch.row_count();
+  report.cones = batch.view().cone_count;
+  report.law = batch.law();
+  report.seconds.load = seconds_since(start);
+
+  stage->relabel("planning");
+  start = Clock::now();
+  const Plan plan = solver.plan(work.batch.view());
+  report.seconds.plan = seconds_since(start);
+
+  stage->relabel("solving");
+  start = Clock::now();
+  Solution<Real> solution = solve_work(solver, plan, work);
+  report.seconds.solve = seconds_since(start);
+
+  const std::vector<Offset>& env_row_offsets = batch.arrays().env_row_offsets;
+  if (!order.empty()) solution = to_file_order(solution, env_row_offsets, order);
+  report.count(solution.status);
+  report.hash = hash_bits(std::span<const Real>(solution.lambda));
+
+  stage->relabel("writing");
+  if (arguments.output) {
+    io::write_solution(*arguments.output,
+                       solution_file(report, convert_values<double>(solution.lambda),
+                                     convert_values<double>(solution.w), solution.status, env_row_offsets));
+  }
+  stage.reset();
+  if (arguments.trace) {
+    const Work<Real> in_file_order = prepare<Real>(batch, warm_start, {});
+    write_text(*arguments.trace, run_trace(arguments, report.options, solver.device(), in_file_order, batch.view()));
+  }
+  return report.unconverged == 0 ? kExitDone : kExitMissed;
+}
+
+}  // namespace
+
+int run_solve(const SolveArguments& arguments) {
+  const Clock::time_point start = Clock::now();
+  SolveReport report;
+  report.file = arguments.batch.string();
+  report.options = solver_options(arguments);
+  report.precision = precision_from_option(arguments.precision);
+  check_outputs(arguments);
+  const Device device = Device::from_string(arguments.device);
+  const Solver solver(device, report.options);
+  report.device = to_string(device);
+  report.threads = thread_count(report.options, device);
+
+  const int status = report.precision == Precision::f32 ? solve_in<float>(arguments, solver, report, start)
+                                                        : solve_in<double>(arguments, solver, report, start);
+
+  const bool json_on_stdout = arguments.json && *arguments.json == "-";
+  if (!arguments.quiet && !json_on_stdout) {
+    report.device_name = name_of(device);
+    fmt::print("{}", to_text(report));
+  }
+  if (arguments.json) write_text(*arguments.json, to_json(report));
+  return status;
+}
+
+}  // namespace stiction::cli
