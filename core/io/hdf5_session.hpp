@@ -13,7 +13,7 @@ class Handle {
  public:
   using Close = herr_t (*)(hid_t);
   Handle() = default;
-  Handle(hid_t id, Close close) noexcept : id_(id), close_(close) {}
+  Handle(hid_t id, Close closer) noexcept : id_(id), close_(closer) {}
   Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
   Handle& operator=(Handle&& other) noexcept {
     std::swap(id_, other.id_);
@@ -33,8 +33,8 @@ class Handle {
   Close close_ = nullptr;
 };
 
-/// Everything this library asks of HDF5 happens inside a session. HDF5 is not thread-safe as Debian builds it, so a
-/// session holds a lock; it prints its error stack, so printing is off; and a file may name a filter that HDF5 would
+/// Everything this library asks of HDF5 happens inside a session. Not every build of HDF5 is thread-safe, so a session
+/// holds a lock; HDF5 prints its error stack, so printing is off; and a file may name a filter that HDF5 would
 /// fetch as a plugin, that is, run code of the file's choosing, so plugins are off. Both settings are restored, since
 /// the host program may use HDF5 as well.
 class Session {
