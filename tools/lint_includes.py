@@ -44,14 +44,14 @@ TABLE = [
     Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
     Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
-    Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5")),
+    Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
-        foreign=("CLI/", "fmt/", "nlohmann/", "unistd.h", "sys/", "H5", "hdf5.h")),
+        foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python"], foreign=("nanobind/",)),
 ]
 # tests and tools outside tools/cli may include anything; the word rules still bind them.

@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# One hash for each batch, solver and precision, whatever built it: {g++, clang++} x {-O0, -O3, -O3 -march=native},
+# 1 and 2 threads, and the environments in three other orders. Prints one table; exit status 1 if any hash differs.
+# Builds into build-matrix/ and leaves every single hash in build-matrix/hashes.csv.
+#
+#   scripts/build_matrix.sh [BATCH.h5 ...]          default: examples/data/*.h5
+#   SOLVERS="npgs pgs" PRECISIONS=f64 ITERATIONS=50 COMPILERS=g++ scripts/build_matrix.sh
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+read -r -a solvers <<< "${SOLVERS:-npgs apgd pgs jacobi}"
+read -r -a precisions <<< "${PRECISIONS:-f32 f64}"
+read -r -a compilers <<< "${COMPILERS:-g++ clang++}"
+iterations=${ITERATIONS:-200}
+if [ $# -gt 0 ]; then batches=("$@"); else batches=("$root"/examples/data/*.h5); fi
+for batch in "${batches[@]}"; do
+  [ -f "$batch" ] || { echo "build_matrix.sh: $batch is not there" >&2; exit 2; }
+done
+
+matrix=$root/build-matrix
+mkdir -p "$matrix"
+builds=()
+for compiler in "${compilers[@]}"; do
+  command -v "$compiler" > /dev/null || { note "$compiler is not here: its rows are missing from the table"; continue; }
+  for flags in "-O0" "-O3 -DNDEBUG" "-O3 -DNDEBUG -march=native"; do
+    name=${compiler//+/x}$(sed 's/ -DNDEBUG//; s/[ =]//g' <<< "$flags")
+    say "$compiler $flags"
+    options=(-S "$root" -B "$matrix/$name" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
+      "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF
+      -DSTICTION_BUILD_EXAMPLES=OFF)
+    command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+    cmake "${options[@]}" > "$matrix/$name.log" || { cat "$matrix/$name.log"; exit 1; }
+    cmake --build "$matrix/$name" -j "$jobs" --target stiction_cli | tail -n 1
+    builds+=("$name")
+  done
+done
+[ ${#builds[@]} -gt 0 ] || { echo "build_matrix.sh: none of ${compilers[*]} is here" >&2; exit 2; }
+
+say "solve"
+csv=$matrix/hashes.csv
+echo "batch,solver,precision,build,threads,permute,hash" > "$csv"
+for build in "${builds[@]}"; do
+  for batch in "${batches[@]}"; do
+    for solver in "${solvers[@]}"; do
+      for precision in "${precisions[@]}"; do
+        for run in "1 -" "2 -" "2 1" "2 2" "2 3"; do
+          read -r threads permute <<< "$run"
+          options=(--solver "$solver" --precision "$precision" --device cpu --threads "$threads" --tolerance 1e-6
+            --max-iterations "$iterations" --quiet --json "$matrix/report.json")
+          [ "$permute" = - ] || options+=(--permute "$permute")
+          status=0
+          "$matrix/$build/bin/stiction" solve "$batch" "${options[@]}" || status=$?
+          [ "$status" -le 1 ] || exit "$status"  # 1: some environment missed the tolerance, its bits count all the same
+          hash=$(sed -n 's/.*"hash": *"\([0-9a-f]*\)".*/\1/p' "$matrix/report.json")
+          [ -n "$hash" ] || { echo "build_matrix.sh: no hash in the report of $build, $batch, $solver" >&2; exit 1; }
+          echo "$(basename "$batch" .h5),$solver,$precision,$build,$threads,$permute,$hash" >> "$csv"
+        done
+      done
+    done
+  done
+  note "$build: $(grep -c ",$build," "$csv") runs"
+done
+
+say "hashes"
+awk -F, '
+  NR > 1 {
+    key = $1 "," $2 "," $3
+    if (!(key in first)) { first[key] = $7; order[++keys] = key }
+    runs[key]++
+    if ($7 != first[key]) { other[key]++; print "different: " $0 " (first: " first[key] ")" }
+  }
+  END {
+    printf "%-20s %-8s %-4s %-17s %5s %9s\n", "batch", "solver", "", "hash", "runs", "different"
+    for (k = 1; k <= keys; k++) {
+      split(order[k], part, ",")
+      printf "%-20s %-8s %-4s %-17s %5d %9d\n", part[1], part[2], part[3], first[order[k]], runs[order[k]], other[order[k]] + 0
+      bad += other[order[k]]
+    }
+    exit bad > 0
+  }' "$csv"
+note "builds: ${builds[*]}; threads 1 and 2; orders as in the file and three permutations"

@@ -1,0 +1,117 @@
+# Shared by the scripts beside it; sourced, not run. Sets `root` and stays in the caller's directory.
+# shellcheck shell=bash
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+jobs=$(nproc 2> /dev/null || echo 2)
+
+say() { printf '\n== %s\n' "$*"; }
+note() { printf '   %s\n' "$*"; }
+
+# Runs a command as root, or fails if there is no way to.
+as_root() {
+  if [ "$(id -u)" = 0 ]; then
+    "$@"
+  elif command -v sudo > /dev/null; then
+    sudo -n "$@"
+  else
+    return 1
+  fi
+}
+
+have_package() { dpkg-query -W -f='${Status}' "$1" 2> /dev/null | grep -q 'ok installed'; }
+
+# Installs the Debian packages that are missing. Those that cannot be installed are named, with what will be missing.
+#   install_packages "package: what needs it" ...
+install_packages() {
+  local line package missing=()
+  command -v dpkg-query > /dev/null || { note "not a Debian system: nothing is installed, what is here is used"; return 0; }
+  for line in "$@"; do
+    package=${line%%:*}
+    have_package "$package" || missing+=("$package")
+  done
+  [ ${#missing[@]} -eq 0 ] && { note "all packages are here"; return 0; }
+  note "installing ${missing[*]}"
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get update -qq > /dev/null 2>&1 || note "apt-get update failed (no network, or neither root nor sudo)"
+  if ! as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" > /dev/null 2>&1; then
+    for package in "${missing[@]}"; do  # one of them stopped all: take those that can be had
+      as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$package" > /dev/null 2>&1 || true
+    done
+  fi
+  for line in "$@"; do
+    package=${line%%:*}
+    have_package "$package" || note "could not install $package: ${line#*: }"
+  done
+}
+
+build_packages=(
+  "g++: nothing can be built without a C++20 compiler"
+  "cmake: nothing can be built"
+  "ninja-build: nothing can be built"
+  "ccache: repeated builds take as long as the first"
+  "python3: lint, PTX gate and the test summary are skipped"
+  "python3-venv: recording tests and pictures are skipped"
+  "libhdf5-dev: no files and no command line"
+  "libcli11-dev: no command line"
+  "libfmt-dev: no command line"
+  "nlohmann-json3-dev: no command line"
+  "graphviz: no pictures of contact graphs"
+)
+test_packages=(
+  "libgtest-dev: no tests"
+  "libgmock-dev: no tests"
+  "librapidcheck-dev: no property tests"
+  "libbenchmark-dev: no benchmarks"
+  "libeigen3-dev: no Eigen baseline in the benchmarks"
+  "clang-format-14: formatting is not checked"
+)
+
+# A virtual environment with what tools/*.py need. Sets `python` to it, or to the system's where PyPI does not answer.
+make_venv() {
+  python=$(command -v python3 || true)
+  [ -n "$python" ] || { note "no python3: lint, recording tests and pictures are skipped"; return 0; }
+  local stamp=$root/.venv/.installed
+  if ! cmp -s "$root/tools/requirements.txt" "$stamp"; then
+    note "fetching $(grep -oE '^[a-z0-9]+' "$root/tools/requirements.txt" | tr '\n' ' ')into .venv"
+    if python3 -m venv "$root/.venv" > /dev/null 2>&1 &&
+      timeout 600 "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --timeout 15 --retries 1 \
+        -r "$root/tools/requirements.txt" > /dev/null 2>&1; then
+      cp "$root/tools/requirements.txt" "$stamp"
+    else
+      note "PyPI did not deliver: recording tests are skipped, and pictures unless the system has matplotlib"
+      return 0
+    fi
+  fi
+  python=$root/.venv/bin/python
+}
+
+# Sets CUDACXX if there is an nvcc, in the environment, on the path, in the usual place or in .cuda.
+find_nvcc() {
+  local candidate
+  for candidate in "${CUDACXX:-}" "$(command -v nvcc || true)" /usr/local/cuda/bin/nvcc \
+    "$root"/.cuda/nvidia/cu*/bin/nvcc; do
+    if [ -n "$candidate" ] && [ -x "$candidate" ]; then
+      export CUDACXX=$candidate
+      note "CUDA: $CUDACXX"
+      return 0
+    fi
+  done
+  unset CUDACXX
+  note "CUDA: no nvcc, so this build is CPU-only (scripts/get_cuda.sh fetches one)"
+}
+
+# configure_and_build TARGET ...: the Release build that all scripts share, in build/.
+configure_and_build() {
+  local options=(-S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release)
+  if command -v ccache > /dev/null; then
+    options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
+  fi
+  [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python")
+  if [ -n "${CUDACXX:-}" ] && grep -qs '^CMAKE_CUDA_COMPILER:.*NOTFOUND' "$root/build/CMakeCache.txt"; then
+    options+=(-U CMAKE_CUDA_COMPILER)  # an earlier configuration found none and remembers it
+  fi
+  local log
+  log=$(mktemp)
+  cmake "${options[@]}" > "$log" 2>&1 || { cat "$log" >&2; rm -f "$log"; return 1; }
+  sed -n '/stiction [0-9]/,$p' "$log" | grep -E '^-- +(stiction [0-9]|[a-zA-Z (]+\)?: )' | sed 's/^-- /   /' || true
+  rm -f "$log"
+  cmake --build "$root/build" -j "$jobs" ${1:+--target "$@"}
+}

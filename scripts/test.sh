@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Installs what is missing (Debian 12), builds, and runs every test. Runs from any directory, and again.
+# The last line is: N passed, M failed, K skipped
+#
+#   scripts/test.sh [CTEST OPTION ...]        for example: scripts/test.sh -L lint
+set -euo pipefail
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+begin=$SECONDS
+say "packages"
+install_packages "${build_packages[@]}" "${test_packages[@]}"
+make_venv
+find_nvcc
+
+say "build"
+configure_and_build || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
+built=$SECONDS
+
+say "tests"
+junit=$root/build/tests.xml
+rm -f "$junit"
+status=0
+# Passed tests' output is kept whole: it is where skips explain themselves.
+ctest --test-dir "$root/build" --output-on-failure -j "$jobs" --no-tests=error \
+  --test-output-size-passed 1000000 --test-output-size-failed 1000000 --output-junit "$junit" "$@" || status=$?
+
+say "summary"
+note "install and build $((built - begin)) s, tests $((SECONDS - built)) s"
+if [ ! -f "$junit" ]; then
+  echo "0 passed, 1 failed, 0 skipped"
+  exit 1
+fi
+python3 "$root/tools/test_summary.py" "$junit" || status=1
+exit "$status"
