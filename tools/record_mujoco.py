@@ -1,0 +1,330 @@
+#!/usr/bin/env python3
+"""Record contact systems from running MuJoCo simulations as a contact-batch file.
+
+    record_mujoco.py MODEL.xml -o OUT.h5 --envs 64 --seed 1 --steps 400 --every 40 --perturb 0.1
+
+Simulations start from the model's first state (or a keyframe) disturbed by --perturb, run under random control
+with elliptic friction cones, and every --every steps the constraint system of that instant becomes one
+environment of the file, together with MuJoCo's own solution at a tight tolerance. Everything that is random
+comes from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
+
+Exit status: 0 written; 1 written, but with fewer environments than asked for (the reason is printed); 2 bad
+input or usage, with one sentence. Needs numpy, h5py and mujoco >= 3 (tools/requirements.txt).
+"""
+import argparse
+import copy
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import h5py
+import mujoco
+import numpy as np
+
+FREE, UNILATERAL, BOX, FRICTION = range(4)  # cone_kind of the file format
+
+# A simulation is given up after this many without a single recordable instant.
+FRUITLESS_SIMULATIONS = 20
+
+# Newton restarts from its own answer at most this often: each restart factors the Hessian afresh, which
+# removes the rounding its rank-one updates have gathered.
+REFERENCE_RESTARTS = 5
+
+BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,
+             mujoco.mjtWarning.mjWARN_CONTACTFULL, mujoco.mjtWarning.mjWARN_CNSTRFULL)
+
+
+class RecordError(Exception):
+    """Bad input or usage; the message is one sentence for the user."""
+
+
+@dataclass
+class System:
+    """One environment: n rows in cones over nv degrees of freedom; w is an acceleration, lambda a force."""
+
+    cone_kind: np.ndarray   # (cones)
+    cone_rows: np.ndarray   # (cones) rows of each cone
+    row_param: np.ndarray   # (n) mu of the axis, or the box bound, else 0
+    A: np.ndarray           # (n, n) J M^-1 J', without R
+    b: np.ndarray           # (n) J v_free - row_target
+    R: np.ndarray           # (n) efc_R
+    J: np.ndarray           # (n, nv)
+    M: np.ndarray           # (nv, nv)
+    v_free: np.ndarray      # (nv) qacc_smooth: the acceleration without constraint forces
+    row_target: np.ndarray  # (n) efc_aref: the acceleration each row asks for
+    lambda_ref: np.ndarray  # (n) efc_force
+    v_ref: np.ndarray       # (nv) qacc
+
+    def stored_bytes(self):
+        """Size of this environment in the file before compression, pointers included."""
+        entries = sum(np.count_nonzero(m) for m in (self.A, self.J, self.M))
+        n, nv = self.J.shape
+        return 12 * entries + 9 * len(self.cone_kind) + 8 * (7 * n + 3 * nv) + 24
+
+
+def reference_model(model):
+    """The same model with MuJoCo's Newton solver as tight as it goes, and a dense Jacobian to read."""
+    tight = copy.copy(model)
+    tight.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    tight.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    tight.opt.tolerance = 1e-15
+    tight.opt.ls_tolerance = 1e-10
+    tight.opt.iterations = 500
+    tight.opt.ls_iterations = 500
+    tight.opt.noslip_iterations = 0  # a post-processing step that leaves the optimum
+    return tight
+
+
+def cones_of(model, data):
+    """Cone kinds, their numbers of rows, and row_param, in the order of MuJoCo's constraint rows."""
+    kinds, rows, param = [], [], np.zeros(data.nefc)
+    one_row = {
+        mujoco.mjtConstraint.mjCNSTR_EQUALITY: FREE,
+        mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: BOX,
+        mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: BOX,
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: UNILATERAL,
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: UNILATERAL,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS: UNILATERAL,
+    }
+    row = 0
+    while row < data.nefc:
+        kind, size = one_row.get(mujoco.mjtConstraint(data.efc_type[row]), FRICTION), 1
+        if kind == FRICTION:
+            contact = data.contact[data.efc_id[row]]
+            size = contact.dim
+            param[row + 1:row + size] = contact.friction[:size - 1]  # two tangents, spin, two rolls
+        elif kind == BOX:
+            param[row] = data.efc_frictionloss[row]
+        kinds.append(kind)
+        rows.append(size)
+        row += size
+    return np.array(kinds, np.uint8), np.array(rows, np.int64), param
+
+
+def solve_tightly(tight, data):
+    """MuJoCo's own solution at data's state, restarted from its answer until that no longer changes."""
+    mujoco.mj_forward(tight, data)
+    for _ in range(REFERENCE_RESTARTS):
+        before = data.qacc.copy()
+        data.qacc_warmstart[:] = before
+        mujoco.mj_forward(tight, data)
+        if np.array_equal(before, data.qacc):
+            break
+
+
+def extract(tight, data):
+    """The constraint system that data holds after solve_tightly()."""
+    n, nv = data.nefc, tight.nv
+    J = np.array(data.efc_J).reshape(n, nv)
+    minv_jt = np.zeros((n, nv))
+    mujoco.mj_solveM(tight, data, minv_jt, np.ascontiguousarray(J))
+    # einsum without a path never calls a BLAS, so neither its threads nor its kernels reach the file.
+    A = np.einsum("ik,jk->ij", J, minv_jt)
+    M = np.zeros((nv, nv))
+    for i, unit in enumerate(np.eye(nv)):
+        mujoco.mj_mulM(tight, data, M[i], unit)
+    kinds, rows, param = cones_of(tight, data)
+    v_free, target = data.qacc_smooth.copy(), data.efc_aref.copy()
+    return System(cone_kind=kinds, cone_rows=rows, row_param=param, A=0.5 * (A + A.T),
+                  b=np.einsum("ik,k->i", J, v_free) - target, R=data.efc_R.copy(), J=J, M=0.5 * (M + M.T),
+                  v_free=v_free, row_target=target, lambda_ref=data.efc_force.copy(), v_ref=data.qacc.copy())
+
+
+def natural_residual(system, force):
+    """The relative natural-map residual of `force` under the convex law (docs/recording.md)."""
+    w = system.A @ force + system.R * force + system.b
+    diagonal = np.diag(system.A) + system.R
+    worst, start = 0.0, 0
+    for kind, size in zip(system.cone_kind, system.cone_rows):
+        rows = slice(start, start + size)
+        start += size
+        x, y, mu, scale = force[rows].copy(), w[rows].copy(), system.row_param[rows], diagonal[rows].mean()
+        if kind == FRICTION:
+            gripping = np.concatenate(([True], mu[1:] > 0))  # an axis without friction carries no force
+            idle = np.abs(x[~gripping]).max(initial=0.0) * scale
+            x, y, mu = x[gripping], y[gripping], mu[gripping]
+            x[1:] /= mu[1:]
+            y[1:] *= mu[1:]
+            gap = np.append(x - project_cone(x - y / scale), idle / scale)
+        else:
+            low, high = {FREE: (-np.inf, np.inf), UNILATERAL: (0, np.inf), BOX: (-mu[0], mu[0])}[int(kind)]
+            gap = x - np.clip(x - y / scale, low, high)
+        worst = max(worst, scale * np.linalg.norm(gap))
+    return worst / max(np.abs(system.b).max(initial=0.0), np.finfo(float).tiny)
+
+
+def project_cone(z):
+    """Euclidean projection onto z[0] >= norm(z[1:])."""
+    slide = np.linalg.norm(z[1:])
+    if slide <= -z[0]:
+        return np.zeros_like(z)
+    if slide <= z[0]:
+        return z
+    height = 0.5 * (z[0] + slide)
+    return np.append(height, z[1:] * (height / slide))
+
+
+def random_control(model, rng, scale):
+    """Uniform over the middle `scale` of each actuator's range; [-1, 1] where none is given."""
+    limited = model.actuator_ctrllimited.astype(bool)
+    low = np.where(limited, model.actuator_ctrlrange[:, 0], -1.0)
+    high = np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
+    return 0.5 * (low + high) + 0.5 * scale * (high - low) * rng.uniform(-1, 1, model.nu)
+
+
+def start_state(model, data, keyframe, rng, sigma):
+    if keyframe is None:
+        mujoco.mj_resetData(model, data)
+    else:
+        mujoco.mj_resetDataKeyframe(model, data, keyframe)
+    mujoco.mj_integratePos(model, data.qpos, sigma * rng.standard_normal(model.nv), 1.0)
+    data.qvel[:] += sigma * rng.standard_normal(model.nv)
+
+
+def instants(model, options, keyframe):
+    """Systems at the chosen instants of one simulation after another, without end unless nothing touches."""
+    tight = reference_model(model)
+    data, snapshot = mujoco.MjData(model), mujoco.MjData(tight)
+    whole_state = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.zeros(mujoco.mj_stateSize(model, whole_state))
+    fruitless, simulation = 0, 0
+    while fruitless < FRUITLESS_SIMULATIONS:
+        rng = np.random.default_rng([options.seed, simulation])
+        start_state(model, data, keyframe, rng, options.perturb)
+        phase, found = int(rng.integers(options.every)), False
+        for step in range(1, options.steps + 1):
+            if options.control == "random" and (step - 1) % options.hold == 0:
+                data.ctrl[:] = random_control(model, rng, options.control_scale)
+            mujoco.mj_step(model, data)
+            if any(data.warning[int(w)].number for w in BAD_STATE):
+                break  # the simulation blew up or lost contacts: what follows is not physics
+            if step % options.every == phase:
+                mujoco.mj_getState(model, data, state, whole_state)
+                mujoco.mj_setState(tight, snapshot, state, whole_state)
+                solve_tightly(tight, snapshot)
+                if snapshot.nefc == 0:
+                    continue
+                system = extract(tight, snapshot)
+                if all(np.isfinite(getattr(system, f.name)).all() for f in fields(system)):
+                    found = True
+                    yield system
+        fruitless = 0 if found else fruitless + 1
+        simulation += 1
+
+
+def record(model, options, keyframe=None):
+    """Up to options.envs systems, and the reason (or None) why there are fewer."""
+    systems, budget = [], options.max_mb * 1e6
+    for system in instants(model, options, keyframe):
+        budget -= system.stored_bytes()
+        if budget < 0:
+            return systems, f"--max-mb {options.max_mb:g} is used up"
+        systems.append(system)
+        if len(systems) == options.envs:
+            return systems, None
+    return systems, f"{FRUITLESS_SIMULATIONS} simulations in a row had no instant with constraints"
+
+
+def pointers(sizes):
+    return np.concatenate(([0], np.cumsum(sizes, dtype=np.int64)))
+
+
+def csr(matrices):
+    """The matrices below one another as ptr, col, val; columns count from each matrix's own first."""
+    places = [np.nonzero(m) for m in matrices]
+    counts = np.concatenate([np.count_nonzero(m, axis=1) for m in matrices])
+    return {"ptr": pointers(counts), "col": np.concatenate([p[1] for p in places]).astype(np.int32),
+            "val": np.concatenate([m[p] for m, p in zip(matrices, places)])}
+
+
+def write(path, systems, source):
+    """Writes the contact-batch file; deflate, because the pointers and Jacobians compress well."""
+    arrays = {"env_row_ptr": pointers([len(s.b) for s in systems]),
+              "env_cone_ptr": pointers([len(s.cone_kind) for s in systems]),
+              "env_dof_ptr": pointers([len(s.v_free) for s in systems]),
+              "cone_row_ptr": pointers(np.concatenate([s.cone_rows for s in systems]))}
+    for name in ("cone_kind", "row_param", "b", "R", "v_free", "row_target", "lambda_ref", "v_ref"):
+        arrays[name] = np.concatenate([getattr(s, name) for s in systems])
+    for name in ("A", "J", "M"):
+        for part, values in csr([getattr(s, name) for s in systems]).items():
+            arrays[f"{name}/{part}"] = values
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": "contact-batch", "version": 1, "source": source, "law": "convex"})
+        for name, values in arrays.items():
+            packed = {"compression": "gzip", "compression_opts": 9, "shuffle": True} if values.size else {}
+            file.create_dataset(name, data=values, track_times=False, **packed)
+
+
+def parse(arguments):
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("model", metavar="MODEL.xml", help="MJCF or URDF model")
+    parser.add_argument("-o", "--output", required=True, metavar="OUT.h5")
+    parser.add_argument("--envs", type=int, default=64, help="instants to record (default 64)")
+    parser.add_argument("--seed", type=int, default=0, help="source of everything random (default 0)")
+    parser.add_argument("--steps", type=int, default=400, help="steps of each simulation (default 400)")
+    parser.add_argument("--every", type=int, default=40, help="steps between instants (default 40)")
+    parser.add_argument("--keyframe", help="start from this keyframe (name or number) instead of the model's pose")
+    parser.add_argument("--perturb", type=float, default=0.0, metavar="SIGMA",
+                        help="deviation of the start state's positions [m, rad] and velocities [m/s, rad/s]")
+    parser.add_argument("--control", choices=("random", "zero"), default="random")
+    parser.add_argument("--control-scale", type=float, default=1.0, help="part of the control range used (default 1)")
+    parser.add_argument("--hold", type=int, default=20, help="steps a random control is held (default 20)")
+    parser.add_argument("--max-mb", type=float, default=64.0, help="stop before the arrays exceed this (default 64 MB)")
+    options = parser.parse_args(arguments)
+    for name, least in (("envs", 1), ("seed", 0), ("steps", 1), ("every", 1), ("hold", 1), ("perturb", 0)):
+        if not getattr(options, name) >= least:
+            parser.error(f"--{name} is {getattr(options, name)}, it must be at least {least}")
+    if options.every > options.steps:
+        parser.error(f"--every {options.every} is more than --steps {options.steps}: no instant would be recorded")
+    return options
+
+
+def load(path, keyframe):
+    """The model with elliptic cones, and the keyframe's number. \\throws RecordError."""
+    try:
+        model = mujoco.MjModel.from_xml_path(path)
+    except ValueError as error:
+        raise RecordError(f"{path}: MuJoCo cannot read this model: {' '.join(str(error).split())}") from error
+    if model.nv == 0:
+        raise RecordError(f"{path}: nothing in this model can move; give some body a joint")
+    model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    model.opt.impratio = 1.0
+    if keyframe is None:
+        return model, None
+    number = int(keyframe) if keyframe.isdigit() else mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
+    if not 0 <= number < model.nkey:
+        known = ", ".join(model.key(i).name or str(i) for i in range(model.nkey)) or "none"
+        raise RecordError(f"--keyframe {keyframe} is not in the model; there are: {known}")
+    return model, number
+
+
+def summary(path, systems):
+    rows = [len(s.b) for s in systems]
+    worst = np.array([natural_residual(s, s.lambda_ref) for s in systems])
+    cones = np.bincount(np.concatenate([s.cone_kind for s in systems]), minlength=4)
+    counts = ", ".join(f"{n} {k}" for k, n in zip(("free", "unilateral", "box", "friction"), cones) if n)
+    return (f"{path}: {len(systems)} environments, rows min {min(rows)} median {np.median(rows):g} max {max(rows)}; "
+            f"{counts}; reference residual median {np.median(worst):.1e} max {worst.max():.1e}; "
+            f"{Path(path).stat().st_size} bytes")
+
+
+def main(arguments=None):
+    options = parse(arguments)
+    try:
+        model, keyframe = load(options.model, options.keyframe)
+        systems, shortfall = record(model, options, keyframe)
+        if not systems:
+            raise RecordError(f"nothing was recorded: {shortfall}")
+        write(options.output, systems, f"MuJoCo {mujoco.__version__}, {Path(options.model).stem}")
+    except (RecordError, OSError) as error:
+        print(f"record_mujoco: {error}", file=sys.stderr)
+        return 2
+    print(summary(options.output, systems))
+    if shortfall:
+        print(f"record_mujoco: {len(systems)} of {options.envs} environments: {shortfall}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
