@@ -1,0 +1,216 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iomanip>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "stiction/hash.hpp"
+#include "stiction/solver.hpp"
+#include "tests/cli/batches.hpp"
+#include "tests/cli/process.hpp"
+
+namespace stiction::test {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Words = std::vector<std::string>;
+
+class Solve : public testing::Test {
+ protected:
+  Finished solve(const Words& more) {
+    Words words{"solve", batch_};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_stiction(words);
+  }
+
+  Json report(const Words& more) {
+    Words words = more;
+    words.insert(words.end(), {"--json", "-"});
+    return Json::parse(solve(words).out);
+  }
+
+  Folder folder_;
+  io::Recording recording_ = chain_recording(40);
+  std::string batch_ = write_batch(folder_ / "batch.h5", recording_);
+};
+
+Words keys(const Json& json) {
+  Words names;
+  for (const auto& item : json.items()) names.push_back(item.key());
+  return names;
+}
+
+TEST_F(Solve, TheReportHasTheAgreedKeys) {
+  const Json json = report({});
+  EXPECT_EQ(keys(json), (Words{"schema_version", "device", "solver", "precision", "law", "environments", "rows",
+                               "cones", "seconds", "iterations", "residual", "flags", "unconverged", "hash", "epoch"}));
+  EXPECT_EQ(keys(json["seconds"]), (Words{"load", "plan", "solve"}));
+  for (const char* spread : {"iterations", "residual"}) {
+    EXPECT_EQ(keys(json[spread]), (Words{"min", "median", "p90", "max"}));
+  }
+  EXPECT_EQ(json["flags"].size(), static_cast<std::size_t>(kEnvFlagCount));
+  EXPECT_EQ(json["schema_version"], 1);
+  EXPECT_EQ(json["environments"], 40);
+  EXPECT_EQ(json["rows"], recording_.batch.row_count());
+  EXPECT_EQ(json["cones"], recording_.batch.row_count() / 3);
+  EXPECT_EQ(json["law"], "convex");
+  EXPECT_EQ(json["precision"], "f64");
+  EXPECT_EQ(json["unconverged"], 0);
+  EXPECT_LE(json["residual"]["max"].get<double>(), 1e-4);
+}
+
+TEST_F(Solve, TheTableSaysTheSameAsTheReport) {
+  const Finished finished = solve({"--json", folder_ / "report.json"});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const Json json = Json::parse(read_text(folder_ / "report.json"));
+  EXPECT_EQ(field(finished.out, "environments"), "40");
+  EXPECT_EQ(field(finished.out, "hash").substr(0, 16), json["hash"].get<std::string>());
+  EXPECT_EQ(field(finished.out, "unconverged"), "0");
+  EXPECT_EQ(field(finished.out, "ended"), "40 solved");
+  EXPECT_EQ(field(finished.out, "flags"), "none");
+  EXPECT_EQ(finished.err, "") << "nothing is drawn where stderr is no terminal";
+}
+
+TEST_F(Solve, QuietSaysNothing) {
+  const Finished finished = solve({"--quiet"});
+  EXPECT_EQ(finished.status, 0);
+  EXPECT_EQ(finished.out + finished.err, "");
+}
+
+TEST_F(Solve, TheHashIsThatOfTheFileAndOfTheLibrary) {
+  for (const char* precision : {"f32", "f64"}) {
+    const std::string solution = folder_ / "solution.h5";
+    const Json json = report({"--precision", precision, "-o", solution});
+    EXPECT_EQ(run_stiction({"hash", solution}).out, json["hash"].get<std::string>() + "\n") << precision;
+  }
+  const Solution<double> solution = stiction::solve(recording_.batch);
+  std::ostringstream hex;
+  hex << std::hex << std::setw(16) << std::setfill('0') << hash_bits(std::span<const double>(solution.lambda));
+  EXPECT_EQ(report({"--max-iterations", "1000", "--tolerance", "1e-4"})["hash"], hex.str());
+}
+
+TEST_F(Solve, OrderAndThreadsDoNotReachTheHash) {
+  for (const char* precision : {"f32", "f64"}) {
+    const Json plain = report({"--precision", precision});
+    for (const Words& more : {Words{"--permute", "1"}, Words{"--permute", "2"}, Words{"--permute", "3"},
+                              Words{"--threads", "1"}, Words{"--threads", "2", "--permute", "9"}}) {
+      Words words = more;
+      words.insert(words.end(), {"--precision", precision});
+      const Json other = report(words);
+      EXPECT_EQ(other["hash"], plain["hash"]) << more.front() << " " << more.back();
+      EXPECT_EQ(other["iterations"], plain["iterations"]);
+    }
+  }
+}
+
+TEST_F(Solve, APermutedSolutionIsWrittenInFileOrder) {
+  solve({"-o", folder_ / "a.h5"});
+  solve({"-o", folder_ / "b.h5", "--permute", "5"});
+  EXPECT_EQ(run_stiction({"diff", folder_ / "a.h5", folder_ / "b.h5"}).status, 0);
+  const io::SolutionFile a = io::read_solution(folder_ / "a.h5");
+  const io::SolutionFile b = io::read_solution(folder_ / "b.h5");
+  EXPECT_EQ(a.w, b.w);
+  ASSERT_EQ(a.status.size(), 40U);
+  for (std::size_t env = 0; env < 40; ++env) {
+    EXPECT_EQ(a.status[env].iterations, b.status[env].iterations);
+    EXPECT_EQ(a.status[env].residual, b.status[env].residual);
+  }
+}
+
+TEST_F(Solve, AnEnvironmentThatMissesTheToleranceGivesExitStatusOne) {
+  const Finished finished = solve({"--max-iterations", "1", "--tolerance", "1e-14"});
+  EXPECT_EQ(finished.status, 1);
+  EXPECT_NE(field(finished.out, "unconverged"), "0");
+  EXPECT_NE(field(finished.out, "ended").find("max_iterations"), std::string::npos);
+}
+
+TEST_F(Solve, TheLawCanBeOverridden) {
+  EXPECT_EQ(report({"--law", "coulomb"})["law"], "coulomb");
+  solve({"--law", "coulomb", "--tolerance", "1e-10", "--max-iterations", "10000", "-o", folder_ / "s.h5"});
+  EXPECT_EQ(run_stiction({"verify", batch_, folder_ / "s.h5", "--law", "coulomb"}).status, 0);
+  const Finished by_file_law = run_stiction({"verify", batch_, folder_ / "s.h5"});
+  EXPECT_NE(by_file_law.err.find("was solved with law coulomb"), std::string::npos);
+}
+
+TEST_F(Solve, AWarmStartFromTheSolutionNeedsFewerIterations) {
+  const Json cold = report({"--tolerance", "1e-9", "-o", folder_ / "s.h5"});
+  const Json warm = report({"--tolerance", "1e-9", "--warm-start", folder_ / "s.h5", "--permute", "4"});
+  EXPECT_LT(warm["iterations"]["max"].get<int>(), cold["iterations"]["min"].get<int>());
+  EXPECT_EQ(warm["unconverged"], 0);
+}
+
+TEST_F(Solve, APoisonedEnvironmentIsIsolatedAndChangesNoOther) {
+  auto arrays = recording_.batch.arrays();
+  const auto poisoned_row = static_cast<std::size_t>(arrays.env_row_offsets[7]);
+  arrays.b[poisoned_row] = std::numeric_limits<double>::quiet_NaN();
+  const std::string poisoned = write_batch(folder_ / "poisoned.h5", with_arrays(recording_, std::move(arrays)));
+  const Finished finished =
+      run_stiction({"solve", poisoned, "--isolate", "-o", folder_ / "p.h5", "--json", folder_ / "p.json"});
+  EXPECT_EQ(finished.status, 1);
+  const Json json = Json::parse(read_text(folder_ / "p.json"));
+  EXPECT_EQ(json["unconverged"], 1);
+  EXPECT_EQ(json["flags"]["non_finite_input"], 1);
+  solve({"-o", folder_ / "clean.h5"});
+  std::istringstream clean(run_stiction({"hash", folder_ / "clean.h5", "--per-environment"}).out);
+  std::istringstream other(run_stiction({"hash", folder_ / "p.h5", "--per-environment"}).out);
+  std::string clean_line, other_line;
+  int env = 0;
+  for (; env < 40 && std::getline(clean, clean_line) && std::getline(other, other_line); ++env) {
+    if (env != 7) EXPECT_EQ(clean_line, other_line);
+    if (env == 7) EXPECT_NE(clean_line, other_line);
+  }
+  EXPECT_EQ(env, 40);
+}
+
+TEST_F(Solve, TheTraceFallsAndEndsAtTheIterationLimit) {
+  ASSERT_EQ(solve({"--trace", folder_ / "t.csv", "--max-iterations", "20"}).status, 0);
+  std::istringstream csv(read_text(folder_ / "t.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line, "iteration,median,p90,max");
+  std::vector<int> iterations;
+  std::vector<double> worst;
+  while (std::getline(csv, line)) {
+    iterations.push_back(std::stoi(line));
+    worst.push_back(std::stod(line.substr(line.rfind(',') + 1)));
+  }
+  EXPECT_EQ(iterations, (std::vector<int>{1, 2, 3, 4, 6, 8, 12, 16, 20}));
+  EXPECT_LT(worst.back(), worst.front());
+}
+
+TEST_F(Solve, TheTraceIsWhatVerifySaysOfAShorterRun) {
+  solve({"--trace", folder_ / "t.csv", "--max-iterations", "4"});
+  solve({"--tolerance", "0", "--max-iterations", "3", "-o", folder_ / "s.h5"});
+  const Json verdict = Json::parse(run_stiction({"verify", batch_, folder_ / "s.h5", "--json"}).out);
+  const std::string csv = read_text(folder_ / "t.csv");
+  const std::size_t line = csv.find("\n3,") + 1;
+  const double traced = std::stod(csv.substr(csv.rfind(',', csv.find('\n', line)) + 1));
+  EXPECT_NEAR(traced, verdict["residual"]["max"].get<double>(), 1e-6 * traced) << "seven digits are printed";
+}
+
+TEST(SolveEdge, ABatchWithoutEnvironmentsIsSolved) {
+  const Folder folder;
+  const std::string batch = write_batch(folder / "none.h5", chain_recording(0));
+  const Finished finished = run_stiction({"solve", batch, "-o", folder / "s.h5", "--json", folder / "r.json"});
+  EXPECT_EQ(finished.status, 0) << finished.err;
+  EXPECT_TRUE(Json::parse(read_text(folder / "r.json"))["residual"]["max"].is_null());
+  EXPECT_EQ(run_stiction({"verify", batch, folder / "s.h5"}).status, 0);
+  EXPECT_EQ(run_stiction({"inspect", batch}).status, 0);
+}
+
+TEST(SolveEdge, ASharedFileIsSolvedAndVerified) {
+  const std::string shared = STICTION_SHARED_DIR;
+  const std::string batch = shared + "/data/mujoco/go1.h5";
+  if (!std::filesystem::exists(batch)) GTEST_SKIP() << "no shared data at " << shared;
+  const Folder folder;
+  const Finished finished =
+      run_stiction({"solve", batch, "--tolerance", "1e-6", "--max-iterations", "20000", "-o", folder / "s.h5"});
+  EXPECT_EQ(finished.status, 0) << finished.out << finished.err;
+  EXPECT_EQ(run_stiction({"verify", batch, folder / "s.h5"}).status, 0);
+}
+
+}  // namespace
+}  // namespace stiction::test
