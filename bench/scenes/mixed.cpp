@@ -49,7 +49,7 @@ SceneEnv pile_within(Rng& rng, int limit) {
   return contact_count(env) > limit ? make_stack(rng, 1) : std::move(env);
 }
 
-/// Scenes of a handful of contacts.
+/// Scenes of at most 16 contacts.
 SceneEnv make_small(Rng& rng, int limit) {
   switch (rng.below(4)) {
     case 0:

@@ -10,10 +10,14 @@
 namespace stiction::scenes {
 namespace {
 
-constexpr double kMeanRadius = 0.05;  // [m]
-constexpr double kDensity = 1000;     // [kg/m^3]
-constexpr double kTouching = 1e-3;    // pairs nearer than this have a contact [m]
-constexpr int kFallSteps = 120, kRelaxSteps = 60, kPairRefresh = 10;
+constexpr double kMeanRadius = 0.05;      // [m]
+constexpr double kDensity = 1000;         // [kg/m^3]
+constexpr double kTouching = 1e-3;        // pairs nearer than this have a contact [m]
+constexpr double kOpen = 1e9;             // the bin has no lid [m]
+constexpr double kSettledOverlap = 2e-4;  // [m]
+constexpr int kFallStepsPerLayer = 8;     // of a tenth of a radius: a third of the lattice's height
+constexpr int kSettleSteps = 100;         // of a two-hundredth: into the gaps, with little overlap
+constexpr int kRelaxSteps = 300, kPairRefresh = 10;
 
 struct Ball {
   Vec3 center;
@@ -29,7 +33,7 @@ class Bin {
   Bin(Rng& rng, int spheres) {
     int side = 1;
     while (side * side * side < spheres) ++side;
-    half_width_ = 1.1 * kMeanRadius * side;
+    half_width_ = 1.25 * kMeanRadius * side;
     const double pitch = 2 * half_width_ / side;
     for (int k = 0; k < spheres; ++k) {
       const double radius = kMeanRadius * rng.uniform(0.8, 1.2);
@@ -37,12 +41,16 @@ class Bin {
                       (k / (side * side) + 0.6) * 2.5 * kMeanRadius};
       balls.push_back({cell + random_vector(rng, 0.3 * kMeanRadius), radius});
     }
-    for (int step = 0; step < kFallSteps + kRelaxSteps; ++step) {
+    const int fall_steps = kFallStepsPerLayer * side;
+    const int gravity_steps = fall_steps + kSettleSteps;
+    for (int step = 0; step < gravity_steps + kRelaxSteps; ++step) {
       if (step % kPairRefresh == 0) pairs_ = pairs_within(0.5 * kMeanRadius);
-      if (step < kFallSteps) {
-        for (Ball& ball : balls) ball.center.z -= 0.1 * kMeanRadius;
+      if (step < gravity_steps) {
+        const double fall = (step < fall_steps ? 0.1 : 0.005) * kMeanRadius;
+        for (Ball& ball : balls) ball.center.z -= fall;
       }
-      push_apart();
+      const double overlap = push_apart();
+      if (step >= gravity_steps && overlap < kSettledOverlap) break;
     }
   }
 
@@ -64,7 +72,18 @@ class Bin {
   std::vector<Ball> balls;
 
  private:
-  void push_apart() {
+  /// Moves a coordinate into [lo, hi]; the larger of `largest` and the distance it moved.
+  static double push_into(double& coordinate, double lo, double hi, double largest) {
+    const double before = coordinate;
+    if (coordinate > hi) coordinate = hi;
+    if (coordinate < lo) coordinate = lo;
+    const double moved = coordinate > before ? coordinate - before : before - coordinate;
+    return moved > largest ? moved : largest;
+  }
+
+  /// One pass over pairs, ground and walls; the largest overlap it met [m].
+  double push_apart() {
+    double largest = 0;
     for (const Pair& pair : pairs_) {
       Ball& a = balls[pair.a];
       Ball& b = balls[pair.b];
@@ -73,18 +92,20 @@ class Bin {
       const double distance2 = dot(d, d);
       if (distance2 >= reach * reach || distance2 == 0) continue;
       const double distance = std::sqrt(distance2);
-      const Vec3 push = (0.5 * (reach - distance) / distance) * d;
+      const double overlap = reach - distance;
+      if (overlap > largest) largest = overlap;
+      const Vec3 push = (0.5 * overlap / distance) * d;
       a.center = a.center - push;
       b.center = b.center + push;
     }
     for (Ball& ball : balls) {
+      largest = push_into(ball.center.z, ball.radius, kOpen, largest);
       const double room = half_width_ - ball.radius;
-      if (ball.center.z < ball.radius) ball.center.z = ball.radius;
       for (double* c : {&ball.center.x, &ball.center.y}) {
-        if (*c > room) *c = room;
-        if (*c < -room) *c = -room;
+        largest = push_into(*c, -room, room, largest);
       }
     }
+    return largest;
   }
 
   double half_width_ = 0;

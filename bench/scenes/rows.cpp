@@ -46,9 +46,9 @@ double RowWriter::normal_target(const Contact& contact, const std::vector<Entry>
   for (const Entry& entry : normal_row) {
     speed += entry.value * bodies_.dofs()[static_cast<std::size_t>(entry.dof)].velocity;
   }
-  const double bounce = speed < -kBounceThreshold ? -contact.restitution * speed : 0;
   const double position = position_target(contact.gap);
-  return bounce > position ? bounce : position;
+  const double bounce = -contact.restitution * speed;
+  return speed < -kBounceThreshold && bounce > position ? bounce : position;
 }
 
 void RowWriter::add_contact(const Contact& contact, std::span<const double> mu, Index group) {

@@ -37,7 +37,7 @@ constexpr std::array kScenes{
     Scene{"walker", "articulated robot on rough ground, limits, joint friction; size: legs", Law::convex, 4, 2, 16,
           without_index<make_walker>},
     Scene{"mixed", "draws among the other scenes, heavy-tailed sizes; size: largest number of contacts", Law::coulomb,
-          kMixedContactLimit, 1, kMixedContactLimit, without_index<make_mixed>},
+          kMixedContactLimit, 16, kMixedContactLimit, without_index<make_mixed>},
     Scene{"adversarial", "eight kinds of trouble in turn; size: bodies, or contacts along an edge", Law::coulomb, 8, 1,
           8, make_adversarial},
 };
