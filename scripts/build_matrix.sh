@@ -6,6 +6,7 @@
 #   scripts/build_matrix.sh [BATCH.h5 ...]          default: examples/data/*.h5
 #   SOLVERS="npgs pgs" PRECISIONS=f64 ITERATIONS=50 COMPILERS=g++ scripts/build_matrix.sh
 set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 read -r -a solvers <<< "${SOLVERS:-npgs apgd pgs jacobi}"

@@ -42,6 +42,7 @@ install_packages() {
   done
 }
 
+# shellcheck disable=SC2034  # used by the scripts that source this one
 build_packages=(
   "g++: nothing can be built without a C++20 compiler"
   "cmake: nothing can be built"
@@ -55,6 +56,7 @@ build_packages=(
   "nlohmann-json3-dev: no command line"
   "graphviz: no pictures of contact graphs"
 )
+# shellcheck disable=SC2034
 test_packages=(
   "libgtest-dev: no tests"
   "libgmock-dev: no tests"

@@ -3,6 +3,7 @@
 # every device there is, and prints a table. Writes out/residual.png (residual against iterations) and out/graph.svg
 # (one contact graph, coloured). Runs from any directory, and again.
 set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 out=$root/out

@@ -9,6 +9,7 @@
 # (command line, so hash comparison and sanitizer), Google Benchmark (benchmarks), rapidcheck (property tests). Where
 # the machine lacks them, run scripts/pack_for_gpu.sh on one that has them and bring its folder .carry along.
 set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 out=${1:-$root/out}

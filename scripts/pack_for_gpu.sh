@@ -3,6 +3,7 @@
 # dependencies, from this machine's Debian packages. scripts/gpu_check.sh uses the folder where it is there.
 # The folder is for travelling, not for committing: git is told to ignore it. Under 60 MB.
 set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 carry=$root/.carry

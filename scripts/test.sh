@@ -4,6 +4,7 @@
 #
 #   scripts/test.sh [CTEST OPTION ...]        for example: scripts/test.sh -L lint
 set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 begin=$SECONDS
