@@ -5,13 +5,14 @@
 namespace stiction::scenes {
 namespace {
 
-/// The number of contacts wanted: none in one environment of ten; otherwise P(more than k) = 6 / (k + 6), a tail so
+/// The number of contacts wanted: none in one environment of ten; otherwise P(more than k) = 12 / (k + 12), a tail so
 /// heavy that the mean is set by the limit.
 int draw_contact_count(Rng& rng, int limit) {
+  constexpr double kScale = 12;
   if (rng.chance(0.1)) return 0;
   const double u = rng.uniform();
-  if (6 - 6 * u >= u * limit) return limit;
-  const int count = static_cast<int>(6 / u - 6);
+  if (kScale - kScale * u >= u * limit) return limit;
+  const int count = static_cast<int>(kScale / u - kScale);
   return count < 1 ? 1 : count;
 }
 
