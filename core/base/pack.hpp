@@ -13,9 +13,29 @@
 /// operations the scalar would, so a pack changes speed and not one bit. Host only.
 namespace stiction::inline STICTION_ISA {
 
+/// W numbers as one vector of the compiler. The element is spelled out because g++ drops the attribute on a dependent one.
+template <class T, int W>
+struct VectorOf;
+template <int W>
+struct VectorOf<float, W> {
+  typedef float Type __attribute__((vector_size(4 * W)));
+};
+template <int W>
+struct VectorOf<double, W> {
+  typedef double Type __attribute__((vector_size(8 * W)));
+};
+template <int W>
+struct VectorOf<std::int32_t, W> {
+  typedef std::int32_t Type __attribute__((vector_size(4 * W)));
+};
+template <int W>
+struct VectorOf<std::int64_t, W> {
+  typedef std::int64_t Type __attribute__((vector_size(8 * W)));
+};
+
 template <class T, int W>
 struct Pack {
-  using Vector [[gnu::vector_size(sizeof(T) * W), gnu::aligned(sizeof(T) * W)]] = T;
+  using Vector = typename VectorOf<T, W>::Type;
   Vector v;
 
   Pack() = default;
@@ -35,7 +55,7 @@ struct Pack {
 template <class T, int W>
 struct PackMask {
   using Word = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
-  using Vector [[gnu::vector_size(sizeof(T) * W), gnu::aligned(sizeof(T) * W)]] = Word;
+  using Vector = typename VectorOf<Word, W>::Type;
   Vector v;
 };
 
@@ -118,8 +138,8 @@ STICTION_HD Pack<float, 16> fma_(Pack<float, 16> a, Pack<float, 16> b, Pack<floa
 STICTION_HD Pack<double, 8> fma_(Pack<double, 8> a, Pack<double, 8> b, Pack<double, 8> c) {
   return Pack<double, 8>(_mm512_fmadd_pd(a.v, b.v, c.v));
 }
-STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) { return Pack<float, 16>(_mm512_sqrt_ps(a.v)); }
-STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) { return Pack<double, 8>(_mm512_sqrt_pd(a.v)); }
+STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) { return Pack<float, 16>(_mm512_mask_sqrt_ps(a.v, 0xffff, a.v)); }
+STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) { return Pack<double, 8>(_mm512_mask_sqrt_pd(a.v, 0xff, a.v)); }
 STICTION_HD bool any(PackMask<float, 16> a) { return _mm512_test_epi32_mask((__m512i)a.v, (__m512i)a.v) != 0; }
 STICTION_HD bool any(PackMask<double, 8> a) { return _mm512_test_epi64_mask((__m512i)a.v, (__m512i)a.v) != 0; }
 #endif

@@ -1,23 +1,13 @@
 #pragma once
 
 #include "core/base/cone_counts.hpp"
+#include "core/base/plan_view.hpp"
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-/// A plan's arrays as kernels read them (host or device memory); shapes in core/schedule/plan.hpp.
-struct PlanView {
-  const EnvPath* path = nullptr;
-  const ConeCounts* counts = nullptr;
-  const Index* cone_order = nullptr;
-  const Offset* env_vertex_offsets = nullptr;
-  const Index* vertex_offsets = nullptr;
-  const Offset* env_color_offsets = nullptr;
-  const Index* color_offsets = nullptr;
-};
 
 /// One environment sliced from a batch, a plan and a solution. Row and cone numbers count from its own zero.
 template <class Real>

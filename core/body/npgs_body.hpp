@@ -24,7 +24,7 @@ struct Npgs {
     });
     single(block, [&] {
       s.scalar[kTheta] = 1;
-      s.scalar[kProgress] = __builtin_huge_valf();
+      s.scalar[kProgress] = static_cast<typename System::Real>(__builtin_huge_valf());
     });
   }
 

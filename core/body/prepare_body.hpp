@@ -199,7 +199,7 @@ STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s)
   if constexpr (Method::kNeedsSymmetry)
     if (asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   single(block, [&] {
-    s.scalar[kBestResidual] = s.scalar[kLastResidual] = __builtin_huge_valf();
+    s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
     s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
     s.scalar[kScaleA] = scale_a;
     s.scalar[kScaleB] = scale_b;

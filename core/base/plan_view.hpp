@@ -1,0 +1,18 @@
+#pragma once
+
+#include "core/base/cone_counts.hpp"
+
+namespace stiction {
+
+/// A plan's arrays as kernels read them (host or device memory); shapes in core/schedule/plan.hpp.
+struct PlanView {
+  const EnvPath* path = nullptr;
+  const ConeCounts* counts = nullptr;
+  const Index* cone_order = nullptr;
+  const Offset* env_vertex_offsets = nullptr;
+  const Index* vertex_offsets = nullptr;
+  const Offset* env_color_offsets = nullptr;
+  const Index* color_offsets = nullptr;
+};
+
+}  // namespace stiction

@@ -1,0 +1,45 @@
+#include <cmath>
+#include <string>
+
+#include "core/runtime/check_options.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+void check_options(const SolverOptions& options) {
+  const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
+  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
+    fail("tolerance = " + std::to_string(options.tolerance) + ": must be finite and >= 0 (0 runs all iterations)");
+  if (options.max_iterations < 0)
+    fail("max_iterations = " + std::to_string(options.max_iterations) + ": must be >= 0");
+  if (options.stall_window < 0)
+    fail("stall_window = " + std::to_string(options.stall_window) + ": must be >= 0 (0 never gives up)");
+  if (!(options.omega > 0.0 && options.omega < 2.0))
+    fail("omega = " + std::to_string(options.omega) + ": relaxation converges only for 0 < omega < 2");
+  if (options.threads < 0) fail("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
+}
+
+Device Device::from_string(const std::string& text) {
+  if (text == "cpu") return cpu();
+  if (text == "auto") {
+    for (const DeviceReport& report : devices())
+      if (report.usable && report.device.kind == DeviceKind::cuda) return report.device;
+    return cpu();
+  }
+  int ordinal = -1;
+  if (text == "cuda") ordinal = 0;
+  if (text.rfind("cuda:", 0) == 0 && text.size() > 5 && text.size() < 9 &&
+      text.find_first_not_of("0123456789", 5) == std::string::npos)
+    ordinal = std::stoi(text.substr(5));
+  if (ordinal < 0)
+    throw Error(ErrorCode::invalid_argument, "device '" + text + "': choose auto, cpu, cuda or cuda:N");
+  std::string reason = "there is no such device";
+  for (const DeviceReport& report : devices()) {
+    if (report.device.kind != DeviceKind::cuda) continue;
+    if (report.usable && report.device.ordinal == ordinal) return report.device;
+    if (!report.usable) reason = report.reason;
+  }
+  throw Error(ErrorCode::no_device, "device '" + text + "' is not usable: " + reason + "; use cpu or auto");
+}
+
+}  // namespace stiction

@@ -1,0 +1,105 @@
+#include "stiction/solver.hpp"
+
+#include <string>
+
+#include "core/runtime/backend.hpp"
+#include "core/runtime/check_options.hpp"
+#include "core/runtime/host_structure.hpp"
+#include "core/schedule/plan.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace {
+
+[[noreturn]] void fail(const std::string& message) { throw Error(ErrorCode::invalid_argument, message); }
+
+/// The first structural defect, or with `values` the first of any kind, thrown with the count of the others.
+template <class Real>
+void reject_defects(const ContactBatchView<Real>& batch, bool values) {
+  for (const Defect& defect : validate(batch))
+    if (values || defect.structural) fail(defect.message);
+}
+
+template <class Real>
+void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) {
+  if (batch.env_count > 0 && solution.status == nullptr)
+    fail("solution.status is null: give it room for one EnvStatus per environment (" + std::to_string(batch.env_count) +
+         ")");
+  if (batch.row_count > 0 && solution.lambda == nullptr)
+    fail("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+}
+
+}  // namespace
+
+std::vector<DeviceReport> devices() {
+  std::vector<DeviceReport> all{cpu_report()};
+  for (DeviceReport& report : cuda_reports()) all.push_back(std::move(report));
+  return all;
+}
+
+Solver::Solver(Device device, const SolverOptions& options) : device_(device), options_(options) {
+  check_options(options);
+  backend_ = device.kind == DeviceKind::cpu ? make_cpu_backend() : make_cuda_backend(device.ordinal);
+}
+Solver::~Solver() = default;
+Solver::Solver(Solver&&) noexcept = default;
+Solver& Solver::operator=(Solver&&) noexcept = default;
+
+template <class Real>
+Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
+  if (batch.space == MemorySpace::host) {
+    reject_defects(batch, false);
+    return Plan(std::make_shared<const PlanData>(make_plan(batch)));
+  }
+  if (device_.kind == DeviceKind::cpu)
+    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+  const HostStructure<Real> host(batch, *backend_, stream);
+  reject_defects(host.view(), false);
+  return Plan(std::make_shared<const PlanData>(make_plan(host.view())));
+}
+
+template <class Real>
+void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                   const Real* warm_start, StreamRef stream) const {
+  const PlanData& data = plan.data();
+  if (data.env_count != batch.env_count || data.cone_count != batch.cone_count || data.row_count != batch.row_count ||
+      data.nonzero_count != batch.nonzero_count)
+    fail("plan was made for " + std::to_string(data.env_count) + " environments, " + std::to_string(data.row_count) +
+         " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
+         std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
+         std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
+  check_solution(batch, solution);
+  if (batch.space == MemorySpace::cuda && device_.kind == DeviceKind::cpu)
+    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject_defects(batch, true);
+  backend_->solve(SolveRequest<Real>{data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
+}
+
+template <class Real>
+Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& options, Device device,
+                     std::span<const Real> warm_start) {
+  const auto rows = static_cast<std::size_t>(batch.row_count());
+  if (!warm_start.empty() && warm_start.size() != rows)
+    fail("warm_start has " + std::to_string(warm_start.size()) + " numbers, the batch has " + std::to_string(rows) +
+         " rows: give one number per row, or none");
+  const Solver solver(device, options);
+  Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows),
+                          std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
+  const auto view = batch.view();
+  solver.solve(solver.plan(view), view,
+               SolutionView<Real>{solution.lambda.data(), solution.w.data(), solution.status.data()},
+               warm_start.empty() ? nullptr : warm_start.data());
+  return solution;
+}
+
+template Plan Solver::plan(const ContactBatchView<float>&, StreamRef) const;
+template Plan Solver::plan(const ContactBatchView<double>&, StreamRef) const;
+template void Solver::solve(const Plan&, const ContactBatchView<float>&, const SolutionView<float>&, const float*,
+                            StreamRef) const;
+template void Solver::solve(const Plan&, const ContactBatchView<double>&, const SolutionView<double>&, const double*,
+                            StreamRef) const;
+template Solution<float> solve(const ContactBatch<float>&, const SolverOptions&, Device, std::span<const float>);
+template Solution<double> solve(const ContactBatch<double>&, const SolverOptions&, Device, std::span<const double>);
+
+}  // namespace stiction

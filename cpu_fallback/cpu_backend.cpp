@@ -1,0 +1,108 @@
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <string>
+#include <thread>
+
+#include "core/runtime/backend.hpp"
+#include "cpu_fallback/isa.hpp"
+#include "cpu_fallback/partition.hpp"
+#include "cpu_fallback/thread_pool.hpp"
+
+namespace stiction {
+
+namespace {
+
+/// Scratch of one thread, aligned for the widest vectors.
+template <class Real>
+class Scratch {
+ public:
+  Real* reserve(Offset elements) {
+    if (elements > capacity_) {
+      memory_.reset();
+      memory_.reset(static_cast<Real*>(
+          ::operator new(static_cast<std::size_t>(elements) * sizeof(Real), std::align_val_t{kAlignment})));
+      capacity_ = elements;
+    }
+    return memory_.get();
+  }
+
+ private:
+  static constexpr std::size_t kAlignment = 64;
+  struct Free {
+    void operator()(Real* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
+  };
+  std::unique_ptr<Real, Free> memory_;
+  Offset capacity_ = 0;
+};
+
+int thread_count(int requested) {
+  if (requested > 0) return requested;
+  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+class CpuBackend final : public Backend {
+ public:
+  void solve(const SolveRequest<float>& request) override { run(request); }
+  void solve(const SolveRequest<double>& request) override { run(request); }
+  void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
+    std::memcpy(target, source, bytes);
+  }
+
+ private:
+  template <class Real>
+  static const cpu::Kernels<Real>& pick(const cpu::KernelSet& set, Law law) {
+    const auto index = static_cast<std::size_t>(law);
+    if constexpr (std::is_same_v<Real, float>) {
+      return set.f32[index];
+    } else {
+      return set.f64[index];
+    }
+  }
+
+  template <class Real>
+  void run(const SolveRequest<Real>& request) {
+    const SolverOptions& options = request.options;
+    const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
+    const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
+    const PlanData& plan = request.plan;
+    const cpu::Job<Real> job{request.batch,
+                             {plan.path.data(), plan.counts.data(), plan.cone_order.data(),
+                              plan.env_vertex_offsets.data(), plan.vertex_offsets.data(),
+                              plan.env_color_offsets.data(), plan.color_offsets.data()},
+                             request.warm_start,
+                             request.solution.lambda,
+                             request.solution.w,
+                             request.solution.status,
+                             options.tolerance,
+                             options.max_iterations,
+                             options.stall_window,
+                             static_cast<Real>(options.omega),
+                             request.law};
+    const int threads = thread_count(options.threads);
+    const auto items = cpu::partition(plan, kernels.pack_width, sizeof(Real), threads);
+    std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
+    cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
+      const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
+      Scratch<Real>& memory = scratch[static_cast<std::size_t>(worker)];
+      if (item.packed) {
+        kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
+                           memory.reserve(kernels.pack_elements(item.slots)));
+      } else {
+        for (const Offset env : item.envs) kernels.solve_one(job, env, memory.reserve(kernels.one_elements(job, env)));
+      }
+    });
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_cpu_backend() { return std::make_unique<CpuBackend>(); }
+
+DeviceReport cpu_report() {
+  return {Device::cpu(), true,
+          std::string("CPU, ") + cpu::best_isa().name + ", " + std::to_string(thread_count(0)) + " cores", ""};
+}
+
+}  // namespace stiction

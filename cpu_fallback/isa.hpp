@@ -1,0 +1,19 @@
+#pragma once
+
+#include "cpu_fallback/job.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction::cpu {
+
+/// One build of the kernels and whether this CPU can run it.
+struct Isa {
+  const char* name;
+  bool (*supported)();
+  KernelSet (*kernels)(SolverKind solver);
+};
+
+/// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
+/// (baseline, avx2, avx512) asks for a narrower one; what the CPU cannot run is not taken.
+const Isa& best_isa();
+
+}  // namespace stiction::cpu

@@ -1,0 +1,9 @@
+#include "core/body/jacobi_body.hpp"
+
+#include "cpu_fallback/pack_driver.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+cpu::KernelSet jacobi_kernels() { return kernel_set<Jacobi>(); }
+
+}  // namespace stiction::inline STICTION_ISA

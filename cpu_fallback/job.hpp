@@ -1,0 +1,44 @@
+#pragma once
+
+#include "core/base/plan_view.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction::cpu {
+
+/// One solve on the CPU, as plain data: what crosses into code compiled for an instruction set.
+template <class Real>
+struct Job {
+  ContactBatchView<Real> batch;
+  PlanView plan;
+  const Real* warm_start;
+  Real* lambda;
+  Real* w;
+  EnvStatus* status;
+  double tolerance;
+  Index max_iterations;
+  Index stall_window;
+  Real omega;
+  Law law;
+};
+
+/// One solver under one law, compiled for one instruction set.
+template <class Real>
+struct Kernels {
+  int pack_width;  ///< environments in lock-step
+  /// Scratch one call needs, in numbers of Real.
+  Offset (*pack_elements)(const ConeCounts& slots);
+  Offset (*one_elements)(const Job<Real>& job, Offset env);
+  /// Solves environments envs[0 .. count), all of dense path and with cones <= slots, `pack_width` at a time.
+  void (*solve_pack)(const Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch);
+  /// Solves one environment of any path.
+  void (*solve_one)(const Job<Real>& job, Offset env, Real* scratch);
+};
+
+/// Both precisions and laws of one solver.
+struct KernelSet {
+  Kernels<float> f32[2];   ///< by Law
+  Kernels<double> f64[2];  ///< by Law
+};
+
+}  // namespace stiction::cpu

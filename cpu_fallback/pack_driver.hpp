@@ -1,0 +1,132 @@
+#pragma once
+
+#include "core/base/pack.hpp"
+#include "core/body/solve_body.hpp"
+#include "cpu_fallback/job.hpp"
+
+/// Feeds environments through the lanes of a pack. Compiled once per instruction set.
+namespace stiction::inline STICTION_ISA {
+
+#if defined(__AVX512F__)
+inline constexpr int kVectorBytes = 64;
+#elif defined(__AVX2__)
+inline constexpr int kVectorBytes = 32;
+#else
+inline constexpr int kVectorBytes = 16;
+#endif
+
+template <class Real>
+inline constexpr int kPackWidth = kVectorBytes / static_cast<int>(sizeof(Real));
+
+template <class Real>
+EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
+  return slice(job.batch, job.plan, job.law, job.warm_start, job.lambda, job.w, job.status, env);
+}
+
+template <class Method, Law kLaw, class Real>
+Offset pack_elements(const ConeCounts& slots) {
+  return kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kVectors);
+}
+
+/// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
+/// run at once, so the vector stays full until the run ends. Every environment starts at a chunk boundary with its own
+/// count of iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
+template <class Method, Law kLaw, class Real>
+void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
+  constexpr int kWidth = kPackWidth<Real>;
+  using Lanes = Pack<Real, kWidth>;
+  const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+  const MethodParams<Real> params{job.omega};
+  SerialBlock block;
+  DenseSystem<Lanes> pack(slots, Method::kVectors, reinterpret_cast<Lanes*>(scratch));
+
+  struct Lane {
+    EnvView<Real> env;
+    EnvProgress<Real> progress;
+    bool busy = false;
+  };
+  Lane lanes[kWidth];
+  Offset next = 0;
+  int busy = 0;
+  // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
+  for (Offset i = 0; i < pack_elements<Method, kLaw, Real>(slots); ++i) scratch[i] = Real(0);
+
+  // Chunks are aligned within the refresh interval for the whole pack, so lanes may enter only when it begins. The
+  // interval is four chunks; waiting for it costs less than a pack whose lanes refresh at different times.
+  Index done_modulo = 0;
+  for (;;) {
+    for (int l = 0; l < kWidth; ++l) {
+      Lane& lane = lanes[l];
+      DenseSystem<Real, kWidth> system(slots, Method::kVectors, scratch + l);
+      if (lane.busy && settle<Method>(block, lane.env, system, rule, lane.progress)) {
+        lane.busy = false;
+        --busy;
+      }
+      while (!lane.busy && done_modulo == 0 && next < count) {
+        lane.env = slice(job, envs[next++]);
+        lane.progress = EnvProgress<Real>{};
+        lane.progress.flags = prepare<Method, kLaw>(block, lane.env, system);
+        if ((lane.progress.flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) {
+          refuse(block, lane.env, Method::kKind, lane.progress.flags);
+        } else if (!settle<Method>(block, lane.env, system, rule, lane.progress)) {
+          lane.busy = true;
+          ++busy;
+        }
+      }
+    }
+    if (busy == 0) {
+      if (next == count) return;
+      done_modulo = 0;
+      continue;
+    }
+    Lanes left(0);
+    for (int l = 0; l < kWidth; ++l)
+      left.v[l] = lanes[l].busy ? static_cast<Real>(job.max_iterations - lanes[l].progress.iterations) : Real(0);
+    advance<Method, kLaw>(block, pack, params, done_modulo, left);
+    for (Lane& lane : lanes)
+      if (lane.busy) {
+        const Index remaining = job.max_iterations - lane.progress.iterations;
+        lane.progress.iterations += remaining < kChunk ? remaining : kChunk;
+      }
+    done_modulo = (done_modulo + kChunk) % kRefreshInterval;
+  }
+}
+
+template <class Method, Law kLaw, class Real>
+Offset one_elements(const cpu::Job<Real>& job, Offset env) {
+  const EnvView<Real> view = slice(job, env);
+  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kVectors);
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.row_offsets[view.n] - view.row_offsets[0],
+                                      Method::kVectors);
+}
+
+template <class Method, Law kLaw, class Real>
+void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
+  const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+  const MethodParams<Real> params{job.omega};
+  const EnvView<Real> view = slice(job, env);
+  SerialBlock block;
+  if (job.plan.path[env] == EnvPath::empty) {
+    answer_empty(block, view, Method::kKind);
+  } else if (job.plan.path[env] == EnvPath::dense) {
+    DenseSystem<Real> system(view.counts, Method::kVectors, scratch);
+    solve_environment<Method, kLaw>(block, view, system, params, rule);
+  } else {
+    SparseSystem<Real> system(view, Method::kVectors, scratch);
+    solve_environment<Method, kLaw>(block, view, system, params, rule);
+  }
+}
+
+template <class Method, Law kLaw, class Real>
+cpu::Kernels<Real> kernels() {
+  return {kPackWidth<Real>, pack_elements<Method, kLaw, Real>, one_elements<Method, kLaw, Real>,
+          solve_pack<Method, kLaw, Real>, solve_one<Method, kLaw, Real>};
+}
+
+template <class Method>
+cpu::KernelSet kernel_set() {
+  return {{kernels<Method, Law::convex, float>(), kernels<Method, Law::coulomb, float>()},
+          {kernels<Method, Law::convex, double>(), kernels<Method, Law::coulomb, double>()}};
+}
+
+}  // namespace stiction::inline STICTION_ISA

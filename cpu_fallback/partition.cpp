@@ -1,0 +1,82 @@
+#include "cpu_fallback/partition.hpp"
+
+#include <algorithm>
+
+namespace stiction::cpu {
+
+namespace {
+
+/// A pack whose matrix leaves the second-level cache is slower than its environments one by one.
+constexpr Offset kLargestPackBytes = Offset{1} << 20;
+/// Padding a pack may add to the work of its smallest member.
+constexpr double kLargestPadding = 1.6;
+
+ConeCounts join(const ConeCounts& a, const ConeCounts& b) {
+  ConeCounts both;
+  both.free = std::max(a.free, b.free);
+  both.unilateral = std::max(a.unilateral, b.unilateral);
+  both.box = std::max(a.box, b.box);
+  for (Index m = 2; m <= kMaxConeRows; ++m) both.friction[m] = std::max(a.friction[m], b.friction[m]);
+  return both;
+}
+
+Offset work(const ConeCounts& counts) {
+  const Offset rows = row_count(counts);
+  // A cone's own step weighs like some thirty matrix entries.
+  return rows * rows + 30 * Offset{cone_count(counts)};
+}
+
+}  // namespace
+
+std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_t scalar_bytes, int threads) {
+  std::vector<WorkItem> items;
+  const auto one_by_one = [&](const std::vector<Offset>& envs) {
+    constexpr std::size_t kRun = 8;
+    for (std::size_t begin = 0; begin < envs.size(); begin += kRun) {
+      const std::size_t end = std::min(begin + kRun, envs.size());
+      items.push_back({{envs.begin() + static_cast<std::ptrdiff_t>(begin), envs.begin() + static_cast<std::ptrdiff_t>(end)}, {}, false});
+    }
+  };
+  for (const Offset env : plan.sparse_order) items.push_back({{env}, {}, false});
+
+  const auto packable = [&](const ConeCounts& counts) {
+    const Offset rows = row_count(counts);
+    return rows * rows * pack_width * static_cast<Offset>(scalar_bytes) <= kLargestPackBytes;
+  };
+  const auto counts_of = [&](Offset env) -> const ConeCounts& { return plan.counts[static_cast<std::size_t>(env)]; };
+  const std::vector<Offset>& order = plan.dense_order;
+  std::size_t begin = 0;
+  while (begin < order.size()) {
+    ConeCounts slots = counts_of(order[begin]);
+    std::size_t end = begin + 1;
+    while (end < order.size()) {
+      const ConeCounts joined = join(slots, counts_of(order[end]));
+      if (static_cast<double>(work(joined)) > kLargestPadding * static_cast<double>(work(counts_of(order[end])))) break;
+      if (!packable(joined)) break;
+      slots = joined;
+      ++end;
+    }
+    const std::vector<Offset> group(order.begin() + static_cast<std::ptrdiff_t>(begin), order.begin() + static_cast<std::ptrdiff_t>(end));
+    const auto size = group.size();
+    if (!packable(slots) || 4 * size < static_cast<std::size_t>(pack_width)) {
+      one_by_one(group);
+    } else {
+      // Long runs keep lanes full; several per thread keep threads busy.
+      const std::size_t pieces = std::clamp<std::size_t>(size / static_cast<std::size_t>(4 * pack_width), 1,
+                                                         threads == 1 ? 1 : static_cast<std::size_t>(4 * threads));
+      for (std::size_t piece = 0; piece < pieces; ++piece) {
+        const auto first = static_cast<std::ptrdiff_t>(size * piece / pieces);
+        const auto last = static_cast<std::ptrdiff_t>(size * (piece + 1) / pieces);
+        items.push_back({{group.begin() + first, group.begin() + last}, slots, true});
+      }
+    }
+    begin = end;
+  }
+  std::vector<Offset> empty;
+  for (Offset env = 0; env < plan.env_count; ++env)
+    if (plan.path[static_cast<std::size_t>(env)] == EnvPath::empty) empty.push_back(env);
+  if (!empty.empty()) items.push_back({std::move(empty), {}, false});
+  return items;
+}
+
+}  // namespace stiction::cpu

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <vector>
+
+#include "core/schedule/plan.hpp"
+
+namespace stiction::cpu {
+
+/// A piece of work for one thread.
+struct WorkItem {
+  std::vector<Offset> envs;
+  ConeCounts slots;     ///< layout of the pack
+  bool packed = false;  ///< through the lanes of a pack, else one by one
+};
+
+/// Deals a plan's environments out to threads: runs of similar dense environments for packs, the rest one by one. Only
+/// speed depends on it.
+std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_t scalar_bytes, int threads);
+
+}  // namespace stiction::cpu
