@@ -20,11 +20,11 @@ namespace stiction::inline STICTION_ISA {
 ///   kRowTile         rows a lane takes at once in a matrix product; speed only
 ///   leaves<T>()      32 values of T shared by the lanes, for sums over a fixed tree (reduce.hpp)
 template <class B>
-concept Block = requires(B& block, double v) {
+concept Block = requires(B& block, double v, double (*evaluate)()) {
   { block.rank() } -> std::convertible_to<Index>;
   { block.size() } -> std::convertible_to<Index>;
   block.sync();
-  { block.broadcast([] { return 1.0; }) } -> std::convertible_to<double>;
+  { block.broadcast(evaluate) } -> std::convertible_to<double>;
   { block.combine(std::uint32_t{}) } -> std::convertible_to<std::uint32_t>;
   { block.max(v) } -> std::convertible_to<double>;
   { B::kRowTile } -> std::convertible_to<Index>;
