@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <memory>
 
 #include "stiction/error.hpp"
 
@@ -51,19 +49,27 @@ bool is_standard(hid_t type, H5T_class_t type_class) {
                            H5T_STD_I64LE, H5T_STD_I64BE, H5T_STD_U64LE, H5T_STD_U64BE});
 }
 
-/// Memory for variable-length strings, bounded: their lengths come from the file.
-struct Arena {
-  std::uint64_t left;
-  std::vector<std::unique_ptr<char[]>> blocks;
-  static void* allocate(std::size_t size, void* arena) noexcept try {
-    auto* self = static_cast<Arena*>(arena);
-    if (size > self->left) return nullptr;
-    self->left -= size;
-    return self->blocks.emplace_back(std::make_unique<char[]>(size)).get();
-  } catch (const std::bad_alloc&) {
-    return nullptr;  // HDF5 is C: it takes no exception
+/// Makes HDF5 hand out references to strings of variable length as they lie in the file, for TextHeap, by a conversion
+/// to opaque bytes that converts nothing.
+class RawReferences {
+ public:
+  RawReferences() : text_(H5Tcopy(H5T_C_S1), H5Tclose), type_(H5Tcreate(H5T_OPAQUE, kTextReference), H5Tclose) {
+    H5Tset_size(text_.get(), H5T_VARIABLE);
+    H5Tset_tag(type_.get(), kName);
+    H5Tregister(H5T_PERS_SOFT, kName, text_.get(), type_.get(), leave);
   }
-  static void release(void*, void*) {}
+  ~RawReferences() { H5Tunregister(H5T_PERS_SOFT, kName, text_.get(), type_.get(), leave); }
+  RawReferences(const RawReferences&) = delete;
+  RawReferences& operator=(const RawReferences&) = delete;
+  [[nodiscard]] hid_t type() const { return type_.get(); }
+
+ private:
+  static constexpr const char* kName = "stiction text reference";
+  static herr_t leave(hid_t, hid_t, H5T_cdata_t* path, std::size_t, std::size_t, std::size_t, void*, void*, hid_t) {
+    path->need_bkg = H5T_BKG_NO;
+    return 0;
+  }
+  Handle text_, type_;
 };
 
 std::string fixed_text(const char* text, std::size_t width) {
@@ -94,10 +100,11 @@ InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
 #endif
   file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
   if (!file_.ok()) refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
+  bytes_ = RawBytes(path);
 }
 
 InputFile::InputFile(std::span<const std::byte> image, std::string name)
-    : name_(std::move(name)), file_bytes_(image.size()) {
+    : name_(std::move(name)), file_bytes_(image.size()), bytes_(image) {
   if (image.empty()) refuse("the file is empty");
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   constexpr std::size_t kGrowth = 1 << 16;
@@ -131,6 +138,17 @@ bool InputFile::has(const std::string& path) const {
     const Handle object(H5Oopen(file_.get(), part.c_str(), H5P_DEFAULT), H5Oclose);
     if (!object.ok() || H5Iget_type(object.get()) != H5I_GROUP) refuse("'" + part + "' is not a group" + hdf5_reason());
   }
+}
+
+TextHeap InputFile::text_heap() const {
+  const Handle creation(H5Fget_create_plist(file_.get()), H5Pclose);
+  std::size_t address_width = 0, size_width = 0;
+  hsize_t base = 0;
+  if (!creation.ok() || H5Pget_sizes(creation.get(), &address_width, &size_width) < 0 ||
+      H5Pget_userblock(creation.get(), &base) < 0 || address_width != 8 || size_width != 8) {
+    refuse("holds strings at addresses that are not 64 bits wide" + hdf5_reason());
+  }
+  return {bytes_, file_bytes_, base};
 }
 
 InputFile::Dataset InputFile::open(const std::string& path, Values values, std::optional<std::size_t> length) const {
@@ -285,20 +303,20 @@ std::vector<std::string> InputFile::strings(const std::string& path, std::option
   std::vector<std::string> values;
   values.reserve(dataset.count);
   const std::size_t width = H5Tget_size(dataset.type.get());
-  const Handle memory_type(H5Tcopy(dataset.type.get()), H5Tclose);
   if (H5Tis_variable_str(dataset.type.get()) > 0) {
-    Arena arena{file_bytes_, {}};
-    const Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose);
-    H5Pset_vlen_mem_manager(transfer.get(), Arena::allocate, &arena, Arena::release, &arena);
-    std::vector<char*> texts(dataset.count, nullptr);
-    if (dataset.count > 0 &&
-        H5Dread(dataset.id.get(), memory_type.get(), H5S_ALL, H5S_ALL, transfer.get(), texts.data()) < 0) {
-      refuse_dataset(path, "cannot be read" + hdf5_reason());
+    const RawReferences raw;
+    TextHeap heap = text_heap();
+    std::vector<char> references(dataset.count * kTextReference);
+    read(path, dataset, raw.type(), references.data());
+    for (std::size_t i = 0; i < dataset.count; ++i) {
+      auto text =
+          heap.text(std::span<const char, kTextReference>(references.data() + i * kTextReference, kTextReference));
+      if (!text) refuse_dataset(path, "has a damaged string at position " + std::to_string(i));
+      values.push_back(std::move(*text));
     }
-    for (const char* text : texts) values.emplace_back(text == nullptr ? "" : text);
   } else {
     std::vector<char> text(dataset.count * width);
-    read(path, dataset, memory_type.get(), text.data());
+    read(path, dataset, dataset.type.get(), text.data());
     for (std::size_t i = 0; i < dataset.count; ++i) values.push_back(fixed_text(text.data() + i * width, width));
   }
   return values;
@@ -315,19 +333,20 @@ std::optional<std::string> InputFile::text_attribute(const std::string& name) co
       H5Sget_simple_extent_npoints(space.get()) != 1) {
     refuse("attribute '" + name + "' is not one string" + hdf5_reason());
   }
-  const Handle memory_type(H5Tcopy(type.get()), H5Tclose);
   if (H5Tis_variable_str(type.get()) > 0) {
-    char* text = nullptr;
-    if (H5Aread(attribute.get(), memory_type.get(), &text) < 0) {
+    const RawReferences raw;
+    char reference[kTextReference] = {};
+    if (H5Aread(attribute.get(), raw.type(), reference) < 0) {
       refuse("attribute '" + name + "' cannot be read" + hdf5_reason());
     }
-    const std::unique_ptr<char, herr_t (*)(void*)> owner(text, H5free_memory);
-    return text == nullptr ? std::string() : std::string(text);
+    auto text = text_heap().text(reference);
+    if (!text) refuse("attribute '" + name + "' is a damaged string");
+    return text;
   }
   const std::size_t width = H5Tget_size(type.get());
   if (width > kMaxTextBytes) refuse("attribute '" + name + "' is longer than 1 MiB");
   std::vector<char> text(width);
-  if (H5Aread(attribute.get(), memory_type.get(), text.data()) < 0) {
+  if (H5Aread(attribute.get(), type.get(), text.data()) < 0) {
     refuse("attribute '" + name + "' cannot be read" + hdf5_reason());
   }
   return fixed_text(text.data(), width);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/io/hdf5_session.hpp"
+#include "core/io/text_heap.hpp"
 
 namespace stiction::io {
 
@@ -64,11 +65,12 @@ class InputFile {
   void read(const std::string& path, const Dataset& dataset, hid_t memory_type, void* out) const;
   [[nodiscard]] std::vector<std::int64_t> wide_integers(const std::string& path,
                                                         std::optional<std::size_t> length) const;
-  void open_image(std::span<const std::byte> image);
+  [[nodiscard]] TextHeap text_heap() const;
 
   Session session_;
   std::string name_;
   std::uint64_t file_bytes_ = 0;
+  mutable RawBytes bytes_;
   Handle file_;
 };
 

@@ -22,6 +22,14 @@ std::filesystem::path beside(const std::filesystem::path& path) {
   return temporary;
 }
 
+/// What h5py reads as str.
+Handle variable_text() {
+  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type.get(), H5T_VARIABLE);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return type;
+}
+
 }  // namespace
 
 OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)), temporary_(beside(path_)) {
@@ -98,26 +106,15 @@ void OutputFile::strings(const std::string& path, const std::vector<std::string>
   std::vector<const char*> texts;
   texts.reserve(values.size());
   for (const std::string& value : values) texts.push_back(value.c_str());
-  const Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-  H5Tset_size(type.get(), H5T_VARIABLE);
-  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  const Handle type = variable_text();
   constexpr std::size_t kNeverPacked = 0;  // the texts lie in HDF5's heap, the array holds only where
   write(path, type.get(), type.get(), kNeverPacked, texts.size(), texts.data());
 }
 
-namespace {
-
-Handle text_type(const std::string& value) {
-  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+void OutputFile::text(const std::string& path, const std::string& value) {
+  const Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(type.get(), value.size() + 1);
   H5Tset_cset(type.get(), H5T_CSET_UTF8);
-  return type;
-}
-
-}  // namespace
-
-void OutputFile::text(const std::string& path, const std::string& value) {
-  const Handle type = text_type(value);
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const Handle create(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   H5Pset_obj_track_times(create.get(), false);
@@ -129,11 +126,12 @@ void OutputFile::text(const std::string& path, const std::string& value) {
 }
 
 void OutputFile::attribute(const std::string& name, const std::string& value) {
-  const Handle type = text_type(value);
+  const Handle type = variable_text();
+  const char* text = value.c_str();
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const Handle attribute(H5Acreate2(file_.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT),
                          H5Aclose);
-  if (!attribute.ok() || H5Awrite(attribute.get(), type.get(), value.c_str()) < 0) {
+  if (!attribute.ok() || H5Awrite(attribute.get(), type.get(), &text) < 0) {
     fail("attribute '" + name + "' cannot be written");
   }
 }

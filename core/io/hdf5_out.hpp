@@ -30,6 +30,7 @@ class OutputFile {
   void strings(const std::string& path, const std::vector<std::string>& values);
   /// One fixed-length string as a scalar dataset.
   void text(const std::string& path, const std::string& value);
+  /// Attributes of the root.
   void attribute(const std::string& name, const std::string& value);
   void attribute(const std::string& name, std::int64_t value);
 
