@@ -180,10 +180,10 @@ STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
 /// How far A may be from symmetric for a method that minimises.
 inline constexpr float kLargestAsymmetry = 1e-2F;
 
-/// Brings one environment into the solver's coordinates and records its first iterate. Returns its flags; with any
-/// but kFlagWarmStartRejected set the system is not to be used.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
+/// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
+/// the flags; with any but kFlagWarmStartRejected set the system is not to be used.
+template <Block B, class Real, class System>
+STICTION_HD std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
   const Inspection<Real> seen = inspect(block, env);
   std::uint32_t flags = seen.flags;
   if ((flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) return flags;
@@ -192,22 +192,40 @@ STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s)
   // With b = 0 the answer is zero, and no warm start is better.
   const bool warm = env.warm_start != nullptr && flags == 0 && seen.largest_b > Real(0);
   assemble(block, env, s, scale_a);
-  for_each(block, s.cones, [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
+  for_each(block, s.cones,
+           [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
   for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
   for_each_place(block, env, s,
                  [&](Index cone, ConePlace place) { prepare_cone(env, s, cone, place, scale_a, scale_b, warm); });
-  if constexpr (Method::kNeedsSymmetry)
-    if (asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
+  if (needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   single(block, [&] {
     s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
     s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
     s.scalar[kScaleA] = scale_a;
     s.scalar[kScaleB] = scale_b;
   });
+  return flags;
+}
+
+/// Records the first iterate of a loaded system and starts the method.
+template <class Method, Law kLaw, Block B, class System>
+STICTION_HD void begin_method(B& block, System& s) {
   refresh_motion(block, s);
   for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
   record<kLaw>(block, s, true);
   Method::template start<kLaw>(block, s);
+}
+
+/// Whether an environment with those flags can be solved.
+STICTION_HD bool is_solvable(std::uint32_t flags) {
+  return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) == 0;
+}
+
+/// Both, for machines that do all in one go. Returns the flags.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
+  const std::uint32_t flags = load_system(block, env, s, Method::kNeedsSymmetry);
+  if (is_solvable(flags)) begin_method<Method, kLaw>(block, s);
   return flags;
 }
 

@@ -22,21 +22,30 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
   }
 }
 
-/// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
+/// One environment whose system is loaded, `flags` being what load_system() returned.
 template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
-                                   const StopRule& rule) {
-  EnvProgress<Real> progress;
-  progress.flags = prepare<Method, kLaw>(block, env, s);
-  if ((progress.flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) {
-    refuse(block, env, Method::kKind, progress.flags);
+STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                              const StopRule& rule, std::uint32_t flags) {
+  if (!is_solvable(flags)) {
+    refuse(block, env, Method::kKind, flags);
     return;
   }
+  begin_method<Method, kLaw>(block, s);
+  EnvProgress<Real> progress;
+  progress.flags = flags;
   while (!settle<Method>(block, env, s, rule, progress)) {
     const Index left = rule.max_iterations - progress.iterations;
     advance<Method, kLaw>(block, s, params, progress.iterations % kRefreshInterval, static_cast<Real>(left));
     progress.iterations += left < kChunk ? left : kChunk;
   }
+}
+
+/// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                                   const StopRule& rule) {
+  const std::uint32_t flags = load_system(block, env, s, Method::kNeedsSymmetry);
+  solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -209,6 +209,7 @@ void order_environments(const Structure& structure, PlanData& plan) {
     const Offset left = EnvStructure(structure, a).nonzeros(), right = EnvStructure(structure, b).nonzeros();
     return left != right ? left > right : a < b;
   });
+  for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).nonzeros());
 }
 
 PlanData plan_structure(const Structure& structure) {

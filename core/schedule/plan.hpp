@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/base/cone_counts.hpp"
@@ -9,9 +10,10 @@
 
 namespace stiction {
 
-/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone.
+/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone. Shared,
+/// so that a machine with memory of its own can tell whether the copy it holds is of this very plan.
 /// "cone position" below is a position in that environment's part of cone_order.
-struct PlanData {
+struct PlanData : std::enable_shared_from_this<PlanData> {
   Offset env_count = 0;
   Offset cone_count = 0;
   Offset row_count = 0;
@@ -28,6 +30,7 @@ struct PlanData {
   std::vector<Offset> dense_order;        ///< dense environments, most expensive first, equal shapes together;
                                           ///< the order reaches speed only
   std::vector<Offset> sparse_order;       ///< sparse environments, most expensive first
+  std::vector<Offset> sparse_nonzeros;    ///< stored entries of each of those                       (sparse_order)
 };
 
 /// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a
