@@ -16,6 +16,7 @@ import xml.etree.ElementTree as ElementTree
 
 GTEST_RAN = re.compile(r"^\[==========\] (\d+) tests? from .* ran", re.M)
 GTEST_PASSED = re.compile(r"^\[  PASSED  \] (\d+) tests?", re.M)
+GTEST_FAILED = re.compile(r"^\[  FAILED  \] (\d+) tests?", re.M)
 GTEST_SKIPPED = re.compile(r"^\[  SKIPPED \] (\d+) tests?", re.M)
 GTEST_SKIP_REASON = re.compile(r"^(?:\S+:\d+: )?Skipped\n(.*?)\n*^\[  SKIPPED \] (\S+)", re.M | re.S)
 UNITTEST_RAN = re.compile(r"^Ran (\d+) tests? in ", re.M)
@@ -40,6 +41,10 @@ def count(case):
     """(passed, failed, skipped, reasons) of one <testcase>."""
     output = case.findtext("system-out") or ""
     if case.find("failure") is not None or case.get("status") == "fail":
+        passed, failed, skipped = (GTEST_PASSED.search(output), GTEST_FAILED.search(output), GTEST_SKIPPED.search(output))
+        if failed:  # a program that ended: its cases are known, and at least one failed
+            return (int(passed.group(1)) if passed else 0, int(failed.group(1)),
+                    int(skipped.group(1)) if skipped else 0, skip_reasons(output) if skipped else [])
         return 0, 1, 0, []
     if case.find("skipped") is not None or case.get("status") in {"notrun", "disabled"}:
         return 0, 0, 1, skip_reasons(output)
@@ -95,6 +100,9 @@ no CUDA device
 Ran 4 tests in 0.1s
 
 OK (skipped=1)</system-out></testcase>
+<testcase name="f" status="fail"><failure message=""/><system-out>[==========] 4 tests from 1 test suite ran. (3 ms total)
+[  PASSED  ] 2 tests.
+[  FAILED  ] 2 tests, listed below:</system-out></testcase>
 </testsuite>"""
 
 
@@ -103,7 +111,7 @@ def self_test():
         sample.write(SAMPLE)
         sample.flush()
         result = summarize(sample.name, quiet)
-    expected = (1 + 3 + 3, 1, 1 + 2 + 1)
+    expected = (1 + 3 + 3 + 2, 1 + 2, 1 + 2 + 1)
     cases = list(ElementTree.fromstring(SAMPLE).iter("testcase"))
     reason = count(cases[2])[3], count(cases[4])[3]
     good = result == expected and reason == (["no CUDA device"], ["no numpy"])
