@@ -13,7 +13,8 @@ int main() {
   stiction::ContactBatch<double> batch(stiction::Law::coulomb);
   batch.add(env);
   const auto solution = stiction::solve(batch);
-  const bool held = solution.status[0].code == stiction::EnvCode::solved && solution.w[1] < 1e-3 && solution.w[1] > -1e-3;
+  const bool held =
+      solution.status[0].code == stiction::EnvCode::solved && solution.w[1] < 1e-3 && solution.w[1] > -1e-3;
   std::printf("lambda = %g %g %g\n", solution.lambda[0], solution.lambda[1], solution.lambda[2]);
   return held ? 0 : 1;
 }
