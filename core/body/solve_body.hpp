@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/pgs_body.hpp"
 #include "core/body/settle_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
