@@ -26,8 +26,9 @@ Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows
   entries.val = file.reals(path + "/x");
   entries.row = file.integers<Index>(path + "/i", entries.val.size());
   std::vector<Index> p = file.integers<Index>(path + "/p");
+  auto used = static_cast<std::size_t>(nz < 0 ? 0 : nz);
   if (nz >= 0) {
-    if (static_cast<std::uint64_t>(nz) > entries.val.size() || static_cast<std::uint64_t>(nz) > p.size()) {
+    if (used > entries.val.size() || used > p.size()) {
       file.refuse_dataset(path + "/nz", "counts " + std::to_string(nz) + " triplets, the arrays hold " +
                                             std::to_string(entries.val.size()));
     }
@@ -39,7 +40,7 @@ Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows
                           "has " + std::to_string(p.size()) + " elements, expected " + std::to_string(lines + 1));
     }
     const std::vector<Offset> offsets(p.begin(), p.end());
-    const auto used = static_cast<std::size_t>(offsets.back() < 0 ? 0 : offsets.back());
+    used = static_cast<std::size_t>(offsets.back() < 0 ? 0 : offsets.back());
     check_offsets(file, path + "/p", offsets, used > entries.val.size() ? entries.val.size() : used);
     entries.col.reserve(used);
     for (std::size_t line = 0; line < lines; ++line) {
@@ -50,9 +51,6 @@ Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows
       std::swap(entries.row, entries.col);
     }
   }
-  const std::size_t used = nz >= 0         ? static_cast<std::size_t>(nz)
-                           : nz == kByRows ? entries.row.size()
-                                           : entries.col.size();
   entries.row.resize(used);
   entries.col.resize(used);
   entries.val.resize(used);
