@@ -2,6 +2,7 @@
 # shellcheck shell=bash
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 jobs=$(nproc 2> /dev/null || echo 2)
+build=${STICTION_BUILD_DIR:-$root/build}
 
 say() { printf '\n== %s\n' "$*"; }
 note() { printf '   %s\n' "$*"; }
@@ -100,14 +101,14 @@ find_nvcc() {
   note "CUDA: no nvcc, so this build is CPU-only (scripts/get_cuda.sh fetches one)"
 }
 
-# configure_and_build TARGET ...: the Release build that all scripts share, in build/.
+# configure_and_build TARGET ...: the Release build that all scripts share, in build/ (or STICTION_BUILD_DIR).
 configure_and_build() {
-  local options=(-S "$root" -B "$root/build" -G Ninja -DCMAKE_BUILD_TYPE=Release)
+  local options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release)
   if command -v ccache > /dev/null; then
     options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
   fi
   [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python")
-  if [ -n "${CUDACXX:-}" ] && grep -qs '^CMAKE_CUDA_COMPILER:.*NOTFOUND' "$root/build/CMakeCache.txt"; then
+  if [ -n "${CUDACXX:-}" ] && grep -qs '^CMAKE_CUDA_COMPILER:.*NOTFOUND' "$build/CMakeCache.txt"; then
     options+=(-U CMAKE_CUDA_COMPILER)  # an earlier configuration found none and remembers it
   fi
   local log
@@ -115,5 +116,5 @@ configure_and_build() {
   cmake "${options[@]}" > "$log" 2>&1 || { cat "$log" >&2; rm -f "$log"; return 1; }
   sed -n '/stiction [0-9]/,$p' "$log" | grep -E '^-- +(stiction [0-9]|[a-zA-Z (]+\)?: )' | sed 's/^-- /   /' || true
   rm -f "$log"
-  cmake --build "$root/build" -j "$jobs" ${1:+--target "$@"}
+  cmake --build "$build" -j "$jobs" ${1:+--target "$@"}
 }

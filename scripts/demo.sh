@@ -15,7 +15,7 @@ find_nvcc
 
 say "build"
 configure_and_build stiction_cli
-stiction=$root/build/bin/stiction
+stiction=$build/bin/stiction
 
 say "machine"
 "$stiction" info
@@ -70,7 +70,7 @@ then note "out/residual.png    residual against iterations, four solvers"
 else note "out/residual.png    not drawn: no matplotlib (out/*.csv hold the numbers)"
 fi
 if command -v dot > /dev/null; then
-  "$stiction" inspect "$root/examples/data/pile.h5" --env 0 --graph "$out/graph.svg" > /dev/null
+  "$stiction" inspect "$root/examples/data/pile.h5" --env 5 --graph "$out/graph.svg" > /dev/null
   note "out/graph.svg       contact graph of one environment, coloured as it is solved"
 else
   note "out/graph.svg       not drawn: no graphviz"

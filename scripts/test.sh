@@ -18,11 +18,11 @@ configure_and_build || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 built=$SECONDS
 
 say "tests"
-junit=$root/build/tests.xml
+junit=$build/tests.xml
 rm -f "$junit"
 status=0
 # Passed tests' output is kept whole: it is where skips explain themselves.
-ctest --test-dir "$root/build" --output-on-failure -j "$jobs" --no-tests=error \
+ctest --test-dir "$build" --output-on-failure -j "$jobs" --no-tests=error \
   --test-output-size-passed 1000000 --test-output-size-failed 1000000 --output-junit "$junit" "$@" || status=$?
 
 say "summary"
