@@ -25,7 +25,7 @@ struct Job {
 /// One solver under one law, compiled for one instruction set.
 template <class Real>
 struct Kernels {
-  int pack_width;  ///< environments in lock-step
+  int pack_width;  ///< environments in lock-step; 1: no packs, and the two pack entries are null
   /// Scratch one call needs, in numbers of Real.
   Offset (*pack_elements)(const ConeCounts& slots);
   Offset (*one_elements)(const Job<Real>& job, Offset env);

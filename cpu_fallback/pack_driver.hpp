@@ -7,16 +7,19 @@
 /// Feeds environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
 
+// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a time.
 #if defined(__AVX512F__)
 inline constexpr int kVectorBytes = 64;
-#elif defined(__AVX2__)
+#elif defined(__AVX2__) && defined(__FMA__)
 inline constexpr int kVectorBytes = 32;
-#else
+#elif defined(__ARM_NEON)
 inline constexpr int kVectorBytes = 16;
+#else
+inline constexpr int kVectorBytes = 0;
 #endif
 
 template <class Real>
-inline constexpr int kPackWidth = kVectorBytes / static_cast<int>(sizeof(Real));
+inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));
 
 template <class Real>
 EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
@@ -119,8 +122,13 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
-  return {kPackWidth<Real>, pack_elements<Method, kLaw, Real>, one_elements<Method, kLaw, Real>,
-          solve_pack<Method, kLaw, Real>, solve_one<Method, kLaw, Real>};
+  cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
+  if constexpr (kPackWidth<Real> > 1) {
+    table.pack_width = kPackWidth<Real>;
+    table.pack_elements = pack_elements<Method, kLaw, Real>;
+    table.solve_pack = solve_pack<Method, kLaw, Real>;
+  }
+  return table;
 }
 
 template <class Method>

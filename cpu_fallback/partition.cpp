@@ -41,7 +41,7 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
 
   const auto packable = [&](const ConeCounts& counts) {
     const Offset rows = row_count(counts);
-    return rows * rows * pack_width * static_cast<Offset>(scalar_bytes) <= kLargestPackBytes;
+    return pack_width > 1 && rows * rows * pack_width * static_cast<Offset>(scalar_bytes) <= kLargestPackBytes;
   };
   const auto counts_of = [&](Offset env) -> const ConeCounts& { return plan.counts[static_cast<std::size_t>(env)]; };
   const std::vector<Offset>& order = plan.dense_order;

@@ -13,6 +13,8 @@ struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
   static constexpr Index kVectors = 6;
   static constexpr bool kNeedsSymmetry = true;
+  template <class System>
+  static constexpr bool kKeepsMotion = true;
   static constexpr int kTrials = 12;
   static constexpr float kGrow = 1.7F;
   static constexpr float kDecay = 0.97F;
@@ -22,7 +24,6 @@ struct Apgd {
   static STICTION_HD void start(B& block, System& s) {
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
-    if constexpr (!System::kMaintainsMotion) refresh_motion(block, s);
     for_each(block, s.n, [&](Index i) {
       x_before[i] = s.x[i];
       y_before[i] = s.y[i];
@@ -108,7 +109,7 @@ struct Apgd {
       s.scalar[kTheta] = select(restart, Real(1), next);
       s.scalar[kLipschitz] = max_(Real(kDecay) * lipschitz, Real(kSmallestLipschitz));
     });
-    if (iteration + 1 == kRefreshInterval) refresh_motion(block, s);
+    if (iteration + 1 == kRefreshInterval) refresh_motion(block, s, y_before);
   }
 };
 

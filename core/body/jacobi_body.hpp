@@ -12,6 +12,8 @@ struct Jacobi {
   static constexpr SolverKind kKind = SolverKind::jacobi;
   static constexpr Index kVectors = 2;
   static constexpr bool kNeedsSymmetry = false;
+  template <class System>
+  static constexpr bool kKeepsMotion = true;
   static constexpr int kBoundIterations = 8;
 
   /// Overwrites inv_cone by the safe step length of each cone. Starts from z = 1 / sqrt(diagonal), so that cones of
@@ -54,7 +56,6 @@ struct Jacobi {
   template <Law kLaw, Block B, class System>
   static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&, Index) {
     using Real = typename System::Real;
-    if constexpr (!System::kMaintainsMotion) refresh_motion(block, s);
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real z[kRows];
@@ -66,7 +67,7 @@ struct Jacobi {
       proximal_point<kLaw>(shape, z, y, s.inv_cone[cone], s.lo[cone], s.hi[cone]);
       for (int k = 0; k < kRows; ++k) s.x[row + k] = z[k];
     });
-    if constexpr (System::kMaintainsMotion) refresh_motion(block, s);
+    refresh_motion(block, s);
   }
 
   /// Floor of a diagonal entry relative to its cone's mean: keeps steps finite where a row couples to nothing.

@@ -13,6 +13,8 @@ struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static constexpr Index kVectors = 2;
   static constexpr bool kNeedsSymmetry = false;
+  template <class System>
+  static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
   template <Law kLaw, Block B, class System>
   static STICTION_HD void start(B& block, System& s) {
@@ -57,7 +59,7 @@ struct Npgs {
       s.scalar[kProgress] = progress;
     });
     if constexpr (System::kMaintainsMotion)
-      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s);
+      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s, y_before);
   }
 };
 

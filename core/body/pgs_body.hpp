@@ -10,15 +10,15 @@ struct MethodParams {
   Real omega;
 };
 
-/// Sweeps after which maintained motion is computed afresh, so that rounding does not pile up in it.
-inline constexpr Index kRefreshInterval = 16;
-
 /// Projected Gauss-Seidel by cones, relaxed by omega (docs/math/pgs.md; Jourdan, Alart, Jean 1998 for the Coulomb
 /// form).
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
   static constexpr Index kVectors = 0;
   static constexpr bool kNeedsSymmetry = false;
+  /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
+  template <class System>
+  static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
   template <Law kLaw, Block B, class System>
   static STICTION_HD void start(B&, System&) {}

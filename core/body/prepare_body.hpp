@@ -212,7 +212,7 @@ template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void begin_method(B& block, System& s) {
   refresh_motion(block, s);
   for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
-  record<kLaw>(block, s, true);
+  record<Method, kLaw>(block, s, true);
   Method::template start<kLaw>(block, s);
 }
 

@@ -25,11 +25,11 @@ STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M]
 }
 
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
-/// iterate itself. Reads y, which must be the motion of x.
-template <Law kLaw, Block B, class System>
+/// iterate itself.
+template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void record(B& block, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
-  if constexpr (!System::kMaintainsMotion) refresh_motion(block, s);
+  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(block, s);
   Real largest(0);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;

@@ -19,7 +19,7 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
     Method::template iterate<kLaw>(block, s, params, done_modulo + k);
     left = left - Real(1);
     const auto due = k + 1 == kChunk ? left >= Real(0) : left == Real(0);
-    if (any(due)) record<kLaw>(block, s, due);
+    if (any(due)) record<Method, kLaw>(block, s, due);
   }
 }
 

@@ -68,10 +68,22 @@ STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) 
   return block.max(largest);
 }
 
+/// Iterations after which maintained motion is computed afresh, so that rounding does not pile up in it.
+inline constexpr Index kRefreshInterval = 16;
+
 /// y = (A + diag R) x + b from scratch.
 template <Block B, class System>
 STICTION_HD void refresh_motion(B& block, System& s) {
   s.multiply(block, s.x, s.y, [&](Index i) { return s.b[i]; });
+}
+
+/// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
+/// relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
+template <Block B, class System, class Vector>
+STICTION_HD void refresh_motion(B& block, System& s, Vector y_before) {
+  for_each(block, s.n, [&](Index i) { y_before[i] = y_before[i] - s.y[i]; });
+  refresh_motion(block, s);
+  for_each(block, s.n, [&](Index i) { y_before[i] = y_before[i] + s.y[i]; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "stiction/error.hpp"
+#include "stiction/error.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/cone_graph.hpp"
 #include "tools/cli/features.hpp"

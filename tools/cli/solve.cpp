@@ -5,6 +5,8 @@
 #include <optional>
 #include <thread>
 
+#include "stiction/error.hpp"
+#include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
