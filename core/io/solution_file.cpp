@@ -6,6 +6,7 @@ namespace stiction::io {
 namespace {
 
 constexpr const char* kFormat = "contact-solution";
+constexpr int kSolverCount = static_cast<int>(SolverKind::apgd) + 1;
 
 void require_length(const char* what, std::size_t found, std::size_t expected) {
   if (found == 0 || found == expected) return;
@@ -57,7 +58,9 @@ std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
     fill(file.reals("residual_absolute", envs), &EnvStatus::residual_absolute);
   }
   if (file.has("answered_by")) {
-    fill(file.integers<std::uint8_t>("answered_by", envs), &EnvStatus::solver);
+    const auto solvers = file.integers<std::uint8_t>("answered_by", envs);
+    check_codes(file, "answered_by", solvers, kSolverCount);
+    fill(solvers, &EnvStatus::solver);
   }
   return status;
 }
