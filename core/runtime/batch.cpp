@@ -68,9 +68,10 @@ struct Part {
 
 Part part_of(const std::vector<Offset>& offsets, const char* name, Offset from, Offset to, std::size_t length) {
   const Part part{offsets[static_cast<std::size_t>(from)], offsets[static_cast<std::size_t>(to)]};
-  if (part.begin < 0 || part.begin > part.end || part.end > static_cast<Offset>(length)) {
-    refuse(std::string(name) + "[" + std::to_string(from) + "] = " + std::to_string(part.begin) + " and " + name + "[" +
-           std::to_string(to) + "] = " + std::to_string(part.end) + " do not bound a part of an array of " +
+  const bool increasing = std::is_sorted(offsets.begin() + from, offsets.begin() + to + 1);
+  if (part.begin < 0 || part.end > static_cast<Offset>(length) || !increasing) {
+    refuse(std::string(name) + "[" + std::to_string(from) + "] = " + std::to_string(part.begin) + " to " + name + "[" +
+           std::to_string(to) + "] = " + std::to_string(part.end) + " do not lead forward through an array of " +
            std::to_string(length) + " entries; fix the offsets (validate() lists every defect)");
   }
   return part;

@@ -52,6 +52,15 @@ bool all_finite(std::span<const Real> values) {
   return any == 0;
 }
 
+/// Whether every index is in 0..bound-1, likewise without a branch: a negative one is a large unsigned one.
+inline bool all_below(std::span<const Index> indices, Index bound) {
+  std::uint32_t any = 0;
+  for (const Index index : indices) {
+    any |= static_cast<std::uint32_t>(index) >= static_cast<std::uint32_t>(bound) ? 1U : 0U;
+  }
+  return any == 0;
+}
+
 /// Offsets that begin at 0, do not decrease and end at `total`, which together bounds every entry. Each fault is
 /// reported as a structural defect; `place(i)` is a Defect that names where entry i is, as far as that is known.
 template <class Place>

@@ -263,9 +263,10 @@ TEST(Gather, RefusesOffsetsThatLeadOutOfTheArrays) {
     spoil(arrays);
     return error_of([&] { gather(ContactBatch<double>::from_arrays(Law::convex, arrays), std::span(order)); });
   };
-  EXPECT_EQ(gather_of([](auto& a) { a.env_row_offsets[2] = 900; }),
-            "env_row_offsets[1] = 4 and env_row_offsets[2] = 900 do not bound a part of an array of 5 entries; fix the "
-            "offsets (validate() lists every defect)");
+  EXPECT_EQ(
+      gather_of([](auto& a) { a.env_row_offsets[2] = 900; }),
+      "env_row_offsets[1] = 4 to env_row_offsets[2] = 900 do not lead forward through an array of 5 entries; fix the "
+      "offsets (validate() lists every defect)");
   EXPECT_NE(gather_of([](auto& a) { a.env_cone_offsets[1] = -1; }).find("env_cone_offsets[1] = -1"), std::string::npos);
   EXPECT_NE(gather_of([](auto& a) { a.row_offsets[5] = 10; }).find("row_offsets[5] = 10"), std::string::npos);
   EXPECT_EQ(gather_of([](auto& a) { a.cone_row_offsets[2] = 3; }),

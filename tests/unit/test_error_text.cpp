@@ -1,0 +1,56 @@
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+
+#include "stiction/error.hpp"
+#include "stiction/status.hpp"
+
+namespace {
+
+using namespace stiction;
+
+TEST(ErrorText, EveryCodeAndFlagHasANameOfItsOwn) {
+  std::set<std::string> codes, flags;
+  for (int code = 0; code < kEnvCodeCount; ++code) codes.insert(to_string(static_cast<EnvCode>(code)));
+  for (int bit = 0; bit < kEnvFlagCount; ++bit) flags.insert(flag_name(static_cast<EnvFlag>(1U << bit)));
+  EXPECT_EQ(codes, (std::set<std::string>{"solved", "max_iterations", "stalled", "numerical", "invalid_input",
+                                          "unsupported"}));
+  EXPECT_EQ(flags, (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds",
+                                          "negative_compliance", "bad_diagonal", "warm_start_rejected", "asymmetric"}));
+}
+
+TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {
+  EXPECT_STREQ(to_string(Law::convex), "convex");
+  EXPECT_STREQ(to_string(Law::coulomb), "coulomb");
+  EXPECT_STREQ(to_string(Precision::f32), "f32");
+  EXPECT_STREQ(to_string(Precision::f64), "f64");
+  EXPECT_STREQ(to_string(ConeKind::free), "free");
+  EXPECT_STREQ(to_string(ConeKind::unilateral), "unilateral");
+  EXPECT_STREQ(to_string(ConeKind::box), "box");
+  EXPECT_STREQ(to_string(ConeKind::friction), "friction");
+}
+
+TEST(ErrorText, ValuesThatNoEnumeratorHasArePrintedAsUnknown) {
+  EXPECT_STREQ(to_string(static_cast<EnvCode>(200)), "unknown");
+  EXPECT_STREQ(to_string(static_cast<SolverKind>(200)), "unknown");
+  EXPECT_STREQ(flag_name(static_cast<EnvFlag>(1U << 30)), "unknown");
+}
+
+TEST(ErrorText, SolversAreFoundByTheNameTheyPrint) {
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd}) {
+    EXPECT_EQ(solver_from_string(to_string(solver)), solver);
+  }
+}
+
+TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
+  try {
+    solver_from_string("magic");
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
+    EXPECT_STREQ(error.what(), "solver 'magic' is not known; use one of: pgs, npgs, jacobi, apgd");
+  }
+}
+
+}  // namespace
