@@ -12,7 +12,9 @@ namespace stiction::inline STICTION_ISA {
 struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
   static constexpr Index kVectors = 6;
-  static constexpr bool kNeedsSymmetry = true;
+  /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
+  template <Law kLaw>
+  static constexpr bool kNeedsSymmetry = kLaw == Law::convex;
   template <class System>
   static constexpr bool kKeepsMotion = true;
   static constexpr int kTrials = 12;

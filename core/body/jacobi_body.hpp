@@ -11,6 +11,7 @@ namespace stiction::inline STICTION_ISA {
 struct Jacobi {
   static constexpr SolverKind kKind = SolverKind::jacobi;
   static constexpr Index kVectors = 2;
+  template <Law>
   static constexpr bool kNeedsSymmetry = false;
   template <class System>
   static constexpr bool kKeepsMotion = true;

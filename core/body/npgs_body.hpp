@@ -12,6 +12,7 @@ namespace stiction::inline STICTION_ISA {
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static constexpr Index kVectors = 2;
+  template <Law>
   static constexpr bool kNeedsSymmetry = false;
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;

@@ -15,6 +15,7 @@ struct MethodParams {
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
   static constexpr Index kVectors = 0;
+  template <Law>
   static constexpr bool kNeedsSymmetry = false;
   /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
   template <class System>
