@@ -1,0 +1,87 @@
+#include "cpu_fallback/partition.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "tests/support/scene_batches.hpp"
+
+namespace {
+
+using namespace stiction;
+
+/// How often each environment is dealt out.
+std::vector<int> dealt(const std::vector<cpu::WorkItem>& items, Offset envs) {
+  std::vector<int> count(static_cast<std::size_t>(envs), 0);
+  for (const auto& item : items)
+    for (const Offset env : item.envs) ++count[static_cast<std::size_t>(env)];
+  return count;
+}
+
+bool fits(const ConeCounts& own, const ConeCounts& slots) {
+  bool all = own.free <= slots.free && own.unilateral <= slots.unilateral && own.box <= slots.box;
+  for (Index m = 2; m <= kMaxConeRows; ++m) all = all && own.friction[m] <= slots.friction[m];
+  return all;
+}
+
+TEST(Partition, EveryEnvironmentIsDealtOutExactlyOnce) {
+  const auto batch = test::ragged_batch(9, 1);
+  const PlanData plan = make_plan(batch.view());
+  for (const int width : {2, 4, 8, 16})
+    for (const int threads : {1, 2, 7}) {
+      const auto items = cpu::partition(plan, width, 8, threads);
+      EXPECT_EQ(dealt(items, batch.env_count()), std::vector<int>(static_cast<std::size_t>(batch.env_count()), 1))
+          << "width " << width << ", " << threads << " threads";
+    }
+}
+
+TEST(Partition, APackHoldsDenseEnvironmentsThatFitItsSlots) {
+  const auto batch = test::ragged_batch(9, 1);
+  const PlanData plan = make_plan(batch.view());
+  bool packed = false;
+  for (const auto& item : cpu::partition(plan, 4, 4, 2)) {
+    EXPECT_FALSE(item.envs.empty());
+    if (!item.packed) continue;
+    packed = true;
+    for (const Offset env : item.envs) {
+      const auto e = static_cast<std::size_t>(env);
+      EXPECT_EQ(plan.path[e], EnvPath::dense);
+      EXPECT_TRUE(fits(plan.counts[e], item.slots)) << "environment " << env;
+    }
+  }
+  EXPECT_TRUE(packed);
+}
+
+TEST(Partition, ManyEqualEnvironmentsFillPacksAndKeepEveryThreadBusy) {
+  const auto batch = test::scene_batch("stack", 512, 1, 2);
+  const PlanData plan = make_plan(batch.view());
+  for (const int threads : {2, 7}) {
+    const auto items = cpu::partition(plan, 8, 4, threads);
+    EXPECT_GE(items.size(), static_cast<std::size_t>(threads));
+    for (const auto& item : items) {
+      EXPECT_TRUE(item.packed);
+      EXPECT_GE(item.envs.size(), 8U) << "a pack whose lanes are never all full";
+    }
+  }
+}
+
+TEST(Partition, ALargeEnvironmentIsNotPaddedIntoAPack) {
+  // Dense, but W copies of its matrix would leave the cache.
+  ContactBatch<double> batch;
+  for (int copy = 0; copy < 8; ++copy) {
+    constexpr Index kRows = 400;
+    Environment<double> env;
+    for (Index i = 0; i < kRows; ++i) env.cones.push_back({ConeKind::unilateral, 1, -1});
+    env.set_dense(std::vector<double>(std::size_t{kRows} * kRows, 1.0), kRows);
+    env.b.assign(kRows, -1.0);
+    batch.add(env);
+  }
+  for (const auto& item : cpu::partition(make_plan(batch.view()), 8, 8, 1)) EXPECT_FALSE(item.packed);
+}
+
+TEST(Partition, AnEmptyBatchIsNoWork) {
+  EXPECT_TRUE(cpu::partition(make_plan(ContactBatch<double>().view()), 8, 4, 2).empty());
+}
+
+}  // namespace
