@@ -9,43 +9,31 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
-/// kChunk iterations. `done` iterations lie behind every lane, modulo the refresh interval; `left` may differ between
-/// lanes: a lane whose iterations run out inside the chunk is recorded at its last one and ignored from then on.
+/// kChunk iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in `left`,
+/// those they still have: a lane that runs out inside the chunk is recorded at its last iteration and ignored from then
+/// on.
 template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                         Index done_modulo, typename System::Real left) {
+                         typename System::Real phase, typename System::Real left) {
   using Real = typename System::Real;
-  for (Index k = 0; k < kChunk; ++k) {
-    Method::template iterate<kLaw>(block, s, params, done_modulo + k);
+  for (Index k = 0; k + 1 < kChunk; ++k) {
+    Method::template iterate<kLaw>(block, s, params);
     left = left - Real(1);
-    const auto due = k + 1 == kChunk ? left >= Real(0) : left == Real(0);
-    if (any(due)) record<Method, kLaw>(block, s, due);
+    const auto last = left == Real(0);
+    if (any(last)) record<Method, kLaw>(block, s, last);
   }
-}
-
-/// One environment whose system is loaded, `flags` being what load_system() returned.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
-                              const StopRule& rule, std::uint32_t flags) {
-  if (!is_solvable(flags)) {
-    refuse(block, env, Method::kKind, flags);
-    return;
-  }
-  begin_method<Method, kLaw>(block, s);
-  EnvProgress<Real> progress;
-  progress.flags = flags;
-  while (!settle<Method>(block, env, s, rule, progress)) {
-    const Index left = rule.max_iterations - progress.iterations;
-    advance<Method, kLaw>(block, s, params, progress.iterations % kRefreshInterval, static_cast<Real>(left));
-    progress.iterations += left < kChunk ? left : kChunk;
-  }
+  Method::template iterate<kLaw>(block, s, params);
+  const auto stale = phase == Real(kRefreshInterval - kChunk);
+  if (any(stale)) Method::refresh(block, s, stale);
+  const auto due = left >= Real(1);
+  if (any(due)) record<Method, kLaw>(block, s, due);
 }
 
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
-  const std::uint32_t flags = load_system(block, env, s, Method::kNeedsSymmetry);
+  const std::uint32_t flags = load_system(block, env, s, Method::template kNeedsSymmetry<kLaw>);
   solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
 }
 
