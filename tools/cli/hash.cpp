@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include "stiction/error.hpp"
-#include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
 #include "tools/cli/commands.hpp"

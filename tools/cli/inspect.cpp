@@ -4,7 +4,6 @@
 #include <cstdio>
 
 #include "stiction/error.hpp"
-#include "stiction/error.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/cone_graph.hpp"
 #include "tools/cli/features.hpp"

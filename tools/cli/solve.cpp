@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "stiction/error.hpp"
-#include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
