@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # One hash for each batch, solver and precision, whatever built it: {g++, clang++} x {-O0, -O3, -O3 -march=native},
-# 1 and 2 threads, and the environments in three other orders. Prints one table; exit status 1 if any hash differs.
+# 1 and 2 threads, the kernels of each instruction set, and the environments in three other orders. Prints one table; exit status 1 if any hash differs.
 # Builds into build-matrix/ and leaves every single hash in build-matrix/hashes.csv.
 #
 #   scripts/build_matrix.sh [BATCH.h5 ...]          default: examples/data/*.h5
@@ -39,22 +39,22 @@ done
 
 say "solve"
 csv=$matrix/hashes.csv
-echo "batch,solver,precision,build,threads,permute,hash" > "$csv"
+echo "batch,solver,precision,build,threads,permute,kernels,hash" > "$csv"
 for build in "${builds[@]}"; do
   for batch in "${batches[@]}"; do
     for solver in "${solvers[@]}"; do
       for precision in "${precisions[@]}"; do
-        for run in "1 -" "2 -" "2 1" "2 2" "2 3"; do
-          read -r threads permute <<< "$run"
+        for run in "1 - widest" "2 - widest" "2 1 avx2" "2 2 baseline" "2 3 widest"; do
+          read -r threads permute isa <<< "$run"
           options=(--solver "$solver" --precision "$precision" --device cpu --threads "$threads" --tolerance 1e-6
             --max-iterations "$iterations" --quiet --json "$matrix/report.json")
           [ "$permute" = - ] || options+=(--permute "$permute")
           status=0
-          "$matrix/$build/bin/stiction" solve "$batch" "${options[@]}" || status=$?
+          STICTION_ISA=$isa "$matrix/$build/bin/stiction" solve "$batch" "${options[@]}" || status=$?
           [ "$status" -le 1 ] || exit "$status"  # 1: some environment missed the tolerance, its bits count all the same
           hash=$(sed -n 's/.*"hash": *"\([0-9a-f]*\)".*/\1/p' "$matrix/report.json")
           [ -n "$hash" ] || { echo "build_matrix.sh: no hash in the report of $build, $batch, $solver" >&2; exit 1; }
-          echo "$(basename "$batch" .h5),$solver,$precision,$build,$threads,$permute,$hash" >> "$csv"
+          echo "$(basename "$batch" .h5),$solver,$precision,$build,$threads,$permute,$isa,$hash" >> "$csv"
         done
       done
     done
@@ -66,9 +66,9 @@ say "hashes"
 awk -F, '
   NR > 1 {
     key = $1 "," $2 "," $3
-    if (!(key in first)) { first[key] = $7; order[++keys] = key }
+    if (!(key in first)) { first[key] = $8; order[++keys] = key }
     runs[key]++
-    if ($7 != first[key]) { other[key]++; print "different: " $0 " (first: " first[key] ")" }
+    if ($8 != first[key]) { other[key]++; print "different: " $0 " (first: " first[key] ")" }
   }
   END {
     printf "%-20s %-8s %-4s %-17s %5s %9s\n", "batch", "solver", "", "hash", "runs", "different"
@@ -79,4 +79,4 @@ awk -F, '
     }
     exit bad > 0
   }' "$csv"
-note "builds: ${builds[*]}; threads 1 and 2; orders as in the file and three permutations"
+note "builds: ${builds[*]}; threads 1 and 2; orders as in the file and three permutations; kernels baseline, avx2 and the widest"

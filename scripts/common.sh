@@ -114,7 +114,7 @@ configure_and_build() {
   local log
   log=$(mktemp)
   cmake "${options[@]}" > "$log" 2>&1 || { cat "$log" >&2; rm -f "$log"; return 1; }
-  sed -n '/stiction [0-9]/,$p' "$log" | grep -E '^-- +(stiction [0-9]|[a-zA-Z (]+\)?: )' | sed 's/^-- /   /' || true
+  sed -n '/stiction [0-9]/,$p' "$log" | grep -E '^-- (stiction [0-9]|  .*: (yes|no))' | sed 's/^-- /   /' || true
   rm -f "$log"
   cmake --build "$build" -j "$jobs" ${1:+--target "$@"}
 }

@@ -65,7 +65,8 @@ for solver in npgs apgd pgs jacobi; do
   solve "$traced" --solver "$solver" --precision f64 --max-iterations 1000 --trace "$out/$solver.csv"
   traces+=("$solver=$out/$solver.csv")
 done
-if "${python:-python3}" "$root/tools/plot_trace.py" "${traces[@]}" -o "$out/residual.png" --title "hand_cube, f64" 2> /dev/null
+if "${python:-python3}" "$root/tools/plot_trace.py" "${traces[@]}" -o "$out/residual.png" --title "hand_cube, f64" \
+  > /dev/null 2>&1
 then note "out/residual.png    residual against iterations, four solvers"
 else note "out/residual.png    not drawn: no matplotlib (out/*.csv hold the numbers)"
 fi
