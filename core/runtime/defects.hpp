@@ -15,6 +15,11 @@
 
 namespace stiction {
 
+/// The structural defects alone: what validate() lists first. The arrays of numbers (A, b, R, mu, lo, hi) are not read
+/// and may be null, so that a structure copied from a device can be checked before it is planned.
+template <class Real>
+std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64);
+
 /// Collects defects up to a limit. Building a message costs more than looking: ask full() first.
 class DefectReport {
  public:

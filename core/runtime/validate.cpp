@@ -27,20 +27,21 @@ class Validator {
  public:
   Validator(const ContactBatchView<Real>& batch, std::size_t limit) : batch_(batch), report_(limit) {}
 
-  std::vector<Defect> run() {
-    if (check_view()) {
+  /// `with_values`: numbers too; without, the arrays of numbers may be null.
+  std::vector<Defect> run(bool with_values) {
+    if (check_view(with_values)) {
       check_all_offsets();
       if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
       if (env_rows_sound_ && rows_sound_) check_columns();
       const bool offsets_sound = env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
-      if (offsets_sound && !report_.full()) check_values();
+      if (with_values && offsets_sound && !report_.full()) check_values();
     }
     return report_.take();
   }
 
  private:
   /// Counts and pointers, before anything is read through them.
-  bool check_view() {
+  bool check_view(bool with_values) {
     bool sound = true;
     const auto fail = [&](const std::string& message) {
       sound = false;
@@ -62,12 +63,12 @@ class Validator {
     array("cone_row_offsets", batch_.cone_row_offsets, true);
     array("row_offsets", batch_.row_offsets, true);
     array("column", batch_.column, batch_.nonzero_count > 0);
-    array("A", batch_.A, batch_.nonzero_count > 0);
-    array("b", batch_.b, batch_.row_count > 0);
-    array("R", batch_.R, batch_.row_count > 0);
-    array("mu", batch_.mu, batch_.row_count > 0);
-    array("lo", batch_.lo, batch_.row_count > 0);
-    array("hi", batch_.hi, batch_.row_count > 0);
+    array("A", batch_.A, with_values && batch_.nonzero_count > 0);
+    array("b", batch_.b, with_values && batch_.row_count > 0);
+    array("R", batch_.R, with_values && batch_.row_count > 0);
+    array("mu", batch_.mu, with_values && batch_.row_count > 0);
+    array("lo", batch_.lo, with_values && batch_.row_count > 0);
+    array("hi", batch_.hi, with_values && batch_.row_count > 0);
     return sound;
   }
 
@@ -331,22 +332,31 @@ double asymmetry_of(const SortedRows& unsorted) {
   return largest > 0.0 ? difference / largest : 0.0;
 }
 
+template <class Real>
+void expect_host(const ContactBatchView<Real>& batch) {
+  if (batch.space == MemorySpace::host) return;
+  throw Error(ErrorCode::invalid_argument,
+              "batch is in device memory, but validate() reads host memory; copy the batch to the host first");
+}
+
 }  // namespace
 
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit) {
-  if (batch.space != MemorySpace::host) {
-    throw Error(ErrorCode::invalid_argument,
-                "batch is in device memory, but validate() reads host memory; copy the batch to the host first");
-  }
-  return Validator<Real>(batch, limit).run();
+  expect_host(batch);
+  return Validator<Real>(batch, limit).run(true);
+}
+
+template <class Real>
+std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit) {
+  expect_host(batch);
+  return Validator<Real>(batch, limit).run(false);
 }
 
 template <class Real>
 std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
-  // Structure comes first among the defects, so that the first one tells whether the arrays can be read at all.
-  const std::vector<Defect> defects = validate(batch, 1);
-  if (!defects.empty() && defects.front().structural) {
+  const std::vector<Defect> defects = validate_structure(batch, 1);
+  if (!defects.empty()) {
     throw Error(ErrorCode::invalid_argument, "asymmetry cannot be measured: " + defects.front().message);
   }
   std::vector<double> result;
@@ -368,6 +378,8 @@ std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
 
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t);
 template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t);
+template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t);
+template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t);
 template std::vector<double> asymmetry(const ContactBatchView<float>&);
 template std::vector<double> asymmetry(const ContactBatchView<double>&);
 

@@ -3,6 +3,7 @@
 #include <limits>
 #include <string>
 
+#include "core/runtime/defects.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 
@@ -165,9 +166,8 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
 
 template <class Real>
 std::vector<Residual> verify(const ContactBatchView<Real>& batch, std::span<const Real> lambda) {
-  // Structure comes first among the defects, so that the first one tells whether the arrays can be read at all.
-  const std::vector<Defect> defects = validate(batch, 1);
-  if (!defects.empty() && defects.front().structural) {
+  const std::vector<Defect> defects = validate_structure(batch, 1);
+  if (!defects.empty()) {
     throw Error(ErrorCode::invalid_argument, "batch cannot be verified: " + defects.front().message);
   }
   if (lambda.size() != static_cast<std::size_t>(batch.row_count)) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/runtime/defects.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 
@@ -255,6 +256,19 @@ TEST(Validate, ViewsWithNegativeCountsOrMissingArraysAreRefusedUnread) {
   EXPECT_EQ(defects[0].message, "env_row_offsets is null; point it to the batch's array");
   EXPECT_EQ(defects[0].env, -1);
   EXPECT_TRUE(defects[0].structural);
+}
+
+TEST(Validate, AStructureIsCheckedWithoutItsNumbers) {
+  Arrays arrays = sound_batch().arrays();
+  arrays.b[0] = kNan;
+  arrays.column[2] = 5;
+  const auto batch = ContactBatch<double>::from_arrays(Law::convex, std::move(arrays));
+  auto view = batch.view();
+  view.A = view.b = view.R = view.mu = view.lo = view.hi = nullptr;
+  EXPECT_EQ(validate(view).at(0).message, "A is null; point it to the batch's array");
+  const auto defects = validate_structure(view);
+  ASSERT_EQ(defects.size(), 1U);
+  EXPECT_EQ(defects[0].message.substr(0, 24), "column[env 2, row 1] = 5");
 }
 
 TEST(Validate, ABatchInDeviceMemoryIsMisuse) {
