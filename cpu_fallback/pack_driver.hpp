@@ -54,9 +54,6 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
   for (Offset i = 0; i < pack_elements<Method, kLaw, Real>(slots); ++i) scratch[i] = Real(0);
 
-  // Chunks are aligned within the refresh interval for the whole pack, so lanes may enter only when it begins. The
-  // interval is four chunks; waiting for it costs less than a pack whose lanes refresh at different times.
-  Index done_modulo = 0;
   for (;;) {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes[l];
@@ -65,7 +62,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
         lane.busy = false;
         --busy;
       }
-      while (!lane.busy && done_modulo == 0 && next < count) {
+      while (!lane.busy && next < count) {
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, system);
@@ -77,21 +74,20 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
         }
       }
     }
-    if (busy == 0) {
-      if (next == count) return;
-      done_modulo = 0;
-      continue;
-    }
+    if (busy == 0) return;
+    Lanes phase(0);
     Lanes left(0);
-    for (int l = 0; l < kWidth; ++l)
-      left.v[l] = lanes[l].busy ? static_cast<Real>(job.max_iterations - lanes[l].progress.iterations) : Real(0);
-    advance<Method, kLaw>(block, pack, params, done_modulo, left);
+    for (int l = 0; l < kWidth; ++l) {
+      if (!lanes[l].busy) continue;
+      phase.v[l] = static_cast<Real>(lanes[l].progress.iterations % kRefreshInterval);
+      left.v[l] = static_cast<Real>(job.max_iterations - lanes[l].progress.iterations);
+    }
+    advance<Method, kLaw>(block, pack, params, phase, left);
     for (Lane& lane : lanes)
       if (lane.busy) {
         const Index remaining = job.max_iterations - lane.progress.iterations;
         lane.progress.iterations += remaining < kChunk ? remaining : kChunk;
       }
-    done_modulo = (done_modulo + kChunk) % kRefreshInterval;
   }
 }
 

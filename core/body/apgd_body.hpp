@@ -13,8 +13,7 @@ struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
   static constexpr Index kVectors = 6;
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
-  template <Law kLaw>
-  static constexpr bool kNeedsSymmetry = kLaw == Law::convex;
+  static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = true;
   static constexpr int kTrials = 12;
@@ -37,8 +36,7 @@ struct Apgd {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&,
-                                  Index iteration) {
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
@@ -78,7 +76,7 @@ struct Apgd {
           d[row + k] = z[k] - point[row + k];
         }
       });
-      s.multiply(block, d, image, [](Index) { return Real(0); });
+      s.multiply(block, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       const Real excess = s.sum_over_cones(block, [&](auto shape, Index cone, Index row) {
         Real curvature(0);
         Real length(0);
@@ -111,7 +109,11 @@ struct Apgd {
       s.scalar[kTheta] = select(restart, Real(1), next);
       s.scalar[kLipschitz] = max_(Real(kDecay) * lipschitz, Real(kSmallestLipschitz));
     });
-    if (iteration + 1 == kRefreshInterval) refresh_motion(block, s, y_before);
+  }
+
+  template <Block B, class System>
+  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
+    refresh_motion(block, s, due, s.vector(1));
   }
 };
 

@@ -62,9 +62,9 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
     });
   }
 
-  /// out = base + (A + diag R) in, each row summed over columns from the left; with |A| in place of A on request.
-  template <bool kAbsolute = false, Block B, class Base>
-  STICTION_HD void multiply(B& block, Strided<Real, kStride> in, Strided<Real, kStride> out, Base&& base) const {
+  /// store(i, base(i) + row i of (A + diag R) in), each row summed over columns from the left; with |A| on request.
+  template <bool kAbsolute = false, Block B, class Base, class Store>
+  STICTION_HD void multiply(B& block, Strided<Real, kStride> in, Base&& base, Store&& store) const {
     constexpr Index kTile = B::kRowTile;
     for_each(block, (n + kTile - 1) / kTile, [&](Index tile) {
       const Index first = tile * kTile;
@@ -76,12 +76,12 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
           const Strided<Real, kStride> a = A.from(first + Offset{n} * j);
           for (Index k = 0; k < kTile; ++k) sum[k] = fma_(kAbsolute ? abs_(a[k]) : a[k], factor, sum[k]);
         }
-        for (Index k = 0; k < kTile; ++k) out[first + k] = sum[k];
+        for (Index k = 0; k < kTile; ++k) store(first + k, sum[k]);
       } else {
         for (Index i = first; i < n; ++i) {
           Real sum = base(i);
           for (Index j = 0; j < n; ++j) sum = fma_(kAbsolute ? abs_(A[i + n * j]) : A[i + n * j], in[j], sum);
-          out[i] = sum;
+          store(i, sum);
         }
       }
     });

@@ -11,8 +11,7 @@ namespace stiction::inline STICTION_ISA {
 struct Jacobi {
   static constexpr SolverKind kKind = SolverKind::jacobi;
   static constexpr Index kVectors = 2;
-  template <Law>
-  static constexpr bool kNeedsSymmetry = false;
+  static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = true;
   static constexpr int kBoundIterations = 8;
@@ -32,7 +31,8 @@ struct Jacobi {
       }
     });
     for (int pass = 0; pass < kBoundIterations; ++pass) {
-      s.template multiply<true>(block, z, image, [](Index) { return Real(0); });
+      s.template multiply<true>(
+          block, z, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       if (pass + 1 == kBoundIterations) break;
       s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
         // In the metric of the diagonal the Perron iteration is z <- D^-1 |A| z; averaged with z against oscillation.
@@ -55,7 +55,7 @@ struct Jacobi {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&, Index) {
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
@@ -70,6 +70,10 @@ struct Jacobi {
     });
     refresh_motion(block, s);
   }
+
+  /// Motion is computed afresh in every iteration.
+  template <Block B, class System>
+  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
 
   /// Floor of a diagonal entry relative to its cone's mean: keeps steps finite where a row couples to nothing.
   static constexpr float kSmallestRelative = 1.0F / (1 << 30);

@@ -12,8 +12,7 @@ namespace stiction::inline STICTION_ISA {
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static constexpr Index kVectors = 2;
-  template <Law>
-  static constexpr bool kNeedsSymmetry = false;
+  static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
@@ -32,8 +31,7 @@ struct Npgs {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                                  Index iteration) {
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
@@ -59,8 +57,11 @@ struct Npgs {
       s.scalar[kTheta] = select(restart, Real(1), next);
       s.scalar[kProgress] = progress;
     });
-    if constexpr (System::kMaintainsMotion)
-      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s, y_before);
+  }
+
+  template <Block B, class System>
+  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due, s.vector(1));
   }
 };
 

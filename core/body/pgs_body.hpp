@@ -15,8 +15,7 @@ struct MethodParams {
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
   static constexpr Index kVectors = 0;
-  template <Law>
-  static constexpr bool kNeedsSymmetry = false;
+  static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
@@ -24,14 +23,16 @@ struct Pgs {
   template <Law kLaw, Block B, class System>
   static STICTION_HD void start(B&, System&) {}
 
-  /// One iteration; `iteration` counts from 0 within a refresh interval.
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                                  Index iteration) {
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
     sweep<kLaw>(block, s, Real(params.omega));
-    if constexpr (System::kMaintainsMotion)
-      if (iteration + 1 == kRefreshInterval) refresh_motion(block, s);
+  }
+
+  /// Computes maintained motion afresh in the lanes of `due`.
+  template <Block B, class System>
+  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due);
   }
 };
 

@@ -224,7 +224,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Both, for machines that do all in one go. Returns the flags.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, Method::template kNeedsSymmetry<kLaw>);
+  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw));
   if (is_solvable(flags)) begin_method<Method, kLaw>(block, s);
   return flags;
 }

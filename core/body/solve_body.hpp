@@ -29,11 +29,30 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
   if (any(due)) record<Method, kLaw>(block, s, due);
 }
 
+/// One environment whose system is loaded, `flags` being what load_system() returned.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                              const StopRule& rule, std::uint32_t flags) {
+  if (!is_solvable(flags)) {
+    refuse(block, env, Method::kKind, flags);
+    return;
+  }
+  begin_method<Method, kLaw>(block, s);
+  EnvProgress<Real> progress;
+  progress.flags = flags;
+  while (!settle<Method>(block, env, s, rule, progress)) {
+    const Index left = rule.max_iterations - progress.iterations;
+    advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
+                          static_cast<Real>(left));
+    progress.iterations += left < kChunk ? left : kChunk;
+  }
+}
+
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
-  const std::uint32_t flags = load_system(block, env, s, Method::template kNeedsSymmetry<kLaw>);
+  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw));
   solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
 }
 

@@ -76,9 +76,9 @@ struct SparseSystem : SystemArrays<RealType, 1> {
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
 
-  template <bool kAbsolute = false, Block B, class Base>
-  STICTION_HD void multiply(B& block, Strided<Real, 1> in, Strided<Real, 1> out, Base&& base) const {
-    for_each(block, n, [&](Index i) { out[i] = gather<kAbsolute>(i, in, fma_(R[i], in[i], base(i))); });
+  template <bool kAbsolute = false, Block B, class Base, class Store>
+  STICTION_HD void multiply(B& block, Strided<Real, 1> in, Base&& base, Store&& store) const {
+    for_each(block, n, [&](Index i) { store(i, gather<kAbsolute>(i, in, fma_(R[i], in[i], base(i)))); });
   }
 };
 

@@ -74,16 +74,27 @@ inline constexpr Index kRefreshInterval = 16;
 /// y = (A + diag R) x + b from scratch.
 template <Block B, class System>
 STICTION_HD void refresh_motion(B& block, System& s) {
-  s.multiply(block, s.x, s.y, [&](Index i) { return s.b[i]; });
+  using Real = typename System::Real;
+  s.multiply(block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
+}
+
+/// The same in the lanes of `due`.
+template <Block B, class System>
+STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  s.multiply(block, s.x, [&](Index i) { return s.b[i]; },
+             [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
 }
 
 /// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
 /// relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
 template <Block B, class System, class Vector>
-STICTION_HD void refresh_motion(B& block, System& s, Vector y_before) {
-  for_each(block, s.n, [&](Index i) { y_before[i] = y_before[i] - s.y[i]; });
-  refresh_motion(block, s);
-  for_each(block, s.n, [&](Index i) { y_before[i] = y_before[i] + s.y[i]; });
+STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due, Vector y_before) {
+  using Real = typename System::Real;
+  s.multiply(block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) {
+    y_before[i] = select(due, y_before[i] + (motion - s.y[i]), y_before[i]);
+    s.y[i] = select(due, motion, s.y[i]);
+  });
 }
 
 }  // namespace stiction::inline STICTION_ISA
