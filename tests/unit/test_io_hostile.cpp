@@ -1,0 +1,138 @@
+#include <gmock/gmock.h>
+#include <sys/resource.h>
+
+#include <random>
+
+#include "core/io/readers.hpp"
+#include "tests/unit/test_io_support.hpp"
+
+// Damaged files: whatever the damage, a read ends in a result or in an Error, and takes no absurd amount of memory.
+namespace stiction::io::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+class IoHostile : public Folder {};
+
+enum class Outcome { read, refused };
+
+/// Reads `bytes` as a file in memory. Anything but a result or an Error(bad_file) fails the test.
+template <class Read>
+Outcome outcome_of(const std::string& bytes, Read read) {
+  try {
+    read(InputFile(std::as_bytes(std::span(bytes)), "image"));
+    return Outcome::read;
+  } catch (const Error& error) {
+    EXPECT_EQ(static_cast<int>(error.code()), static_cast<int>(ErrorCode::bad_file)) << error.what();
+    return Outcome::refused;
+  }
+}
+
+/// What a caller does next with what was read, so that arrays that do not fit one another are noticed.
+void read_and_use(const InputFile& file) {
+  const Recording recording = read_any(file);
+  if (validate(recording.batch.view()).empty()) asymmetry(recording.batch.view());
+}
+
+struct Count {
+  int read = 0, refused = 0;
+};
+
+/// Damages one to four bytes at a time: a flipped bit, a random byte, or 0x00 or 0xff.
+template <class Read>
+Count flip_bytes(const std::string& bytes, std::uint64_t seed, int trials, Read read) {
+  std::mt19937_64 random(seed);
+  Count count;
+  for (int trial = 0; trial < trials; ++trial) {
+    std::string damaged = bytes;
+    const std::uint64_t flips = 1 + random() % 4;
+    for (std::uint64_t flip = 0; flip < flips; ++flip) {
+      char& byte = damaged[random() % damaged.size()];
+      const std::uint64_t kind = random() % 3, value = random();
+      if (kind == 0) byte = static_cast<char>(byte ^ (1 << (value % 8)));
+      if (kind == 1) byte = static_cast<char>(value);
+      if (kind == 2) byte = static_cast<char>(value % 2 == 0 ? 0x00 : 0xff);
+    }
+    ++(outcome_of(damaged, read) == Outcome::read ? count.read : count.refused);
+  }
+  return count;
+}
+
+std::uint64_t peak_memory_mib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::uint64_t>(usage.ru_maxrss) / 1024;
+}
+
+TEST_F(IoHostile, TruncatedFilesAreRefused) {
+  write_batch(at("a.h5"), long_recording(1000));
+  const std::string bytes = bytes_of(at("a.h5"));
+  int lengths = 0;
+  for (std::size_t length = 0; length < bytes.size(); length += length < 256 ? 1 : 97) {
+    EXPECT_EQ(outcome_of(bytes.substr(0, length), read_any), Outcome::refused) << "of length " << length;
+    ++lengths;
+  }
+  EXPECT_GT(lengths, 500);
+  EXPECT_EQ(outcome_of(bytes.substr(0, bytes.size() - 1), read_any), Outcome::refused);
+  EXPECT_EQ(outcome_of(bytes, read_any), Outcome::read);
+}
+
+TEST_F(IoHostile, TruncatedFilesOnDiskAreCalledSo) {
+  write_batch(at("a.h5"), long_recording(1000));
+  const std::string bytes = bytes_of(at("a.h5"));
+  for (const std::size_t length : {bytes.size() / 4, bytes.size() / 2, bytes.size() - 1}) {
+    write_bytes(at("b.h5"), bytes.substr(0, length));
+    EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { read_batch(at("b.h5")); }),
+                HasSubstr("b.h5: the HDF5 file is truncated or damaged"));
+  }
+}
+
+TEST_F(IoHostile, FlippedBytesInABatchNeverCrashTheReader) {
+  write_batch(at("a.h5"), small_recording());
+  const Count count = flip_bytes(bytes_of(at("a.h5")), 1, 4000, read_and_use);
+  EXPECT_GT(count.refused, 100) << "the flips hit nothing that is looked at";
+  EXPECT_GT(count.read, 100) << "the flips leave nothing readable";
+  EXPECT_LT(peak_memory_mib(), 512U);
+}
+
+TEST_F(IoHostile, FlippedBytesInPackedDatasetsNeverCrashTheReader) {
+  write_batch(at("a.h5"), long_recording(400));
+  const Count count = flip_bytes(bytes_of(at("a.h5")), 2, 2000, read_and_use);
+  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.read, 10);
+  EXPECT_LT(peak_memory_mib(), 512U);
+}
+
+TEST_F(IoHostile, FlippedBytesInAnFclibProblemNeverCrashTheReader) {
+  write_fclib_local(at("a.h5"), long_recording(20), 0);
+  const Count count = flip_bytes(bytes_of(at("a.h5")), 3, 2000, read_and_use);
+  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.read, 10);
+  EXPECT_LT(peak_memory_mib(), 512U);
+}
+
+TEST_F(IoHostile, FlippedBytesInASolutionNeverCrashTheReader) {
+  SolutionFile solution;
+  solution.lambda.assign(2000, 0.5);
+  solution.env_row_offsets = {0, 2000};
+  solution.status.assign(1, EnvStatus{});
+  write_solution(at("s.h5"), solution);
+  const Count count =
+      flip_bytes(bytes_of(at("s.h5")), 4, 2000, [](const InputFile& file) { return read_solution(file); });
+  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.read, 10);
+  EXPECT_LT(peak_memory_mib(), 512U);
+}
+
+TEST_F(IoHostile, ADamagedStringIsRefusedAndNotFollowed) {
+  write_batch(at("a.h5"), small_recording());
+  std::string bytes = bytes_of(at("a.h5"));
+  const std::size_t heap = bytes.find("GCOL");
+  ASSERT_NE(heap, std::string::npos) << "no strings of variable length in the file";
+  bytes[heap] = 'X';
+  EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { read_any(InputFile(std::as_bytes(std::span(bytes)), "image")); }),
+              HasSubstr("image: attribute 'format' is a damaged string"));
+}
+
+}  // namespace
+}  // namespace stiction::io::test
