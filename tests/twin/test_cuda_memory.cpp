@@ -1,0 +1,152 @@
+#include <gtest/gtest.h>
+
+#include "tests/support/cuda_device.hpp"
+
+/// Batches that live on the GPU, and the errors of a device.
+#if !defined(STICTION_HAS_CUDA)
+TEST(CudaMemory, is_tested_where_the_build_has_cuda) {
+  GTEST_SKIP() << "built without the CUDA machine";
+}
+#else
+
+#include <cuda_runtime_api.h>
+
+#include <optional>
+#include <vector>
+
+#include "cuda/cuda_check.hpp"
+#include "stiction/error.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+namespace stiction::test {
+namespace {
+
+/// Device memory of one test.
+class DeviceArrays {
+ public:
+  DeviceArrays() = default;
+  ~DeviceArrays() {
+    for (void* memory : all_) cudaFree(memory);
+  }
+  DeviceArrays(const DeviceArrays&) = delete;
+  DeviceArrays& operator=(const DeviceArrays&) = delete;
+
+  template <class T>
+  T* make(Offset count) {
+    void* memory = nullptr;
+    STICTION_CUDA_TRY(cudaMalloc(&memory, static_cast<std::size_t>(count) * sizeof(T) + 1));
+    all_.push_back(memory);
+    return static_cast<T*>(memory);
+  }
+  template <class T>
+  T* copy(const T* host, Offset count) {
+    T* const memory = make<T>(count);
+    STICTION_CUDA_TRY(cudaMemcpy(memory, host, static_cast<std::size_t>(count) * sizeof(T), cudaMemcpyHostToDevice));
+    return memory;
+  }
+
+ private:
+  std::vector<void*> all_;
+};
+
+template <class Real>
+ContactBatchView<Real> to_device(const ContactBatchView<Real>& host, DeviceArrays& arrays) {
+  ContactBatchView<Real> view = host;
+  view.env_row_offsets = arrays.copy(host.env_row_offsets, host.env_count + 1);
+  view.env_cone_offsets = arrays.copy(host.env_cone_offsets, host.env_count + 1);
+  view.cone_kind = arrays.copy(host.cone_kind, host.cone_count);
+  view.cone_row_offsets = arrays.copy(host.cone_row_offsets, host.cone_count + 1);
+  if (host.cone_group != nullptr) view.cone_group = arrays.copy(host.cone_group, host.cone_count);
+  view.row_offsets = arrays.copy(host.row_offsets, host.row_count + 1);
+  view.column = arrays.copy(host.column, host.nonzero_count);
+  view.A = arrays.copy(host.A, host.nonzero_count);
+  view.b = arrays.copy(host.b, host.row_count);
+  view.R = arrays.copy(host.R, host.row_count);
+  view.mu = arrays.copy(host.mu, host.row_count);
+  view.lo = arrays.copy(host.lo, host.row_count);
+  view.hi = arrays.copy(host.hi, host.row_count);
+  view.space = MemorySpace::cuda;
+  return view;
+}
+
+class CudaMemory : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string reason;
+    device_ = usable_cuda(reason);
+    if (!device_) GTEST_SKIP() << "no GPU to put a batch on: " << reason;
+    STICTION_CUDA_TRY(cudaSetDevice(device_->ordinal));
+    STICTION_CUDA_TRY(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking));
+  }
+  void TearDown() override {
+    if (stream_ != nullptr) cudaStreamDestroy(stream_);
+  }
+
+  template <class Real>
+  void expect_same_on_device(const ContactBatch<Real>& batch, const SolverOptions& options, int rounds) {
+    const Solution<Real> expected = solve(batch, options);
+    DeviceArrays arrays;
+    const auto view = to_device(batch.view(), arrays);
+    const Solver solver(*device_, options);
+    const StreamRef stream{static_cast<void*>(stream_)};
+    const Plan plan = solver.plan(view, stream);
+    for (int round = 0; round < rounds; ++round) {
+      const SolutionView<Real> solution{arrays.make<Real>(view.row_count), arrays.make<Real>(view.row_count),
+                                        arrays.make<EnvStatus>(view.env_count)};
+      solver.solve(plan, view, solution, static_cast<const Real*>(nullptr), stream);
+      Solution<Real> host{std::vector<Real>(expected.lambda.size()), std::vector<Real>(expected.w.size()),
+                          std::vector<EnvStatus>(expected.status.size())};
+      const auto fetch = [this](auto& target, const auto* source) {
+        STICTION_CUDA_TRY(
+            cudaMemcpyAsync(target.data(), source, target.size() * sizeof(target[0]), cudaMemcpyDeviceToHost, stream_));
+      };
+      fetch(host.lambda, solution.lambda);
+      fetch(host.w, solution.w);
+      fetch(host.status, solution.status);
+      STICTION_CUDA_TRY(cudaStreamSynchronize(stream_));
+      EXPECT_TRUE(same_bits(expected, host)) << "round " << round;
+    }
+  }
+
+  std::optional<Device> device_;
+  cudaStream_t stream_ = nullptr;
+};
+
+TEST_F(CudaMemory, a_batch_on_the_device_has_the_bits_of_the_host_on_a_stream_of_the_callers) {
+  for (const SolverKind solver : kAllSolvers) {
+    SCOPED_TRACE(to_string(solver));
+    SolverOptions chosen = options(solver, 1e-6, 40);
+    chosen.invalid = InvalidPolicy::isolate;
+    expect_same_on_device(ragged_batch(2, 5), chosen, 2);
+    expect_same_on_device(convert<float>(ragged_batch(2, 5)), chosen, 2);
+  }
+}
+
+TEST_F(CudaMemory, a_failing_call_throws_with_its_name_and_leaves_no_error_behind) {
+  try {
+    void* memory = nullptr;
+    STICTION_CUDA_TRY(cudaMalloc(&memory, std::size_t{1} << 60));
+    FAIL() << "an exabyte was allocated";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::out_of_memory);
+    EXPECT_NE(std::string(error.what()).find("cudaMalloc"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(cudaPeekAtLastError(), cudaSuccess);
+}
+
+TEST_F(CudaMemory, a_device_that_is_not_there_is_named_with_those_that_are) {
+  try {
+    const Solver solver(Device::cuda(1000), SolverOptions{});
+    FAIL() << "a solver was made on cuda:1000";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::no_device);
+    EXPECT_NE(std::string(error.what()).find("cuda:1000 is not there"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
+
+#endif

@@ -1,0 +1,168 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "tests/support/bits.hpp"
+#include "tests/support/cuda_device.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// The same bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
+namespace stiction::test {
+namespace {
+
+/// Threads' and blocks' environments, sparse ones, empty ones, and one that is poisoned.
+ContactBatch<double> everything() {
+  ContactBatch<double> batch = ragged_batch(3, 11);
+  Environment<double> poisoned = scenes::make("walker", 11, 7).system;
+  poisoned.b[4] = std::numeric_limits<double>::quiet_NaN();
+  batch.add(poisoned);
+  for (std::uint64_t e = 0; e < 40; ++e) batch.add(scenes::make("stack", 11, e, 1 + static_cast<int>(e % 3)).system);
+  return batch;
+}
+
+SolverOptions twin_options(SolverKind solver, Law law) {
+  SolverOptions result = options(solver, 1e-6, 60);
+  result.law = law;
+  result.invalid = InvalidPolicy::isolate;
+  result.threads = 0;
+  return result;
+}
+
+/// Sets an environment variable for a scope.
+class ScopedVariable {
+ public:
+  ScopedVariable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
+  ~ScopedVariable() { unsetenv(name_); }
+  ScopedVariable(const ScopedVariable&) = delete;
+  ScopedVariable& operator=(const ScopedVariable&) = delete;
+
+ private:
+  const char* name_;
+};
+
+class CudaTwin : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string reason;
+    device_ = usable_cuda(reason);
+    if (!device_) GTEST_SKIP() << "no GPU to compare with: " << reason;
+  }
+  template <class Real>
+  void expect_twins(const ContactBatch<Real>& batch, const SolverOptions& options, std::span<const Real> warm = {}) {
+    EXPECT_TRUE(same_bits(solve(batch, options, Device::cpu(), warm), solve(batch, options, *device_, warm)));
+  }
+  std::optional<Device> device_;
+};
+
+class CudaTwinOf : public CudaTwin, public ::testing::WithParamInterface<std::tuple<SolverKind, Law>> {};
+
+TEST_P(CudaTwinOf, ragged_batches_have_the_same_bits_in_both_precisions) {
+  const auto [solver, law] = GetParam();
+  const ContactBatch<double> batch = everything();
+  {
+    SCOPED_TRACE("f32");
+    expect_twins(convert<float>(batch), twin_options(solver, law));
+  }
+  {
+    SCOPED_TRACE("f64");
+    expect_twins(batch, twin_options(solver, law));
+  }
+}
+
+TEST_P(CudaTwinOf, a_warm_start_has_the_same_bits) {
+  const auto [solver, law] = GetParam();
+  const ContactBatch<float> batch = convert<float>(everything());
+  std::vector<float> warm(static_cast<std::size_t>(batch.row_count()));
+  for (std::size_t i = 0; i < warm.size(); ++i) warm[i] = static_cast<float>(i % 7) * 0.125F - 0.25F;
+  warm[3] = std::numeric_limits<float>::infinity();
+  expect_twins(batch, twin_options(solver, law), std::span<const float>(warm));
+}
+
+TEST_P(CudaTwinOf, a_thousand_contacts_in_one_environment_have_the_same_bits) {
+  const auto [solver, law] = GetParam();
+  const ContactBatch<double> batch = batch_of({scenes::make("stack", 3, 0, 250).system});
+  SolverOptions few = twin_options(solver, law);
+  few.max_iterations = 12;
+  expect_twins(convert<float>(batch), few);
+  expect_twins(batch, few);
+}
+
+TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
+  const auto [solver, law] = GetParam();
+  const ContactBatch<float> batch = convert<float>(everything());
+  for (const char* rows : {"0", "8", "64"}) {
+    SCOPED_TRACE(std::string("environments of up to ") + rows + " rows by one thread");
+    const ScopedVariable variable("STICTION_CUDA_THREAD_ROWS", rows);
+    expect_twins(batch, twin_options(solver, law));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(every_solver_and_law, CudaTwinOf,
+                         ::testing::Combine(::testing::ValuesIn(kAllSolvers), ::testing::ValuesIn(kBothLaws)),
+                         [](const auto& info) {
+                           return std::string(to_string(std::get<0>(info.param))) + "_" +
+                                  to_string(std::get<1>(info.param));
+                         });
+
+TEST_F(CudaTwin, a_permuted_batch_has_the_same_bits_environment_by_environment) {
+  const ContactBatch<float> batch = convert<float>(everything());
+  std::vector<Offset> order(static_cast<std::size_t>(batch.env_count()));
+  std::iota(order.begin(), order.end(), Offset{0});
+  for (std::size_t i = 0; i < order.size(); ++i) std::swap(order[i], order[(i * 7919 + 13) % order.size()]);
+  const SolverOptions npgs = twin_options(SolverKind::npgs, Law::coulomb);
+  const ContactBatch<float> permuted = gather(batch, std::span<const Offset>(order));
+  const auto expected = env_hashes(batch, solve(batch, npgs));
+  const auto actual = env_hashes(permuted, solve(permuted, npgs, *device_));
+  for (std::size_t i = 0; i < order.size(); ++i) EXPECT_EQ(actual[i], expected[static_cast<std::size_t>(order[i])]);
+}
+
+TEST_F(CudaTwin, thousands_of_small_environments_have_the_same_bits) {
+  ContactBatch<double> batch(Law::coulomb);
+  std::vector<Environment<double>> some;
+  for (std::uint64_t e = 0; e < 50; ++e)
+    some.push_back(scenes::make("stack", 17, e, 1 + static_cast<int>(e % 2)).system);
+  for (std::size_t e = 0; e < 5000; ++e) batch.add(some[e * 31 % some.size()]);
+  expect_twins(convert<float>(batch), twin_options(SolverKind::npgs, Law::coulomb));
+}
+
+TEST_F(CudaTwin, a_batch_without_environments_is_solved) {
+  expect_twins(ContactBatch<float>{}, twin_options(SolverKind::npgs, Law::convex));
+}
+
+TEST_F(CudaTwin, a_solver_gives_the_same_bits_again_and_again) {
+  const ContactBatch<float> batch = convert<float>(everything());
+  const SolverOptions npgs = twin_options(SolverKind::npgs, Law::coulomb);
+  const Solution<float> expected = solve(batch, npgs);
+  const Solver solver(*device_, npgs);
+  const auto view = batch.view();
+  for (int round = 0; round < 3; ++round) {
+    const Plan plan = solver.plan(view);
+    for (int again = 0; again < 2; ++again) {
+      Solution<float> solution{std::vector<float>(expected.lambda.size()), std::vector<float>(expected.w.size()),
+                               std::vector<EnvStatus>(expected.status.size())};
+      solver.solve(plan, view, SolutionView<float>{solution.lambda.data(), solution.w.data(), solution.status.data()});
+      EXPECT_TRUE(same_bits(expected, solution)) << "plan " << round << ", solve " << again;
+    }
+  }
+}
+
+TEST_F(CudaTwin, w_may_be_left_out) {
+  const ContactBatch<float> batch = convert<float>(everything());
+  const SolverOptions npgs = twin_options(SolverKind::npgs, Law::convex);
+  const Solution<float> expected = solve(batch, npgs);
+  const Solver solver(*device_, npgs);
+  std::vector<float> lambda(expected.lambda.size());
+  std::vector<EnvStatus> status(expected.status.size());
+  solver.solve(solver.plan(batch.view()), batch.view(), SolutionView<float>{lambda.data(), nullptr, status.data()});
+  EXPECT_TRUE(same_bits(std::span<const float>(expected.lambda), std::span<const float>(lambda)));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(status)));
+}
+
+}  // namespace
+}  // namespace stiction::test
