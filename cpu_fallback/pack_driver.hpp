@@ -28,7 +28,7 @@ EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
-  return kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kVectors);
+  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kVectors);
 }
 
 /// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
@@ -51,29 +51,43 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   Lane lanes[kWidth];
   Offset next = 0;
   int busy = 0;
+  // An environment is loaded where its numbers lie together and then moved into its lane, together with all others that
+  // enter at the same time: in a lane every number has a cache line of its own, and each line is visited once.
+  const Offset elements = DenseSystem<Real>::elements(slots, Method::kVectors);
+  Real* const staging = scratch + kWidth * elements;
   // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
-  for (Offset i = 0; i < pack_elements<Method, kLaw, Real>(slots); ++i) scratch[i] = Real(0);
+  for (Offset i = 0; i < 2 * kWidth * elements; ++i) scratch[i] = Real(0);
 
   for (;;) {
+    int entering[kWidth];
+    int entering_count = 0;
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes[l];
-      DenseSystem<Real, kWidth> system(slots, Method::kVectors, scratch + l);
+      const DenseSystem<Real, kWidth> system(slots, Method::kVectors, scratch + l);
       if (lane.busy && settle<Method>(block, lane.env, system, rule, lane.progress)) {
         lane.busy = false;
         --busy;
       }
+      DenseSystem<Real> staged(slots, Method::kVectors, staging + l * elements);
       while (!lane.busy && next < count) {
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
-        lane.progress.flags = prepare<Method, kLaw>(block, lane.env, system);
+        lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
         if ((lane.progress.flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) {
           refuse(block, lane.env, Method::kKind, lane.progress.flags);
-        } else if (!settle<Method>(block, lane.env, system, rule, lane.progress)) {
+        } else if (!settle<Method>(block, lane.env, staged, rule, lane.progress)) {
           lane.busy = true;
           ++busy;
+          entering[entering_count++] = l;
         }
       }
     }
+    if (entering_count > 0)
+      for (Offset i = 0; i < elements; ++i)
+        for (int k = 0; k < entering_count; ++k) {
+          const int l = entering[k];
+          scratch[i * kWidth + l] = staging[l * elements + i];
+        }
     if (busy == 0) return;
     Lanes phase(0);
     Lanes left(0);

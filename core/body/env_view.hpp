@@ -42,6 +42,17 @@ struct EnvView {
   }
 };
 
+/// Whether a row stores the columns 0, 1, 2, ... in order, as a dense matrix written as CSR does. Then no column has to
+/// be looked up; what is computed stays the same.
+template <class Real>
+STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
+  const Index* column = env.column + env.row_offsets[row];
+  const Index count = static_cast<Index>(env.row_offsets[row + 1] - env.row_offsets[row]);
+  unsigned off = 0;
+  for (Index k = 0; k < count; ++k) off |= static_cast<unsigned>(column[k] != k);
+  return off == 0;
+}
+
 /// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.
 template <class Real>
 STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index first, Index row) {

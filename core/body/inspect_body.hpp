@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/block/reduce.hpp"
-#include "core/body/env_view.hpp"
+#include "core/body/place.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -13,28 +13,47 @@ struct Inspection {
   Real largest_diagonal;   ///< max of diag(A) + R [w / lambda]
 };
 
-/// Diagonal entry of A + diag R; duplicates add up.
+/// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A, b and R is finite.
 template <class Real>
-STICTION_HD Real diagonal_entry(const EnvView<Real>& env, Index row) {
-  Real sum = env.R[row];
-  for (Offset k = env.row_offsets[row]; k < env.row_offsets[row + 1]; ++k)
-    if (env.column[k] == row) sum = sum + env.A[k];
-  return sum;
+struct RowScan {
+  Real diagonal;
+  bool finite;
+};
+
+/// The first loop has no branch on the data, so that it vectorises: this reads every entry of every environment, and on
+/// small systems that costs as much as sweeps do.
+template <class Real>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  const Real* a = env.A + begin;
+  unsigned broken = 0;
+  for (Index k = 0; k < count; ++k) broken |= static_cast<unsigned>(!finite_(a[k]));
+  Real diagonal = env.R[row];
+  if (row < count && is_run(env, row)) {
+    diagonal = diagonal + a[row];
+  } else {
+    for (Index k = 0; k < count; ++k)
+      if (env.column[begin + k] == row) diagonal = diagonal + a[k];
+  }
+  return {diagonal, broken == 0 && finite_(env.b[row]) && finite_(env.R[row])};
 }
 
-/// Finiteness and signs, before anything is projected: a projection would turn NaN into zero.
-template <Block B, class Real>
-STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env) {
+/// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
+/// cone's diagonal in the system's trace.
+template <Block B, class Real, class System>
+STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
   std::uint32_t flags = 0;
   Real largest_b(0);
   Real largest_diagonal(0);
-  for (Index cone = block.rank(); cone < env.cone_count; cone += block.size()) {
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
+    Real sum(0);
     for (Index i = first; i < first + size; ++i) {
-      bool finite = finite_(env.b[i]) && finite_(env.R[i]);
-      for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) finite = finite && finite_(env.A[k]);
+      const RowScan<Real> row = scan_row(env, i);
+      bool finite = row.finite;
       if (kind == ConeKind::friction && i > first) {
         finite = finite && finite_(env.mu[i]);
         if (env.mu[i] < Real(0)) flags |= kFlagNegativeFriction;
@@ -45,14 +64,15 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env) {
       }
       if (!finite) flags |= kFlagNonFiniteInput;
       if (env.R[i] < Real(0)) flags |= kFlagNegativeCompliance;
-      const Real diagonal = diagonal_entry(env, i);
       // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
-      const bool bad = i == first ? !(diagonal > Real(0)) : diagonal < Real(0);
+      const bool bad = i == first ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
       if (bad && kind != ConeKind::free) flags |= kFlagBadDiagonal;
+      sum = sum + row.diagonal;
       largest_b = max_(abs_(env.b[i]), largest_b);
-      largest_diagonal = max_(abs_(diagonal), largest_diagonal);
+      largest_diagonal = max_(abs_(row.diagonal), largest_diagonal);
     }
-  }
+    s.trace[place.cone] = sum;
+  });
   if (env.warm_start != nullptr)
     for (Index i = block.rank(); i < env.n; i += block.size())
       if (!finite_(env.warm_start[i])) flags |= kFlagWarmStartRejected;

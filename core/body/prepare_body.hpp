@@ -6,68 +6,69 @@
 /// From the batch's arrays to a system in the solver's coordinates, one lane at a time.
 namespace stiction::inline STICTION_ISA {
 
-/// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [first, M) of a cone's block,
+/// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [kFirst, M) of a cone's block,
 /// at most M^(1/16) too large: trace(B^16)^(1/16), by four squarings of B / trace(B).
-template <int M, class System>
-STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row, int first) {
+template <int M, int kFirst, class System>
+STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   using Real = typename System::Real;
   Real trace(0);
-  for (int i = first; i < M; ++i) trace = trace + s.block_entry(row, i, i);
+  for (int i = kFirst; i < M; ++i) trace = trace + s.block_entry(row, i, i);
   if (!(trace > Real(0))) return Real(0);
+  // The powers of a symmetric matrix are symmetric: the upper triangle is enough.
+  const Real inverse = div_(Real(0.5), trace);
   Real power[M][M];
-  for (int i = first; i < M; ++i)
-    for (int j = first; j < M; ++j)
-      power[i][j] = div_(Real(0.5) * (s.block_entry(row, i, j) + s.block_entry(row, j, i)), trace);
+  for (int i = kFirst; i < M; ++i)
+    for (int j = i; j < M; ++j) power[i][j] = power[j][i] = (s.block_entry(row, i, j) + s.block_entry(row, j, i)) * inverse;
   for (int squaring = 0; squaring < 4; ++squaring) {
     Real square[M][M];
-    for (int i = first; i < M; ++i)
-      for (int j = first; j < M; ++j) {
-        Real sum(0);
-        for (int k = first; k < M; ++k) sum = fma_(power[i][k], power[k][j], sum);
-        square[i][j] = sum;
+    for (int i = kFirst; i < M; ++i)
+      for (int j = i; j < M; ++j) {
+        Real sum = power[i][kFirst] * power[kFirst][j];
+        for (int k = kFirst + 1; k < M; ++k) sum = fma_(power[i][k], power[k][j], sum);
+        square[i][j] = square[j][i] = sum;
       }
-    for (int i = first; i < M; ++i)
-      for (int j = first; j < M; ++j) power[i][j] = square[i][j];
+    for (int i = kFirst; i < M; ++i)
+      for (int j = kFirst; j < M; ++j) power[i][j] = square[i][j];
   }
   Real sum(0);
-  for (int i = first; i < M; ++i) sum = sum + power[i][i];
+  for (int i = kFirst; i < M; ++i) sum = sum + power[i][i];
   return trace * sqrt_(sqrt_(sqrt_(sqrt_(sum))));
 }
 
-/// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each other.
-template <Block B, class Real, int kStride, class F>
-STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
-  for_each(block, env.cone_count, [&](Index position) {
-    f(env.cone_order[position], locate(env.counts, s.counts, position));
-  });
-}
-template <Block B, class Real, class F>
-STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const SparseSystem<Real>&, F&& f) {
-  for_each(block, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
-}
-
-/// The dense matrix. While it is built, y holds the slot of every row and best its scale: both are numbers a Real holds
-/// exactly, and neither vector is in use yet.
+/// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both are
+/// numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
 template <Block B, class Real, int kStride>
 STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
   for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
-      s.y[first + k] = static_cast<Real>(place.row + k);
+      s.y[first + k] = static_cast<Real>((place.row + k) * s.n);
       s.best[first + k] = row_scale(env, env.kind[cone], first, first + k);
     }
   });
-  for_each(block, env.n, [&](Index i) {
-    const Index slot = static_cast<Index>(s.y[i]);
-    const Real scale = s.best[i];
-    for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
-      const Index j = env.column[k];
-      Real& entry = s.A[slot + s.n * static_cast<Index>(s.y[j])];
-      entry = entry + (env.A[k] * scale_a) * (scale * s.best[j]);
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k) {
+      const Index i = first + k;
+      const Strided<Real, kStride> row = s.A.from(place.row + k);
+      const Real scale = s.best[i];
+      const Offset begin = env.row_offsets[i];
+      const Index count = static_cast<Index>(env.row_offsets[i + 1] - begin);
+      const Real* a = env.A + begin;
+      if (is_run(env, i)) {
+        for (Index j = 0; j < count; ++j)
+          row[static_cast<Index>(s.y[j])] = Real(0) + (a[j] * scale_a) * (scale * s.best[j]);
+      } else {
+        for (Index t = 0; t < count; ++t) {
+          const Index j = env.column[begin + t];
+          Real& entry = row[static_cast<Index>(s.y[j])];
+          entry = entry + (a[t] * scale_a) * (scale * s.best[j]);
+        }
+      }
+      Real& diagonal = row[static_cast<Index>(s.y[i])];
+      diagonal = diagonal + (env.R[i] * scale_a) * (scale * scale);
     }
-    Real& diagonal = s.A[slot + s.n * slot];
-    diagonal = diagonal + (env.R[i] * scale_a) * (scale * scale);
   });
 }
 
@@ -104,7 +105,7 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>
 /// Smallest tangential step bound relative to the whole block's.
 inline constexpr float kSmallestTangential = 1.0F / (1 << 30);
 
-/// b, bounds, step lengths and the first iterate of the cone at `place`.
+/// b, bounds, step lengths and the first iterate of the cone at `place`, whose trace holds the sum of its diagonal.
 template <class Real, class System>
 STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, ConePlace place, Real scale_a,
                               Real scale_b, bool warm) {
@@ -112,9 +113,7 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
   const Index first = env.cone_row(cone);
   const Index size = env.cone_size(cone);
   const Real scale_x = div_(scale_b, scale_a);
-  Real sum(0);
-  for (Index k = 0; k < size; ++k) sum = sum + diagonal_entry(env, first + k);
-  s.trace[place.cone] = div_(sum, static_cast<Real>(size)) * scale_a;
+  s.trace[place.cone] = div_(s.trace[place.cone], static_cast<Real>(size)) * scale_a;
   s.lo[place.cone] = kind == ConeKind::box ? env.lo[first] * scale_x : Real(0);
   s.hi[place.cone] = kind == ConeKind::box ? env.hi[first] * scale_x : Real(0);
   with_shape(kind, size, [&](auto shape) {
@@ -126,8 +125,8 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
       s.inv_cone[place.cone] = s.inv_n[place.cone];
     } else {
       // A tangential block that couples to nothing still needs a finite step: its rows slide to the disk's edge.
-      const Real whole = largest_eigenvalue_bound<kRows>(s, place.row, 0);
-      const Real tangential = largest_eigenvalue_bound<kRows>(s, place.row, 1);
+      const Real whole = largest_eigenvalue_bound<kRows, 0>(s, place.row);
+      const Real tangential = largest_eigenvalue_bound<kRows, 1>(s, place.row);
       const Real floored = max_(tangential, whole * Real(kSmallestTangential));
       s.inv_t[place.cone] = floored > Real(0) ? div_(Real(1), floored) : Real(0);
       s.inv_cone[place.cone] = whole > Real(0) ? div_(Real(1), whole) : Real(0);
@@ -184,7 +183,9 @@ inline constexpr float kLargestAsymmetry = 1e-2F;
 /// the flags; with any but kFlagWarmStartRejected set the system is not to be used.
 template <Block B, class Real, class System>
 STICTION_HD std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
-  const Inspection<Real> seen = inspect(block, env);
+  for_each(block, s.cones,
+           [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
+  const Inspection<Real> seen = inspect(block, env, s);
   std::uint32_t flags = seen.flags;
   if ((flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) return flags;
   const Real scale_a = unit_scale(seen.largest_diagonal);
@@ -192,8 +193,6 @@ STICTION_HD std::uint32_t load_system(B& block, const EnvView<Real>& env, System
   // With b = 0 the answer is zero, and no warm start is better.
   const bool warm = env.warm_start != nullptr && flags == 0 && seen.largest_b > Real(0);
   assemble(block, env, s, scale_a);
-  for_each(block, s.cones,
-           [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
   for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
   for_each_place(block, env, s,
                  [&](Index cone, ConePlace place) { prepare_cone(env, s, cone, place, scale_a, scale_b, warm); });

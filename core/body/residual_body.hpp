@@ -4,6 +4,42 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse sweep.
+template <class Real>
+STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  const Real* a = env.A + begin;
+  const Index* column = env.column + begin;
+  double sum[4] = {start, 0.0, 0.0, 0.0};
+  const auto accumulate = [&](auto column_of) {
+    const auto add = [&](int part, Index k) {
+      sum[part] = fma_(static_cast<double>(a[k]), static_cast<double>(env.lambda[column_of(k)]), sum[part]);
+    };
+    Index k = 0;
+    for (; k + 4 <= count; k += 4)
+      for (int part = 0; part < 4; ++part) add(part, k + part);
+    for (int part = 0; k < count; ++k, ++part) add(part, k);
+  };
+  if (is_run(env, row)) {
+    accumulate([](Index k) { return k; });
+  } else {
+    accumulate([column](Index k) { return column[k]; });
+  }
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/// start + the diagonal entry of row i; duplicates add up.
+template <class Real>
+STICTION_HD double row_diagonal(const EnvView<Real>& env, Index row, double start) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  if (row < count && is_run(env, row)) return start + static_cast<double>(env.A[begin + row]);
+  for (Index k = 0; k < count; ++k)
+    if (env.column[begin + k] == row) start = start + static_cast<double>(env.A[begin + k]);
+  return start;
+}
+
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
 template <Block B, class Real>
@@ -20,14 +56,9 @@ STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
       for (int k = 0; k < kRows; ++k) {
         const Index i = first + k;
         const double compliance = static_cast<double>(env.R[i]);
-        double motion = fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i]));
-        double diagonal = compliance;
-        for (Offset t = env.row_offsets[i]; t < env.row_offsets[i + 1]; ++t) {
-          const Index j = env.column[t];
-          const double a = static_cast<double>(env.A[t]);
-          motion = fma_(a, static_cast<double>(env.lambda[j]), motion);
-          if (j == i) diagonal = diagonal + a;
-        }
+        const double motion =
+            row_motion(env, i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
+        const double diagonal = row_diagonal(env, i, compliance);
         if (env.w != nullptr) env.w[i] = canonical_zero(static_cast<Real>(motion));
         trace = trace + diagonal;
         // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
