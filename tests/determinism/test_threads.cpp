@@ -1,0 +1,37 @@
+#include <gtest/gtest.h>
+
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+template <class Real>
+class Threads : public testing::Test {};
+using Precisions = testing::Types<float, double>;
+TYPED_TEST_SUITE(Threads, Precisions);
+
+TYPED_TEST(Threads, TheNumberOfThreadsReachesNoBitOfAnyEnvironment) {
+  const ContactBatch<TypeParam> batch = convert<TypeParam>(ragged_batch(5, 3));
+  for (const SolverKind solver : kAllSolvers) {
+    SCOPED_TRACE(to_string(solver));
+    SolverOptions o = options(solver, 1e-3, 40);
+    const auto alone = solve_hashes(batch, o);
+    for (const int threads : {2, 7}) {
+      o.threads = threads;
+      EXPECT_EQ(solve_hashes(batch, o), alone) << threads << " threads";
+    }
+  }
+}
+
+TYPED_TEST(Threads, ManyRunsOnManyThreadsAgree) {
+  const ContactBatch<TypeParam> batch = convert<TypeParam>(scene_batch("mixed", 40, 8, 48));
+  SolverOptions o = options(SolverKind::npgs, 1e-4, 60);
+  o.threads = 7;
+  const auto first = solve_hashes(batch, o);
+  for (int run = 0; run < 8; ++run) EXPECT_EQ(solve_hashes(batch, o), first) << "run " << run;
+}
+
+}  // namespace
