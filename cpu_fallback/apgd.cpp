@@ -4,6 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-cpu::KernelSet apgd_kernels() { return kernel_set<Apgd>(); }
+cpu::KernelSet apgd_kernels() {
+  return kernel_set<Apgd>();
+}
 
 }  // namespace stiction::inline STICTION_ISA

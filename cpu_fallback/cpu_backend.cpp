@@ -23,7 +23,7 @@ class Scratch {
     if (elements > capacity_) {
       memory_.reset();
       memory_.reset(static_cast<Real*>(
-          ::operator new(static_cast<std::size_t>(elements) * sizeof(Real), std::align_val_t{kAlignment})));
+          ::operator new (static_cast<std::size_t>(elements) * sizeof(Real), std::align_val_t{kAlignment})));
       capacity_ = elements;
     }
     return memory_.get();
@@ -32,7 +32,7 @@ class Scratch {
  private:
   static constexpr std::size_t kAlignment = 64;
   struct Free {
-    void operator()(Real* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
+    void operator()(Real* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
   };
   std::unique_ptr<Real, Free> memory_;
   Offset capacity_ = 0;
@@ -70,19 +70,19 @@ class CpuBackend final : public Backend {
     const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const PlanData& plan = request.plan;
-    const cpu::Job<Real> job{request.batch,
-                             {plan.path.data(), plan.counts.data(), plan.cone_order.data(),
-                              plan.env_vertex_offsets.data(), plan.vertex_offsets.data(),
-                              plan.env_color_offsets.data(), plan.color_offsets.data()},
-                             request.warm_start,
-                             request.solution.lambda,
-                             request.solution.w,
-                             request.solution.status,
-                             options.tolerance,
-                             options.max_iterations,
-                             options.stall_window,
-                             static_cast<Real>(options.omega),
-                             request.law};
+    const cpu::Job<Real> job{
+        request.batch,
+        {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),
+         plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data()},
+        request.warm_start,
+        request.solution.lambda,
+        request.solution.w,
+        request.solution.status,
+        options.tolerance,
+        options.max_iterations,
+        options.stall_window,
+        static_cast<Real>(options.omega),
+        request.law};
     const int threads = thread_count(options.threads);
     const auto items = cpu::partition(plan, kernels.pack_width, sizeof(Real), threads);
     std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
@@ -101,7 +101,9 @@ class CpuBackend final : public Backend {
 
 }  // namespace
 
-std::unique_ptr<Backend> make_cpu_backend() { return std::make_unique<CpuBackend>(); }
+std::unique_ptr<Backend> make_cpu_backend() {
+  return std::make_unique<CpuBackend>();
+}
 
 DeviceReport cpu_report() {
   return {Device::cpu(), true,

@@ -22,7 +22,9 @@ class ScopedFpEnv {
     _mm_setcsr(_mm_getcsr() & ~(kFlushToZero | kDenormalsAreZero));
 #endif
   }
-  ~ScopedFpEnv() { std::fesetenv(&saved_); }
+  ~ScopedFpEnv() {
+    std::fesetenv(&saved_);
+  }
   ScopedFpEnv(const ScopedFpEnv&) = delete;
   ScopedFpEnv& operator=(const ScopedFpEnv&) = delete;
 

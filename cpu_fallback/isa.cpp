@@ -36,10 +36,14 @@ using MakeKernels = KernelSet (*)();
 template <MakeKernels kPgs, MakeKernels kNpgs, MakeKernels kJacobi, MakeKernels kApgd>
 KernelSet choose(SolverKind solver) {
   switch (solver) {
-    case SolverKind::pgs: return kPgs();
-    case SolverKind::npgs: return kNpgs();
-    case SolverKind::jacobi: return kJacobi();
-    case SolverKind::apgd: return kApgd();
+    case SolverKind::pgs:
+      return kPgs();
+    case SolverKind::npgs:
+      return kNpgs();
+    case SolverKind::jacobi:
+      return kJacobi();
+    case SolverKind::apgd:
+      return kApgd();
   }
   return kNpgs();
 }
@@ -72,7 +76,9 @@ const Isa& choose_isa() {
 
 }  // namespace
 
-const Isa& best_isa() { return choose_isa(); }
+const Isa& best_isa() {
+  return choose_isa();
+}
 
 }  // namespace cpu
 }  // namespace stiction

@@ -4,6 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-cpu::KernelSet jacobi_kernels() { return kernel_set<Jacobi>(); }
+cpu::KernelSet jacobi_kernels() {
+  return kernel_set<Jacobi>();
+}
 
 }  // namespace stiction::inline STICTION_ISA

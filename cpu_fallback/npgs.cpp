@@ -4,6 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-cpu::KernelSet npgs_kernels() { return kernel_set<Npgs>(); }
+cpu::KernelSet npgs_kernels() {
+  return kernel_set<Npgs>();
+}
 
 }  // namespace stiction::inline STICTION_ISA

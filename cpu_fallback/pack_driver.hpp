@@ -7,7 +7,8 @@
 /// Feeds environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
 
-// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a time.
+// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a
+// time.
 #if defined(__AVX512F__)
 inline constexpr int kVectorBytes = 64;
 #elif defined(__AVX2__) && defined(__FMA__)
@@ -133,7 +134,7 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
   cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
-  if constexpr (kPackWidth<Real> > 1) {
+  if constexpr (kPackWidth < Real >> 1) {
     table.pack_width = kPackWidth<Real>;
     table.pack_elements = pack_elements<Method, kLaw, Real>;
     table.solve_pack = solve_pack<Method, kLaw, Real>;

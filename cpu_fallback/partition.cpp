@@ -34,7 +34,10 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
     constexpr std::size_t kRun = 8;
     for (std::size_t begin = 0; begin < envs.size(); begin += kRun) {
       const std::size_t end = std::min(begin + kRun, envs.size());
-      items.push_back({{envs.begin() + static_cast<std::ptrdiff_t>(begin), envs.begin() + static_cast<std::ptrdiff_t>(end)}, {}, false});
+      items.push_back(
+          {{envs.begin() + static_cast<std::ptrdiff_t>(begin), envs.begin() + static_cast<std::ptrdiff_t>(end)},
+           {},
+           false});
     }
   };
   for (const Offset env : plan.sparse_order) items.push_back({{env}, {}, false});
@@ -56,7 +59,8 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
       slots = joined;
       ++end;
     }
-    const std::vector<Offset> group(order.begin() + static_cast<std::ptrdiff_t>(begin), order.begin() + static_cast<std::ptrdiff_t>(end));
+    const std::vector<Offset> group(order.begin() + static_cast<std::ptrdiff_t>(begin),
+                                    order.begin() + static_cast<std::ptrdiff_t>(end));
     const auto size = group.size();
     if (!packable(slots) || 4 * size < static_cast<std::size_t>(pack_width)) {
       one_by_one(group);

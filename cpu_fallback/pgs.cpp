@@ -4,6 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-cpu::KernelSet pgs_kernels() { return kernel_set<Pgs>(); }
+cpu::KernelSet pgs_kernels() {
+  return kernel_set<Pgs>();
+}
 
 }  // namespace stiction::inline STICTION_ISA

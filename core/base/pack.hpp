@@ -13,7 +13,8 @@
 /// operations the scalar would, so a pack changes speed and not one bit. Host only.
 namespace stiction::inline STICTION_ISA {
 
-/// W numbers as one vector of the compiler. The element is spelled out because g++ drops the attribute on a dependent one.
+/// W numbers as one vector of the compiler. The element is spelled out because g++ drops the attribute on a dependent
+/// one.
 template <class T, int W>
 struct VectorOf;
 template <int W>
@@ -43,8 +44,8 @@ struct Pack {
   /// Every lane the same.
   STICTION_HD explicit Pack(T value) : v(value - Vector{}) {}
   template <class U>
-    requires(std::is_arithmetic_v<U> && !std::is_same_v<U, T>)
-  STICTION_HD explicit Pack(U value) : Pack(static_cast<T>(value)) {}
+  requires(std::is_arithmetic_v<U> && !std::is_same_v<U, T>) STICTION_HD explicit Pack(U value)
+      : Pack(static_cast<T>(value)) {}
 
   friend STICTION_HD Pack operator+(Pack a, Pack b) { return a.v + b.v; }
   friend STICTION_HD Pack operator-(Pack a, Pack b) { return a.v - b.v; }
@@ -138,10 +139,18 @@ STICTION_HD Pack<float, 16> fma_(Pack<float, 16> a, Pack<float, 16> b, Pack<floa
 STICTION_HD Pack<double, 8> fma_(Pack<double, 8> a, Pack<double, 8> b, Pack<double, 8> c) {
   return Pack<double, 8>(_mm512_fmadd_pd(a.v, b.v, c.v));
 }
-STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) { return Pack<float, 16>(_mm512_mask_sqrt_ps(a.v, 0xffff, a.v)); }
-STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) { return Pack<double, 8>(_mm512_mask_sqrt_pd(a.v, 0xff, a.v)); }
-STICTION_HD bool any(PackMask<float, 16> a) { return _mm512_test_epi32_mask((__m512i)a.v, (__m512i)a.v) != 0; }
-STICTION_HD bool any(PackMask<double, 8> a) { return _mm512_test_epi64_mask((__m512i)a.v, (__m512i)a.v) != 0; }
+STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) {
+  return Pack<float, 16>(_mm512_mask_sqrt_ps(a.v, 0xffff, a.v));
+}
+STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) {
+  return Pack<double, 8>(_mm512_mask_sqrt_pd(a.v, 0xff, a.v));
+}
+STICTION_HD bool any(PackMask<float, 16> a) {
+  return _mm512_test_epi32_mask((__m512i)a.v, (__m512i)a.v) != 0;
+}
+STICTION_HD bool any(PackMask<double, 8> a) {
+  return _mm512_test_epi64_mask((__m512i)a.v, (__m512i)a.v) != 0;
+}
 #endif
 #if defined(__AVX2__) && defined(__FMA__)
 STICTION_HD Pack<float, 8> fma_(Pack<float, 8> a, Pack<float, 8> b, Pack<float, 8> c) {
@@ -150,10 +159,18 @@ STICTION_HD Pack<float, 8> fma_(Pack<float, 8> a, Pack<float, 8> b, Pack<float, 
 STICTION_HD Pack<double, 4> fma_(Pack<double, 4> a, Pack<double, 4> b, Pack<double, 4> c) {
   return Pack<double, 4>(_mm256_fmadd_pd(a.v, b.v, c.v));
 }
-STICTION_HD Pack<float, 8> sqrt_(Pack<float, 8> a) { return Pack<float, 8>(_mm256_sqrt_ps(a.v)); }
-STICTION_HD Pack<double, 4> sqrt_(Pack<double, 4> a) { return Pack<double, 4>(_mm256_sqrt_pd(a.v)); }
-STICTION_HD bool any(PackMask<float, 8> a) { return _mm256_movemask_ps((__m256)a.v) != 0; }
-STICTION_HD bool any(PackMask<double, 4> a) { return _mm256_movemask_pd((__m256d)a.v) != 0; }
+STICTION_HD Pack<float, 8> sqrt_(Pack<float, 8> a) {
+  return Pack<float, 8>(_mm256_sqrt_ps(a.v));
+}
+STICTION_HD Pack<double, 4> sqrt_(Pack<double, 4> a) {
+  return Pack<double, 4>(_mm256_sqrt_pd(a.v));
+}
+STICTION_HD bool any(PackMask<float, 8> a) {
+  return _mm256_movemask_ps((__m256)a.v) != 0;
+}
+STICTION_HD bool any(PackMask<double, 4> a) {
+  return _mm256_movemask_pd((__m256d)a.v) != 0;
+}
 #endif
 
 }  // namespace stiction::inline STICTION_ISA

@@ -27,27 +27,63 @@ template <class T>
 using Scalar = typename RealTraits<T>::Scalar;
 
 #if defined(__CUDA_ARCH__)
-STICTION_HD float fma_(float a, float b, float c) { return __fmaf_rn(a, b, c); }
-STICTION_HD double fma_(double a, double b, double c) { return __fma_rn(a, b, c); }
-STICTION_HD float sqrt_(float a) { return __fsqrt_rn(a); }
-STICTION_HD double sqrt_(double a) { return __dsqrt_rn(a); }
-STICTION_HD float div_(float a, float b) { return __fdiv_rn(a, b); }
-STICTION_HD double div_(double a, double b) { return __ddiv_rn(a, b); }
+STICTION_HD float fma_(float a, float b, float c) {
+  return __fmaf_rn(a, b, c);
+}
+STICTION_HD double fma_(double a, double b, double c) {
+  return __fma_rn(a, b, c);
+}
+STICTION_HD float sqrt_(float a) {
+  return __fsqrt_rn(a);
+}
+STICTION_HD double sqrt_(double a) {
+  return __dsqrt_rn(a);
+}
+STICTION_HD float div_(float a, float b) {
+  return __fdiv_rn(a, b);
+}
+STICTION_HD double div_(double a, double b) {
+  return __ddiv_rn(a, b);
+}
 #else
-STICTION_HD float fma_(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
-STICTION_HD double fma_(double a, double b, double c) { return __builtin_fma(a, b, c); }
-STICTION_HD float sqrt_(float a) { return __builtin_sqrtf(a); }
-STICTION_HD double sqrt_(double a) { return __builtin_sqrt(a); }
-STICTION_HD float div_(float a, float b) { return a / b; }
-STICTION_HD double div_(double a, double b) { return a / b; }
+STICTION_HD float fma_(float a, float b, float c) {
+  return __builtin_fmaf(a, b, c);
+}
+STICTION_HD double fma_(double a, double b, double c) {
+  return __builtin_fma(a, b, c);
+}
+STICTION_HD float sqrt_(float a) {
+  return __builtin_sqrtf(a);
+}
+STICTION_HD double sqrt_(double a) {
+  return __builtin_sqrt(a);
+}
+STICTION_HD float div_(float a, float b) {
+  return a / b;
+}
+STICTION_HD double div_(double a, double b) {
+  return a / b;
+}
 #endif
 
-STICTION_HD float select(bool c, float a, float b) { return c ? a : b; }
-STICTION_HD double select(bool c, double a, double b) { return c ? a : b; }
-STICTION_HD bool any(bool c) { return c; }
-STICTION_HD bool not_(bool c) { return !c; }
-STICTION_HD bool and_(bool a, bool b) { return a && b; }
-STICTION_HD bool or_(bool a, bool b) { return a || b; }
+STICTION_HD float select(bool c, float a, float b) {
+  return c ? a : b;
+}
+STICTION_HD double select(bool c, double a, double b) {
+  return c ? a : b;
+}
+STICTION_HD bool any(bool c) {
+  return c;
+}
+STICTION_HD bool not_(bool c) {
+  return !c;
+}
+STICTION_HD bool and_(bool a, bool b) {
+  return a && b;
+}
+STICTION_HD bool or_(bool a, bool b) {
+  return a || b;
+}
 
 /// max(a, b) as a select: b wins ties, and a NaN in `a` yields b.
 template <class T>

@@ -5,10 +5,10 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Accelerated projected gradient with a block preconditioner, backtracking and adaptive restart (docs/math/apgd.md;
-/// Mazhar et al. 2015, with the metric D of the cones' blocks in place of the identity). The gradient is quadratic's, so
-/// the descent condition is d'Ad <= L d'Dd for the step d, and y at the new point is y + A d: one product an iteration,
-/// one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and the method is a fixed-point
-/// iteration instead of a descent.
+/// Mazhar et al. 2015, with the metric D of the cones' blocks in place of the identity). The gradient is quadratic's,
+/// so the descent condition is d'Ad <= L d'Dd for the step d, and y at the new point is y + A d: one product an
+/// iteration, one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and the method is
+/// a fixed-point iteration instead of a descent.
 struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
   static constexpr Index kVectors = 6;
@@ -76,7 +76,8 @@ struct Apgd {
           d[row + k] = z[k] - point[row + k];
         }
       });
-      s.multiply(block, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
+      s.multiply(
+          block, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       const Real excess = s.sum_over_cones(block, [&](auto shape, Index cone, Index row) {
         Real curvature(0);
         Real length(0);

@@ -36,11 +36,16 @@ template <class F>
 STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
   if (kind == ConeKind::friction) {
     switch (rows) {
-      case 2: return f(ConeShape<ConeKind::friction, 2>{});
-      case 3: return f(ConeShape<ConeKind::friction, 3>{});
-      case 4: return f(ConeShape<ConeKind::friction, 4>{});
-      case 5: return f(ConeShape<ConeKind::friction, 5>{});
-      default: return f(ConeShape<ConeKind::friction, 6>{});
+      case 2:
+        return f(ConeShape<ConeKind::friction, 2>{});
+      case 3:
+        return f(ConeShape<ConeKind::friction, 3>{});
+      case 4:
+        return f(ConeShape<ConeKind::friction, 4>{});
+      case 5:
+        return f(ConeShape<ConeKind::friction, 5>{});
+      default:
+        return f(ConeShape<ConeKind::friction, 6>{});
     }
   }
   if (kind == ConeKind::box) return f(ConeShape<ConeKind::box, 1>{});

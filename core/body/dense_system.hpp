@@ -18,10 +18,10 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   static constexpr int kStride = kStrideValue;
   static constexpr bool kMaintainsMotion = true;
 
-  ConeCounts counts;          ///< cones laid out, padding included
-  Index n = 0;                ///< rows laid out
-  Index cones = 0;            ///< cones laid out
-  Strided<Real, kStride> A;   ///< A + diag R in the solver's coordinates, column-major  (n * n)
+  ConeCounts counts;         ///< cones laid out, padding included
+  Index n = 0;               ///< rows laid out
+  Index cones = 0;           ///< cones laid out
+  Strided<Real, kStride> A;  ///< A + diag R in the solver's coordinates, column-major  (n * n)
 
   static Offset elements(const ConeCounts& counts, Offset method_vectors) {
     const Offset rows = row_count(counts);

@@ -12,29 +12,29 @@ namespace stiction::inline STICTION_ISA {
 /// One environment sliced from a batch, a plan and a solution. Row and cone numbers count from its own zero.
 template <class Real>
 struct EnvView {
-  Index n;                     ///< rows
-  Index cone_count;            ///< cones
-  Offset first_row;            ///< this environment's first row in the batch
-  Law law;                     ///< law of its friction cones
-  const ConeKind* kind;        ///< kind                                      (cone_count)
-  const Offset* cone_rows;     ///< batch-wide first row of each cone         (cone_count + 1)
-  const Offset* row_offsets;   ///< CSR rows of A, batch-wide positions       (n + 1)
-  const Index* column;         ///< CSR columns, the whole batch's array
-  const Real* A;               ///< CSR values, the whole batch's array [w / lambda]
-  const Real* b;               ///< right-hand side [w]                       (n)
-  const Real* R;               ///< compliance [w / lambda]                   (n)
-  const Real* mu;              ///< friction per axis [-]                     (n)
-  const Real* lo;              ///< box lower bound [lambda]                  (n)
-  const Real* hi;              ///< box upper bound [lambda]                  (n)
-  const Real* warm_start;      ///< first guess [lambda], or null             (n)
-  Real* lambda;                ///< out: reactions [lambda]                   (n)
-  Real* w;                     ///< out: residual motion [w], or null         (n)
-  EnvStatus* status;           ///< out                                       (1)
-  ConeCounts counts;           ///< cones by kind
-  const Index* cone_order;     ///< the plan's order of cones                 (cone_count)
-  const Index* vertex_offsets; ///< sparse path: cone position of each vertex
-  const Index* color_offsets;  ///< sparse path: vertex where each colour begins
-  Index color_count;           ///< sparse path: colours
+  Index n;                      ///< rows
+  Index cone_count;             ///< cones
+  Offset first_row;             ///< this environment's first row in the batch
+  Law law;                      ///< law of its friction cones
+  const ConeKind* kind;         ///< kind                                      (cone_count)
+  const Offset* cone_rows;      ///< batch-wide first row of each cone         (cone_count + 1)
+  const Offset* row_offsets;    ///< CSR rows of A, batch-wide positions       (n + 1)
+  const Index* column;          ///< CSR columns, the whole batch's array
+  const Real* A;                ///< CSR values, the whole batch's array [w / lambda]
+  const Real* b;                ///< right-hand side [w]                       (n)
+  const Real* R;                ///< compliance [w / lambda]                   (n)
+  const Real* mu;               ///< friction per axis [-]                     (n)
+  const Real* lo;               ///< box lower bound [lambda]                  (n)
+  const Real* hi;               ///< box upper bound [lambda]                  (n)
+  const Real* warm_start;       ///< first guess [lambda], or null             (n)
+  Real* lambda;                 ///< out: reactions [lambda]                   (n)
+  Real* w;                      ///< out: residual motion [w], or null         (n)
+  EnvStatus* status;            ///< out                                       (1)
+  ConeCounts counts;            ///< cones by kind
+  const Index* cone_order;      ///< the plan's order of cones                 (cone_count)
+  const Index* vertex_offsets;  ///< sparse path: cone position of each vertex
+  const Index* color_offsets;   ///< sparse path: vertex where each colour begins
+  Index color_count;            ///< sparse path: colours
 
   [[nodiscard]] STICTION_HD Index cone_row(Index cone) const { return static_cast<Index>(cone_rows[cone] - first_row); }
   [[nodiscard]] STICTION_HD Index cone_size(Index cone) const {

@@ -8,9 +8,9 @@ namespace stiction::inline STICTION_ISA {
 /// What one look at an environment's numbers tells.
 template <class Real>
 struct Inspection {
-  std::uint32_t flags;     ///< EnvFlag bits; anything but kFlagWarmStartRejected makes the input invalid
-  Real largest_b;          ///< max|b| [w]
-  Real largest_diagonal;   ///< max of diag(A) + R [w / lambda]
+  std::uint32_t flags;    ///< EnvFlag bits; anything but kFlagWarmStartRejected makes the input invalid
+  Real largest_b;         ///< max|b| [w]
+  Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
 };
 
 /// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A, b and R is finite.

@@ -48,8 +48,7 @@ struct Jacobi {
     }
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       Real bound(0);
-      for (int k = 0; k < decltype(shape)::kRows; ++k)
-        bound = max_(div_(image[row + k], z[row + k]), bound);
+      for (int k = 0; k < decltype(shape)::kRows; ++k) bound = max_(div_(image[row + k], z[row + k]), bound);
       s.inv_cone[cone] = select(bound > Real(0), div_(Real(1), bound), Real(0));
     });
   }

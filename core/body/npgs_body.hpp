@@ -5,10 +5,10 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Projected Gauss-Seidel with Nesterov's momentum and adaptive restart (docs/math/npgs.md). Between sweeps the
-/// iterate is extrapolated along its last change; x and y = (A + R) x + b are affine in each other, so y is extrapolated
-/// with the same numbers and no product is needed. When a sweep changes more than the one before, momentum overshoots
-/// and starts over (O'Donoghue and Candes 2015, by the size of the step: a max-norm is exact, so the decision does not
-/// depend on an order of summation).
+/// iterate is extrapolated along its last change; x and y = (A + R) x + b are affine in each other, so y is
+/// extrapolated with the same numbers and no product is needed. When a sweep changes more than the one before, momentum
+/// overshoots and starts over (O'Donoghue and Candes 2015, by the size of the step: a max-norm is exact, so the
+/// decision does not depend on an order of summation).
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static constexpr Index kVectors = 2;

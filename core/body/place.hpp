@@ -5,12 +5,12 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each other.
+/// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each
+/// other.
 template <Block B, class Real, int kStride, class F>
 STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
-  for_each(block, env.cone_count, [&](Index position) {
-    f(env.cone_order[position], locate(env.counts, s.counts, position));
-  });
+  for_each(block, env.cone_count,
+           [&](Index position) { f(env.cone_order[position], locate(env.counts, s.counts, position)); });
 }
 template <Block B, class Real, class F>
 STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const SparseSystem<Real>&, F&& f) {

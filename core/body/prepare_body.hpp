@@ -18,7 +18,8 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   const Real inverse = div_(Real(0.5), trace);
   Real power[M][M];
   for (int i = kFirst; i < M; ++i)
-    for (int j = i; j < M; ++j) power[i][j] = power[j][i] = (s.block_entry(row, i, j) + s.block_entry(row, j, i)) * inverse;
+    for (int j = i; j < M; ++j)
+      power[i][j] = power[j][i] = (s.block_entry(row, i, j) + s.block_entry(row, j, i)) * inverse;
   for (int squaring = 0; squaring < 4; ++squaring) {
     Real square[M][M];
     for (int i = kFirst; i < M; ++i)
@@ -35,8 +36,8 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   return trace * sqrt_(sqrt_(sqrt_(sqrt_(sum))));
 }
 
-/// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both are
-/// numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
+/// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both
+/// are numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
 template <Block B, class Real, int kStride>
 STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
   for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
@@ -148,9 +149,8 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
 template <Block B, class Real, int kStride>
 STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
   const Real largest = max_over<Real>(block, s.n * s.n, [&](Index k) { return abs_(s.A[k]); });
-  const Real difference = max_over<Real>(block, s.n * s.n, [&](Index k) {
-    return abs_(s.A[k] - s.A[(k % s.n) * s.n + k / s.n]);
-  });
+  const Real difference =
+      max_over<Real>(block, s.n * s.n, [&](Index k) { return abs_(s.A[k] - s.A[(k % s.n) * s.n + k / s.n]); });
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 

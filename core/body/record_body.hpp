@@ -46,8 +46,7 @@ STICTION_HD void record(B& block, System& s, Mask<typename System::Real> due) {
   largest = block.max(largest);
   const Real residual = div_(largest, s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);
-  if (any(better))
-    for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
+  if (any(better)) for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
   block.sync();
   single(block, [&] {
     s.scalar[kBestResidual] = select(better, residual, s.scalar[kBestResidual]);

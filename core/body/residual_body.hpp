@@ -4,7 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse sweep.
+/// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse
+/// sweep.
 template <class Real>
 STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start) {
   const Offset begin = env.row_offsets[row];

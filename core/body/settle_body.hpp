@@ -15,11 +15,11 @@ struct StopRule {
 /// What an environment remembers between two looks at it. Lanes of a block hold equal copies.
 template <class Real>
 struct EnvProgress {
-  Index iterations = 0;     ///< done so far
-  Index best_at = 0;        ///< iteration at which the best residual was recorded
-  Real best = Real(0);      ///< that residual, valid once iterations or best_at moved
-  Real verified = Real(-1); ///< estimate whose iterate failed the final residual; not worth a second look
-  std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
+  Index iterations = 0;      ///< done so far
+  Index best_at = 0;         ///< iteration at which the best residual was recorded
+  Real best = Real(0);       ///< that residual, valid once iterations or best_at moved
+  Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not worth a second look
+  std::uint32_t flags = 0;   ///< EnvFlag bits from preparing
 };
 
 template <Block B, class Real>

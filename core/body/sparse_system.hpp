@@ -20,9 +20,9 @@ struct SparseSystem : SystemArrays<RealType, 1> {
   const EnvView<Real>* env = nullptr;
   Index n = 0;
   Index cones = 0;
-  Strided<Real, 1> value;      ///< CSR values in the solver's coordinates, without R  (nonzeros)
-  Strided<Real, 1> R;          ///< compliance in the solver's coordinates             (n)
-  Strided<Real, 1> blocks;     ///< diagonal block of the cone at row r from 6 r on    (6 n)
+  Strided<Real, 1> value;   ///< CSR values in the solver's coordinates, without R  (nonzeros)
+  Strided<Real, 1> R;       ///< compliance in the solver's coordinates             (n)
+  Strided<Real, 1> blocks;  ///< diagonal block of the cone at row r from 6 r on    (6 n)
 
   static Offset elements(Offset rows, Offset cone_total, Offset nonzeros, Offset method_vectors) {
     return SystemArrays<Real, 1>::elements(rows, cone_total, method_vectors) + 7 * rows + nonzeros;
@@ -35,9 +35,7 @@ struct SparseSystem : SystemArrays<RealType, 1> {
     value = blocks.from(Offset{6} * n);
   }
 
-  [[nodiscard]] STICTION_HD Real block_entry(Index row, int i, int j) const {
-    return blocks[row * 6 + i * 6 + j];
-  }
+  [[nodiscard]] STICTION_HD Real block_entry(Index row, int i, int j) const { return blocks[row * 6 + i * 6 + j]; }
 
   [[nodiscard]] STICTION_HD Strided<Real, 1> vector(Index k) const { return this->extra.from(Offset{k} * n); }
 

@@ -75,15 +75,16 @@ inline constexpr Index kRefreshInterval = 16;
 template <Block B, class System>
 STICTION_HD void refresh_motion(B& block, System& s) {
   using Real = typename System::Real;
-  s.multiply(block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
 }
 
 /// The same in the lanes of `due`.
 template <Block B, class System>
 STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
-  s.multiply(block, s.x, [&](Index i) { return s.b[i]; },
-             [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
 }
 
 /// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
@@ -91,10 +92,12 @@ STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real>
 template <Block B, class System, class Vector>
 STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due, Vector y_before) {
   using Real = typename System::Real;
-  s.multiply(block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) {
-    y_before[i] = select(due, y_before[i] + (motion - s.y[i]), y_before[i]);
-    s.y[i] = select(due, motion, s.y[i]);
-  });
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; },
+      [&](Index i, Real motion) {
+        y_before[i] = select(due, y_before[i] + (motion - s.y[i]), y_before[i]);
+        s.y[i] = select(due, motion, s.y[i]);
+      });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -20,7 +20,8 @@ enum StateScalar : Index {
 };
 
 /// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
-/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of two.
+/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of
+/// two.
 template <class Real, int kStride>
 struct SystemArrays {
   Strided<Real, kStride> b;         ///< right-hand side                                   (n)

@@ -9,8 +9,12 @@ constexpr const char* kNotBuilt =
     "-DSTICTION_ENABLE_CUDA=ON";
 }
 
-std::unique_ptr<Backend> make_cuda_backend(int) { throw Error(ErrorCode::unsupported, kNotBuilt); }
+std::unique_ptr<Backend> make_cuda_backend(int) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
 
-std::vector<DeviceReport> cuda_reports() { return {{Device::cuda(0), false, "cuda", kNotBuilt}}; }
+std::vector<DeviceReport> cuda_reports() {
+  return {{Device::cuda(0), false, "cuda", kNotBuilt}};
+}
 
 }  // namespace stiction

@@ -10,8 +10,7 @@ void check_options(const SolverOptions& options) {
   const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
   if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
     fail("tolerance = " + std::to_string(options.tolerance) + ": must be finite and >= 0 (0 runs all iterations)");
-  if (options.max_iterations < 0)
-    fail("max_iterations = " + std::to_string(options.max_iterations) + ": must be >= 0");
+  if (options.max_iterations < 0) fail("max_iterations = " + std::to_string(options.max_iterations) + ": must be >= 0");
   if (options.stall_window < 0)
     fail("stall_window = " + std::to_string(options.stall_window) + ": must be >= 0 (0 never gives up)");
   if (!(options.omega > 0.0 && options.omega < 2.0))
@@ -31,8 +30,7 @@ Device Device::from_string(const std::string& text) {
   if (text.rfind("cuda:", 0) == 0 && text.size() > 5 && text.size() < 9 &&
       text.find_first_not_of("0123456789", 5) == std::string::npos)
     ordinal = std::stoi(text.substr(5));
-  if (ordinal < 0)
-    throw Error(ErrorCode::invalid_argument, "device '" + text + "': choose auto, cpu, cuda or cuda:N");
+  if (ordinal < 0) throw Error(ErrorCode::invalid_argument, "device '" + text + "': choose auto, cpu, cuda or cuda:N");
   std::string reason = "there is no such device";
   for (const DeviceReport& report : devices()) {
     if (report.device.kind != DeviceKind::cuda) continue;

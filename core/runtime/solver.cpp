@@ -4,6 +4,7 @@
 
 #include "core/runtime/backend.hpp"
 #include "core/runtime/check_options.hpp"
+#include "core/runtime/defects.hpp"
 #include "core/runtime/host_structure.hpp"
 #include "core/schedule/plan.hpp"
 #include "stiction/error.hpp"
@@ -12,13 +13,12 @@ namespace stiction {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& message) { throw Error(ErrorCode::invalid_argument, message); }
+[[noreturn]] void fail(const std::string& message) {
+  throw Error(ErrorCode::invalid_argument, message);
+}
 
-/// The first structural defect, or with `values` the first of any kind, thrown with the count of the others.
-template <class Real>
-void reject_defects(const ContactBatchView<Real>& batch, bool values) {
-  for (const Defect& defect : validate(batch))
-    if (values || defect.structural) fail(defect.message);
+void reject(const std::vector<Defect>& defects) {
+  if (!defects.empty()) fail(defects.front().message);
 }
 
 template <class Real>
@@ -49,13 +49,13 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
   if (batch.space == MemorySpace::host) {
-    reject_defects(batch, false);
+    reject(validate_structure(batch, 1));
     return Plan(std::make_shared<const PlanData>(make_plan(batch)));
   }
   if (device_.kind == DeviceKind::cpu)
     fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
   const HostStructure<Real> host(batch, *backend_, stream);
-  reject_defects(host.view(), false);
+  reject(validate_structure(host.view(), 1));
   return Plan(std::make_shared<const PlanData>(make_plan(host.view())));
 }
 
@@ -63,17 +63,23 @@ template <class Real>
 void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                    const Real* warm_start, StreamRef stream) const {
   const PlanData& data = plan.data();
-  if (data.env_count != batch.env_count || data.cone_count != batch.cone_count || data.row_count != batch.row_count ||
-      data.nonzero_count != batch.nonzero_count)
+  const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
+                         data.row_count == batch.row_count && data.nonzero_count == batch.nonzero_count;
+  if (!same_size)
     fail("plan was made for " + std::to_string(data.env_count) + " environments, " + std::to_string(data.row_count) +
          " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
          std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
          std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
+  if (batch.space == MemorySpace::host && !fits(data, batch))
+    fail(
+        "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
+        "plan when the structure changes");
   check_solution(batch, solution);
   if (batch.space == MemorySpace::cuda && device_.kind == DeviceKind::cpu)
     fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject_defects(batch, true);
-  backend_->solve(SolveRequest<Real>{data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
+  backend_->solve(
+      SolveRequest<Real>{data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
 }
 
 template <class Real>

@@ -4,6 +4,7 @@
 #include <numeric>
 #include <span>
 #include <tuple>
+#include <utility>
 
 #include "core/schedule/color.hpp"
 
@@ -236,16 +237,55 @@ PlanData plan_structure(const Structure& structure) {
   return plan;
 }
 
+/// A dense environment's cones, taken in the plan's order, are sorted by kind and row count.
+bool in_canonical_order(const EnvStructure& env, const Index* order) {
+  std::pair<ConeKind, Index> last{ConeKind::free, 0};
+  for (Index p = 0; p < env.cones; ++p) {
+    if (order[p] < 0 || order[p] >= env.cones) return false;
+    const std::pair<ConeKind, Index> cone{env.kind(order[p]), env.cone_rows(order[p])};
+    if (cone < last) return false;
+    last = cone;
+  }
+  return true;
+}
+
+bool fits_structure(const PlanData& plan, const Structure& structure) {
+  if (plan.env_count != structure.env_count || plan.cone_count != structure.cone_count ||
+      plan.row_count != structure.row_count || plan.nonzero_count != structure.nonzero_count)
+    return false;
+  for (Offset e = 0; e < structure.env_count; ++e) {
+    const EnvStructure env(structure, e);
+    const auto index = static_cast<std::size_t>(e);
+    if (plan.counts[index] != count_cones(env) || plan.path[index] != choose_path(env.rows, env.nonzeros()))
+      return false;
+    if (plan.path[index] == EnvPath::dense && !in_canonical_order(env, plan.cone_order.data() + env.first_cone))
+      return false;
+  }
+  return true;
+}
+
+template <class Real>
+Structure structure_of(const ContactBatchView<Real>& batch) {
+  return {batch.env_count,       batch.cone_count,       batch.row_count, batch.nonzero_count,
+          batch.env_row_offsets, batch.env_cone_offsets, batch.cone_kind, batch.cone_row_offsets,
+          batch.cone_group,      batch.row_offsets,      batch.column};
+}
+
 }  // namespace
 
 template <class Real>
 PlanData make_plan(const ContactBatchView<Real>& batch) {
-  return plan_structure({batch.env_count, batch.cone_count, batch.row_count, batch.nonzero_count, batch.env_row_offsets,
-                         batch.env_cone_offsets, batch.cone_kind, batch.cone_row_offsets, batch.cone_group,
-                         batch.row_offsets, batch.column});
+  return plan_structure(structure_of(batch));
+}
+
+template <class Real>
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch) {
+  return fits_structure(plan, structure_of(batch));
 }
 
 template PlanData make_plan(const ContactBatchView<float>&);
 template PlanData make_plan(const ContactBatchView<double>&);
+template bool fits(const PlanData&, const ContactBatchView<float>&);
+template bool fits(const PlanData&, const ContactBatchView<double>&);
 
 }  // namespace stiction

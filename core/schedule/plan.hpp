@@ -18,19 +18,19 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
   Offset cone_count = 0;
   Offset row_count = 0;
   Offset nonzero_count = 0;
-  std::vector<EnvPath> path;              ///<                                                       (env_count)
-  std::vector<ConeCounts> counts;         ///<                                                       (env_count)
-  std::vector<Index> cone_order;          ///< cones, environment-local: dense: canonical order; sparse: by colour,
-                                          ///< then vertex                                           (cone_count)
-  std::vector<Offset> env_vertex_offsets; ///< where each environment's vertex_offsets begin         (env_count + 1)
-  std::vector<Index> vertex_offsets;      ///< sparse: cone position where each vertex begins, closed by the cone
-                                          ///< count; dense, empty: no entries
-  std::vector<Offset> env_color_offsets;  ///< where each environment's color_offsets begin          (env_count + 1)
-  std::vector<Index> color_offsets;       ///< sparse: vertex where each colour begins, closed by the vertex count
-  std::vector<Offset> dense_order;        ///< dense environments, most expensive first, equal shapes together;
-                                          ///< the order reaches speed only
-  std::vector<Offset> sparse_order;       ///< sparse environments, most expensive first
-  std::vector<Offset> sparse_nonzeros;    ///< stored entries of each of those                       (sparse_order)
+  std::vector<EnvPath> path;               ///<                                                       (env_count)
+  std::vector<ConeCounts> counts;          ///<                                                       (env_count)
+  std::vector<Index> cone_order;           ///< cones, environment-local: dense: canonical order; sparse: by colour,
+                                           ///< then vertex                                           (cone_count)
+  std::vector<Offset> env_vertex_offsets;  ///< where each environment's vertex_offsets begin         (env_count + 1)
+  std::vector<Index> vertex_offsets;       ///< sparse: cone position where each vertex begins, closed by the cone
+                                           ///< count; dense, empty: no entries
+  std::vector<Offset> env_color_offsets;   ///< where each environment's color_offsets begin          (env_count + 1)
+  std::vector<Index> color_offsets;        ///< sparse: vertex where each colour begins, closed by the vertex count
+  std::vector<Offset> dense_order;         ///< dense environments, most expensive first, equal shapes together;
+                                           ///< the order reaches speed only
+  std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first
+  std::vector<Offset> sparse_nonzeros;     ///< stored entries of each of those                       (sparse_order)
 };
 
 /// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a
@@ -44,5 +44,11 @@ constexpr EnvPath choose_path(Offset n, Offset nnz) {
 /// Plans a host batch whose structure is sound.
 template <class Real>
 PlanData make_plan(const ContactBatchView<Real>& batch);
+
+/// Whether a plan was made for a structure like this host batch's, in time proportional to its cones: sizes, kinds and
+/// paths are compared, which is what memory safety needs; the sparsity pattern is not, and a plan for another pattern
+/// may colour two coupled cones alike.
+template <class Real>
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch);
 
 }  // namespace stiction

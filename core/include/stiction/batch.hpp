@@ -28,8 +28,8 @@ struct ContactBatchView {
   const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
   const ConeKind* cone_kind = nullptr;       ///< kind                                  (cone_count)
   const Offset* cone_row_offsets = nullptr;  ///< first row of each cone               (cone_count + 1)
-  const Index* cone_group = nullptr;  ///< manifold: neighbouring cones of one environment with equal
-                                      ///< non-negative id are coloured as one vertex; null: none  (cone_count)
+  const Index* cone_group = nullptr;         ///< manifold: neighbouring cones of one environment with equal
+                                             ///< non-negative id are coloured as one vertex; null: none  (cone_count)
   const Offset* row_offsets = nullptr;       ///< CSR rows of A                        (row_count + 1)
   const Index* column = nullptr;             ///< CSR columns, within the environment  (nonzero_count)
   const Real* A = nullptr;   ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
@@ -52,10 +52,10 @@ struct Environment {
     Index group = -1;  ///< manifold id, -1: a vertex of its own
   };
   std::vector<Cone> cones;
-  std::vector<Index> row_offsets{0};  ///< CSR rows of A        (n + 1)
-  std::vector<Index> column;          ///< CSR columns          (nnz)
-  std::vector<Real> A;                ///< CSR values           (nnz)
-  std::vector<Real> b, R, mu, lo, hi; ///< empty R, mu, lo, hi mean zeros  (n)
+  std::vector<Index> row_offsets{0};   ///< CSR rows of A        (n + 1)
+  std::vector<Index> column;           ///< CSR columns          (nnz)
+  std::vector<Real> A;                 ///< CSR values           (nnz)
+  std::vector<Real> b, R, mu, lo, hi;  ///< empty R, mu, lo, hi mean zeros  (n)
 
   /// Fills A from a dense row-major n x n matrix; entries that are exactly zero are not stored.
   void set_dense(std::span<const Real> matrix, Index n);
@@ -110,9 +110,9 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
 
 /// One broken precondition, and where.
 struct Defect {
-  Offset env = -1;   ///< environment, -1: the batch as a whole
-  Index cone = -1;   ///< cone within the environment, -1: none
-  Index row = -1;    ///< row within the environment, -1: none
+  Offset env = -1;          ///< environment, -1: the batch as a whole
+  Index cone = -1;          ///< cone within the environment, -1: none
+  Index row = -1;           ///< row within the environment, -1: none
   bool structural = false;  ///< offsets, columns, cone tiling: no solver can be run at all
   std::string message;      ///< one sentence: what, where, the value, what to do
 };

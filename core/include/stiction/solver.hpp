@@ -58,12 +58,12 @@ enum class InvalidPolicy : std::uint8_t {
 
 struct SolverOptions {
   SolverKind solver = SolverKind::npgs;
-  std::optional<Law> law;         ///< overrides the batch's law
-  double tolerance = 1e-4;        ///< on the relative natural-map residual; 0: run all iterations [-]
-  Index max_iterations = 1000;    ///< per environment, >= 0
-  Index stall_window = 2000;      ///< stop after that many iterations without a better residual; 0: never
-  double omega = 1.0;             ///< relaxation of pgs, 0 < omega < 2 [-]
-  int threads = 0;                ///< CPU threads; 0: all cores
+  std::optional<Law> law;       ///< overrides the batch's law
+  double tolerance = 1e-4;      ///< on the relative natural-map residual; 0: run all iterations [-]
+  Index max_iterations = 1000;  ///< per environment, >= 0
+  Index stall_window = 2000;    ///< stop after that many iterations without a better residual; 0: never
+  double omega = 1.0;           ///< relaxation of pgs, 0 < omega < 2 [-]
+  int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
 };
 
@@ -129,7 +129,7 @@ struct Solution {
 };
 
 template <class Real>
-Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& options = {},
-                     Device device = Device::cpu(), std::span<const Real> warm_start = {});
+Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& options = {}, Device device = Device::cpu(),
+                     std::span<const Real> warm_start = {});
 
 }  // namespace stiction

@@ -22,13 +22,13 @@ inline constexpr int kEnvCodeCount = 6;
 
 /// What was noticed about one environment; any number of bits at once.
 enum EnvFlag : std::uint32_t {
-  kFlagNonFiniteInput = 1U << 0,     ///< NaN or infinity in A, b, R or mu, or NaN in a bound
-  kFlagNegativeFriction = 1U << 1,   ///< some mu < 0
-  kFlagCrossedBounds = 1U << 2,      ///< some lo > hi
-  kFlagNegativeCompliance = 1U << 3, ///< some R < 0
-  kFlagBadDiagonal = 1U << 4,        ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
-  kFlagWarmStartRejected = 1U << 5,  ///< the warm start was not finite; started from zero
-  kFlagAsymmetric = 1U << 6,         ///< A differs from its transpose by more than 1e-2 of its largest entry
+  kFlagNonFiniteInput = 1U << 0,      ///< NaN or infinity in A, b, R or mu, or NaN in a bound
+  kFlagNegativeFriction = 1U << 1,    ///< some mu < 0
+  kFlagCrossedBounds = 1U << 2,       ///< some lo > hi
+  kFlagNegativeCompliance = 1U << 3,  ///< some R < 0
+  kFlagBadDiagonal = 1U << 4,         ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
+  kFlagWarmStartRejected = 1U << 5,   ///< the warm start was not finite; started from zero
+  kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
 };
 
 /// Number of EnvFlag bits in use.
