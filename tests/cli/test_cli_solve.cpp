@@ -159,8 +159,7 @@ TEST_F(Solve, APoisonedEnvironmentIsIsolatedAndChangesNoOther) {
   std::string clean_line, other_line;
   int env = 0;
   for (; env < 40 && std::getline(clean, clean_line) && std::getline(other, other_line); ++env) {
-    if (env != 7) EXPECT_EQ(clean_line, other_line);
-    if (env == 7) EXPECT_NE(clean_line, other_line);
+    EXPECT_EQ(clean_line == other_line, env != 7) << clean_line << " and " << other_line;
   }
   EXPECT_EQ(env, 40);
 }

@@ -20,13 +20,16 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Layout programs, best first: fdp boxes the islands; sfdp and dot are what a small installation may have.
-constexpr std::array<const char*, 3> kLayouts{"fdp", "sfdp", "dot"};
+using Layouts = std::array<const char*, 3>;
 
-/// The first layout program in PATH, or an empty path.
-fs::path find_layout() {
+/// Layout programs, best first: fdp draws the boxes of clusters, sfdp unfolds stacks and walls, dot is always there.
+constexpr Layouts kClusterLayouts{"fdp", "sfdp", "dot"};
+constexpr Layouts kMeshLayouts{"sfdp", "fdp", "dot"};
+
+/// The first of `layouts` in PATH, or an empty path.
+fs::path find_layout(const Layouts& layouts) {
   const char* variable = std::getenv("PATH");
-  for (const char* program : kLayouts) {
+  for (const char* program : layouts) {
     std::istringstream folders(variable == nullptr ? "" : variable);
     for (std::string folder; std::getline(folders, folder, ':');) {
       const fs::path candidate = fs::path(folder.empty() ? "." : folder) / program;
@@ -79,7 +82,7 @@ void require_graph_path(const fs::path& path) {
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--graph {}: expected a name ending in .svg or .dot", path.string()));
   }
-  if (wants_svg(path) && find_layout().empty()) {
+  if (wants_svg(path) && find_layout(kMeshLayouts).empty()) {
     throw Error(ErrorCode::unsupported,
                 fmt::format("--graph {}: Graphviz is not installed (Debian: graphviz); install it or write a .dot file",
                             path.string()));
@@ -87,12 +90,12 @@ void require_graph_path(const fs::path& path) {
   require_writable(path);
 }
 
-void write_graph(const fs::path& path, const std::string& dot) {
+void write_graph(const fs::path& path, const std::string& dot, bool clusters) {
   if (!wants_svg(path)) {
     write_text(path, dot);
     return;
   }
-  const fs::path program = find_layout();
+  const fs::path program = find_layout(clusters ? kClusterLayouts : kMeshLayouts);
   const TemporaryDot input(dot);
   const int status = draw(program, input.path(), path);
   if (status != 0) {

@@ -39,14 +39,14 @@ Offset picture_env(const Features& features) {
   return best;
 }
 
-std::string picture(const ContactBatchView<double>& batch, const PlanData& plan, Offset env,
-                    const std::string& title_start) {
+void draw(const std::filesystem::path& path, const ContactBatchView<double>& batch, const PlanData& plan, Offset env,
+          const std::string& title_start) {
   const ConeGraph graph = make_cone_graph(batch, env);
   const std::vector<Index> colors = cone_colors(graph, batch, plan, env);
-  const Index color_count = colors.empty() ? 0 : *std::max_element(colors.begin(), colors.end()) + 1;
-  return to_dot(graph, batch, env, colors,
-                fmt::format("{}: {} cones, {} couplings, {} islands, {} colours", title_start, graph.cone_count(),
-                            graph.edge_count(), graph.island_count, color_count));
+  const Index color_count = *std::max_element(colors.begin(), colors.end()) + 1;
+  const std::string title = fmt::format("{}: {} cones, {} couplings, {} islands, {} colours", title_start,
+                                        graph.cone_count(), graph.edge_count(), graph.island_count, color_count);
+  write_graph(path, to_dot(graph, batch, env, colors, title), graph.island_count > 1);
 }
 
 }  // namespace
@@ -85,9 +85,8 @@ int run_inspect(const InspectArguments& arguments) {
       throw Error(ErrorCode::invalid_argument, fmt::format("{}: there are no cones to draw", arguments.batch.string()));
     }
     report.graph_environment = arguments.environment.value_or(env);
-    write_graph(*arguments.graph, picture(batch.view(), plan, env,
-                                          fmt::format("{}, environment {}", arguments.batch.filename().string(),
-                                                      *report.graph_environment)));
+    draw(*arguments.graph, batch.view(), plan, env,
+         fmt::format("{}, environment {}", arguments.batch.filename().string(), *report.graph_environment));
   }
   write_text("-", arguments.json ? to_json(report) : to_text(report));
   return kExitDone;

@@ -110,7 +110,7 @@ std::vector<std::string> warnings(const Features& features, const std::vector<De
   if (features.indefinite != 0) {
     texts.push_back(
         fmt::format("{} of {} environments looked at have an eigenvalue below zero by more than rounding: "
-                    "the convex problem has no unique answer there",
+                    "there the convex law need not have a minimiser",
                     features.indefinite, features.condition.size()));
   }
   return texts;

@@ -13,8 +13,8 @@ namespace stiction::cli {
 std::vector<Index> trace_iterations(Index max_iterations);
 
 /// Residual against iterations as CSV: a line `iteration,median,p90,max` for each of trace_iterations().
-/// `solve_to(k)` gives lambda after k iterations (a run stopped at k is a prefix of every longer one, bit for bit);
-/// the residual is recomputed from the file's numbers in f64 by verify().
+/// `solve_to(k)` gives lambda of a run stopped at k iterations, a prefix of every longer one, bit for bit; the residual
+/// is recomputed from the file's numbers in f64 by verify().
 std::string trace_csv(const ContactBatchView<double>& batch, Index max_iterations,
                       const std::function<std::vector<double>(Index)>& solve_to);
 
