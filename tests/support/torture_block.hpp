@@ -1,6 +1,7 @@
 #pragma once
 
-#include <barrier>
+#include <pthread.h>
+
 #include <cstddef>
 #include <cstring>
 #include <thread>
@@ -13,6 +14,20 @@
 /// and no more (one barrier an exchange, as CudaBlock does), so that a body with a missing sync races here too.
 namespace stiction::test {
 
+/// A barrier whose waiters sleep. std::barrier's spin and yield, and with more lanes than cores on a busy machine each
+/// yield waits for everybody else's turn.
+class SleepingBarrier {
+ public:
+  explicit SleepingBarrier(Index lanes) { pthread_barrier_init(&barrier_, nullptr, static_cast<unsigned>(lanes)); }
+  ~SleepingBarrier() { pthread_barrier_destroy(&barrier_); }
+  SleepingBarrier(const SleepingBarrier&) = delete;
+  SleepingBarrier& operator=(const SleepingBarrier&) = delete;
+  void arrive_and_wait() { pthread_barrier_wait(&barrier_); }
+
+ private:
+  pthread_barrier_t barrier_{};
+};
+
 /// What the lanes of a torture block share.
 struct TortureTeam {
   explicit TortureTeam(Index lanes) : width(lanes), barrier(lanes) {
@@ -20,7 +35,7 @@ struct TortureTeam {
   }
   static constexpr std::size_t kSlotBytes = 64;
   Index width;
-  std::barrier<> barrier;
+  SleepingBarrier barrier;
   std::vector<std::byte> slot[2];
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
