@@ -1,0 +1,231 @@
+// How many times faster lanes = environments are than a naive scalar loop: every implementation in turn, again and
+// again (A B C A B C ...), one thread, CPU time, warm-up excluded; median and quartiles of the ratio over repeats.
+//
+//   bench_ratio [--contacts 8,16] [--envs 4096] [--family stack] [--precision f32] [--repeats 5] [--csv PATH]
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <sstream>
+
+#include "bench/baselines.hpp"
+#include "bench/csv.hpp"
+#include "bench/grid.hpp"
+#include "bench/machine.hpp"
+
+namespace stiction::bench {
+
+namespace {
+
+constexpr Index kShort = 20;            // sweeps of a whole call
+constexpr Index kLong = 60;             // sweeps of the longer call, for the slope
+constexpr double kLeastSeconds = 0.02;  // of one measurement; shorter calls are repeated inside it
+
+struct Arguments {
+  std::vector<Index> contacts{1, 2, 4, 8, 16, 22, 32, 64};
+  Offset envs = 4096;
+  std::vector<std::string> family = families();
+  std::vector<std::string> precision{"f32", "f64"};
+  int repeats = 5;
+  std::string csv;
+};
+
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+Arguments parse(int argc, char** argv) {
+  Arguments arguments;
+  for (int i = 1; i < argc; i += 2) {
+    const std::string name = argv[i];
+    if (i + 1 >= argc) throw Error(ErrorCode::invalid_argument, name + " needs a value");
+    const std::string value = argv[i + 1];
+    if (name == "--contacts") {
+      arguments.contacts.clear();
+      for (const std::string& part : split(value)) arguments.contacts.push_back(std::atoi(part.c_str()));
+    } else if (name == "--envs") {
+      arguments.envs = std::atoll(value.c_str());
+    } else if (name == "--family") {
+      arguments.family = split(value);
+    } else if (name == "--precision") {
+      arguments.precision = split(value);
+    } else if (name == "--repeats") {
+      arguments.repeats = std::max(1, std::atoi(value.c_str()));
+    } else if (name == "--csv") {
+      arguments.csv = value;
+    } else {
+      throw Error(ErrorCode::invalid_argument,
+                  name + " is unknown: use --contacts, --envs, --family, --precision, --repeats or --csv");
+    }
+  }
+  return arguments;
+}
+
+/// Quartiles of what was measured.
+struct Spread {
+  double q1, median, q3;
+};
+Spread spread(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double part) {
+    const double position = part * static_cast<double>(values.size() - 1);
+    const auto low = static_cast<std::size_t>(position);
+    const std::size_t high = std::min(low + 1, values.size() - 1);
+    return values[low] + (position - static_cast<double>(low)) * (values[high] - values[low]);
+  };
+  return {at(0.25), at(0.5), at(0.75)};
+}
+
+/// One way to solve the batch: a call of so many sweeps, and what it measured.
+template <class Real>
+struct Contestant {
+  std::string name, flags;
+  std::function<void(Index sweeps, std::vector<Real>& lambda)> solve;
+  int calls = 1;                ///< inside one measurement
+  std::vector<double> whole;    ///< seconds of a call of kShort sweeps, one for each repeat
+  std::vector<double> slope;    ///< seconds of kLong - kShort sweeps, by difference
+  double residual[2] = {0, 0};  ///< after kShort and kLong sweeps
+  std::string hash;             ///< of lambda after kShort sweeps
+};
+
+template <class Real>
+std::vector<Contestant<Real>> make_contestants(const ContactBatch<Real>& batch) {
+  std::vector<Contestant<Real>> all;
+  for (const BaselineInfo& info : baselines()) {
+    Baseline<Real> baseline;
+    if constexpr (std::is_same_v<Real, float>) {
+      baseline = info.f32;
+    } else {
+      baseline = info.f64;
+    }
+    Contestant<Real> contestant;
+    contestant.name = info.name;
+    contestant.flags = info.flags;
+    contestant.solve = [&batch, baseline](Index sweeps, std::vector<Real>& lambda) {
+      run_baseline(baseline, batch, sweeps, lambda);
+    };
+    all.push_back(std::move(contestant));
+  }
+  const auto plan = std::make_shared<Plan>(Solver(Device::cpu(), SolverOptions{}).plan(batch.view()));
+  for (const SolverKind kind : {SolverKind::pgs, SolverKind::npgs}) {
+    Contestant<Real> contestant;
+    contestant.name = std::string("stiction ") + to_string(kind);
+    contestant.flags = devices().front().name;
+    std::replace(contestant.flags.begin(), contestant.flags.end(), ',', ';');
+    const auto brief = std::make_shared<Solver>(Device::cpu(), fixed_sweeps(kind, kShort));
+    const auto lengthy = std::make_shared<Solver>(Device::cpu(), fixed_sweeps(kind, kLong));
+    const auto status = std::make_shared<std::vector<EnvStatus>>(static_cast<std::size_t>(batch.env_count()));
+    const auto w = std::make_shared<std::vector<Real>>(static_cast<std::size_t>(batch.row_count()));
+    contestant.solve = [=, &batch](Index sweeps, std::vector<Real>& lambda) {
+      lambda.resize(static_cast<std::size_t>(batch.row_count()));
+      (sweeps == kShort ? brief : lengthy)->solve(*plan, batch.view(), {lambda.data(), w->data(), status->data()});
+    };
+    all.push_back(std::move(contestant));
+  }
+  return all;
+}
+
+template <class Real>
+double measure(const Contestant<Real>& contestant, Index sweeps, std::vector<Real>& lambda) {
+  const double start = cpu_seconds();
+  for (int call = 0; call < contestant.calls; ++call) contestant.solve(sweeps, lambda);
+  return (cpu_seconds() - start) / contestant.calls;
+}
+
+/// Warm-up: what is computed, and how often a call has to be repeated to be measured.
+template <class Real>
+void prepare(Contestant<Real>& contestant, const ContactBatch<Real>& batch, std::vector<Real>& lambda) {
+  contestant.solve(kLong, lambda);
+  contestant.residual[1] = worst_residual(batch, lambda);
+  const double seconds = measure(contestant, kShort, lambda);
+  contestant.residual[0] = worst_residual(batch, lambda);
+  contestant.hash = hash_text(lambda);
+  contestant.calls = std::max(1, static_cast<int>(kLeastSeconds / std::max(seconds, 1e-7)));
+}
+
+template <class Real>
+void compete(const std::string& family, Index contacts, Offset envs, int repeats, Csv* csv) {
+  const ContactBatch<Real> batch = make_contacts<Real>(family, contacts, envs);
+  std::vector<Contestant<Real>> all = make_contestants(batch);
+  std::vector<Real> lambda;
+  for (Contestant<Real>& contestant : all) prepare(contestant, batch, lambda);
+  for (int repeat = 0; repeat < repeats; ++repeat)
+    for (Contestant<Real>& contestant : all) {
+      contestant.whole.push_back(measure(contestant, kShort, lambda));
+      contestant.slope.push_back(measure(contestant, kLong, lambda) - contestant.whole.back());
+    }
+
+  const std::string precision = precision_name<Real>();
+  const double fill = static_cast<double>(batch.view().nonzero_count) /
+                      (9.0 * static_cast<double>(envs) * static_cast<double>(contacts) * static_cast<double>(contacts));
+  std::printf("\n%s, %s, %d contacts, %lld environments, A %.0f %% full\n", family.c_str(), precision.c_str(), contacts,
+              static_cast<long long>(envs), 100 * fill);
+  std::printf("%-14s %-28s %21s %24s %24s %22s  %s\n", "", "", "ns/contact/sweep", "times naive, whole call",
+              "times naive, sweeps", "residual after", "");
+  std::printf("%-14s %-28s %10s %10s %8s %15s %8s %15s %10s %11s  %s\n", "implementation", "flags", "whole call",
+              "sweeps", "median", "quartiles", "median", "quartiles", "20", "60 sweeps", "hash at 20");
+  const double steps = static_cast<double>(contacts) * static_cast<double>(envs);
+  for (const Contestant<Real>& contestant : all) {
+    std::vector<double> whole_ratio;
+    std::vector<double> slope_ratio;
+    for (std::size_t r = 0; r < contestant.whole.size(); ++r) {
+      whole_ratio.push_back(all.front().whole[r] / contestant.whole[r]);
+      slope_ratio.push_back(all.front().slope[r] / contestant.slope[r]);
+    }
+    const double whole = 1e9 * spread(contestant.whole).median / (steps * kShort);
+    const double slope = 1e9 * spread(contestant.slope).median / (steps * (kLong - kShort));
+    const Spread a = spread(whole_ratio);
+    const Spread b = spread(slope_ratio);
+    std::printf("%-14s %-28s %10.2f %10.2f %8.2f %7.2f-%7.2f %8.2f %7.2f-%7.2f %10.2e %11.2e  %s\n",
+                contestant.name.c_str(), contestant.flags.c_str(), whole, slope, a.median, a.q1, a.q3, b.median, b.q1,
+                b.q3, contestant.residual[0], contestant.residual[1], contestant.hash.c_str());
+    if (csv != nullptr)
+      csv->row({family, precision, std::to_string(contacts), std::to_string(envs), number(fill), contestant.name,
+                contestant.flags, number(whole), number(slope), number(a.q1), number(a.median), number(a.q3),
+                number(b.q1), number(b.median), number(b.q3), number(contestant.residual[0]),
+                number(contestant.residual[1]), contestant.hash});
+  }
+  std::fflush(stdout);
+}
+
+int run(int argc, char** argv) {
+  const Arguments arguments = parse(argc, argv);
+  // As many numbers as 4096 environments of 8 contacts have, so that every size walks the same memory.
+  constexpr Offset kRatioEntries = Offset{4096} * 24 * 24;
+  std::unique_ptr<Csv> csv;
+  if (!arguments.csv.empty())
+    csv = std::make_unique<Csv>(arguments.csv, command_line(argc, argv),
+                                "family,precision,contacts,envs,fill,implementation,flags,ns_whole,ns_sweeps,"
+                                "whole_q1,whole_median,whole_q3,sweeps_q1,sweeps_median,sweeps_q3,residual_20,"
+                                "residual_60,hash_20");
+  for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
+  for (const std::string& family : arguments.family)
+    for (const std::string& precision : arguments.precision)
+      for (const Index contacts : arguments.contacts) {
+        const Offset envs = capped_envs(contacts, arguments.envs, kRatioEntries);
+        if (precision == "f32") {
+          compete<float>(family, contacts, envs, arguments.repeats, csv.get());
+        } else {
+          compete<double>(family, contacts, envs, arguments.repeats, csv.get());
+        }
+      }
+  return 0;
+}
+
+}  // namespace
+
+}  // namespace stiction::bench
+
+int main(int argc, char** argv) {
+  try {
+    return stiction::bench::run(argc, argv);
+  } catch (const stiction::Error& error) {
+    std::fprintf(stderr, "bench_ratio: %s\n", error.what());
+    return 2;
+  }
+}
