@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "core/io/header_check.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::io {
@@ -101,6 +102,7 @@ InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
   file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
   if (!file_.ok()) refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
   bytes_ = RawBytes(path);
+  read_geometry();
 }
 
 InputFile::InputFile(std::span<const std::byte> image, std::string name)
@@ -113,6 +115,7 @@ InputFile::InputFile(std::span<const std::byte> image, std::string name)
   H5Pset_file_image(access.get(), const_cast<std::byte*>(image.data()), image.size());
   file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
   if (!file_.ok()) refuse("not an HDF5 file, or a truncated or damaged one" + hdf5_reason());
+  read_geometry();
 }
 
 void InputFile::refuse(const std::string& sentence) const {
@@ -141,18 +144,38 @@ bool InputFile::has(const std::string& path) const {
 }
 
 TextHeap InputFile::text_heap() const {
+  return {bytes_, file_bytes_, base_};
+}
+
+void InputFile::read_geometry() {
   const Handle creation(H5Fget_create_plist(file_.get()), H5Pclose);
   std::size_t address_width = 0, size_width = 0;
   hsize_t base = 0;
   if (!creation.ok() || H5Pget_sizes(creation.get(), &address_width, &size_width) < 0 ||
-      H5Pget_userblock(creation.get(), &base) < 0 || address_width != 8 || size_width != 8) {
-    refuse("holds strings at addresses that are not 64 bits wide" + hdf5_reason());
+      H5Pget_userblock(creation.get(), &base) < 0) {
+    refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
   }
-  return {bytes_, file_bytes_, base};
+  if (address_width != 8 || size_width != 8)
+    refuse("addresses in the file are not 64 bits wide, as all public files have");
+  base_ = base;
+  H5O_info_t root{};
+  if (H5Oget_info2(file_.get(), &root, H5O_INFO_BASIC) < 0)
+    refuse("the root of the HDF5 file cannot be read" + hdf5_reason());
+  check_header("the root", root.addr);
+}
+
+void InputFile::check_header(const std::string& what, std::uint64_t address) const {
+  const std::string defect = header_defect(bytes_, file_bytes_, base_, address);
+  if (!defect.empty()) refuse(what + " " + defect);
 }
 
 InputFile::Dataset InputFile::open(const std::string& path, Values values, std::optional<std::size_t> length) const {
   if (!has(path)) refuse_dataset(path, "is missing");
+  H5O_info_t info{};
+  if (H5Oget_info_by_name2(file_.get(), path.c_str(), &info, H5O_INFO_BASIC, H5P_DEFAULT) < 0) {
+    refuse_dataset(path, "cannot be opened" + hdf5_reason());
+  }
+  check_header("dataset '" + path + "'", info.addr);
   Dataset dataset;
   dataset.id = Handle(H5Oopen(file_.get(), path.c_str(), H5P_DEFAULT), H5Oclose);
   if (!dataset.id.ok()) refuse_dataset(path, "cannot be opened" + hdf5_reason());

@@ -66,10 +66,13 @@ class InputFile {
   [[nodiscard]] std::vector<std::int64_t> wide_integers(const std::string& path,
                                                         std::optional<std::size_t> length) const;
   [[nodiscard]] TextHeap text_heap() const;
+  void read_geometry();
+  void check_header(const std::string& what, std::uint64_t address) const;
 
   Session session_;
   std::string name_;
   std::uint64_t file_bytes_ = 0;
+  std::uint64_t base_ = 0;  ///< where addresses in the file count from
   mutable RawBytes bytes_;
   Handle file_;
 };

@@ -2,29 +2,15 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "core/io/raw_bytes.hpp"
+
 namespace stiction::io {
-
-/// The bytes of a file, at any place.
-class RawBytes {
- public:
-  RawBytes() = default;
-  explicit RawBytes(const std::filesystem::path& path) : stream_(path, std::ios::binary) {}
-  explicit RawBytes(std::span<const std::byte> image) : image_(image) {}
-  /// Fills `out` from `offset` on; false if the file ends before.
-  bool read(std::uint64_t offset, std::span<char> out);
-
- private:
-  std::ifstream stream_;
-  std::span<const std::byte> image_;
-};
 
 /// What a file stores for a string of variable length: 4 bytes of length, 8 of the heap's address, 4 of the index in
 /// it.
