@@ -119,6 +119,8 @@ TEST_F(Refused, UsageErrors) {
       {"solve", batch, "--device", "abacus"},
       {"solve", batch, "--device", "cuda:99"},
       {"solve", batch, "--permute", "many"},
+      {"solve", batch, "--permute", "-1"},
+      {"generate", "stack", "--seed", "-1", "-o", folder_ / "x.h5"},
       {"verify", batch},
       {"verify", batch, batch, "--tolerance", "nan"},
       {"inspect", batch, "--env", "4"},

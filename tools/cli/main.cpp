@@ -34,7 +34,8 @@ void declare_info(CLI::App& app, InfoArguments& a) {
 void declare_generate(CLI::App& app, GenerateArguments& a) {
   app.add_option("scene", a.scene, "Scene; --list shows them");
   app.add_option("--envs", a.environments, "Number of environments")->check(CLI::NonNegativeNumber);
-  app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone");
+  app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
   app.add_option("--threads", a.threads, "Threads (0: all cores)")->check(CLI::NonNegativeNumber);
   app.add_option("-o,--output", a.output, "Contact-batch file to write");
@@ -59,7 +60,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--max-iterations", a.max_iterations, "Per environment")->capture_default_str();
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
-  app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed");
+  app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
   app.add_flag("--isolate", a.isolate, "Flag environments with broken numbers and solve the others");
   app.add_option("-o,--output", a.output, "Solution file to write");

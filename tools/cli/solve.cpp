@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <numeric>
 #include <optional>
 #include <thread>
 
@@ -129,7 +130,7 @@ template <class Real>
 std::string run_trace(const SolveArguments& arguments, const SolverOptions& options, Device device,
                       const Work<Real>& work, const ContactBatchView<double>& file_batch) {
   const auto points = trace_iterations(options.max_iterations);
-  Progress progress("tracing", static_cast<std::int64_t>(points.size()), arguments.quiet);
+  Progress progress("tracing", std::accumulate(points.begin(), points.end(), std::int64_t{0}), arguments.quiet);
   return trace_csv(file_batch, options.max_iterations, [&](Index iterations) {
     SolverOptions prefix = options;
     prefix.tolerance = 0;
@@ -137,7 +138,7 @@ std::string run_trace(const SolveArguments& arguments, const SolverOptions& opti
     prefix.stall_window = 0;
     const Solver solver(device, prefix);
     auto lambda = solve_work(solver, solver.plan(work.batch.view()), work).lambda;
-    progress.advance();
+    progress.advance(iterations);
     return convert_values<double>(lambda);
   });
 }
