@@ -27,7 +27,7 @@ STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M]
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
 /// iterate itself.
 template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void record(B& block, System& s, Mask<typename System::Real> due) {
+STICTION_HD_OUTLINE void record(B& block, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(block, s);
   Real largest(0);

@@ -41,10 +41,17 @@ STICTION_HD double row_diagonal(const EnvView<Real>& env, Index row, double star
   return start;
 }
 
+/// A double as a Real; what lies beyond Real's range becomes its largest number, so that every output is finite.
+template <class Real>
+STICTION_HD Real saturated(double value) {
+  constexpr double kLargest = sizeof(Real) == sizeof(float) ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
+  return static_cast<Real>(clamp_(value, -kLargest, kLargest));
+}
+
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
 template <Block B, class Real>
-STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
+STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env) {
   double largest = 0.0;
   for_each(block, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
@@ -60,7 +67,7 @@ STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
         const double motion =
             row_motion(env, i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
         const double diagonal = row_diagonal(env, i, compliance);
-        if (env.w != nullptr) env.w[i] = canonical_zero(static_cast<Real>(motion));
+        if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
         trace = trace + diagonal;
         // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
         const double mu = static_cast<double>(row_scale(env, kind, first, i));
@@ -80,7 +87,7 @@ STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
 
 /// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.
 template <Block B, class Real>
-STICTION_HD double residual_scale(B& block, const EnvView<Real>& env) {
+STICTION_HD_OUTLINE double residual_scale(B& block, const EnvView<Real>& env) {
   const double largest = max_over<double>(block, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
   return max_(largest, 1e-300);
 }

@@ -33,7 +33,7 @@ STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, 
 /// The safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since w = b
 /// could carry the very NaN; for an unsupported system w = b.
 template <Block B, class Real>
-STICTION_HD void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
+STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
   const bool unsupported = (flags & ~static_cast<std::uint32_t>(kFlagAsymmetric | kFlagWarmStartRejected)) == 0;
   for_each(block, env.n, [&](Index i) {
     env.lambda[i] = 0;
@@ -52,7 +52,7 @@ STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind sol
 
 /// The best iterate back in the batch's units and order.
 template <Block B, class Real, class System>
-STICTION_HD void publish(B& block, const EnvView<Real>& env, const System& s) {
+STICTION_HD_OUTLINE void publish(B& block, const EnvView<Real>& env, const System& s) {
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
@@ -67,8 +67,8 @@ STICTION_HD void publish(B& block, const EnvView<Real>& env, const System& s) {
 /// estimate the iteration works with only nominates; the residual that decides, and is reported, is computed in double
 /// from the batch's own numbers and the very bits of lambda that are returned.
 template <class Method, Block B, class Real, class System>
-STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
-                        EnvProgress<Real>& progress) {
+STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                                EnvProgress<Real>& progress) {
   const Real best = s.scalar[kBestResidual];
   const Real last = s.scalar[kLastResidual];
   if (progress.iterations == 0 || best < progress.best) {
@@ -83,8 +83,14 @@ STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, con
   block.sync();
   if (!nominated && !ended) return false;
   publish(block, env, s);
-  const double absolute = final_residual(block, env);
-  const double relative = div_(absolute, residual_scale(block, env));
+  const double scale = residual_scale(block, env);
+  double absolute = final_residual(block, env);
+  if (ended && !finite_(div_(absolute, scale))) {
+    // Not one iterate had a finite answer in the batch's units: zero is the one that always does.
+    for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
+    absolute = final_residual(block, env);
+  }
+  const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
   if (!solved && !ended) return false;

@@ -16,17 +16,15 @@ template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
                          typename System::Real phase, typename System::Real left) {
   using Real = typename System::Real;
-  for (Index k = 0; k + 1 < kChunk; ++k) {
-    Method::template iterate<kLaw>(block, s, params);
-    left = left - Real(1);
-    const auto last = left == Real(0);
-    if (any(last)) record<Method, kLaw>(block, s, last);
-  }
-  Method::template iterate<kLaw>(block, s, params);
   const auto stale = phase == Real(kRefreshInterval - kChunk);
-  if (any(stale)) Method::refresh(block, s, stale);
-  const auto due = left >= Real(1);
-  if (any(due)) record<Method, kLaw>(block, s, due);
+  for (Index k = 0; k < kChunk; ++k) {
+    const bool chunk_ends = k + 1 == kChunk;
+    Method::template iterate<kLaw>(block, s, params);
+    if (chunk_ends && any(stale)) Method::refresh(block, s, stale);
+    left = left - Real(1);
+    const auto due = chunk_ends ? left >= Real(0) : left == Real(0);
+    if (any(due)) record<Method, kLaw>(block, s, due);
+  }
 }
 
 /// One environment whose system is loaded, `flags` being what load_system() returned.
