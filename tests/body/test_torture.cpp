@@ -37,12 +37,12 @@ TEST(torture, maxima_flags_and_sums_are_on_every_lane_whatever_the_width) {
 
 TEST(torture, lanes_that_dawdle_change_no_bit_of_a_dense_environment) {
   const TortureCase<Npgs, Law::coulomb, float> one(small_dense(), true);
-  for (const Index width : {2, 5, 33}) one.expect_same_dense<1>(width, kJitter, "jitter, dense");
+  for (const Index width : {3, 33}) one.expect_same_dense<1>(width, kJitter, "jitter, dense");
 }
 
 TEST(torture, lanes_that_dawdle_change_no_bit_of_a_sparse_environment) {
   const TortureCase<Apgd, Law::convex, double> one(small_sparse(), false);
-  for (const Index width : {2, 5, 16}) one.expect_same_sparse(width, kJitter, "jitter, sparse");
+  for (const Index width : {5, 16}) one.expect_same_sparse(width, kJitter, "jitter, sparse");
 }
 
 TEST(torture, a_poisoned_environment_is_refused_alike_on_blocks_of_every_width) {

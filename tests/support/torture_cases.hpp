@@ -25,7 +25,7 @@ class TortureCase {
   TortureCase(const Environment<double>& environment, bool warm) : batch_(make_batch(environment)) {
     options_.solver = Method::kKind;
     options_.tolerance = 1e-3;
-    options_.max_iterations = 10;
+    options_.max_iterations = 5;  // a chunk and a part of one
     options_.invalid = InvalidPolicy::isolate;
     options_.threads = 1;
     plan_ = make_plan(batch_.view());
