@@ -89,7 +89,9 @@ TEST(CudaLayout, a_team_gets_the_environments_it_is_for) {
       } else {
         EXPECT_EQ(span.team, Team::dense_blocks);
       }
-      if (span.team != Team::threads) EXPECT_EQ(span.width, cuda::block_width(rows));
+      if (span.team != Team::threads) {
+        EXPECT_EQ(span.width, cuda::block_width(rows));
+      }
     }
   }
   for (const int launches : teams) EXPECT_GT(launches, 0);
@@ -105,11 +107,15 @@ TEST(CudaLayout, workspaces_of_one_launch_do_not_overlap_and_fit) {
       auto all = pieces(plan, layout, span);
       std::sort(all.begin(), all.end(), [](Piece a, Piece b) { return a.begin < b.begin; });
       for (std::size_t k = 0; k < all.size(); ++k) {
-        if (k > 0) EXPECT_LE(all[k - 1].end, all[k].begin);
+        if (k > 0) {
+          EXPECT_LE(all[k - 1].end, all[k].begin);
+        }
         EXPECT_LE(all[k].end, layout.workspace);
         EXPECT_EQ(all[k].begin % cuda::kWarp, 0);
       }
-      if (all.size() > 1) EXPECT_LE(all.back().end, limit) << "more than one piece only within the limit";
+      if (all.size() > 1) {
+        EXPECT_LE(all.back().end, limit) << "more than one piece only within the limit";
+      }
     }
   }
 }

@@ -62,7 +62,7 @@ struct SolverOptions {
   double tolerance = 1e-4;      ///< on the relative natural-map residual; 0: run all iterations [-]
   Index max_iterations = 1000;  ///< per environment, >= 0
   Index stall_window = 2000;    ///< stop after that many iterations without a better residual; 0: never
-  double omega = 1.0;           ///< relaxation of pgs, 0 < omega < 2 [-]
+  double omega = 1.0;           ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
   int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
 };
