@@ -1,7 +1,7 @@
 // How many times faster lanes = environments are than a naive scalar loop: every implementation in turn, again and
 // again (A B C A B C ...), one thread, CPU time, warm-up excluded; median and quartiles of the ratio over repeats.
 //
-//   bench_ratio [--contacts 8,16] [--envs 4096] [--family stack] [--precision f32] [--repeats 5] [--csv PATH]
+//   bench_ratio [--contacts 8,16] [--envs 1024] [--family stack] [--precision f32] [--repeats 5] [--csv PATH]
 
 #include <algorithm>
 #include <cstdio>
@@ -25,7 +25,7 @@ constexpr double kLeastSeconds = 0.02;  // of one measurement; shorter calls are
 
 struct Arguments {
   std::vector<Index> contacts{1, 2, 4, 8, 16, 22, 32, 64};
-  Offset envs = 4096;
+  Offset envs = 1024;
   std::vector<std::string> family = families();
   std::vector<std::string> precision{"f32", "f64"};
   int repeats = 5;
@@ -195,8 +195,8 @@ void compete(const std::string& family, Index contacts, Offset envs, int repeats
 
 int run(int argc, char** argv) {
   const Arguments arguments = parse(argc, argv);
-  // As many numbers as 4096 environments of 8 contacts have, so that every size walks the same memory.
-  constexpr Offset kRatioEntries = Offset{4096} * 24 * 24;
+  // As many numbers as that many environments of 8 contacts have: larger ones are fewer.
+  const Offset entries = arguments.envs * 24 * 24;
   std::unique_ptr<Csv> csv;
   if (!arguments.csv.empty())
     csv = std::make_unique<Csv>(arguments.csv, command_line(argc, argv),
@@ -207,7 +207,7 @@ int run(int argc, char** argv) {
   for (const std::string& family : arguments.family)
     for (const std::string& precision : arguments.precision)
       for (const Index contacts : arguments.contacts) {
-        const Offset envs = capped_envs(contacts, arguments.envs, kRatioEntries);
+        const Offset envs = capped_envs(contacts, arguments.envs, entries);
         if (precision == "f32") {
           compete<float>(family, contacts, envs, arguments.repeats, csv.get());
         } else {

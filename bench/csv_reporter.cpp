@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "bench/machine.hpp"
+#include "stiction/error.hpp"
 
 namespace stiction::bench {
 
