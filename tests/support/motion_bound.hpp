@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "stiction/batch.hpp"
@@ -16,7 +17,8 @@ namespace stiction::test {
 ///     g'd <= s (norm(d) + s / a) + norm(g) s / a,     and  norm(g)^2 <= L g'd,
 ///
 /// a the smallest weight and L a bound on the largest eigenvalue. So norm(g) is at most the larger root of
-/// g^2 = L (s norm(d) + s^2 / a + g s / a). No constant is fitted; a solution that is wrong by more than its
+/// g^2 = L (s norm(d) + s^2 / a + g s / a). Residuals are themselves sums of n terms of the size of max|b| in double:
+/// n ulps of that join s. No constant is fitted; a solution that is wrong by more than its
 /// residual explains does not pass.
 struct MotionBound {
   double difference;  ///< norm(y - y')
@@ -44,7 +46,7 @@ inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset en
     if (cones == 0.0 || weight < smallest_weight) smallest_weight = weight;
     cones += 1.0;
   }
-  double g2 = 0.0, d2 = 0.0, largest_row = 0.0;
+  double g2 = 0.0, d2 = 0.0, largest_row = 0.0, largest_b = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     const Offset row = first + static_cast<Offset>(i);
     double g = batch.R[row] * (lambda[i] - other[i]);
@@ -58,8 +60,10 @@ inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset en
     const double d = mu[i] > 0 ? (lambda[i] - other[i]) / mu[i] : 0.0;
     d2 += d * d;
     if (row_sum > largest_row) largest_row = row_sum;
+    if (std::abs(batch.b[row]) > largest_b) largest_b = std::abs(batch.b[row]);
   }
-  const double s = (residual + other_residual) * std::sqrt(cones);
+  const double rounding = static_cast<double>(n) * std::numeric_limits<double>::epsilon() * largest_b;
+  const double s = (residual + other_residual + rounding) * std::sqrt(cones);
   const double half = 0.5 * largest_row * s / smallest_weight;
   const double root = half + std::sqrt(half * half + largest_row * (s * std::sqrt(d2) + s * s / smallest_weight));
   return {std::sqrt(g2), root};
