@@ -105,9 +105,9 @@ TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
 
 INSTANTIATE_TEST_SUITE_P(every_solver_and_law, CudaTwinOf,
                          ::testing::Combine(::testing::ValuesIn(kAllSolvers), ::testing::ValuesIn(kBothLaws)),
-                         [](const auto& info) {
-                           return std::string(to_string(std::get<0>(info.param))) + "_" +
-                                  to_string(std::get<1>(info.param));
+                         [](const auto& instance) {
+                           return std::string(to_string(std::get<0>(instance.param))) + "_" +
+                                  to_string(std::get<1>(instance.param));
                          });
 
 TEST_F(CudaTwin, a_permuted_batch_has_the_same_bits_environment_by_environment) {
