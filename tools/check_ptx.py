@@ -28,14 +28,25 @@ REQUIRED_FLAGS = ["--fmad=false", "--prec-div=true", "--prec-sqrt=true", "--ftz=
 MATRIX = {"mma", "wmma", "wgmma", "tcgen05"}
 
 
-# select(x > 0, x, +0), which nvcc writes as a maximum with +0: the same bits for every x, -0 and NaN included, because
-# PTX orders -0 below +0 and returns the number where one operand is NaN. No other maximum, and no minimum, is as safe.
-POSITIVE_PART = re.compile(r"\bmax\.(f32|f64)\s+%\w+,\s*%\w+,\s*(0f0{8}|0d0{16});")
+# select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. Where x is
+# NaN both give c, because PTX returns the number when one operand is NaN; where x is a zero both give c, because PTX
+# orders -0 below +0; elsewhere there is nothing to choose. A minimum, a register or a negative literal is not as safe.
+LITERAL_MAXIMUM = re.compile(r"\bmax\.(?:f32\s+%\w+,\s*%\w+,\s*0f([0-9A-Fa-f]{8})|f64\s+%\w+,\s*%\w+,\s*0d([0-9A-Fa-f]{16}));")
+
+
+def is_select_with_literal(line):
+    """Whether a line of PTX is a maximum with a finite literal >= +0."""
+    match = LITERAL_MAXIMUM.search(line)
+    if not match:
+        return False
+    if match.group(1):
+        return int(match.group(1), 16) < 0x7F800000
+    return int(match.group(2), 16) < 0x7FF0000000000000
 
 
 def finding(operation, line=""):
     """What is wrong with one instruction such as `add.f32`, in its line of PTX, or None."""
-    if POSITIVE_PART.search(line):
+    if is_select_with_literal(line):
         return None
     parts = operation.split(".")
     name, modifiers = parts[0], parts[1:]
@@ -161,6 +172,8 @@ SELF_TEST = [
     ("shfl.sync.bfly.b32 %r1|%p1, %r2, 16, 31, -1;", True),
     ("max.f32 \t%f559, %f558, 0f00000000;", True),
     ("max.f64 %fd1, %fd2, 0d0000000000000000;", True),
+    ("max.f32 %f1, %f2, 0f3F800000;", True),
+    ("max.f64 %fd1, %fd2, 0d01A56E1FC2F8F359;", True),
     ("// add.f32 in a comment", True),
     ("add.f32 %f1, %f2, %f3;", False),
     ("@!%p2 sub.f64 %fd1, %fd2, %fd3;", False),
@@ -178,7 +191,12 @@ SELF_TEST = [
     ("min.f32 %f1, %f2, %f3;", False),
     ("min.f32 %f1, %f2, 0f00000000;", False),
     ("max.f32 %f1, %f2, 0f80000000;", False),
-    ("max.f32 %f1, %f2, 0f3F800000;", False),
+    ("max.f32 %f1, %f2, %f3;", False),
+    ("max.f32 %f1, %f2, 0fBF800000;", False),
+    ("max.f32 %f1, %f2, 0f7F800000;", False),
+    ("max.f32 %f1, %f2, 0f7FC00000;", False),
+    ("max.f64 %fd1, %fd2, 0dBFF0000000000000;", False),
+    ("max.f64 %fd1, %fd2, 0d7FF8000000000000;", False),
     ("max.NaN.f32 %f1, %f2, 0f00000000;", False),
     ("max.NaN.f64 %fd1, %fd2, %fd3;", False),
     ("atom.global.add.f32 %f1, [%rd1], %f2;", False),
