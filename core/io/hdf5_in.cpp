@@ -138,6 +138,7 @@ bool InputFile::has(const std::string& path) const {
     }
     if (link.type != H5L_TYPE_HARD) refuse("'" + part + "' is a soft or external link, only plain objects are read");
     if (end == std::string::npos) return true;
+    check_header(part);
     const Handle object(H5Oopen(file_.get(), part.c_str(), H5P_DEFAULT), H5Oclose);
     if (!object.ok() || H5Iget_type(object.get()) != H5I_GROUP) refuse("'" + part + "' is not a group" + hdf5_reason());
   }
@@ -158,24 +159,21 @@ void InputFile::read_geometry() {
   if (address_width != 8 || size_width != 8)
     refuse("addresses in the file are not 64 bits wide, as all public files have");
   base_ = base;
-  H5O_info_t root{};
-  if (H5Oget_info2(file_.get(), &root, H5O_INFO_BASIC) < 0)
-    refuse("the root of the HDF5 file cannot be read" + hdf5_reason());
-  check_header("the root", root.addr);
+  check_header("/");
 }
 
-void InputFile::check_header(const std::string& what, std::uint64_t address) const {
-  const std::string defect = header_defect(bytes_, file_bytes_, base_, address);
-  if (!defect.empty()) refuse(what + " " + defect);
+void InputFile::check_header(const std::string& path) const {
+  H5O_info_t info{};
+  if (H5Oget_info_by_name2(file_.get(), path.c_str(), &info, H5O_INFO_BASIC, H5P_DEFAULT) < 0) {
+    refuse("'" + path + "' cannot be looked up" + hdf5_reason());
+  }
+  const std::string defect = header_defect(bytes_, file_bytes_, base_, info.addr);
+  if (!defect.empty()) refuse("'" + path + "' " + defect);
 }
 
 InputFile::Dataset InputFile::open(const std::string& path, Values values, std::optional<std::size_t> length) const {
   if (!has(path)) refuse_dataset(path, "is missing");
-  H5O_info_t info{};
-  if (H5Oget_info_by_name2(file_.get(), path.c_str(), &info, H5O_INFO_BASIC, H5P_DEFAULT) < 0) {
-    refuse_dataset(path, "cannot be opened" + hdf5_reason());
-  }
-  check_header("dataset '" + path + "'", info.addr);
+  check_header(path);
   Dataset dataset;
   dataset.id = Handle(H5Oopen(file_.get(), path.c_str(), H5P_DEFAULT), H5Oclose);
   if (!dataset.id.ok()) refuse_dataset(path, "cannot be opened" + hdf5_reason());

@@ -67,7 +67,7 @@ class InputFile {
                                                         std::optional<std::size_t> length) const;
   [[nodiscard]] TextHeap text_heap() const;
   void read_geometry();
-  void check_header(const std::string& what, std::uint64_t address) const;
+  void check_header(const std::string& path) const;
 
   Session session_;
   std::string name_;

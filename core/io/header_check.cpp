@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <deque>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -9,9 +10,11 @@ namespace stiction::io {
 namespace {
 
 // Message types.
+constexpr unsigned kDataspace = 0x01;
 constexpr unsigned kLayout = 0x08;
 constexpr unsigned kAttribute = 0x0c;
 constexpr unsigned kContinuation = 0x10;
+constexpr unsigned kSymbolTable = 0x11;
 
 constexpr unsigned kSharedMessage = 2;  // flag: the message lies elsewhere
 constexpr std::uint64_t kChunkedLayout = 2;
@@ -45,7 +48,8 @@ class Cursor {
   bool past_end_ = false;
 };
 
-std::string layout_defect(std::span<const char> message) {
+/// `chunk_rank` becomes the number of chunk dimensions, the element's bytes among them.
+std::string layout_defect(std::span<const char> message, std::optional<std::uint64_t>& chunk_rank) {
   Cursor cursor(message);
   const std::uint64_t version = cursor.number(1);
   std::uint64_t rank = 0, kind = 0;
@@ -71,6 +75,7 @@ std::string layout_defect(std::span<const char> message) {
     return {};
   }
   if (rank > kMaxRank + 1) return "has a damaged number of chunk dimensions";
+  if (kind == kChunkedLayout) chunk_rank = rank;
   for (std::uint64_t i = 0; i < rank && kind == kChunkedLayout; ++i) {
     if (cursor.number(width) == 0 && !cursor.past_end()) return "has chunks of size zero";
   }
@@ -116,10 +121,16 @@ std::string attribute_defect(std::span<const char> message) {
   return {};
 }
 
-std::string message_defect(std::uint64_t type, std::uint64_t flags, std::span<const char> body) {
-  if (type != kLayout && type != kAttribute) return {};
-  if ((flags & kSharedMessage) != 0) return "shares a header message";
-  return type == kLayout ? layout_defect(body) : attribute_defect(body);
+/// The heap of a group's names: HDF5 adds to the size it claims before it asks for memory, and wraps around.
+std::string symbol_table_defect(RawBytes& bytes, std::uint64_t file_bytes, std::uint64_t base,
+                                std::span<const char> message) {
+  if (message.size() < 16) return kTruncated;
+  const std::uint64_t address = little_endian(message.data() + 8, 8);
+  char heap[16];
+  if (address > file_bytes || !bytes.read(base + address, heap) || std::memcmp(heap, "HEAP", 4) != 0) {
+    return "has no readable names";
+  }
+  return little_endian(heap + 8, 8) > file_bytes ? "claims more names than the file holds" : "";
 }
 
 struct Block {
@@ -158,6 +169,8 @@ std::string header_defect(RawBytes& bytes, std::uint64_t file_bytes, std::uint64
   if (address > file_bytes || !read_prefix(bytes, base + address, prefix)) return "has no readable header";
   std::deque<Block> blocks{prefix.first};
   std::uint64_t left = file_bytes;  // honest blocks do not overlap
+  std::optional<std::uint64_t> rank;
+  std::optional<std::uint64_t> chunk_rank;
   for (; !blocks.empty(); blocks.pop_front()) {
     const Block block = blocks.front();
     if (block.size > left) return "has a header larger than the file";
@@ -179,10 +192,19 @@ std::string header_defect(RawBytes& bytes, std::uint64_t file_bytes, std::uint64
         }
         blocks.push_back(next);
       }
-      const std::string defect = message_defect(type, flags, {body, size});
+      const std::span<const char> message(body, size);
+      std::string defect;
+      if (type == kDataspace && size >= 2) rank = little_endian(body + 1, 1);
+      if (type == kLayout) defect = layout_defect(message, chunk_rank);
+      if (type == kAttribute) defect = attribute_defect(message);
+      if (type == kSymbolTable) defect = symbol_table_defect(bytes, file_bytes, base, message);
+      if ((type == kDataspace || type == kLayout || type == kAttribute) && (flags & kSharedMessage) != 0) {
+        defect = "has a header message that is stored elsewhere";
+      }
       if (!defect.empty()) return defect;
     }
   }
+  if (chunk_rank && rank.value_or(0) + 1 != *chunk_rank) return "has chunks of another rank than its shape";
   return {};
 }
 

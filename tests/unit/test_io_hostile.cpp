@@ -134,5 +134,33 @@ TEST_F(IoHostile, ADamagedStringIsRefusedAndNotFollowed) {
               HasSubstr("image: attribute 'format' is a damaged string"));
 }
 
+/// Places of the layout messages of packed datasets: version 3, chunked, two chunk dimensions (elements and bytes).
+std::vector<std::size_t> chunked_layouts(const std::string& bytes) {
+  std::vector<std::size_t> places;
+  const std::string message("\x08\x00\x18\x00\x00\x00\x00\x00\x03\x02\x02", 11);
+  for (std::size_t at = bytes.find(message); at != std::string::npos; at = bytes.find(message, at + 1)) {
+    places.push_back(at + 8);
+  }
+  return places;
+}
+
+TEST_F(IoHostile, ChunkSizesThatHdf5WouldDivideByAreRefused) {
+  write_batch(at("a.h5"), long_recording(400));
+  const std::string bytes = bytes_of(at("a.h5"));
+  const std::vector<std::size_t> places = chunked_layouts(bytes);
+  ASSERT_GE(places.size(), 5U) << "A/ptr, A/col, A/val, b and R are packed";
+  for (const std::size_t place : places) {
+    std::string no_dimensions = bytes, no_elements = bytes;
+    no_dimensions[place + 2] = 0;
+    for (std::size_t i = 0; i < 4; ++i) no_elements[place + 11 + i] = 0;
+    EXPECT_THAT(
+        message_of(ErrorCode::bad_file, [&] { read_any(InputFile(std::as_bytes(std::span(no_dimensions)), "image")); }),
+        HasSubstr("has chunks of another rank than its shape"));
+    EXPECT_THAT(
+        message_of(ErrorCode::bad_file, [&] { read_any(InputFile(std::as_bytes(std::span(no_elements)), "image")); }),
+        HasSubstr("has chunks of size zero"));
+  }
+}
+
 }  // namespace
 }  // namespace stiction::io::test
