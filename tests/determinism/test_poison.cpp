@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -106,7 +107,7 @@ bool all_finite(const Solution<Real>& solution) {
 template <class Real>
 class Poisoned : public testing::Test {
  protected:
-  static constexpr Offset kPoisoned[] = {0, 5, 22};
+  static constexpr std::array<Offset, 3> kPoisoned = {0, 5, 22};
   // Robots have every kind of cone that can be poisoned, and lanes of a pack beside them.
   Poisoned() : batch(convert<Real>(scene_batch("walker", 23, 4))) {}
   ContactBatch<Real> batch;
