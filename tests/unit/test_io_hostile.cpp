@@ -89,7 +89,7 @@ TEST_F(IoHostile, TruncatedFilesOnDiskAreCalledSo) {
 
 TEST_F(IoHostile, FlippedBytesInABatchNeverCrashTheReader) {
   write_batch(at("a.h5"), small_recording());
-  const Count count = flip_bytes(bytes_of(at("a.h5")), 1, 4000, read_and_use);
+  const Count count = flip_bytes(bytes_of(at("a.h5")), 1, 2500, read_and_use);
   EXPECT_GT(count.refused, 100) << "the flips hit nothing that is looked at";
   EXPECT_GT(count.read, 100) << "the flips leave nothing readable";
   EXPECT_LT(peak_memory_mib(), 512U);
