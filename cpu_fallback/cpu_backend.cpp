@@ -73,7 +73,7 @@ class CpuBackend final : public Backend {
     const cpu::Job<Real> job{
         request.batch,
         {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),
-         plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data()},
+         plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data(), plan.color_count.data()},
         request.warm_start,
         request.solution.lambda,
         request.solution.w,

@@ -47,6 +47,7 @@ DevicePlan PlanCache::upload(const PlanData& plan) {
   add(copy.view.vertex_offsets, plan.vertex_offsets);
   add(copy.view.env_color_offsets, plan.env_color_offsets);
   add(copy.view.color_offsets, plan.color_offsets);
+  add(copy.view.color_count, plan.color_count);
   add(copy.envs, copy.layout.envs);
   add(copy.offsets, copy.layout.offsets);
   copy.memory = arrays.allocate(*pool_, stream_.get());

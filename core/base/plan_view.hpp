@@ -13,6 +13,7 @@ struct PlanView {
   const Index* vertex_offsets = nullptr;
   const Offset* env_color_offsets = nullptr;
   const Index* color_offsets = nullptr;
+  const Index* color_count = nullptr;
 };
 
 }  // namespace stiction

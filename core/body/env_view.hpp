@@ -87,7 +87,7 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   v.cone_order = plan.cone_order + cone;
   v.vertex_offsets = plan.vertex_offsets + plan.env_vertex_offsets[env];
   v.color_offsets = plan.color_offsets + plan.env_color_offsets[env];
-  v.color_count = static_cast<Index>(plan.env_color_offsets[env + 1] - plan.env_color_offsets[env]) - 1;
+  v.color_count = plan.color_count[env];
   return v;
 }
 

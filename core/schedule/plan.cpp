@@ -106,6 +106,7 @@ class SparsePlanner {
     for (const Index color : coloring.color) ++color_end[at(color) + 1];
     std::partial_sum(color_end.begin(), color_end.end(), color_end.begin());
     plan.color_offsets.insert(plan.color_offsets.end(), color_end.begin(), color_end.end());
+    plan.color_count.back() = coloring.color_count;
   }
 
  private:
@@ -228,6 +229,7 @@ PlanData plan_structure(const Structure& structure) {
     const EnvStructure env(structure, e);
     plan.counts.push_back(count_cones(env));
     plan.path.push_back(choose_path(env.rows, env.nonzeros()));
+    plan.color_count.push_back(0);
     if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
     plan.env_vertex_offsets.push_back(static_cast<Offset>(plan.vertex_offsets.size()));

@@ -27,6 +27,7 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
                                            ///< count; dense, empty: no entries
   std::vector<Offset> env_color_offsets;   ///< where each environment's color_offsets begin          (env_count + 1)
   std::vector<Index> color_offsets;        ///< sparse: vertex where each colour begins, closed by the vertex count
+  std::vector<Index> color_count;          ///< sparse: colours; dense, empty: 0                      (env_count)
   std::vector<Offset> dense_order;         ///< dense environments, most expensive first, equal shapes together;
                                            ///< the order reaches speed only
   std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first

@@ -15,6 +15,7 @@ inline PlanView view_of(const PlanData& plan) {
   view.vertex_offsets = plan.vertex_offsets.data();
   view.env_color_offsets = plan.env_color_offsets.data();
   view.color_offsets = plan.color_offsets.data();
+  view.color_count = plan.color_count.data();
   return view;
 }
 

@@ -10,6 +10,7 @@
 #include "core/schedule/plan.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jitter_block.hpp"
+#include "tests/support/plan_views.hpp"
 #include "tests/support/torture_block.hpp"
 
 /// One environment solved by a body on blocks of every width, by threads that race unless the body syncs, and on every
@@ -68,11 +69,7 @@ class TortureCase {
     Solution<Real> solution{std::vector<Real>(rows()), std::vector<Real>(rows()), std::vector<EnvStatus>(1)};
     // What a body reads before it writes would show: no memory of a GPU is zero by itself.
     std::vector<Real> memory(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
-    const PlanView plan{plan_.path.data(),           plan_.counts.data(),
-                        plan_.cone_order.data(),     plan_.env_vertex_offsets.data(),
-                        plan_.vertex_offsets.data(), plan_.env_color_offsets.data(),
-                        plan_.color_offsets.data()};
-    const EnvView<Real> env = slice(batch_.view(), plan, kLaw, warm_.empty() ? nullptr : warm_.data(),
+    const EnvView<Real> env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
     const StopRule rule{options_.tolerance, options_.max_iterations, options_.stall_window};
     run_block(width, make, [&](auto& block) {

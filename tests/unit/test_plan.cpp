@@ -116,7 +116,9 @@ void expect_sound(const ContactBatchView<double>& batch, const PlanData& plan, O
   std::iota(all.begin(), all.end(), 0);
   ASSERT_EQ(sorted, all) << "every cone once";
   ASSERT_EQ(row_count(plan.counts[at(env)]), rows);
+  ASSERT_EQ(plan.color_count.size(), plan.path.size());
   if (plan.path[at(env)] != EnvPath::sparse) {
+    EXPECT_EQ(plan.color_count[at(env)], 0);
     EXPECT_TRUE(vertices_of(plan, env).empty());
     EXPECT_TRUE(colors_of(plan, env).empty());
     return;
@@ -126,6 +128,7 @@ void expect_sound(const ContactBatchView<double>& batch, const PlanData& plan, O
   ASSERT_EQ(vertices.back(), cones);
   ASSERT_EQ(colors.front(), 0);
   ASSERT_EQ(colors.back(), static_cast<Index>(vertices.size()) - 1);
+  ASSERT_EQ(plan.color_count[at(env)], static_cast<Index>(colors.size()) - 1);
 
   std::vector<Index> vertex_of_cone(at(cones)), color_of_vertex(vertices.size() - 1), cone_of_row(at(rows));
   for (std::size_t v = 0; v + 1 < vertices.size(); ++v) {

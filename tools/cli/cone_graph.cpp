@@ -111,7 +111,7 @@ std::vector<Index> cone_colors(const ConeGraph& graph, const ContactBatchView<do
   const Index* order = plan.cone_order.data() + batch.env_cone_offsets[env];
   const Index* vertex_offsets = plan.vertex_offsets.data() + plan.env_vertex_offsets[at(env)];
   const Offset first = plan.env_color_offsets[at(env)];
-  const auto color_count = static_cast<Index>(plan.env_color_offsets[at(env) + 1] - first - 1);
+  const Index color_count = plan.color_count[at(env)];
   for (Index color = 0; color < color_count; ++color) {
     const Index begin = vertex_offsets[plan.color_offsets[at(first + color)]];
     const Index end = vertex_offsets[plan.color_offsets[at(first + color + 1)]];

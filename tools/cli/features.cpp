@@ -47,7 +47,7 @@ void measure_plan(const PlanData& plan, Features& features) {
     ++features.paths[static_cast<std::size_t>(plan.path[env])];
     if (plan.path[env] != EnvPath::sparse) continue;
     features.vertices.push_back(plan.env_vertex_offsets[env + 1] - plan.env_vertex_offsets[env] - 1);
-    features.colors.push_back(plan.env_color_offsets[env + 1] - plan.env_color_offsets[env] - 1);
+    features.colors.push_back(plan.color_count[env]);
   }
 }
 
