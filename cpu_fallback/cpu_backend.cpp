@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "core/runtime/backend.hpp"
-#include "cpu_fallback/fp_env.hpp"
+#include "core/base/fp_env.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
 #include "cpu_fallback/thread_pool.hpp"
@@ -65,7 +65,7 @@ class CpuBackend final : public Backend {
   template <class Real>
   void run(const SolveRequest<Real>& request) {
     // The options are rounded to Real below: that too must not see the caller's rounding mode.
-    const cpu::ScopedFpEnv fp_env;
+    const ScopedFpEnv fp_env;
     const SolverOptions& options = request.options;
     const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);

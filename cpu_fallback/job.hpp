@@ -1,26 +1,11 @@
 #pragma once
 
-#include "core/base/plan_view.hpp"
-#include "stiction/batch.hpp"
-#include "stiction/status.hpp"
+#include "core/base/solve_job.hpp"
 
 namespace stiction::cpu {
 
-/// One solve on the CPU, as plain data: what crosses into code compiled for an instruction set.
 template <class Real>
-struct Job {
-  ContactBatchView<Real> batch;
-  PlanView plan;
-  const Real* warm_start;
-  Real* lambda;
-  Real* w;
-  EnvStatus* status;
-  double tolerance;
-  Index max_iterations;
-  Index stall_window;
-  Real omega;
-  Law law;
-};
+using Job = SolveJob<Real>;
 
 /// One solver under one law, compiled for one instruction set.
 template <class Real>

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "cpu_fallback/fp_env.hpp"
+#include "core/base/fp_env.hpp"
 
 namespace stiction::cpu {
 

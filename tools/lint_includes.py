@@ -39,13 +39,13 @@ class Row:
 # Longest folder first: the first row that contains a file is the one that speaks.
 TABLE = [
     Row(PUBLIC, [PUBLIC]),
-    Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h",)),
+    Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h", "xmmintrin.h")),
     Row("core/block", [PUBLIC, "core/base", "core/block"], std=STD_TYPES),
     Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
     Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
     Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
-    Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
+    Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/schedule/plan.hpp"
-#include "cpu_fallback/fp_env.hpp"
+#include "core/base/fp_env.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "tests/support/plan_views.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -84,14 +84,14 @@ class Direct {
   }
 
   std::vector<std::uint64_t> one_by_one() {
-    const cpu::ScopedFpEnv fp_env;
+    const ScopedFpEnv fp_env;
     for (Offset e = 0; e < batch_.env_count(); ++e) solve_alone(e);
     return env_hashes(batch_, solution_);
   }
 
   /// All dense environments in one run, whatever their shapes: far more padding than the partition would allow.
   std::vector<std::uint64_t> all_in_one_pack() {
-    const cpu::ScopedFpEnv fp_env;
+    const ScopedFpEnv fp_env;
     ConeCounts slots;
     std::vector<Offset> dense;
     for (Offset e = 0; e < batch_.env_count(); ++e) {

@@ -6,7 +6,7 @@
 #include <xmmintrin.h>
 #endif
 
-namespace stiction::cpu {
+namespace stiction {
 
 /// The floating-point environment the bodies assume: round to nearest, subnormals kept. A process may have lost it
 /// without asking (loading a library built with -ffast-math sets flush-to-zero), so every solving thread sets it and
@@ -32,4 +32,4 @@ class ScopedFpEnv {
   std::fenv_t saved_{};
 };
 
-}  // namespace stiction::cpu
+}  // namespace stiction
