@@ -74,7 +74,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
-        if ((lane.progress.flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) {
+        if (!is_solvable(lane.progress.flags)) {
           refuse(block, lane.env, Method::kKind, lane.progress.flags);
         } else if (!settle<Method>(block, lane.env, staged, rule, lane.progress)) {
           lane.busy = true;
@@ -110,8 +110,7 @@ template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
   if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kVectors);
-  return SparseSystem<Real>::elements(view.n, view.cone_count, view.row_offsets[view.n] - view.row_offsets[0],
-                                      Method::kVectors);
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::kVectors);
 }
 
 template <class Method, Law kLaw, class Real>

@@ -12,42 +12,53 @@ namespace stiction::inline STICTION_ISA {
 /// One environment sliced from a batch, a plan and a solution. Row and cone numbers count from its own zero.
 template <class Real>
 struct EnvView {
-  Index n;                      ///< rows
-  Index cone_count;             ///< cones
-  Offset first_row;             ///< this environment's first row in the batch
-  Law law;                      ///< law of its friction cones
-  const ConeKind* kind;         ///< kind                                      (cone_count)
-  const Offset* cone_rows;      ///< batch-wide first row of each cone         (cone_count + 1)
-  const Offset* row_offsets;    ///< CSR rows of A, batch-wide positions       (n + 1)
-  const Index* column;          ///< CSR columns, the whole batch's array
-  const Real* A;                ///< CSR values, the whole batch's array [w / lambda]
-  const Real* b;                ///< right-hand side [w]                       (n)
-  const Real* R;                ///< compliance [w / lambda]                   (n)
-  const Real* mu;               ///< friction per axis [-]                     (n)
-  const Real* lo;               ///< box lower bound [lambda]                  (n)
-  const Real* hi;               ///< box upper bound [lambda]                  (n)
-  const Real* warm_start;       ///< first guess [lambda], or null             (n)
-  Real* lambda;                 ///< out: reactions [lambda]                   (n)
-  Real* w;                      ///< out: residual motion [w], or null         (n)
-  EnvStatus* status;            ///< out                                       (1)
-  ConeCounts counts;            ///< cones by kind
-  const Index* cone_order;      ///< the plan's order of cones                 (cone_count)
-  const Index* vertex_offsets;  ///< sparse path: cone position of each vertex
-  const Index* color_offsets;   ///< sparse path: vertex where each colour begins
-  Index color_count;            ///< sparse path: colours
+  Index n;                       ///< rows
+  Index cone_count;              ///< cones
+  Offset first_row;              ///< this environment's first row in the batch
+  Law law;                       ///< law of its friction cones
+  const ConeKind* kind;          ///< kind                                      (cone_count)
+  const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
+  std::uint32_t flags;           ///< what was found when the batch was made
+  const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
+  const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
+  const Offset* column_offsets;  ///< where each row's columns begin            (n)
+  const Index* column;           ///< CSR columns, the whole batch's array
+  const Real* A;                 ///< CSR values, the whole batch's array [w / lambda]
+  const Real* b;                 ///< right-hand side [w]                       (n)
+  const Real* R;                 ///< compliance [w / lambda]                   (n)
+  const Real* mu;                ///< friction per axis [-]                     (n)
+  const Real* lo;                ///< box lower bound [lambda]                  (n)
+  const Real* hi;                ///< box upper bound [lambda]                  (n)
+  const Real* warm_start;        ///< first guess [lambda], or null             (n)
+  Real* lambda;                  ///< out: reactions [lambda]                   (n)
+  Real* w;                       ///< out: residual motion [w], or null         (n)
+  EnvStatus* status;             ///< out                                       (1)
+  ConeCounts counts;             ///< cones by kind
+  const Index* cone_order;       ///< the plan's order of cones                 (cone_count)
+  const Index* vertex_offsets;   ///< sparse path: cone position of each vertex
+  const Index* color_offsets;    ///< sparse path: vertex where each colour begins
+  Index color_count;             ///< sparse path: colours
 
   [[nodiscard]] STICTION_HD Index cone_row(Index cone) const { return static_cast<Index>(cone_rows[cone] - first_row); }
   [[nodiscard]] STICTION_HD Index cone_size(Index cone) const {
     return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]);
   }
+  /// Stored entries of a row.
+  [[nodiscard]] STICTION_HD Index entries(Index row) const {
+    return row_counts != nullptr ? row_counts[row] : static_cast<Index>(row_offsets[row + 1] - row_offsets[row]);
+  }
+  /// Their columns.
+  [[nodiscard]] STICTION_HD const Index* columns(Index row) const { return column + column_offsets[row]; }
+  /// Entries from the first row's first to the last row's last, what is not in use between them included.
+  [[nodiscard]] STICTION_HD Offset entry_span() const { return row_offsets[n] - row_offsets[0]; }
 };
 
 /// Whether a row stores the columns 0, 1, 2, ... in order, as a dense matrix written as CSR does. Then no column has to
 /// be looked up; what is computed stays the same.
 template <class Real>
 STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
-  const Index* column = env.column + env.row_offsets[row];
-  const Index count = static_cast<Index>(env.row_offsets[row + 1] - env.row_offsets[row]);
+  const Index* column = env.columns(row);
+  const Index count = env.entries(row);
   unsigned off = 0;
   for (Index k = 0; k < count; ++k) off |= static_cast<unsigned>(column[k] != k);
   return off == 0;
@@ -65,13 +76,16 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   const Offset row = batch.env_row_offsets[env];
   const Offset cone = batch.env_cone_offsets[env];
   EnvView<Real> v;
-  v.n = static_cast<Index>(batch.env_row_offsets[env + 1] - row);
-  v.cone_count = static_cast<Index>(batch.env_cone_offsets[env + 1] - cone);
+  v.n = batch.env_rows(env);
+  v.cone_count = batch.env_cones(env);
   v.first_row = row;
   v.law = law;
+  v.flags = batch.env_flags == nullptr ? 0 : batch.env_flags[env];
   v.kind = batch.cone_kind + cone;
   v.cone_rows = batch.cone_row_offsets + cone;
   v.row_offsets = batch.row_offsets + row;
+  v.row_counts = batch.row_counts == nullptr ? nullptr : batch.row_counts + row;
+  v.column_offsets = (batch.column_offsets == nullptr ? batch.row_offsets : batch.column_offsets) + row;
   v.column = batch.column;
   v.A = batch.A;
   v.b = batch.b + row;

@@ -5,10 +5,13 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// Flags that an environment may carry and still be solved.
+inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagCapacity;
+
 /// What one look at an environment's numbers tells.
 template <class Real>
 struct Inspection {
-  std::uint32_t flags;    ///< EnvFlag bits; anything but kFlagWarmStartRejected makes the input invalid
+  std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
   Real largest_b;         ///< max|b| [w]
   Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
 };
@@ -25,7 +28,7 @@ struct RowScan {
 template <class Real>
 STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
   const Offset begin = env.row_offsets[row];
-  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  const Index count = env.entries(row);
   const Real* a = env.A + begin;
   unsigned broken = 0;
   for (Index k = 0; k < count; ++k) broken |= static_cast<unsigned>(!finite_(a[k]));
@@ -33,8 +36,9 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
   if (row < count && is_run(env, row)) {
     diagonal = diagonal + a[row];
   } else {
+    const Index* column = env.columns(row);
     for (Index k = 0; k < count; ++k)
-      if (env.column[begin + k] == row) diagonal = diagonal + a[k];
+      if (column[k] == row) diagonal = diagonal + a[k];
   }
   return {diagonal, broken == 0 && finite_(env.b[row]) && finite_(env.R[row])};
 }
@@ -43,7 +47,7 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
 /// cone's diagonal in the system's trace.
 template <Block B, class Real, class System>
 STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
-  std::uint32_t flags = 0;
+  std::uint32_t flags = env.flags;
   Real largest_b(0);
   Real largest_diagonal(0);
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {

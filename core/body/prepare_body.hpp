@@ -55,14 +55,15 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, 
       const Strided<Real, kStride> row = s.A.from(place.row + k);
       const Real scale = s.best[i];
       const Offset begin = env.row_offsets[i];
-      const Index count = static_cast<Index>(env.row_offsets[i + 1] - begin);
+      const Index count = env.entries(i);
+      const Index* column = env.columns(i);
       const Real* a = env.A + begin;
       if (is_run(env, i)) {
         for (Index j = 0; j < count; ++j)
           row[static_cast<Index>(s.y[j])] = Real(0) + (a[j] * scale_a) * (scale * s.best[j]);
       } else {
         for (Index t = 0; t < count; ++t) {
-          const Index j = env.column[begin + t];
+          const Index j = column[t];
           Real& entry = row[static_cast<Index>(s.y[j])];
           entry = entry + (a[t] * scale_a) * (scale * s.best[j]);
         }
@@ -88,10 +89,13 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>
       const Real scale = s.best[i];
       s.R[i] = (env.R[i] * scale_a) * (scale * scale);
       for (Index j = 0; j < size; ++j) s.blocks[first * 6 + (i - first) * 6 + j] = 0;
-      for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
-        const Index j = env.column[k];
-        const Real value = (env.A[k] * scale_a) * (scale * s.best[j]);
-        s.value.data[k - env.row_offsets[0]] = value;
+      const Offset begin = env.row_offsets[i];
+      const Index count = env.entries(i);
+      const Index* column = env.columns(i);
+      for (Index t = 0; t < count; ++t) {
+        const Index j = column[t];
+        const Real value = (env.A[begin + t] * scale_a) * (scale * s.best[j]);
+        s.value.data[begin - env.row_offsets[0] + t] = value;
         if (j >= first && j < first + size) {
           Real& entry = s.blocks[first * 6 + (i - first) * 6 + (j - first)];
           entry = entry + value;
@@ -162,14 +166,15 @@ STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
   const Offset base = env.row_offsets[0];
   Real largest(0);
   Real difference(0);
+  const auto value = [&](Index row, Index k) { return s.value.data[env.row_offsets[row] - base + k]; };
   for (Index i = block.rank(); i < s.n; i += block.size())
-    for (Offset k = env.row_offsets[i]; k < env.row_offsets[i + 1]; ++k) {
-      const Index j = env.column[k];
+    for (Index k = 0; k < env.entries(i); ++k) {
+      const Index j = env.columns(i)[k];
       Real mirrored(0);
-      for (Offset t = env.row_offsets[j]; t < env.row_offsets[j + 1]; ++t)
-        if (env.column[t] == i) mirrored = s.value.data[t - base];
-      largest = max_(abs_(s.value.data[k - base]), largest);
-      difference = max_(abs_(s.value.data[k - base] - mirrored), difference);
+      for (Index t = 0; t < env.entries(j); ++t)
+        if (env.columns(j)[t] == i) mirrored = value(j, t);
+      largest = max_(abs_(value(i, k)), largest);
+      difference = max_(abs_(value(i, k) - mirrored), difference);
     }
   largest = block.max(largest);
   difference = block.max(difference);
@@ -180,18 +185,18 @@ STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
 inline constexpr float kLargestAsymmetry = 1e-2F;
 
 /// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
-/// the flags; with any but kFlagWarmStartRejected set the system is not to be used.
+/// the flags; with any but kHarmlessFlags set the system is not to be used.
 template <Block B, class Real, class System>
 STICTION_HD std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
   for_each(block, s.cones,
            [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
   const Inspection<Real> seen = inspect(block, env, s);
   std::uint32_t flags = seen.flags;
-  if ((flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) != 0) return flags;
+  if ((flags & ~kHarmlessFlags) != 0) return flags;
   const Real scale_a = unit_scale(seen.largest_diagonal);
   const Real scale_b = unit_scale(seen.largest_b);
   // With b = 0 the answer is zero, and no warm start is better.
-  const bool warm = env.warm_start != nullptr && flags == 0 && seen.largest_b > Real(0);
+  const bool warm = env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0 && seen.largest_b > Real(0);
   assemble(block, env, s, scale_a);
   for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
   for_each_place(block, env, s,
@@ -217,7 +222,7 @@ STICTION_HD void begin_method(B& block, System& s) {
 
 /// Whether an environment with those flags can be solved.
 STICTION_HD bool is_solvable(std::uint32_t flags) {
-  return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected)) == 0;
+  return (flags & ~kHarmlessFlags) == 0;
 }
 
 /// Both, for machines that do all in one go. Returns the flags.

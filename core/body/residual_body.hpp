@@ -9,9 +9,9 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start) {
   const Offset begin = env.row_offsets[row];
-  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  const Index count = env.entries(row);
   const Real* a = env.A + begin;
-  const Index* column = env.column + begin;
+  const Index* column = env.columns(row);
   double sum[4] = {start, 0.0, 0.0, 0.0};
   const auto accumulate = [&](auto column_of) {
     const auto add = [&](int part, Index k) {
@@ -34,10 +34,11 @@ STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start)
 template <class Real>
 STICTION_HD double row_diagonal(const EnvView<Real>& env, Index row, double start) {
   const Offset begin = env.row_offsets[row];
-  const Index count = static_cast<Index>(env.row_offsets[row + 1] - begin);
+  const Index count = env.entries(row);
+  const Index* column = env.columns(row);
   if (row < count && is_run(env, row)) return start + static_cast<double>(env.A[begin + row]);
   for (Index k = 0; k < count; ++k)
-    if (env.column[begin + k] == row) start = start + static_cast<double>(env.A[begin + k]);
+    if (column[k] == row) start = start + static_cast<double>(env.A[begin + k]);
   return start;
 }
 

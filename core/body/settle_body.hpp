@@ -34,7 +34,7 @@ STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, 
 /// could carry the very NaN; for an unsupported system w = b.
 template <Block B, class Real>
 STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
-  const bool unsupported = (flags & ~static_cast<std::uint32_t>(kFlagAsymmetric | kFlagWarmStartRejected)) == 0;
+  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric)) == 0;
   for_each(block, env.n, [&](Index i) {
     env.lambda[i] = 0;
     if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);
@@ -47,7 +47,7 @@ STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind s
 /// An environment without rows is solved by saying so.
 template <Block B, class Real>
 STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind solver) {
-  write_status(block, env, EnvCode::solved, solver, 0, 0, 0.0, 0.0);
+  write_status(block, env, EnvCode::solved, solver, env.flags, 0, 0.0, 0.0);
 }
 
 /// The best iterate back in the batch's units and order.

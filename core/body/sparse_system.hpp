@@ -20,7 +20,7 @@ struct SparseSystem : SystemArrays<RealType, 1> {
   const EnvView<Real>* env = nullptr;
   Index n = 0;
   Index cones = 0;
-  Strided<Real, 1> value;   ///< CSR values in the solver's coordinates, without R  (nonzeros)
+  Strided<Real, 1> value;   ///< CSR values in the solver's coordinates, without R  (entry span)
   Strided<Real, 1> R;       ///< compliance in the solver's coordinates             (n)
   Strided<Real, 1> blocks;  ///< diagonal block of the cone at row r from 6 r on    (6 n)
 
@@ -61,10 +61,9 @@ struct SparseSystem : SystemArrays<RealType, 1> {
   template <bool kAbsolute = false>
   [[nodiscard]] STICTION_HD Real gather(Index i, Strided<Real, 1> in, Real start) const {
     const Offset begin = env->row_offsets[i];
-    const Offset end = env->row_offsets[i + 1];
     const Real* a = value.data + (begin - env->row_offsets[0]);
-    const Index* column = env->column + begin;
-    const Offset count = end - begin;
+    const Index* column = env->columns(i);
+    const Offset count = env->entries(i);
     const auto entry = [](Real v) { return kAbsolute ? abs_(v) : v; };
     Real sum[4] = {start, Real(0), Real(0), Real(0)};
     Offset k = 0;

@@ -157,6 +157,10 @@ ContactBatch<Real> ContactBatch<Real>::from_arrays(Law law, Arrays arrays) {
   expect_length("mu", arrays.mu.size(), rows, "one per row, as b has");
   expect_length("lo", arrays.lo.size(), rows, "one per row, as b has");
   expect_length("hi", arrays.hi.size(), rows, "one per row, as b has");
+  if (!arrays.env_flags.empty()) {
+    expect_length("env_flags", arrays.env_flags.size(), arrays.env_row_offsets.size() - 1,
+                  "one per environment, or none at all");
+  }
 
   ContactBatch batch(law);
   batch.arrays_ = std::move(arrays);
@@ -187,6 +191,7 @@ void ContactBatch<Real>::add(const Environment<Real>& environment) {
   append_or_zeros(arrays_.hi, environment.hi, rows);
   arrays_.env_row_offsets.push_back(static_cast<Offset>(arrays_.b.size()));
   arrays_.env_cone_offsets.push_back(static_cast<Offset>(arrays_.cone_kind.size()));
+  if (!arrays_.env_flags.empty()) arrays_.env_flags.push_back(0);
 }
 
 template <class Real>
@@ -198,6 +203,7 @@ ContactBatchView<Real> ContactBatch<Real>::view() const noexcept {
   view.nonzero_count = static_cast<Offset>(arrays_.column.size());
   view.env_row_offsets = arrays_.env_row_offsets.data();
   view.env_cone_offsets = arrays_.env_cone_offsets.data();
+  view.env_flags = arrays_.env_flags.empty() ? nullptr : arrays_.env_flags.data();
   view.cone_kind = arrays_.cone_kind.data();
   view.cone_row_offsets = arrays_.cone_row_offsets.data();
   view.cone_group = arrays_.cone_group.empty() ? nullptr : arrays_.cone_group.data();
@@ -231,6 +237,7 @@ ContactBatch<To> convert(const ContactBatch<From>& batch) {
   to.mu = rounded<To>(from.mu);
   to.lo = rounded<To>(from.lo);
   to.hi = rounded<To>(from.hi);
+  to.env_flags = from.env_flags;
   return ContactBatch<To>::from_arrays(batch.law(), std::move(to));
 }
 
@@ -270,6 +277,7 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
     append_range(to.hi, from.hi, rows.begin, rows.end);
     to.env_row_offsets.push_back(static_cast<Offset>(to.b.size()));
     to.env_cone_offsets.push_back(static_cast<Offset>(to.cone_kind.size()));
+    if (!from.env_flags.empty()) to.env_flags.push_back(from.env_flags[static_cast<std::size_t>(env)]);
   }
   return ContactBatch<Real>::from_arrays(batch.law(), std::move(to));
 }

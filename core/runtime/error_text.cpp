@@ -48,6 +48,10 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "warm_start_rejected";
     case kFlagAsymmetric:
       return "asymmetric";
+    case kFlagCapacity:
+      return "capacity";
+    case kFlagBadMass:
+      return "bad_mass";
   }
   return kUnknown;
 }

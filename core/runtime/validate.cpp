@@ -95,7 +95,52 @@ class Validator {
     };
     rows_sound_ = check_offsets("row_offsets", offsets(batch_.row_offsets, batch_.row_count), batch_.nonzero_count,
                                 "stored entries", row_place, report_);
+    if (env_rows_sound_ && batch_.env_row_counts != nullptr)
+      env_rows_sound_ =
+          check_counts("env_row_counts", batch_.env_row_counts, batch_.env_row_offsets, batch_.env_count, env_place);
+    if (env_cones_sound_ && batch_.env_cone_counts != nullptr)
+      env_cones_sound_ =
+          check_counts("env_cone_counts", batch_.env_cone_counts, batch_.env_cone_offsets, batch_.env_count, env_place);
+    if (rows_sound_ && batch_.row_counts != nullptr)
+      rows_sound_ = check_counts("row_counts", batch_.row_counts, batch_.row_offsets, batch_.row_count, row_place);
+    if (rows_sound_ && batch_.column_offsets != nullptr) rows_sound_ = check_column_offsets(row_place);
     env_sound_.assign(static_cast<std::size_t>(batch_.env_count), true);
+  }
+
+  /// What is in use lies within its room.
+  template <class Place>
+  bool check_counts(const char* name, const Index* counts, const Offset* offsets, Offset count, const Place& place) {
+    bool sound = true;
+    for (Offset i = 0; i < count && !report_.full(); ++i) {
+      const Offset room = offsets[i + 1] - offsets[i];
+      if (counts[i] >= 0 && counts[i] <= room) continue;
+      sound = false;
+      fail_at(place(i), std::string(name) + "[" + std::to_string(i) + "] = " + std::to_string(counts[i]) +
+                            " is not in 0.." + std::to_string(room) +
+                            ", the room its offsets give it; fix the count or give it more room");
+    }
+    return sound;
+  }
+
+  template <class Place>
+  bool check_column_offsets(const Place& place) {
+    bool sound = true;
+    for (Offset row = 0; row < batch_.row_count && !report_.full(); ++row) {
+      const Offset begin = batch_.column_offsets[row], last = batch_.column_count - batch_.row_entries(row);
+      if (begin >= 0 && begin <= last) continue;
+      sound = false;
+      fail_at(place(row), "column_offsets[" + std::to_string(row) + "] = " + std::to_string(begin) + " is not in 0.." +
+                              std::to_string(last) + ": the columns of " + std::to_string(batch_.row_entries(row)) +
+                              " entries do not fit into column_count = " + std::to_string(batch_.column_count) +
+                              "; fix the offset");
+    }
+    return sound;
+  }
+
+  void fail_at(Defect defect, std::string message) {
+    defect.structural = true;
+    defect.message = std::move(message);
+    report_.add(std::move(defect));
   }
 
   void fail_env(Offset env, Index cone, Index row, std::string message) {
@@ -105,8 +150,8 @@ class Validator {
 
   void check_cones() {
     for (Offset env = 0; env < batch_.env_count && !report_.full(); ++env) {
-      const Offset row = batch_.env_row_offsets[env], row_end = batch_.env_row_offsets[env + 1];
-      const Offset cone = batch_.env_cone_offsets[env], cone_end = batch_.env_cone_offsets[env + 1];
+      const Offset row = batch_.env_row_offsets[env], row_end = row + batch_.env_rows(env);
+      const Offset cone = batch_.env_cone_offsets[env], cone_end = cone + batch_.env_cones(env);
       const Offset tiled = batch_.cone_row_offsets[cone], tiled_end = batch_.cone_row_offsets[cone_end];
       if (tiled != row || tiled_end != row_end) {
         fail_env(env, -1, -1,
@@ -141,7 +186,7 @@ class Validator {
   void check_columns() {
     constexpr Offset kMostOfOneEnv = std::numeric_limits<Index>::max();
     for (Offset env = 0; env < batch_.env_count && !report_.full(); ++env) {
-      const Offset first = batch_.env_row_offsets[env], rows = batch_.env_row_offsets[env + 1] - first;
+      const Offset first = batch_.env_row_offsets[env], rows = rows_of(env);
       const Offset entries = batch_.row_offsets[first + rows] - batch_.row_offsets[first];
       if (rows > kMostOfOneEnv || entries > kMostOfOneEnv) {
         fail_env(env, -1, -1,
@@ -150,11 +195,12 @@ class Validator {
                      std::to_string(kMostOfOneEnv) + " of each; split it");
         continue;
       }
-      const Index* columns = batch_.column + batch_.row_offsets[first];
-      if (all_below(std::span(columns, static_cast<std::size_t>(entries)), static_cast<Index>(rows))) continue;
+      if (columns_below(first, static_cast<Index>(rows), static_cast<std::size_t>(entries))) continue;
       for (Offset i = 0; i < rows; ++i) {
-        for (Offset k = batch_.row_offsets[first + i]; k < batch_.row_offsets[first + i + 1]; ++k) {
-          const Index column = batch_.column[k];
+        const Index* columns = batch_.row_columns(first + i);
+        for (Index t = 0; t < batch_.row_entries(first + i); ++t) {
+          const Index column = columns[t];
+          const Offset k = columns - batch_.column + t;
           if (column >= 0 && column < rows) continue;
           if (report_.full()) return;
           fail_env(env, -1, static_cast<Index>(i),
@@ -166,12 +212,47 @@ class Validator {
     }
   }
 
+  /// Rows of an environment, which Index may not be able to count yet.
+  [[nodiscard]] Offset rows_of(Offset env) const {
+    return batch_.env_row_counts != nullptr ? batch_.env_row_counts[env]
+                                            : batch_.env_row_offsets[env + 1] - batch_.env_row_offsets[env];
+  }
+
+  /// Whether the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
+  [[nodiscard]] bool columns_below(Offset first, Index rows, std::size_t entries) const {
+    if (batch_.row_counts == nullptr && batch_.column_offsets == nullptr)
+      return all_below(std::span(batch_.row_columns(first), entries), rows);
+    bool sound = true;
+    for (Offset row = first; row < first + rows; ++row) {
+      sound = sound &&
+              all_below(std::span(batch_.row_columns(row), static_cast<std::size_t>(batch_.row_entries(row))), rows);
+    }
+    return sound;
+  }
+
+  /// What was found when the batch was made.
+  void check_flags() {
+    for (Offset env = 0; batch_.env_flags != nullptr && env < batch_.env_count && !report_.full(); ++env) {
+      for (int bit = 0; bit < kEnvFlagCount; ++bit) {
+        const auto flag = static_cast<EnvFlag>(1U << bit);
+        if (flag == kFlagCapacity || (batch_.env_flags[env] & flag) == 0) continue;
+        report_.add({env, -1, -1, false,
+                     "env " + std::to_string(env) + " was marked " + flag_name(flag) +
+                         " when the batch was made; fix its input or solve with isolation (--isolate) to flag this "
+                         "environment and go on"});
+      }
+    }
+  }
+
   void check_values() {
+    check_flags();
     if (!all_finite(std::span(batch_.A, static_cast<std::size_t>(batch_.nonzero_count)))) {
       for_each_row([&](Offset env, Offset cone, Offset row) {
-        for (Offset k = batch_.row_offsets[row]; k < batch_.row_offsets[row + 1]; ++k) {
-          if (std::isfinite(batch_.A[k])) continue;
-          add_value("A", env, cone, row, ", column " + std::to_string(batch_.column[k]), batch_.A[k], "must be finite");
+        for (Index k = 0; k < batch_.row_entries(row); ++k) {
+          const Real value = batch_.A[batch_.row_offsets[row] + k];
+          if (std::isfinite(value)) continue;
+          add_value("A", env, cone, row, ", column " + std::to_string(batch_.row_columns(row)[k]), value,
+                    "must be finite");
         }
       });
     }
@@ -216,8 +297,8 @@ class Validator {
   /// integers vectorises, which adding floats up in their order cannot.
   Real entry_sum(Offset row, Index column) const {
     const Offset begin = batch_.row_offsets[row];
-    const auto count = static_cast<Index>(batch_.row_offsets[row + 1] - begin);
-    const Index* columns = batch_.column + begin;
+    const Index count = batch_.row_entries(row);
+    const Index* columns = batch_.row_columns(row);
     Index hits = 0, place = 0;
     for (Index k = 0; k < count; ++k) {
       hits += columns[k] == column ? 1 : 0;
@@ -245,7 +326,8 @@ class Validator {
   void for_each_row(const Visit& visit) const {
     for (Offset env = 0; env < batch_.env_count; ++env) {
       if (!env_sound_[static_cast<std::size_t>(env)]) continue;
-      for (Offset cone = batch_.env_cone_offsets[env]; cone < batch_.env_cone_offsets[env + 1]; ++cone) {
+      const Offset first_cone = batch_.env_cone_offsets[env];
+      for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
         for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {
           if (report_.full()) return;
           visit(env, cone, row);
@@ -363,14 +445,18 @@ std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
   result.reserve(static_cast<std::size_t>(batch.env_count));
   SortedRows a;
   for (Offset env = 0; env < batch.env_count; ++env) {
-    const Offset first = batch.env_row_offsets[env], end = batch.env_row_offsets[env + 1];
-    const Offset entry = batch.row_offsets[first], entry_end = batch.row_offsets[end];
-    a.offsets.clear();
-    for (Offset row = first; row <= end; ++row) {
-      a.offsets.push_back(static_cast<Index>(batch.row_offsets[row] - entry));
+    const Offset first = batch.env_row_offsets[env], end = first + batch.env_rows(env);
+    a.offsets.assign(1, 0);
+    a.column.clear();
+    a.value.clear();
+    for (Offset row = first; row < end; ++row) {
+      const Index count = batch.row_entries(row);
+      const Index* columns = batch.row_columns(row);
+      const Real* values = batch.A + batch.row_offsets[row];
+      a.column.insert(a.column.end(), columns, columns + count);
+      a.value.insert(a.value.end(), values, values + count);
+      a.offsets.push_back(static_cast<Index>(a.column.size()));
     }
-    a.column.assign(batch.column + entry, batch.column + entry_end);
-    a.value.assign(batch.A + entry, batch.A + entry_end);
     result.push_back(asymmetry_of(a));
   }
   return result;

@@ -126,7 +126,7 @@ struct Scratch {
 template <class Real>
 Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Real* solution, Scratch& scratch) {
   const Offset first_row = batch.env_row_offsets[env];
-  const auto rows = static_cast<std::size_t>(batch.env_row_offsets[env + 1] - first_row);
+  const auto rows = static_cast<std::size_t>(batch.env_rows(env));
   scratch.lambda.assign(solution + first_row, solution + first_row + rows);
   scratch.w.resize(rows);
   scratch.diagonal.resize(rows);
@@ -138,9 +138,10 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
     const auto compliance = static_cast<double>(batch.R[row]);
     double w = b + compliance * scratch.lambda[i];
     double diagonal = compliance;
-    for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
-      const auto column = static_cast<std::size_t>(batch.column[k]);
-      const auto entry = static_cast<double>(batch.A[k]);
+    const Index* columns = batch.row_columns(row);
+    for (Index k = 0; k < batch.row_entries(row); ++k) {
+      const auto column = static_cast<std::size_t>(columns[k]);
+      const auto entry = static_cast<double>(batch.A[batch.row_offsets[row] + k]);
       w += entry * scratch.lambda[column];
       if (column == i) diagonal += entry;
     }
@@ -152,7 +153,8 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
     if (!std::isfinite(scratch.lambda[i]) || !std::isfinite(w)) worst.see(kInfinity);
   }
 
-  for (Offset cone = batch.env_cone_offsets[env]; cone < batch.env_cone_offsets[env + 1]; ++cone) {
+  const Offset first_cone = batch.env_cone_offsets[env];
+  for (Offset cone = first_cone; cone < first_cone + batch.env_cones(env); ++cone) {
     const auto at = static_cast<std::size_t>(batch.cone_row_offsets[cone] - first_row);
     worst.see(
         cone_residual(batch, cone, scratch.lambda.data() + at, scratch.w.data() + at, scratch.diagonal.data() + at));

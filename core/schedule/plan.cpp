@@ -16,10 +16,13 @@ namespace {
 struct Structure {
   Offset env_count, cone_count, row_count, nonzero_count;
   const Offset *env_row_offsets, *env_cone_offsets;
+  const Index *env_row_counts, *env_cone_counts;
   const ConeKind* cone_kind;
   const Offset* cone_row_offsets;
   const Index* cone_group;
   const Offset* row_offsets;
+  const Index* row_counts;
+  const Offset* column_offsets;
   const Index* column;
 };
 
@@ -33,8 +36,11 @@ struct EnvStructure {
       : all(structure),
         first_row(structure.env_row_offsets[env]),
         first_cone(structure.env_cone_offsets[env]),
-        rows(static_cast<Index>(structure.env_row_offsets[env + 1] - first_row)),
-        cones(static_cast<Index>(structure.env_cone_offsets[env + 1] - first_cone)) {}
+        rows(structure.env_row_counts != nullptr ? structure.env_row_counts[env]
+                                                 : static_cast<Index>(structure.env_row_offsets[env + 1] - first_row)),
+        cones(structure.env_cone_counts != nullptr
+                  ? structure.env_cone_counts[env]
+                  : static_cast<Index>(structure.env_cone_offsets[env + 1] - first_cone)) {}
 
   [[nodiscard]] ConeKind kind(Index cone) const { return all.cone_kind[first_cone + cone]; }
   [[nodiscard]] Index cone_begin(Index cone) const {
@@ -42,7 +48,22 @@ struct EnvStructure {
   }
   [[nodiscard]] Index cone_rows(Index cone) const { return cone_begin(cone + 1) - cone_begin(cone); }
   [[nodiscard]] Index group(Index cone) const { return all.cone_group ? all.cone_group[first_cone + cone] : -1; }
-  [[nodiscard]] Offset nonzeros() const { return all.row_offsets[first_row + rows] - all.row_offsets[first_row]; }
+  [[nodiscard]] Index entries(Index row) const {
+    const Offset i = first_row + row;
+    return all.row_counts ? all.row_counts[i] : static_cast<Index>(all.row_offsets[i + 1] - all.row_offsets[i]);
+  }
+  [[nodiscard]] const Index* columns(Index row) const {
+    return all.column + (all.column_offsets ? all.column_offsets : all.row_offsets)[first_row + row];
+  }
+  /// Room of the stored entries, what is not in use between rows included.
+  [[nodiscard]] Offset entry_span() const { return all.row_offsets[first_row + rows] - all.row_offsets[first_row]; }
+  /// Stored entries: the same for an environment with room between its rows as for one without.
+  [[nodiscard]] Offset nonzeros() const {
+    if (all.row_counts == nullptr) return entry_span();
+    Offset sum = 0;
+    for (Index row = 0; row < rows; ++row) sum += entries(row);
+    return sum;
+  }
 };
 
 std::size_t at(Index i) {
@@ -133,9 +154,12 @@ class SparsePlanner {
     directed_.neighbours.clear();
     for (Index v = 0; v < vertices; ++v) {
       stamp_[at(v)] = v;
-      const Offset begin = env.all.row_offsets[env.first_row + env.cone_begin(vertex_begin_[at(v)])];
-      const Offset end = env.all.row_offsets[env.first_row + env.cone_begin(vertex_begin_[at(v) + 1])];
-      for (Offset k = begin; k < end; ++k) add_once(directed_, v, vertex_of_row_[at(env.all.column[k])]);
+      const Index end = env.cone_begin(vertex_begin_[at(v) + 1]);
+      for (Index row = env.cone_begin(vertex_begin_[at(v)]); row < end; ++row) {
+        const Index* columns = env.columns(row);
+        const Index count = env.entries(row);
+        for (Index k = 0; k < count; ++k) add_once(directed_, v, vertex_of_row_[at(columns[k])]);
+      }
       directed_.offsets.push_back(static_cast<Index>(directed_.neighbours.size()));
     }
     transpose(directed_, transposed_);
@@ -208,10 +232,10 @@ void order_environments(const Structure& structure, PlanData& plan) {
     return left != right ? left > right : a < b;
   });
   std::sort(plan.sparse_order.begin(), plan.sparse_order.end(), [&](Offset a, Offset b) {
-    const Offset left = EnvStructure(structure, a).nonzeros(), right = EnvStructure(structure, b).nonzeros();
+    const Offset left = EnvStructure(structure, a).entry_span(), right = EnvStructure(structure, b).entry_span();
     return left != right ? left > right : a < b;
   });
-  for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).nonzeros());
+  for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).entry_span());
 }
 
 PlanData plan_structure(const Structure& structure) {
@@ -232,6 +256,7 @@ PlanData plan_structure(const Structure& structure) {
     plan.color_count.push_back(0);
     if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
+    plan.cone_order.resize(static_cast<std::size_t>(structure.env_cone_offsets[e + 1]), 0);
     plan.env_vertex_offsets.push_back(static_cast<Offset>(plan.vertex_offsets.size()));
     plan.env_color_offsets.push_back(static_cast<Offset>(plan.color_offsets.size()));
   }
@@ -268,9 +293,10 @@ bool fits_structure(const PlanData& plan, const Structure& structure) {
 
 template <class Real>
 Structure structure_of(const ContactBatchView<Real>& batch) {
-  return {batch.env_count,       batch.cone_count,       batch.row_count, batch.nonzero_count,
-          batch.env_row_offsets, batch.env_cone_offsets, batch.cone_kind, batch.cone_row_offsets,
-          batch.cone_group,      batch.row_offsets,      batch.column};
+  return {batch.env_count,       batch.cone_count,       batch.row_count,      batch.nonzero_count,
+          batch.env_row_offsets, batch.env_cone_offsets, batch.env_row_counts, batch.env_cone_counts,
+          batch.cone_kind,       batch.cone_row_offsets, batch.cone_group,     batch.row_offsets,
+          batch.row_counts,      batch.column_offsets,   batch.column};
 }
 
 }  // namespace

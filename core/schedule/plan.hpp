@@ -31,7 +31,7 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
   std::vector<Offset> dense_order;         ///< dense environments, most expensive first, equal shapes together;
                                            ///< the order reaches speed only
   std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first
-  std::vector<Offset> sparse_nonzeros;     ///< stored entries of each of those                       (sparse_order)
+  std::vector<Offset> sparse_nonzeros;     ///< room of each one's stored entries                     (sparse_order)
 };
 
 /// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a

@@ -18,6 +18,12 @@ enum class MemorySpace : std::uint8_t { host = 0, cuda = 1 };
 ///     w = (A + diag R) lambda + b,   w complementary to lambda by the cones' law.
 ///
 /// Rows of all environments follow one another; columns of A count from the environment's own first row.
+///
+/// Arrays of fixed room per environment (padded arrays) are read where they are: the offsets then say where the room of
+/// an environment, or of a row of A, begins, and the counts how much of it is in use, from its beginning. What lies in
+/// the rest is not read, and of a solution not written. The entry of cone_row_offsets behind an environment's last cone
+/// closes that cone, so room for cones needs one more than there are cones where it is not the last in use
+/// (padded_view() in padded.hpp arranges all this).
 template <class Real>
 struct ContactBatchView {
   Offset env_count = 0;
@@ -26,12 +32,20 @@ struct ContactBatchView {
   Offset nonzero_count = 0;
   const Offset* env_row_offsets = nullptr;   ///< first row of each environment        (env_count + 1)
   const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
+  const Index* env_row_counts = nullptr;     ///< rows in use; null: up to the next one's first   (env_count)
+  const Index* env_cone_counts = nullptr;    ///< cones in use; null: up to the next one's first  (env_count)
+  const std::uint32_t* env_flags = nullptr;  ///< EnvFlag bits found when the batch was made: they enter the status,
+                                             ///< and all but kFlagCapacity forbid a solve; null: none  (env_count)
   const ConeKind* cone_kind = nullptr;       ///< kind                                  (cone_count)
   const Offset* cone_row_offsets = nullptr;  ///< first row of each cone               (cone_count + 1)
   const Index* cone_group = nullptr;         ///< manifold: neighbouring cones of one environment with equal
                                              ///< non-negative id are coloured as one vertex; null: none  (cone_count)
   const Offset* row_offsets = nullptr;       ///< CSR rows of A                        (row_count + 1)
+  const Index* row_counts = nullptr;         ///< entries in use of each row; null: up to the next row's (row_count)
   const Index* column = nullptr;             ///< CSR columns, within the environment  (nonzero_count)
+  const Offset* column_offsets = nullptr;    ///< first column of each row, where rows share columns; null:
+                                             ///< row_offsets                           (row_count)
+  Offset column_count = 0;                   ///< length of column where column_offsets is given
   const Real* A = nullptr;   ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
   const Real* b = nullptr;   ///< right-hand side [w]                                  (row_count)
   const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                        (row_count)
@@ -41,6 +55,29 @@ struct ContactBatchView {
   const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
   Law law = Law::convex;
   MemorySpace space = MemorySpace::host;
+
+  /// Rows of an environment.
+  [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
+    return env_row_counts != nullptr ? env_row_counts[env]
+                                     : static_cast<Index>(env_row_offsets[env + 1] - env_row_offsets[env]);
+  }
+  /// Cones of an environment.
+  [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
+    return env_cone_counts != nullptr ? env_cone_counts[env]
+                                      : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
+  }
+  /// Stored entries of a row of the batch.
+  [[nodiscard]] STICTION_HD Index row_entries(Offset row) const {
+    return row_counts != nullptr ? row_counts[row] : static_cast<Index>(row_offsets[row + 1] - row_offsets[row]);
+  }
+  /// Their columns.
+  [[nodiscard]] STICTION_HD const Index* row_columns(Offset row) const {
+    return column + (column_offsets != nullptr ? column_offsets : row_offsets)[row];
+  }
+  /// How many entries `column` has.
+  [[nodiscard]] STICTION_HD Offset columns_stored() const {
+    return column_offsets != nullptr ? column_count : nonzero_count;
+  }
 };
 
 /// One environment to be appended to a ContactBatch: the same arrays, counted from this environment's zero.
@@ -68,7 +105,7 @@ class ContactBatch {
   ContactBatch() = default;
   explicit ContactBatch(Law law) : law_(law) {}
 
-  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups mean none).
+  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups or flags mean none).
   struct Arrays {
     std::vector<Offset> env_row_offsets, env_cone_offsets;
     std::vector<ConeKind> cone_kind;
@@ -77,6 +114,7 @@ class ContactBatch {
     std::vector<Offset> row_offsets;
     std::vector<Index> column;
     std::vector<Real> A, b, R, mu, lo, hi;
+    std::vector<std::uint32_t> env_flags;
   };
 
   /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with what
@@ -95,7 +133,7 @@ class ContactBatch {
   void set_law(Law law) noexcept { law_ = law; }
 
  private:
-  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}};
+  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}, {}};
   Law law_ = Law::convex;
 };
 

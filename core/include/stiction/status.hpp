@@ -29,10 +29,12 @@ enum EnvFlag : std::uint32_t {
   kFlagBadDiagonal = 1U << 4,         ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
   kFlagWarmStartRejected = 1U << 5,   ///< the warm start was not finite; started from zero
   kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
+  kFlagCapacity = 1U << 7,            ///< more contacts than there was room for; solved with those that are there
+  kFlagBadMass = 1U << 8,             ///< a mass matrix that is not positive definite, or not finite
 };
 
 /// Number of EnvFlag bits in use.
-inline constexpr int kEnvFlagCount = 7;
+inline constexpr int kEnvFlagCount = 9;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {
