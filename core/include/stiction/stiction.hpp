@@ -4,6 +4,7 @@
 #include "stiction/config.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
+#include "stiction/padded.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"

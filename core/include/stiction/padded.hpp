@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "stiction/batch.hpp"
+
+namespace stiction {
+
+/// How the rows of a padded matrix follow one another.
+enum class MatrixRows : std::uint8_t {
+  by_room,  ///< row i begins at i * room, as in arrays of shape (environments, room, room): MuJoCo Warp
+  by_rows,  ///< row i begins at i * rows, a dense rows x rows matrix at the beginning of its room: Newton Kamino
+};
+
+/// Where the numbers of a padded batch lie: the caller's arrays, which are neither copied nor changed. Vectors of an
+/// environment take `room` entries, its matrix room * room, and environments follow one another; what lies behind the
+/// entries in use may be anything.
+template <class Real>
+struct PaddedNumbers {
+  const Real* A = nullptr;   ///< dense Delassus operators, without R [w / lambda]   (sum of room^2)
+  const Real* b = nullptr;   ///< right-hand side [w]                                (sum of room)
+  const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                      (sum of room)
+  const Real* mu = nullptr;  ///< friction per axis, as in ContactBatchView [-]      (sum of room)
+  const Real* lo = nullptr;  ///< bounds of box rows [lambda]                        (sum of room)
+  const Real* hi = nullptr;  ///<                                                    (sum of room)
+};
+
+/// The integers of a padded batch: what a ContactBatchView needs beside the caller's numbers. Rows of an environment
+/// are those of its cones, in order, from the beginning of its room.
+template <class Real>
+class PaddedLayout {
+ public:
+  using Cone = typename Environment<Real>::Cone;
+
+  explicit PaddedLayout(MatrixRows matrix_rows) : matrix_rows_(matrix_rows) {}
+
+  /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and the
+  /// environment is marked kFlagCapacity; so it is where `overflowed` says that its producer had to leave contacts out.
+  /// \throws Error(invalid_argument) on a negative room or a cone without rows; then nothing was appended.
+  void add(Index room, std::span<const Cone> cones, bool overflowed = false);
+
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_flags_.size()); }
+  /// Length of the vectors, and of a solution's lambda and w.
+  [[nodiscard]] Offset row_count() const noexcept { return env_row_offsets_.back(); }
+  /// Rows of an environment that are solved: those of the cones that fit.
+  [[nodiscard]] Index rows(Offset env) const { return env_row_counts_.at(static_cast<std::size_t>(env)); }
+
+  /// The batch over those numbers, in host memory; valid while the layout lives and is not appended to.
+  [[nodiscard]] ContactBatchView<Real> view(const PaddedNumbers<Real>& numbers, Law law) const noexcept;
+
+ private:
+  MatrixRows matrix_rows_;
+  std::vector<Offset> env_row_offsets_{0}, env_cone_offsets_{0}, cone_row_offsets_{0}, row_offsets_{0};
+  std::vector<Index> env_row_counts_, env_cone_counts_, cone_group_, row_counts_, column_;
+  std::vector<std::uint32_t> env_flags_;
+  std::vector<ConeKind> cone_kind_;
+  std::vector<Offset> column_offsets_;
+};
+
+}  // namespace stiction

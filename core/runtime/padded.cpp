@@ -1,0 +1,100 @@
+#include "stiction/padded.hpp"
+
+#include <string>
+
+#include "stiction/error.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& message) {
+  throw Error(ErrorCode::invalid_argument, message);
+}
+
+}  // namespace
+
+template <class Real>
+void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overflowed) {
+  if (room < 0) refuse("room = " + std::to_string(room) + ", expected a number of rows >= 0");
+  Index rows = 0;
+  std::size_t fitting = 0;
+  for (std::size_t c = 0; c < cones.size(); ++c) {
+    if (cones[c].row_count < 1)
+      refuse("cones[" + std::to_string(c) + "].row_count = " + std::to_string(cones[c].row_count) +
+             ", expected at least 1");
+    if (fitting < c || cones[c].row_count > room - rows) continue;
+    rows += cones[c].row_count;
+    ++fitting;
+  }
+
+  const Offset first_row = env_row_offsets_.back();
+  Offset row = first_row;
+  for (const Cone& cone : cones.first(fitting)) {
+    cone_row_offsets_.back() = row;
+    row += cone.row_count;
+    cone_row_offsets_.push_back(row);
+    cone_kind_.push_back(cone.kind);
+    cone_group_.push_back(cone.group);
+  }
+  // One place more than there are cones: its row is where the last cone ends, which the next environment's is not.
+  cone_row_offsets_.back() = row;
+  cone_row_offsets_.push_back(first_row + room);
+  cone_kind_.push_back(ConeKind::free);
+  cone_group_.push_back(-1);
+
+  const Offset matrix = row_offsets_.back();
+  const Offset stride = matrix_rows_ == MatrixRows::by_room ? room : rows;
+  row_offsets_.pop_back();
+  for (Index i = 0; i < room; ++i) {
+    row_offsets_.push_back(matrix + stride * (i < rows || matrix_rows_ == MatrixRows::by_room ? i : rows));
+    row_counts_.push_back(i < rows ? rows : 0);
+  }
+  row_offsets_.push_back(matrix + Offset{room} * room);
+  // A dense row stores columns 0, 1, 2, ...: one list of them serves all.
+  column_offsets_.resize(static_cast<std::size_t>(first_row + room), 0);
+  for (auto j = static_cast<Index>(column_.size()); j < room; ++j) column_.push_back(j);
+
+  env_row_offsets_.push_back(first_row + room);
+  env_cone_offsets_.push_back(static_cast<Offset>(cone_kind_.size()));
+  env_row_counts_.push_back(rows);
+  env_cone_counts_.push_back(static_cast<Index>(fitting));
+  env_flags_.push_back(overflowed || fitting < cones.size() ? kFlagCapacity : 0U);
+}
+
+template <class Real>
+ContactBatchView<Real> PaddedLayout<Real>::view(const PaddedNumbers<Real>& numbers, Law law) const noexcept {
+  ContactBatchView<Real> view;
+  view.env_count = env_count();
+  view.cone_count = static_cast<Offset>(cone_kind_.size());
+  view.row_count = row_count();
+  view.nonzero_count = row_offsets_.back();
+  view.env_row_offsets = env_row_offsets_.data();
+  view.env_cone_offsets = env_cone_offsets_.data();
+  view.env_row_counts = env_row_counts_.data();
+  view.env_cone_counts = env_cone_counts_.data();
+  view.env_flags = env_flags_.data();
+  view.cone_kind = cone_kind_.data();
+  view.cone_row_offsets = cone_row_offsets_.data();
+  view.cone_group = cone_group_.data();
+  view.row_offsets = row_offsets_.data();
+  view.row_counts = row_counts_.data();
+  view.column = column_.data();
+  view.column_offsets = column_offsets_.data();
+  view.column_count = static_cast<Offset>(column_.size());
+  view.A = numbers.A;
+  view.b = numbers.b;
+  view.R = numbers.R;
+  view.mu = numbers.mu;
+  view.lo = numbers.lo;
+  view.hi = numbers.hi;
+  view.law = law;
+  view.space = MemorySpace::host;
+  return view;
+}
+
+template class PaddedLayout<float>;
+template class PaddedLayout<double>;
+
+}  // namespace stiction
