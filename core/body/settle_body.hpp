@@ -34,7 +34,7 @@ STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, 
 /// could carry the very NaN; for an unsupported system w = b.
 template <Block B, class Real>
 STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
-  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric)) == 0;
+  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom)) == 0;
   for_each(block, env.n, [&](Index i) {
     env.lambda[i] = 0;
     if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);

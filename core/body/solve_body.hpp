@@ -27,6 +27,16 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
   }
 }
 
+/// The next chunk of one environment, of which `progress` says how far it is.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& params, const StopRule& rule,
+                               EnvProgress<Real>& progress) {
+  const Index left = rule.max_iterations - progress.iterations;
+  advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
+                        static_cast<Real>(left));
+  progress.iterations += left < kChunk ? left : kChunk;
+}
+
 /// One environment whose system is loaded, `flags` being what load_system() returned.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
@@ -38,12 +48,8 @@ STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, con
   begin_method<Method, kLaw>(block, s);
   EnvProgress<Real> progress;
   progress.flags = flags;
-  while (!settle<Method>(block, env, s, rule, progress)) {
-    const Index left = rule.max_iterations - progress.iterations;
-    advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
-                          static_cast<Real>(left));
-    progress.iterations += left < kChunk ? left : kChunk;
-  }
+  while (!settle<Method>(block, env, s, rule, progress))
+    advance_chunk<Method, kLaw>(block, s, params, rule, progress);
 }
 
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.

@@ -52,6 +52,10 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "capacity";
     case kFlagBadMass:
       return "bad_mass";
+    case kFlagNoRoom:
+      return "no_room";
+    case kFlagBadStructure:
+      return "bad_structure";
   }
   return kUnknown;
 }

@@ -31,10 +31,13 @@ enum EnvFlag : std::uint32_t {
   kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
   kFlagCapacity = 1U << 7,            ///< more contacts than there was room for; solved with those that are there
   kFlagBadMass = 1U << 8,             ///< a mass matrix that is not positive definite, or not finite
+  kFlagNoRoom = 1U << 9,              ///< larger than the solver's capacity allows; not solved (lambda = 0, w = b)
+  kFlagBadStructure = 1U << 10,       ///< offsets, cones or columns out of order or range, found on the device; of
+                                      ///< this environment nothing but the status is written
 };
 
 /// Number of EnvFlag bits in use.
-inline constexpr int kEnvFlagCount = 9;
+inline constexpr int kEnvFlagCount = 11;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {
