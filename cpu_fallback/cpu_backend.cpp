@@ -1,9 +1,7 @@
-#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <new>
 #include <string>
-#include <thread>
 
 #include "core/runtime/backend.hpp"
 #include "core/base/fp_env.hpp"
@@ -37,11 +35,6 @@ class Scratch {
   std::unique_ptr<Real, Free> memory_;
   Offset capacity_ = 0;
 };
-
-int thread_count(int requested) {
-  if (requested > 0) return requested;
-  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-}
 
 class CpuBackend final : public Backend {
  public:
@@ -83,7 +76,7 @@ class CpuBackend final : public Backend {
         options.stall_window,
         static_cast<Real>(options.omega),
         request.law};
-    const int threads = thread_count(options.threads);
+    const int threads = cpu::thread_count(options.threads);
     const auto items = cpu::partition(plan, kernels.pack_width, sizeof(Real), threads);
     std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
@@ -107,7 +100,7 @@ std::unique_ptr<Backend> make_cpu_backend() {
 
 DeviceReport cpu_report() {
   return {Device::cpu(), true,
-          std::string("CPU, ") + cpu::best_isa().name + ", " + std::to_string(thread_count(0)) + " cores", ""};
+          std::string("CPU, ") + cpu::best_isa().name + ", " + std::to_string(cpu::thread_count(0)) + " cores", ""};
 }
 
 }  // namespace stiction

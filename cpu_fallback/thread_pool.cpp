@@ -1,5 +1,6 @@
 #include "cpu_fallback/thread_pool.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -9,6 +10,11 @@
 #include "core/base/fp_env.hpp"
 
 namespace stiction::cpu {
+
+int thread_count(int requested) {
+  if (requested > 0) return requested;
+  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
 
 void parallel_for(int threads, int items, const std::function<void(int item, int worker)>& work) {
   std::atomic<int> next{0};

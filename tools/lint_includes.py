@@ -23,7 +23,8 @@ STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type
 
 PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
-MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/runtime/backend.hpp"]
+MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/runtime/backend.hpp",
+           "core/runtime/warm_start_machine.hpp"]
 
 
 class Row:

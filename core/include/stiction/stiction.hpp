@@ -9,3 +9,4 @@
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
 #include "stiction/types.hpp"
+#include "stiction/warm_start.hpp"

@@ -1,0 +1,86 @@
+#include <algorithm>
+#include <vector>
+
+#include "core/body/warm_start_body.hpp"
+#include "core/runtime/warm_start_machine.hpp"
+#include "cpu_fallback/thread_pool.hpp"
+
+namespace stiction {
+
+namespace {
+
+template <class Real>
+class CpuWarmStart final : public WarmStartMachine<Real> {
+ public:
+  CpuWarmStart(const WarmStartCapacity& capacity, int threads)
+      : threads_(cpu::thread_count(threads)),
+        slot_(static_cast<std::size_t>(capacity.envs)),
+        record_(slot_.size()),
+        remembered_(static_cast<std::size_t>(capacity.cones)),
+        sorting_(remembered_.size()),
+        lambda_(static_cast<std::size_t>(capacity.rows)),
+        memory_{capacity.envs,  capacity.cones,     capacity.rows,   slot_.data(),
+                record_.data(), remembered_.data(), sorting_.data(), lambda_.data()} {
+    forget([](Offset) { return true; }, 0);
+  }
+
+  void recall(const RecallJob<Real>& request, StreamRef) override {
+    RecallJob<Real> job = request;
+    job.memory = memory_;
+    for_each_env(job.batch.env_count, [&](SerialBlock& block, Offset env) { recall_env(block, job, env); });
+  }
+  void remember(const RememberJob<Real>& request, StreamRef) override {
+    RememberJob<Real> job = request;
+    job.memory = memory_;
+    for_each_env(memory_.env_capacity, [&](SerialBlock& block, Offset env) { remember_env(block, job, env); });
+  }
+  void reset(std::span<const Offset> envs, StreamRef) override {
+    SerialBlock block;
+    for (const Offset env : envs) forget_env(block, memory_, env, kWarmStartReset);
+  }
+  void reset_where(const std::uint8_t* mask, StreamRef) override {
+    forget([mask](Offset env) { return mask == nullptr || mask[env] != 0; }, kWarmStartReset);
+  }
+  void records(std::span<WarmStartRecord> out, StreamRef) override {
+    std::copy_n(record_.begin(), out.size(), out.begin());
+  }
+
+ private:
+  /// Environments that one thread takes at a time: less would cost more than it shares.
+  static constexpr Offset kRun = 64;
+
+  template <class F>
+  void for_each_env(Offset count, F&& work) {
+    const Offset runs = (count + kRun - 1) / kRun;
+    cpu::parallel_for(threads_, static_cast<int>(runs), [&](int run, int) {
+      SerialBlock block;
+      const Offset end = std::min(count, (run + 1) * kRun);
+      for (Offset env = run * kRun; env < end; ++env) work(block, env);
+    });
+  }
+  template <class Chosen>
+  void forget(Chosen&& chosen, std::uint32_t flags) {
+    SerialBlock block;
+    for (Offset env = 0; env < memory_.env_capacity; ++env)
+      if (chosen(env)) forget_env(block, memory_, env, flags);
+  }
+
+  int threads_;
+  std::vector<WarmStartSlot> slot_;
+  std::vector<WarmStartRecord> record_;
+  std::vector<WarmStartEntry> remembered_, sorting_;
+  std::vector<Real> lambda_;
+  WarmStartMemory<Real> memory_;
+};
+
+}  // namespace
+
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cpu_warm_start(const WarmStartCapacity& capacity, int threads) {
+  return std::make_unique<CpuWarmStart<Real>>(capacity, threads);
+}
+
+template std::unique_ptr<WarmStartMachine<float>> make_cpu_warm_start(const WarmStartCapacity&, int);
+template std::unique_ptr<WarmStartMachine<double>> make_cpu_warm_start(const WarmStartCapacity&, int);
+
+}  // namespace stiction

@@ -1,0 +1,429 @@
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <random>
+#include <vector>
+
+#include "stiction/error.hpp"
+#include "stiction/warm_start.hpp"
+#include "tests/support/scene_batches.hpp"
+
+namespace stiction::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct Cone {
+  std::uint64_t id;
+  ConeKind kind;
+  Index rows;
+};
+
+/// One environment at one step: its cones, and what a solver is made to have answered.
+template <class Real>
+struct EnvStep {
+  std::vector<Cone> cones;
+  std::vector<Real> lambda;
+  EnvCode code = EnvCode::solved;
+};
+
+/// All environments at one step.
+template <class Real>
+struct Step {
+  std::vector<EnvStep<Real>> envs;
+  double dt = 0.01;
+  std::vector<Offset> reset;
+};
+
+/// A step as the store sees it. A has no entries: the store reads no numbers.
+template <class Real>
+struct Packed {
+  explicit Packed(const std::vector<EnvStep<Real>>& envs) {
+    for (const EnvStep<Real>& env : envs) {
+      Environment<Real> e;
+      for (const Cone& cone : env.cones) {
+        e.cones.push_back({cone.kind, cone.rows, -1});
+        id.push_back(cone.id);
+      }
+      e.row_offsets.assign(env.lambda.size() + 1, 0);
+      e.b.assign(env.lambda.size(), Real(0));
+      batch.add(e);
+      lambda.insert(lambda.end(), env.lambda.begin(), env.lambda.end());
+      EnvStatus record{};
+      record.code = env.code;
+      status.push_back(record);
+    }
+  }
+  ContactBatch<Real> batch;
+  std::vector<std::uint64_t> id;
+  std::vector<Real> lambda;
+  std::vector<EnvStatus> status;
+};
+
+/// What one environment should be served: a map by id, written from the description in warm_start.hpp.
+template <class Real>
+class Oracle {
+ public:
+  Oracle(double beta, StepScaling scaling) : beta_(beta), scaling_(scaling) {}
+
+  std::vector<Real> recall(const EnvStep<Real>& env, double dt, bool fits) {
+    record_.hits = 0;
+    record_.flags = fits ? 0U : std::uint32_t{kWarmStartTooLarge};
+    if (!fits) ++record_.too_large;
+    std::vector<Real> guess(env.lambda.size(), Real(0));
+    std::map<std::uint64_t, int> seen;
+    std::size_t row = 0;
+    for (const Cone& cone : env.cones) {
+      const auto known = known_.find(cone.id);
+      const bool first = seen[cone.id]++ == 0;
+      if (!first && fits) record_.flags |= kWarmStartDuplicateId;
+      if (fits && first && known != known_.end() && known->second.kind == cone.kind &&
+          known->second.lambda.size() == static_cast<std::size_t>(cone.rows)) {
+        ++record_.hits;
+        for (std::size_t k = 0; k < known->second.lambda.size(); ++k)
+          guess[row + k] = static_cast<Real>(beta_ * ratio(dt)) * known->second.lambda[k] + Real(0);
+      }
+      row += static_cast<std::size_t>(cone.rows);
+    }
+    record_.misses = static_cast<Index>(env.cones.size()) - record_.hits;
+    return guess;
+  }
+
+  void remember(const EnvStep<Real>& env, double dt, bool fits) {
+    known_.clear();
+    dt_ = dt;
+    std::uint32_t refused = 0;
+    if (!fits) {
+      refused |= kWarmStartTooLarge;
+      ++record_.too_large;
+    }
+    if (env.code == EnvCode::numerical || env.code == EnvCode::invalid_input || env.code == EnvCode::unsupported)
+      refused |= kWarmStartFailed;
+    for (const Real value : env.lambda)
+      if (!std::isfinite(value)) refused |= kWarmStartNotFinite;
+    record_.flags |= refused;
+    if (refused != 0) return;
+    std::size_t row = 0;
+    for (const Cone& cone : env.cones) {
+      const auto first = env.lambda.begin() + static_cast<std::ptrdiff_t>(row);
+      const bool fresh = known_.try_emplace(cone.id, Known{cone.kind, {first, first + cone.rows}}).second;
+      if (!fresh) record_.flags |= kWarmStartDuplicateId;
+      row += static_cast<std::size_t>(cone.rows);
+    }
+  }
+
+  void reset() {
+    known_.clear();
+    record_.flags |= kWarmStartReset;
+  }
+
+  [[nodiscard]] const WarmStartRecord& record() const { return record_; }
+
+ private:
+  struct Known {
+    ConeKind kind;
+    std::vector<Real> lambda;
+  };
+  [[nodiscard]] double ratio(double dt) const {
+    if (scaling_ == StepScaling::none) return 1.0;
+    if (scaling_ == StepScaling::proportional) return dt / dt_;
+    return std::min(1.0, dt_ / dt);
+  }
+  double beta_;
+  StepScaling scaling_;
+  double dt_ = 1.0;
+  std::map<std::uint64_t, Known> known_;
+  WarmStartRecord record_{};
+};
+
+/// A random life of some environments: contacts come, stay, go, change their kind and their order; now and then one
+/// fails, starts over, has no contact, or too many.
+template <class Real>
+std::vector<Step<Real>> random_life(std::mt19937_64& random, int envs, int steps) {
+  const auto below = [&random](std::uint64_t n) { return static_cast<int>(random() % n); };
+  std::vector<Step<Real>> life;
+  std::vector<std::vector<Cone>> alive(static_cast<std::size_t>(envs));
+  for (int s = 0; s < steps; ++s) {
+    Step<Real> step;
+    step.dt = below(3) == 0 ? 0.001 * (1 + below(20)) : 0.01;
+    for (int e = 0; e < envs; ++e) {
+      std::vector<Cone>& cones = alive[static_cast<std::size_t>(e)];
+      std::erase_if(cones, [&](const Cone&) { return below(5) == 0; });
+      if (below(15) == 0) cones.clear();
+      const int fresh = below(12) == 0 ? 40 : below(6);
+      for (int k = 0; k < fresh; ++k) {
+        const bool friction = below(3) > 0;
+        const std::uint64_t id = below(4) == 0 ? random() : static_cast<std::uint64_t>(below(60));
+        cones.push_back({id, friction ? ConeKind::friction : static_cast<ConeKind>(below(3)),
+                         friction ? 2 + static_cast<Index>(below(5)) : 1});
+      }
+      if (below(3) == 0) std::shuffle(cones.begin(), cones.end(), random);
+      EnvStep<Real> env;
+      env.cones = cones;
+      for (const Cone& cone : cones)
+        for (Index k = 0; k < cone.rows; ++k)
+          env.lambda.push_back(below(10) == 0 ? Real(-0.0) : static_cast<Real>(below(2000) - 1000) / Real(7));
+      if (below(6) == 0) env.code = static_cast<EnvCode>(below(kEnvCodeCount));
+      if (below(25) == 0 && !env.lambda.empty()) env.lambda.back() = std::numeric_limits<Real>::quiet_NaN();
+      step.envs.push_back(std::move(env));
+      if (below(10) == 0) step.reset.push_back(e);
+    }
+    life.push_back(std::move(step));
+  }
+  return life;
+}
+
+template <class Real>
+bool same_bits(const std::vector<Real>& a, const std::vector<Real>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Real)) == 0);
+}
+
+template <class Real>
+std::vector<Real> recall(WarmStartStore<Real>& store, const Packed<Real>& step, double dt) {
+  std::vector<Real> guess(step.lambda.size(), Real(77));
+  store.recall(step.batch.view(), step.id.data(), dt, guess.data());
+  return guess;
+}
+template <class Real>
+void remember(WarmStartStore<Real>& store, Packed<Real>& step, double dt) {
+  store.remember(step.batch.view(), step.id.data(), {step.lambda.data(), nullptr, step.status.data()}, dt);
+}
+template <class Real>
+std::vector<WarmStartRecord> records(const WarmStartStore<Real>& store) {
+  std::vector<WarmStartRecord> out(static_cast<std::size_t>(store.capacity().envs));
+  store.records(out);
+  return out;
+}
+
+/// Lives a life in one store and, beside it, in one oracle per environment.
+template <class Real>
+void expect_life_like_the_oracle(std::uint64_t seed, const WarmStartCapacity& capacity,
+                                 const WarmStartOptions& options) {
+  std::mt19937_64 random(seed);
+  const int envs = static_cast<int>(capacity.envs);
+  WarmStartStore<Real> store(Device::cpu(), capacity, options);
+  std::vector<Oracle<Real>> oracle(static_cast<std::size_t>(envs), Oracle<Real>(options.beta, options.scaling));
+  for (const Step<Real>& step : random_life<Real>(random, envs, 40)) {
+    Packed<Real> packed(step.envs);
+    const auto& arrays = packed.batch.arrays();
+    const std::vector<Real> guess = recall(store, packed, step.dt);
+    std::vector<Real> expected;
+    std::vector<bool> fits;
+    for (std::size_t e = 0; e < step.envs.size(); ++e) {
+      fits.push_back(arrays.env_cone_offsets[e + 1] <= capacity.cones &&
+                     arrays.env_row_offsets[e + 1] <= capacity.rows);
+      const auto part = oracle[e].recall(step.envs[e], step.dt, fits[e]);
+      expected.insert(expected.end(), part.begin(), part.end());
+    }
+    ASSERT_TRUE(same_bits(guess, expected)) << "seed " << seed;
+    remember(store, packed, step.dt);
+    for (std::size_t e = 0; e < step.envs.size(); ++e) oracle[e].remember(step.envs[e], step.dt, fits[e]);
+    store.reset(step.reset);
+    for (const Offset e : step.reset) oracle[static_cast<std::size_t>(e)].reset();
+    const auto found = records(store);
+    for (std::size_t e = 0; e < step.envs.size(); ++e)
+      ASSERT_EQ(std::memcmp(&found[e], &oracle[e].record(), sizeof(WarmStartRecord)), 0)
+          << "seed " << seed << ", environment " << e << ": hits " << found[e].hits << " " << oracle[e].record().hits
+          << ", flags " << found[e].flags << " " << oracle[e].record().flags;
+  }
+}
+
+TEST(warm_start, serves_what_a_map_by_id_would) {
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    expect_life_like_the_oracle<double>(seed, {5, 2000, 8000}, {});
+    expect_life_like_the_oracle<float>(seed, {5, 2000, 8000}, {0.8, StepScaling::proportional, 1});
+    expect_life_like_the_oracle<float>(seed, {2, 2000, 8000}, {1.0, StepScaling::none, 1});
+  }
+}
+
+TEST(warm_start, what_does_not_fit_starts_from_zero_and_is_counted) {
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    expect_life_like_the_oracle<double>(seed, {6, 60, 8000}, {});
+    expect_life_like_the_oracle<float>(seed, {6, 2000, 150}, {});
+    expect_life_like_the_oracle<float>(seed, {3, 0, 0}, {});
+  }
+}
+
+TEST(warm_start, an_environment_is_served_alike_alone_and_among_two_hundred_on_any_number_of_threads) {
+  std::mt19937_64 random(9);
+  const int envs = 200;
+  const auto life = random_life<float>(random, envs, 12);
+  std::vector<WarmStartStore<float>> together;
+  for (const int threads : {1, 2, 7})
+    together.emplace_back(Device::cpu(), WarmStartCapacity{envs, 40000, 160000},
+                          WarmStartOptions{0.95, StepScaling::capped, threads});
+  std::vector<WarmStartStore<float>> alone;
+  for (int e = 0; e < envs; ++e) alone.emplace_back(Device::cpu(), WarmStartCapacity{1, 1000, 5000});
+  for (const Step<float>& step : life) {
+    Packed<float> all(step.envs);
+    std::vector<float> expected;
+    for (std::size_t e = 0; e < step.envs.size(); ++e) {
+      Packed<float> one({step.envs[e]});
+      const auto guess = recall(alone[e], one, step.dt);
+      expected.insert(expected.end(), guess.begin(), guess.end());
+      remember(alone[e], one, step.dt);
+    }
+    for (auto& store : together) {
+      EXPECT_TRUE(same_bits(recall(store, all, step.dt), expected));
+      remember(store, all, step.dt);
+    }
+  }
+}
+
+TEST(warm_start, an_environment_that_starts_over_is_like_one_of_a_new_store) {
+  std::mt19937_64 random(10);
+  const auto life = random_life<double>(random, 4, 30);
+  WarmStartStore<double> store(Device::cpu(), {4, 2000, 8000});
+  WarmStartStore<double> fresh(Device::cpu(), store.capacity());
+  for (std::size_t s = 0; s < life.size(); ++s) {
+    Packed<double> step(life[s].envs);
+    EXPECT_TRUE(same_bits(recall(store, step, life[s].dt), recall(fresh, step, life[s].dt))) << "step " << s;
+    remember(store, step, life[s].dt);
+    remember(fresh, step, life[s].dt);
+    const auto a = records(store);
+    const auto b = records(fresh);
+    EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(WarmStartRecord)), 0) << "step " << s;
+    if (s % 5 != 4) continue;
+    if (s % 10 == 4) {
+      const std::uint8_t mask[] = {1, 1, 255, 1};
+      store.reset_where(mask);
+    } else {
+      store.reset_all();
+    }
+    fresh = WarmStartStore<double>(Device::cpu(), store.capacity());
+  }
+}
+
+TEST(warm_start, a_mask_resets_the_environments_it_names_and_no_other) {
+  Packed<double> step({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
+  WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
+  remember(store, step, 0.01);
+  const std::uint8_t mask[] = {0, 1};
+  store.reset_where(mask);
+  EXPECT_EQ(recall(store, step, 0.01), (std::vector<double>{2.0, 0.0}));
+}
+
+TEST(warm_start, an_environment_missing_from_the_last_batch_is_forgotten) {
+  Packed<double> two({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
+  Packed<double> one({{{{5, ConeKind::unilateral, 1}}, {4.0}}});
+  WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
+  remember(store, two, 0.01);
+  remember(store, one, 0.01);
+  EXPECT_EQ(recall(store, two, 0.01), (std::vector<double>{4.0, 0.0}));
+}
+
+TEST(warm_start, stepping_a_scene_again_takes_fewer_iterations_and_a_poisoned_environment_leaves_no_trace) {
+  const ContactBatch<double> batch = scene_batch("stack", 3, 4);
+  auto arrays = batch.arrays();
+  arrays.b[0] = std::numeric_limits<double>::quiet_NaN();
+  const auto poisoned = ContactBatch<double>::from_arrays(batch.law(), arrays);
+  std::vector<std::uint64_t> id;
+  for (std::size_t c = 0; c < arrays.cone_kind.size(); ++c) id.push_back(1000 - c);
+
+  SolverOptions options;
+  options.tolerance = 1e-6;
+  options.max_iterations = 20000;
+  options.invalid = InvalidPolicy::isolate;
+  const Solver solver(Device::cpu(), options);
+  WarmStartStore<double> store(Device::cpu(), {3, 1000, 3000}, {1.0});
+  const auto step = [&](const ContactBatch<double>& now) {
+    const auto rows = static_cast<std::size_t>(now.row_count());
+    Solution<double> out{std::vector<double>(rows), std::vector<double>(rows), std::vector<EnvStatus>(3)};
+    std::vector<double> guess(rows);
+    store.recall(now.view(), id.data(), 0.01, guess.data());
+    const SolutionView<double> view{out.lambda.data(), out.w.data(), out.status.data()};
+    solver.solve(solver.plan(now.view()), now.view(), view, guess.data());
+    store.remember(now.view(), id.data(), view, 0.01);
+    return out;
+  };
+  const auto cold = step(batch);
+  const auto warm = step(batch);
+  const auto failed = step(poisoned);
+  const auto after = step(batch);
+  for (std::size_t e = 0; e < 3; ++e) {
+    EXPECT_EQ(cold.status[e].code, EnvCode::solved);
+    EXPECT_EQ(warm.status[e].code, EnvCode::solved);
+    EXPECT_LT(2 * warm.status[e].iterations, cold.status[e].iterations);
+  }
+  EXPECT_EQ(failed.status[0].code, EnvCode::invalid_input);
+  const auto hashes = env_hashes(batch, after);
+  EXPECT_EQ(hashes[0], env_hashes(batch, cold)[0]) << "an environment that failed starts cold";
+  EXPECT_LT(2 * after.status[1].iterations, cold.status[1].iterations) << "its neighbour does not";
+}
+
+/// The message of the invalid_argument that `action` throws.
+template <class F>
+std::string misuse(F&& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::invalid_argument) << error.what();
+    return error.what();
+  }
+  return "no Error was thrown";
+}
+
+TEST(warm_start, misuse_is_refused_with_name_value_and_remedy_and_changes_nothing) {
+  const auto make = [](const WarmStartCapacity& capacity, const WarmStartOptions& options) {
+    return misuse([&] { WarmStartStore<double>(Device::cpu(), capacity, options); });
+  };
+  EXPECT_THAT(make({-1, 2, 3}, {}), HasSubstr("capacity.envs = -1"));
+  EXPECT_THAT(make({1, -2, 3}, {}), HasSubstr("capacity.cones = -2"));
+  EXPECT_THAT(make({1, 2, -3}, {}), HasSubstr("capacity.rows = -3"));
+  EXPECT_THAT(make({1, 2, 3}, {0.0}), HasSubstr("beta = 0.0"));
+  EXPECT_THAT(make({1, 2, 3}, {1.01}), HasSubstr("beta = 1.01"));
+  EXPECT_THAT(make({1, 2, 3}, {std::nan("")}), HasSubstr("beta = "));
+  EXPECT_THAT(make({1, 2, 3}, {0.9, static_cast<StepScaling>(9)}), HasSubstr("scaling = 9"));
+  EXPECT_THAT(make({1, 2, 3}, {0.9, StepScaling::none, -1}), HasSubstr("threads = -1"));
+  try {
+    WarmStartStore<double>(Device::cpu(), {1, Offset{1} << 60, 3});
+    FAIL() << "2^60 cones fit";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::out_of_memory);
+  }
+
+  Packed<double> one({{{{5, ConeKind::unilateral, 1}}, {4.0}}});
+  Packed<double> two({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
+  WarmStartStore<double> store(Device::cpu(), {1, 2, 2}, {1.0});
+  remember(store, one, 0.01);
+  EXPECT_THAT(misuse([&] { recall(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
+  EXPECT_THAT(misuse([&] { remember(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
+  for (const double dt : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()})
+    EXPECT_THAT(misuse([&] { remember(store, one, dt); }), HasSubstr("dt = "));
+  std::vector<double> guess{77.0};
+  EXPECT_THAT(misuse([&] { store.recall(one.batch.view(), nullptr, 0.01, guess.data()); }),
+              HasSubstr("cone_id is null"));
+  EXPECT_THAT(misuse([&] { store.recall(one.batch.view(), one.id.data(), 0.01, nullptr); }),
+              HasSubstr("guess is null"));
+  EXPECT_THAT(misuse([&] { store.remember(one.batch.view(), one.id.data(), {}, 0.01); }), HasSubstr("lambda is null"));
+  EXPECT_THAT(misuse([&] {
+                store.remember(one.batch.view(), one.id.data(), {one.lambda.data(), nullptr, nullptr}, 0.01);
+              }),
+              HasSubstr("status is null"));
+  auto device_view = one.batch.view();
+  device_view.space = MemorySpace::cuda;
+  EXPECT_THAT(misuse([&] { store.recall(device_view, one.id.data(), 0.01, guess.data()); }), HasSubstr("space"));
+  const Offset outside[] = {0, 1};
+  EXPECT_THAT(misuse([&] { store.reset(outside); }), HasSubstr("environment 1 cannot be reset"));
+  EXPECT_THAT(misuse([&] { store.reset_where(nullptr); }), HasSubstr("mask is null"));
+  std::vector<WarmStartRecord> many(2);
+  EXPECT_THAT(misuse([&] { store.records(many); }), HasSubstr("2 records"));
+  EXPECT_EQ(guess[0], 77.0);
+  EXPECT_EQ(recall(store, one, 0.01), std::vector<double>{4.0}) << "a refused call changed what is remembered";
+}
+
+TEST(warm_start, a_store_and_a_batch_without_anything_work) {
+  Packed<float> none({});
+  WarmStartStore<float> store(Device::cpu(), {});
+  EXPECT_TRUE(recall(store, none, 0.01).empty());
+  remember(store, none, 0.01);
+  store.reset_all();
+  EXPECT_TRUE(records(store).empty());
+}
+
+}  // namespace
+}  // namespace stiction::test
