@@ -34,14 +34,6 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
   std::vector<Offset> sparse_nonzeros;     ///< room of each one's stored entries                     (sparse_order)
 };
 
-/// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a
-/// gathered one (small, or at least a quarter full), and never so large that the square would not fit.
-constexpr EnvPath choose_path(Offset n, Offset nnz) {
-  if (n == 0) return EnvPath::empty;
-  if (n <= 64) return EnvPath::dense;
-  return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
-}
-
 /// Plans a host batch whose structure is sound.
 template <class Real>
 PlanData make_plan(const ContactBatchView<Real>& batch);

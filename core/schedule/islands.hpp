@@ -1,0 +1,22 @@
+#pragma once
+
+#include <vector>
+
+#include "stiction/batch.hpp"
+
+namespace stiction {
+
+/// Which cones of each environment act on one another, however indirectly: two that a stored entry joins, either way
+/// round and whatever its value, are in one island, and so are neighbouring cones of one non-negative group.
+struct Islands {
+  std::vector<Index> island;  ///< of each cone, numbered 0, 1, ... in its environment by their first cones; 0 in room
+                              ///< that no cone uses                                                  (cone_count)
+  std::vector<Index> count;   ///< islands of each environment                                               (env_count)
+};
+
+/// Finds the islands of a host batch whose structure is sound, in time all but proportional to its entries. From
+/// integers alone, each environment's from its own.
+template <class Real>
+Islands find_islands(const ContactBatchView<Real>& batch);
+
+}  // namespace stiction
