@@ -44,6 +44,7 @@ TABLE = [
     Row("core/block", [PUBLIC, "core/base", "core/block"], std=STD_TYPES),
     Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
     Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
+    Row("core/graph", [PUBLIC, "core/graph"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
     Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
@@ -51,7 +52,7 @@ TABLE = [
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
-    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
+    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "core/graph/tridiagonal.hpp", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python"], foreign=("nanobind/",)),
 ]

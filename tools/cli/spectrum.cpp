@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/graph/tridiagonal.hpp"
+
 namespace stiction::cli {
 
 namespace {
@@ -56,12 +58,8 @@ void orthogonalise(Vector& x, const std::vector<Vector>& basis) {
   }
 }
 
-struct Tridiagonal {
-  Vector diagonal, off;  ///< off[i] couples i and i + 1
-};
-
-Tridiagonal lanczos(const ContactBatchView<double>& batch, Offset env, std::size_t rows, std::size_t steps) {
-  Tridiagonal T;
+graph::Tridiagonal lanczos(const ContactBatchView<double>& batch, Offset env, std::size_t rows, std::size_t steps) {
+  graph::Tridiagonal T;
   std::vector<Vector> basis;
   Vector x = start_vector(rows, 0);
   double norm = std::sqrt(dot(x, x));
@@ -89,28 +87,6 @@ Tridiagonal lanczos(const ContactBatchView<double>& batch, Offset env, std::size
   }
 }
 
-/// How many eigenvalues of T are below x (Sturm sequence).
-std::size_t count_below(const Tridiagonal& T, double x) {
-  std::size_t count = 0;
-  double pivot = 1;
-  for (std::size_t i = 0; i < T.diagonal.size(); ++i) {
-    const double coupling = i == 0 ? 0 : T.off[i - 1] * T.off[i - 1] / pivot;
-    pivot = T.diagonal[i] - x - coupling;
-    if (pivot == 0) pivot = -std::numeric_limits<double>::min();
-    if (pivot < 0) ++count;
-  }
-  return count;
-}
-
-/// The eigenvalue with `rank` smaller ones, by bisection until neighbouring numbers.
-double eigenvalue(const Tridiagonal& T, std::size_t rank, double low, double high) {
-  while (true) {
-    const double middle = 0.5 * low + 0.5 * high;
-    if (!(middle > low && middle < high)) return middle;
-    (count_below(T, middle) > rank ? high : low) = middle;
-  }
-}
-
 bool all_finite(const ContactBatchView<double>& batch, Offset env) {
   const Offset first = batch.env_row_offsets[env];
   const Offset last = batch.env_row_offsets[env + 1];
@@ -135,19 +111,13 @@ Spectrum estimate_spectrum(const ContactBatchView<double>& batch, Offset env) {
   const auto rows = static_cast<std::size_t>(batch.env_row_offsets[env + 1] - batch.env_row_offsets[env]);
   if (rows == 0 || !all_finite(batch, env)) return spectrum;
   const std::size_t steps = rows < kLanczosSteps ? rows : static_cast<std::size_t>(kLanczosSteps);
-  const Tridiagonal T = lanczos(batch, env, rows, steps);
-  double reach = 0;  // Gershgorin: no eigenvalue of T is further from zero
-  for (std::size_t i = 0; i < steps; ++i) {
-    const double before = i == 0 ? 0 : std::fabs(T.off[i - 1]);
-    const double after = i + 1 == steps ? 0 : std::fabs(T.off[i]);
-    const double radius = std::fabs(T.diagonal[i]) + before + after;
-    if (radius > reach) reach = radius;
-  }
+  const graph::Tridiagonal T = lanczos(batch, env, rows, steps);
+  const double reach = graph::reach(T);
   if (!std::isfinite(reach)) return spectrum;
   spectrum.usable = true;
   spectrum.complete = steps == rows;
-  spectrum.smallest = eigenvalue(T, 0, -reach, reach);
-  spectrum.largest = eigenvalue(T, steps - 1, -reach, reach);
+  spectrum.smallest = graph::eigenvalue(T, 0, -reach, reach);
+  spectrum.largest = graph::eigenvalue(T, steps - 1, -reach, reach);
   return spectrum;
 }
 

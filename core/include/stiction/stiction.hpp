@@ -2,6 +2,7 @@
 
 #include "stiction/batch.hpp"
 #include "stiction/config.hpp"
+#include "stiction/contact_graph.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/padded.hpp"
