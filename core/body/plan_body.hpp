@@ -15,24 +15,24 @@ struct PlanTarget {
   Index* color_count;     ///<                                                                  (1)
 };
 
-/// Work memory of plan_sparse(), in Index: 256 + 2 + rows + 9 cones + 2 entry_span, where entry_span is the room of an
+/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span, where entry_span is the room of an
 /// environment's stored entries, row_offsets of its last row's end less that of its first row.
 STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Offset entry_span) {
-  return ConflictGraph::elements(rows, cones, entry_span) + 4 * cones;
+  return ConflictGraph::elements(rows, cones, entry_span) + 3 * cones;
 }
 
 /// Vertices by colour; in a colour by kind of the first cone, rows and index, so that neighbouring lanes run the same
 /// code.
 template <Block B>
 STICTION_HD void order_vertices(B& block, const StructureView& s, const ConflictGraph& graph, const Index* color,
-                                Index* order, Index* buffer) {
+                                Index* order) {
+  const auto kind = [&](Index v) { return s.kind[graph.vertex_begin[v]]; };
+  const auto rows = [&](Index v) { return s.cone_row(graph.vertex_begin[v + 1]) - s.cone_row(graph.vertex_begin[v]); };
   for_each(block, graph.vertices, [&](Index v) { order[v] = v; });
-  // 31 bits of colour, 2 of kind, 31 of rows; the index is what a stable sort adds.
-  stable_sort(block, order, buffer, graph.vertices, [&](Index v) {
-    const Index first = graph.vertex_begin[v];
-    const Index rows = s.cone_row(graph.vertex_begin[v + 1]) - s.cone_row(first);
-    return static_cast<std::uint64_t>(color[v]) << 33 | static_cast<std::uint64_t>(s.kind[first]) << 31 |
-           static_cast<std::uint64_t>(rows);
+  sort_network(block, graph.vertices, order, [&](Index u, Index v) {
+    if (color[u] != color[v]) return color[u] < color[v];
+    if (kind(u) != kind(v)) return kind(u) < kind(v);
+    return rows(u) != rows(v) ? rows(u) < rows(v) : u < v;
   });
 }
 
@@ -43,9 +43,8 @@ STICTION_HD_OUTLINE void plan_sparse(B& block, const StructureView& s, const Pla
   Index* const color = scratch + ConflictGraph::elements(s.rows, s.cones, s.entry_span());
   Index* const next = color + s.cones;
   Index* const order = next + s.cones;
-  Index* const buffer = order + s.cones;
-  color_vertices(block, graph, color, next, order, buffer);
-  order_vertices(block, s, graph, color, order, buffer);
+  color_vertices(block, graph, color, next, order);
+  order_vertices(block, s, graph, color, order);
 
   const auto cones_of = [&](Index v) { return graph.vertex_begin[v + 1] - graph.vertex_begin[v]; };
   for_each(block, graph.vertices, [&](Index p) { plan.vertex_offsets[p] = cones_of(order[p]); });

@@ -29,10 +29,9 @@ STICTION_HD Index smallest_free_color(const ConflictGraph& graph, const Index* c
 /// Colours the vertices as color_graph() does: greedily, the largest degree first, the smaller index first among
 /// equals. A vertex can be coloured once all its neighbours that come before it are, whatever else is (Jones and
 /// Plassmann 1993, with degrees for random numbers): so every round colours many, and the outcome is the sequential
-/// one. `next`, `order` and `buffer` have room for every vertex.
+/// one. `next` and `order` have room for every vertex.
 template <Block B>
-STICTION_HD_OUTLINE void color_vertices(B& block, const ConflictGraph& graph, Index* color, Index* next, Index* order,
-                                        Index* buffer) {
+STICTION_HD_OUTLINE void color_vertices(B& block, const ConflictGraph& graph, Index* color, Index* next, Index* order) {
   const auto comes_before = [&](Index u, Index v) {
     return graph.degree[u] != graph.degree[v] ? graph.degree[u] > graph.degree[v] : u < v;
   };
@@ -53,8 +52,7 @@ STICTION_HD_OUTLINE void color_vertices(B& block, const ConflictGraph& graph, In
   if (!waiting) return;
 
   for_each(block, graph.vertices, [&](Index v) { order[v] = v; });
-  stable_sort(block, order, buffer, graph.vertices,
-              [&](Index v) { return static_cast<std::uint64_t>(graph.vertices - graph.degree[v]); });
+  sort_network(block, graph.vertices, order, comes_before);
   single(block, [&] {
     for (Index p = 0; p < graph.vertices; ++p) {
       const Index v = order[p];

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "core/block/scan.hpp"
-#include "core/block/sort.hpp"
 #include "core/body/plan_structure.hpp"
+#include "core/body/sort_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -55,7 +55,7 @@ struct ConflictGraph {
 
 /// Whether sorted values have this one among them.
 STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
-  const Index place = partition_point(0, count, [&](Index i) { return sorted[i] < value; });
+  const Index place = lower_bound(sorted, count, value, [](Index a, Index b) { return a < b; });
   return place < count && sorted[place] == value;
 }
 
@@ -98,7 +98,8 @@ STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& gra
     }
   }
   if (sorted == count) return count;
-  sort_alone(list, count);
+  SerialBlock alone;
+  sort_network(alone, count, list, [](Index a, Index b) { return a < b; });
   Index kept = 1;
   for (Index k = 1; k < count; ++k)
     if (list[k] != list[kept - 1]) list[kept++] = list[k];

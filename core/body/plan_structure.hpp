@@ -8,6 +8,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// Most rows, cones or stored entries of one environment, with all room between them: what Index can count.
+inline constexpr Offset kMostOfOneEnv = std::numeric_limits<Index>::max();
+
 /// The integers of one environment, and no number: what is planned from them cannot depend on a value. Rows and cones
 /// count from the environment's own zero.
 struct StructureView {
@@ -83,7 +86,7 @@ STICTION_HD bool is_cone(ConeKind kind, Offset rows) {
 STICTION_HD Index part_in_use(const Offset* offsets, const Index* counts, Offset env, Offset env_count, Offset total) {
   if (!is_part(offsets, env, env_count, total)) return -1;
   const Offset room = offsets[env + 1] - offsets[env];
-  if (room > std::numeric_limits<Index>::max()) return -1;
+  if (room > kMostOfOneEnv) return -1;
   if (counts == nullptr) return static_cast<Index>(room);
   return counts[env] <= room ? counts[env] : -1;
 }
@@ -127,7 +130,7 @@ STICTION_HD_OUTLINE bool structure_is_sound(B& block, const ContactBatchView<Rea
   });
   for_each(block, static_cast<Index>(row_end - row), [&](Index i) { expect(has_columns(batch, row + i)); });
   if (block.combine(broken) != 0) return false;
-  if (batch.row_offsets[row + rows] - batch.row_offsets[row] > std::numeric_limits<Index>::max()) return false;
+  if (batch.row_offsets[row + rows] - batch.row_offsets[row] > kMostOfOneEnv) return false;
 
   for_each(block, rows, [&](Index i) {
     const Index* const columns = batch.row_columns(row + i);
