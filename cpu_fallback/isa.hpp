@@ -1,5 +1,6 @@
 #pragma once
 
+#include "cpu_fallback/jacobian_kernels.hpp"
 #include "cpu_fallback/job.hpp"
 #include "stiction/types.hpp"
 
@@ -10,6 +11,7 @@ struct Isa {
   const char* name;
   bool (*supported)();
   KernelSet (*kernels)(SolverKind solver);
+  JacobianKernelSet (*jacobian)();
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA

@@ -5,6 +5,7 @@
 #include "stiction/contact_graph.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
+#include "stiction/jacobian.hpp"
 #include "stiction/padded.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"

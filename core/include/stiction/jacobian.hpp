@@ -1,0 +1,160 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "stiction/batch.hpp"
+#include "stiction/solver.hpp"
+
+namespace stiction {
+
+/// What the mass arrays of a JacobianBatchView hold.
+enum class MassForm : std::uint8_t {
+  matrix = 0,  ///< M itself, symmetric positive definite
+  factor = 1,  ///< the lower Cholesky factor L of M = L L', with a positive diagonal
+};
+
+/// Many environments' contact systems as a physics engine has them: constraint Jacobian J, mass matrix M, velocity
+/// without contact v_free. A POD over host memory that owns nothing. assemble() makes of each environment
+///
+///     A = J M^-1 J',   b = J v_free - target,   and   v+ = v_free + M^-1 J' lambda
+///
+/// follows from the answer (docs/jacobian.md). At velocity level lambda is an impulse; with accelerations in place of
+/// velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView, and as
+/// there counts allow room behind what is in use.
+template <class Real>
+struct JacobianBatchView {
+  Offset env_count = 0;
+  Offset cone_count = 0;
+  Offset row_count = 0;
+  Offset dof_count = 0;
+  Offset entry_count = 0;                    ///< length of J
+  Offset mass_count = 0;                     ///< length of M
+  const Offset* env_row_offsets = nullptr;   ///< first row of each environment        (env_count + 1)
+  const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
+  const Offset* env_dof_offsets = nullptr;   ///< first degree of freedom of each      (env_count + 1)
+  const Offset* env_mass_offsets = nullptr;  ///< first entry of M of each             (env_count + 1)
+  const Index* env_row_counts = nullptr;     ///< rows in use; null: up to the next one's first   (env_count)
+  const Index* env_cone_counts = nullptr;    ///< cones in use; null: up to the next one's first  (env_count)
+  const std::uint32_t* env_flags = nullptr;  ///< as in ContactBatchView               (env_count)
+  const ConeKind* cone_kind = nullptr;       ///< kind                                  (cone_count)
+  const Offset* cone_row_offsets = nullptr;  ///< first row of each cone               (cone_count + 1)
+  const Index* cone_group = nullptr;         ///< as in ContactBatchView, or null      (cone_count)
+  const Offset* row_offsets = nullptr;       ///< first entry of J of each row         (row_count + 1)
+  const Index* column = nullptr;  ///< CSR: degree of freedom of each entry, within the environment, duplicates
+                                  ///< add up; null: each row has one entry per degree of freedom  (entry_count)
+  const Real* J = nullptr;        ///< constraint Jacobian [w / v]                      (entry_count)
+  const Real* M = nullptr;        ///< blocks on the diagonal, each dense and row-major, or their factors; only the
+                                  ///< lower triangles are read [lambda w / v^2]        (mass_count)
+  const Real* v_free = nullptr;   ///< velocity without reactions [v]                   (dof_count)
+  const Real* target = nullptr;   ///< motion that rows aim at, or null: zeros [w]      (row_count)
+  const Real* R = nullptr;        ///< compliance, >= 0 [w / lambda]                    (row_count)
+  const Real* mu = nullptr;       ///< friction per axis                                (row_count)
+  const Real* lo = nullptr;       ///< bounds of box rows [lambda]                      (row_count)
+  const Real* hi = nullptr;       ///<                                                  (row_count)
+  MassForm mass_form = MassForm::matrix;
+  Index mass_block = 0;  ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
+  Law law = Law::convex;
+
+  [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
+    return env_row_counts != nullptr ? env_row_counts[env]
+                                     : static_cast<Index>(env_row_offsets[env + 1] - env_row_offsets[env]);
+  }
+  [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
+    return env_cone_counts != nullptr ? env_cone_counts[env]
+                                      : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
+  }
+  [[nodiscard]] STICTION_HD Index env_dofs(Offset env) const {
+    return static_cast<Index>(env_dof_offsets[env + 1] - env_dof_offsets[env]);
+  }
+};
+
+/// One environment to be appended to a JacobianBatch.
+template <class Real>
+struct JacobianEnvironment {
+  std::vector<typename Environment<Real>::Cone> cones;
+  std::vector<Index> row_offsets, column;   ///< CSR rows and columns of J; both empty: J is dense
+  std::vector<Real> J;                      ///< row-major, n x dofs, or CSR values
+  std::vector<Real> M;                      ///< dofs x the batch's block size, row-major
+  std::vector<Real> v_free;                 ///< its length says how many degrees of freedom there are
+  std::vector<Real> target, R, mu, lo, hi;  ///< empty means zeros  (n)
+};
+
+/// Owner of a Jacobian batch on the host; append-only.
+template <class Real>
+class JacobianBatch {
+ public:
+  /// \throws Error(invalid_argument) if mass_block < 0.
+  explicit JacobianBatch(Law law = Law::convex, MassForm mass_form = MassForm::matrix, Index mass_block = 0);
+
+  /// Appends one environment (possibly without rows). \throws Error(invalid_argument) on a wrong shape; then nothing
+  /// was appended.
+  void add(const JacobianEnvironment<Real>& environment);
+
+  [[nodiscard]] JacobianBatchView<Real> view() const noexcept;
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_row_offsets_.size()) - 1; }
+  [[nodiscard]] Offset row_count() const noexcept { return env_row_offsets_.back(); }
+  [[nodiscard]] Offset dof_count() const noexcept { return env_dof_offsets_.back(); }
+
+ private:
+  Law law_;
+  MassForm mass_form_;
+  Index mass_block_;
+  bool has_columns_ = false;
+  std::vector<Offset> env_row_offsets_{0}, env_cone_offsets_{0}, env_dof_offsets_{0}, env_mass_offsets_{0};
+  std::vector<ConeKind> cone_kind_;
+  std::vector<Offset> cone_row_offsets_{0}, row_offsets_{0};
+  std::vector<Index> cone_group_, column_;
+  std::vector<Real> J_, M_, v_free_, target_, R_, mu_, lo_, hi_;
+};
+
+/// Which of the environments assemble() keeps as factors.
+enum class FactorUse : std::uint8_t {
+  never,
+  by_size,  ///< those for which prefers_factor() holds
+  always,
+};
+
+/// Whether an environment of n rows and `dofs` degrees of freedom is solved in factor form: A = Y Y' with Y = J L^-T is
+/// then never formed, and a sweep costs 3 n dofs multiplications where the matrix takes n^2. Decided by these two
+/// integers, because it reaches the last bits of the answer.
+constexpr bool prefers_factor(Offset n, Offset dofs) {
+  return n > 72 && dofs > 0 && 3 * dofs < n;
+}
+
+/// The contact batch of a Jacobian batch, on the CPU: M = L L' by Cholesky, Y = J L^-T, A = Y Y' (symmetric to the last
+/// bit), b. Rows follow one another without room between them. An environment whose M is not positive definite is
+/// marked kFlagBadMass in env_flags, and no other environment is touched by it. `threads` 0: all cores; the bits do not
+/// depend on it. \throws Error(invalid_argument) if the structure is broken.
+template <class Real>
+ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::never, int threads = 0);
+
+/// v+ = v_free + M^-1 J' lambda of every environment  (dof_count). `lambda` are the reactions of the assembled batch,
+/// without room between environments. Where all of an environment's reactions are zero, and so where it could not be
+/// solved, its v_free comes back.
+/// \throws Error(invalid_argument) if the structure is broken or lambda has another length.
+template <class Real>
+std::vector<Real> velocities(const JacobianBatchView<Real>& batch, std::span<const Real> lambda, int threads = 0);
+
+/// A solution and the velocities it leads to.
+template <class Real>
+struct JacobianSolution {
+  std::vector<Offset> env_row_offsets;  ///< where each environment's reactions begin  (env_count + 1)
+  Solution<Real> contact;               ///< reactions, residual motion and status
+  std::vector<Real> velocity;           ///< v+ [v]                                    (dof_count)
+};
+
+/// assemble(), solve() on that device and velocities() in one call. Factors are the caller's choice because they are
+/// the CPU's alone so far: a CUDA device refuses them, and by default every machine gives the same bits.
+template <class Real>
+JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverOptions& options = {},
+                             Device device = Device::cpu(), std::span<const Real> warm_start = {},
+                             FactorUse use = FactorUse::never);
+template <class Real>
+JacobianSolution<Real> solve(const JacobianBatch<Real>& batch, const SolverOptions& options = {},
+                             Device device = Device::cpu(), std::span<const Real> warm_start = {},
+                             FactorUse use = FactorUse::never) {
+  return solve(batch.view(), options, device, warm_start, use);
+}
+
+}  // namespace stiction

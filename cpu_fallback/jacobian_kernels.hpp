@@ -1,0 +1,21 @@
+#pragma once
+
+#include "core/base/jacobian_job.hpp"
+
+namespace stiction::cpu {
+
+/// The work on one environment of a Jacobian batch, compiled for one instruction set.
+template <class Real>
+struct JacobianKernels {
+  Offset (*elements)(const JacobianJob<Real>& job, Offset env);  ///< scratch both need, in numbers of Real
+  void (*assemble)(const JacobianJob<Real>& job, Offset env, Real* scratch);
+  void (*velocity)(const JacobianJob<Real>& job, Offset env, Real* scratch);
+};
+
+/// Both precisions.
+struct JacobianKernelSet {
+  JacobianKernels<float> f32;
+  JacobianKernels<double> f64;
+};
+
+}  // namespace stiction::cpu
