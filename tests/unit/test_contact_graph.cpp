@@ -295,6 +295,10 @@ TEST(ContactGraph, AfterEveryChangeEverythingIsWhatTheDefinitionsSay) {
       split += changer.graph.statistics().island_count > before ? 1 : 0;
       largest = std::max(largest, changer.graph.statistics().edge_count);
       expect_equal(changer.graph, changer.oracle);
+      ContactGraph rebuilt_graph = changer.graph;
+      rebuilt_graph.rebuild();
+      ASSERT_EQ(rebuilt_graph.manifolds(), changer.graph.manifolds());
+      ASSERT_EQ(rebuilt_graph.islands(), changer.graph.islands());
       if (HasFatalFailure()) FAIL() << "seed " << seed << ", step " << step;
     }
     rebuilt += changer.rebuilt_islands;

@@ -104,8 +104,8 @@ class ContactGraph {
   /// there is memory for every index up to it. \throws Error(invalid_argument) for a negative index or one present.
   void add_body(Index body, BodyRole role = BodyRole::moving);
 
-  /// Removes a body and its contacts; the cost is that of removing them. \throws Error(invalid_argument) if there is no
-  /// such body.
+  /// Removes a body and its contacts; the cost is that of removing them, searches bounded as in update(). \throws
+  /// Error(invalid_argument) if there is no such body.
   GraphChange remove_body(Index body);
 
   /// Adds a contact. Where the pair touched already, O(1); else the colour work, and for two islands that become one
