@@ -122,6 +122,8 @@ Recording read_contact_batch(const InputFile& file) {
   if (file.has("lambda_ref")) recording.lambda_ref = file.reals("lambda_ref", rows);
   if (file.has("env_name")) recording.env_name = file.strings("env_name", envs);
   if (file.has("step")) recording.step = file.integers<std::int64_t>("step", envs);
+  if (file.has("dt")) recording.dt = file.reals("dt", envs);
+  if (file.has("cone_id")) recording.cone_id = file.bits("cone_id", kinds.size());
   read_dynamics(file, recording);
   return recording;
 }

@@ -28,6 +28,11 @@ void require_csr(const char* name, const Csr& matrix, std::size_t rows) {
 
 /// Refuses what read_batch would refuse, before a file is made of it.
 void check(const Recording& recording) {
+  if (!recording.batch.arrays().factor.empty())
+    throw Error(
+        ErrorCode::invalid_argument,
+        "write_batch: recording.batch keeps environments as factors, which the format does not know: assemble it "
+        "with FactorUse::never");
   const auto& arrays = recording.batch.arrays();
   const std::size_t envs = arrays.env_row_offsets.size() - 1;
   const std::size_t rows = arrays.b.size();
@@ -48,6 +53,8 @@ void check(const Recording& recording) {
   require_length("lambda_ref", recording.lambda_ref.size(), rows);
   require_length("env_name", recording.env_name.size(), envs);
   require_length("step", recording.step.size(), envs);
+  require_length("dt", recording.dt.size(), envs);
+  require_length("cone_id", recording.cone_id.size(), arrays.cone_kind.size());
 }
 
 struct RowParameters {
@@ -132,6 +139,8 @@ void write_batch(const std::filesystem::path& path, const Recording& recording) 
   write_optional(file, "v_ref", recording.v_ref);
   if (!recording.env_name.empty()) file.strings("env_name", recording.env_name);
   write_optional(file, "step", recording.step);
+  write_optional(file, "dt", recording.dt);
+  write_optional(file, "cone_id", recording.cone_id);
   file.commit();
 }
 

@@ -297,12 +297,15 @@ bool InputFile::is_single(const std::string& path) const {
   return H5Tget_size(open(path, Values::real, {}).type.get()) == sizeof(float);
 }
 
+bool InputFile::is_unsigned_64(const Dataset& dataset) const {
+  return H5Tget_sign(dataset.type.get()) == H5T_SGN_NONE && H5Tget_size(dataset.type.get()) == sizeof(std::int64_t);
+}
+
 std::vector<std::int64_t> InputFile::wide_integers(const std::string& path, std::optional<std::size_t> length) const {
   const Dataset dataset = open(path, Values::integer, length);
   std::vector<std::int64_t> values(dataset.count);
   // HDF5 would clip what does not fit; unsigned 64-bit numbers are therefore read as such, and a set top bit refused.
-  const bool huge =
-      H5Tget_sign(dataset.type.get()) == H5T_SGN_NONE && H5Tget_size(dataset.type.get()) == sizeof(std::int64_t);
+  const bool huge = is_unsigned_64(dataset);
   read(path, dataset, huge ? H5T_NATIVE_UINT64 : H5T_NATIVE_INT64, values.data());
   if (huge) {
     for (std::size_t i = 0; i < values.size(); ++i) {
@@ -311,6 +314,26 @@ std::vector<std::int64_t> InputFile::wide_integers(const std::string& path, std:
                                  std::to_string(i) + ", which does not fit 63 bits");
       }
     }
+  }
+  return values;
+}
+
+std::vector<std::uint64_t> InputFile::bits(const std::string& path, std::optional<std::size_t> length) const {
+  const Dataset dataset = open(path, Values::integer, length);
+  std::vector<std::uint64_t> values(dataset.count);
+  if (is_unsigned_64(dataset)) {
+    read(path, dataset, H5T_NATIVE_UINT64, values.data());
+    return values;
+  }
+  // Read as signed: to unsigned, HDF5 would clip a negative number to 0.
+  std::vector<std::int64_t> wide(dataset.count);
+  read(path, dataset, H5T_NATIVE_INT64, wide.data());
+  for (std::size_t i = 0; i < wide.size(); ++i) {
+    if (wide[i] < 0) {
+      refuse_dataset(path, "holds " + std::to_string(wide[i]) + " at position " + std::to_string(i) +
+                               ", expected a number that is not negative");
+    }
+    values[i] = static_cast<std::uint64_t>(wide[i]);
   }
   return values;
 }

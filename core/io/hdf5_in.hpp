@@ -35,6 +35,9 @@ class InputFile {
   /// A 1-d dataset of integers of any width, every one of which fits T.
   template <class T>
   [[nodiscard]] std::vector<T> integers(const std::string& path, std::optional<std::size_t> length = {}) const;
+  /// A 1-d dataset of integers of any width as 64 bits each: those of unsigned types may have the top bit set, those of
+  /// signed types are negative then and refused.
+  [[nodiscard]] std::vector<std::uint64_t> bits(const std::string& path, std::optional<std::size_t> length = {}) const;
   /// A dataset of one integer.
   [[nodiscard]] std::int64_t integer(const std::string& path) const;
   /// A 1-d dataset of strings, of fixed or variable length.
@@ -63,6 +66,7 @@ class InputFile {
   void check_storage(const std::string& path, const Dataset& dataset) const;
   void check_chunks(const std::string& path, const Dataset& dataset, hid_t properties, std::size_t bytes) const;
   void read(const std::string& path, const Dataset& dataset, hid_t memory_type, void* out) const;
+  [[nodiscard]] bool is_unsigned_64(const Dataset& dataset) const;
   [[nodiscard]] std::vector<std::int64_t> wide_integers(const std::string& path,
                                                         std::optional<std::size_t> length) const;
   [[nodiscard]] TextHeap text_heap() const;

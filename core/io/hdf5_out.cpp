@@ -94,6 +94,10 @@ void OutputFile::array(const std::string& path, std::span<const std::int32_t> va
   write(path, H5T_STD_I32LE, H5T_NATIVE_INT32, sizeof(std::int32_t), values.size(), values.data());
 }
 
+void OutputFile::array(const std::string& path, std::span<const std::uint64_t> values) {
+  write(path, H5T_STD_U64LE, H5T_NATIVE_UINT64, sizeof(std::uint64_t), values.size(), values.data());
+}
+
 void OutputFile::array(const std::string& path, std::span<const std::uint32_t> values) {
   write(path, H5T_STD_U32LE, H5T_NATIVE_UINT32, sizeof(std::uint32_t), values.size(), values.data());
 }

@@ -24,6 +24,7 @@ class OutputFile {
   void array(const std::string& path, std::span<const float> values);
   void array(const std::string& path, std::span<const std::int64_t> values);
   void array(const std::string& path, std::span<const std::int32_t> values);
+  void array(const std::string& path, std::span<const std::uint64_t> values);
   void array(const std::string& path, std::span<const std::uint32_t> values);
   void array(const std::string& path, std::span<const std::uint8_t> values);
   /// Variable-length UTF-8 strings.

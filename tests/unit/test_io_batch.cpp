@@ -98,6 +98,35 @@ TEST_F(IoBatch, NumbersOfOtherWidthsAndByteOrdersAreReadExactly) {
   EXPECT_EQ(back.batch.arrays().env_cone_offsets, (std::vector<Offset>{0, 3, 4}));
 }
 
+TEST_F(IoBatch, IdsOfContactsMayBeOfAnyIntegerType) {
+  write_batch(at("a.h5"), small_recording());
+  {
+    Spoiler file(at("a.h5"));
+    const std::vector<std::uint8_t> ids = {1, 255, 0, 128};
+    file.put("cone_id", H5T_NATIVE_UINT8, {4}, ids.data());
+  }
+  EXPECT_EQ(read_batch(at("a.h5")).cone_id, (std::vector<std::uint64_t>{1, 255, 0, 128}));
+  {
+    Spoiler file(at("a.h5"));
+    file.put("cone_id", std::vector<std::int64_t>{4, 3, 9000000000000000000, 1});
+  }
+  EXPECT_EQ(read_batch(at("a.h5")).cone_id, (std::vector<std::uint64_t>{4, 3, 9000000000000000000U, 1}));
+}
+
+TEST_F(IoBatch, AFileWithoutStepsAndIdsIsAsGoodAsBefore) {
+  Recording recording = small_recording();
+  recording.step.clear();
+  recording.dt.clear();
+  recording.cone_id.clear();
+  write_batch(at("a.h5"), recording);
+  {
+    const Spoiler file(at("a.h5"));
+    EXPECT_EQ(H5Lexists(file.file(), "dt", H5P_DEFAULT), 0);
+    EXPECT_EQ(H5Lexists(file.file(), "cone_id", H5P_DEFAULT), 0);
+  }
+  expect_same(read_batch(at("a.h5")), recording);
+}
+
 TEST_F(IoBatch, FixedLengthStringsAreReadLikeOthers) {
   write_batch(at("a.h5"), small_recording());
   {

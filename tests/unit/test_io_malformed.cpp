@@ -139,6 +139,14 @@ TEST_F(IoMalformed, WrongShapesAreNamed) {
               HasSubstr("'A' is not a group"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("step", std::vector<std::int64_t>{1}); }),
               HasSubstr("dataset 'step' has 1 elements, expected 2"));
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("dt", std::vector<double>(3, 0.1)); }),
+              HasSubstr("dataset 'dt' has 3 elements, expected 2"));
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("cone_id", std::vector<std::int64_t>(2, 1)); }),
+              HasSubstr("dataset 'cone_id' has 2 elements, expected 4"));
+  EXPECT_THAT(refusal([](Spoiler& f) {
+                f.put("cone_id", std::vector<std::int64_t>{1, 2, -3, 4});
+              }),
+              HasSubstr("dataset 'cone_id' holds -3 at position 2, expected a number that is not negative"));
 }
 
 TEST_F(IoMalformed, OffsetsThatCannotIndexAreRefused) {

@@ -100,6 +100,8 @@ inline Recording small_recording() {
   recording.v_ref = {0.5, 0.25, 0.125};
   recording.env_name = {"first", ""};
   recording.step = {12, -1};
+  recording.dt = {0.002, 0.004};
+  recording.cone_id = {3, ~std::uint64_t{0}, 0, std::uint64_t{1} << 63};
   return recording;
 }
 
@@ -153,6 +155,8 @@ inline void expect_same(const Recording& a, const Recording& b) {
   expect_same_bits(a.v_ref, b.v_ref, "v_ref");
   EXPECT_EQ(a.env_name, b.env_name);
   EXPECT_EQ(a.step, b.step);
+  EXPECT_EQ(a.dt, b.dt);
+  EXPECT_EQ(a.cone_id, b.cone_id);
 }
 
 /// An HDF5 file opened to spoil it, by HDF5 itself.

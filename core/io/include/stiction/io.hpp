@@ -33,6 +33,9 @@ struct Recording {
   std::vector<double> v_ref;          ///< its motion                                   (dofs)
   std::vector<std::string> env_name;  ///< a name for each environment                  (E)
   std::vector<std::int64_t> step;     ///< time step each environment was taken from    (E)
+  std::vector<double> dt;             ///< length of that step [s]                      (E)
+  std::vector<std::uint64_t> cone_id;  ///< the same number for the same contact in every step, unique within an
+                                       ///< environment (WarmStartStore)                 (K)
 };
 
 enum class FileKind { contact_batch, fclib_local, fclib_global, fclib_rolling };
