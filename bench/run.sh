@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every benchmark, into bench/results/<machine>/: headline.csv (8 contacts, 4096 environments against a naive loop),
-# ratio.csv (the same over sizes), solvers.csv, baselines.csv, each with the command in line 1 and the machine below it. About four minutes on two idle cores.
+# warm_start.csv, ratio.csv (the same over sizes), solvers.csv, baselines.csv, each with the command in line 1 and the machine below it. About four minutes on two idle cores.
 #
 #   bench/run.sh [BUILD]                 BUILD: build folder, default build-bench (configured and built if needed)
 #   MACHINE=my-laptop bench/run.sh       the name of the results' folder, default: processor and cores
@@ -27,6 +27,10 @@ export STICTION_GIT_ID
 if [ -n "${QUICK:-}" ]; then
   echo "results: $results (headline only)"
   exit
+fi
+if cmake --build "$build" --target help | grep -q bench_warm_start; then  # not without HDF5
+  cmake --build "$build" --target bench_warm_start
+  "$build/bench/bench_warm_start" --csv "$results/warm_start.csv"
 fi
 "$build/bench/bench_ratio" --csv "$results/ratio.csv"
 "$build/bench/bench_solvers" --csv="$results/solvers.csv" --benchmark_min_time=0.05

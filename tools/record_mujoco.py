@@ -2,11 +2,13 @@
 """Record contact systems from running MuJoCo simulations as a contact-batch file.
 
     record_mujoco.py MODEL.xml -o OUT.h5 --envs 64 --seed 1 --steps 400 --every 40 --perturb 0.1
+    record_mujoco.py MODEL.xml MODEL.xml -o OUT.h5 --trajectory 40 --skip 200
 
 Simulations start from the model's first state (or a keyframe) disturbed by --perturb, run under random control
 with elliptic friction cones, and every --every steps the constraint system of that instant becomes one
-environment of the file, together with MuJoCo's own solution at a tight tolerance. Everything that is random
-comes from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
+environment of the file, together with MuJoCo's own solution at a tight tolerance. With --trajectory, consecutive
+steps of one simulation of each model are recorded, step by step, with ids by which a contact is found again. Everything
+that is random comes from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
 
 Exit status: 0 written; 1 written, but with fewer environments than asked for (the reason is printed); 2 bad
 input or usage, with one sentence. Needs numpy, h5py and mujoco >= 3 (tools/requirements.txt).
@@ -14,6 +16,7 @@ input or usage, with one sentence. Needs numpy, h5py and mujoco >= 3 (tools/requ
 import argparse
 import copy
 import sys
+from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -22,6 +25,9 @@ import mujoco
 import numpy as np
 
 FREE, UNILATERAL, BOX, FRICTION = range(4)  # cone_kind of the file format
+
+# Types of rows from this one on are contacts.
+CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 
 # A simulation is given up after this many without a single recordable instant.
 FRUITLESS_SIMULATIONS = 20
@@ -101,6 +107,25 @@ def cones_of(model, data):
     return np.array(kinds, np.uint8), np.array(rows, np.int64), param
 
 
+def cone_ids(data):
+    """A number for each cone, the same as long as the constraint lasts: its kind, its object or pair of geoms, and
+    which of those that they share it is, in MuJoCo's order."""
+    ids, shared, row = [], Counter(), 0
+    while row < data.nefc:
+        kind, objects, size = int(data.efc_type[row]), (int(data.efc_id[row]), 0), 1
+        if kind >= CONTACT:
+            contact = data.contact[data.efc_id[row]]
+            kind, size = CONTACT, contact.dim
+            objects = tuple(int(geom) + 1 for geom in contact.geom)  # 0: something without geoms
+        number = shared[kind, objects]
+        shared[kind, objects] += 1
+        if max(objects) >= 1 << 20 or number >= 1 << 16:
+            raise RecordError(f"ids have room for 2^20 geoms and 2^16 contacts of a pair, not for {objects}, {number}")
+        ids.append(kind << 56 | objects[0] << 36 | objects[1] << 16 | number)
+        row += size
+    return np.array(ids, np.uint64)
+
+
 def solve_tightly(tight, data):
     """MuJoCo's own solution at data's state, restarted from its answer until that no longer changes."""
     mujoco.mj_forward(tight, data)
@@ -117,7 +142,8 @@ def extract(tight, data):
     n, nv = data.nefc, tight.nv
     J = np.array(data.efc_J).reshape(n, nv)
     minv_jt = np.zeros((n, nv))
-    mujoco.mj_solveM(tight, data, minv_jt, np.ascontiguousarray(J))
+    if n:
+        mujoco.mj_solveM(tight, data, minv_jt, np.ascontiguousarray(J))
     # einsum without a path never calls a BLAS, so neither its threads nor its kernels reach the file.
     A = np.einsum("ik,jk->ij", J, minv_jt)
     M = np.zeros((nv, nv))
@@ -181,31 +207,49 @@ def start_state(model, data, keyframe, rng, sigma):
     data.qvel[:] += sigma * rng.standard_normal(model.nv)
 
 
+def advance(model, data, options, rng, step):
+    """Step number `step` under the chosen control. False: the simulation blew up or lost contacts, and what follows is
+    not physics."""
+    if options.control == "random" and (step - 1) % options.hold == 0:
+        data.ctrl[:] = random_control(model, rng, options.control_scale)
+    mujoco.mj_step(model, data)
+    return not any(data.warning[int(w)].number for w in BAD_STATE)
+
+
+class Observer:
+    """Solves the constraint system of a simulation's present state without disturbing it."""
+
+    def __init__(self, model):
+        self.tight = reference_model(model)
+        self.snapshot = mujoco.MjData(self.tight)
+        self.state = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+
+    def look(self, model, data):
+        mujoco.mj_getState(model, data, self.state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_setState(self.tight, self.snapshot, self.state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        solve_tightly(self.tight, self.snapshot)
+        return self.snapshot
+
+    def system(self):
+        """What look() found, or None if it is not finite."""
+        system = extract(self.tight, self.snapshot)
+        return system if all(np.isfinite(getattr(system, f.name)).all() for f in fields(system)) else None
+
+
 def instants(model, options, keyframe):
     """Systems at the chosen instants of one simulation after another, without end unless nothing touches."""
-    tight = reference_model(model)
-    data, snapshot = mujoco.MjData(model), mujoco.MjData(tight)
-    whole_state = mujoco.mjtState.mjSTATE_INTEGRATION
-    state = np.zeros(mujoco.mj_stateSize(model, whole_state))
+    data, observer = mujoco.MjData(model), Observer(model)
     fruitless, simulation = 0, 0
     while fruitless < FRUITLESS_SIMULATIONS:
         rng = np.random.default_rng([options.seed, simulation])
         start_state(model, data, keyframe, rng, options.perturb)
         phase, found = int(rng.integers(options.every)), False
         for step in range(1, options.steps + 1):
-            if options.control == "random" and (step - 1) % options.hold == 0:
-                data.ctrl[:] = random_control(model, rng, options.control_scale)
-            mujoco.mj_step(model, data)
-            if any(data.warning[int(w)].number for w in BAD_STATE):
-                break  # the simulation blew up or lost contacts: what follows is not physics
-            if step % options.every == phase:
-                mujoco.mj_getState(model, data, state, whole_state)
-                mujoco.mj_setState(tight, snapshot, state, whole_state)
-                solve_tightly(tight, snapshot)
-                if snapshot.nefc == 0:
-                    continue
-                system = extract(tight, snapshot)
-                if all(np.isfinite(getattr(system, f.name)).all() for f in fields(system)):
+            if not advance(model, data, options, rng, step):
+                break
+            if step % options.every == phase and observer.look(model, data).nefc > 0:
+                system = observer.system()
+                if system is not None:
                     found = True
                     yield system
         fruitless = 0 if found else fruitless + 1
@@ -225,6 +269,37 @@ def record(model, options, keyframe=None):
     return systems, f"{FRUITLESS_SIMULATIONS} simulations in a row had no instant with constraints"
 
 
+def trajectory(name, model, options, keyframe, simulation):
+    """Consecutive steps of one simulation as (system, cone ids), those without constraints included."""
+    data, observer, steps = mujoco.MjData(model), Observer(model), []
+    rng = np.random.default_rng([options.seed, simulation])
+    start_state(model, data, keyframe, rng, options.perturb)
+    for step in range(1, options.skip + options.trajectory + 1):
+        if not advance(model, data, options, rng, step):
+            raise RecordError(f"{name}: the simulation became unstable in step {step}; record fewer or disturb it less")
+        if step > options.skip:
+            ids = cone_ids(observer.look(model, data))
+            system = observer.system()
+            if system is None:
+                raise RecordError(f"{name}: numbers that are not finite in step {step}")
+            steps.append((system, ids))
+    return steps
+
+
+def record_trajectories(options):
+    """The systems of all models' trajectories, step by step, and the datasets that say so."""
+    models = [load(path, options.keyframe, alone=len(options.model) == 1) for path in options.model]
+    names = [Path(path).stem for path in options.model]
+    runs = [trajectory(names[i], model, options, keyframe, i) for i, (model, keyframe) in enumerate(models)]
+    taken = [moment for moments in zip(*runs) for moment in moments]
+    count = options.trajectory
+    extra = {"step": np.repeat(np.arange(count, dtype=np.int64), len(models)),
+             "dt": np.tile([model.opt.timestep for model, _ in models], count),
+             "cone_id": np.concatenate([ids for _, ids in taken]),
+             "env_name": names * count}
+    return [system for system, _ in taken], extra
+
+
 def pointers(sizes):
     return np.concatenate(([0], np.cumsum(sizes, dtype=np.int64)))
 
@@ -237,7 +312,7 @@ def csr(matrices):
             "val": np.concatenate([m[p] for m, p in zip(matrices, places)])}
 
 
-def write(path, systems, source):
+def write(path, systems, source, extra=None):
     """Writes the contact-batch file; deflate, because the pointers and Jacobians compress well."""
     arrays = {"env_row_ptr": pointers([len(s.b) for s in systems]),
               "env_cone_ptr": pointers([len(s.cone_kind) for s in systems]),
@@ -248,21 +323,27 @@ def write(path, systems, source):
     for name in ("A", "J", "M"):
         for part, values in csr([getattr(s, name) for s in systems]).items():
             arrays[f"{name}/{part}"] = values
+    arrays |= extra or {}
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "contact-batch", "version": 1, "source": source, "law": "convex"})
         for name, values in arrays.items():
+            if name == "env_name":
+                values = np.array(values, h5py.string_dtype())
             packed = {"compression": "gzip", "compression_opts": 9, "shuffle": True} if values.size else {}
             file.create_dataset(name, data=values, track_times=False, **packed)
 
 
 def parse(arguments):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("model", metavar="MODEL.xml", help="MJCF or URDF model")
+    parser.add_argument("model", metavar="MODEL.xml", nargs="+", help="MJCF or URDF model; several with --trajectory")
     parser.add_argument("-o", "--output", required=True, metavar="OUT.h5")
     parser.add_argument("--envs", type=int, default=64, help="instants to record (default 64)")
     parser.add_argument("--seed", type=int, default=0, help="source of everything random (default 0)")
     parser.add_argument("--steps", type=int, default=400, help="steps of each simulation (default 400)")
     parser.add_argument("--every", type=int, default=40, help="steps between instants (default 40)")
+    parser.add_argument("--trajectory", type=int, metavar="N", default=0,
+                        help="record N consecutive steps of each model instead of single instants")
+    parser.add_argument("--skip", type=int, default=0, help="steps before a trajectory begins (default 0)")
     parser.add_argument("--keyframe", help="start from this keyframe (name or number) instead of the model's pose")
     parser.add_argument("--perturb", type=float, default=0.0, metavar="SIGMA",
                         help="deviation of the start state's positions [m, rad] and velocities [m/s, rad/s]")
@@ -271,16 +352,20 @@ def parse(arguments):
     parser.add_argument("--hold", type=int, default=20, help="steps a random control is held (default 20)")
     parser.add_argument("--max-mb", type=float, default=64.0, help="stop before the arrays exceed this (default 64 MB)")
     options = parser.parse_args(arguments)
-    for name, least in (("envs", 1), ("seed", 0), ("steps", 1), ("every", 1), ("hold", 1), ("perturb", 0)):
+    for name, least in (("envs", 1), ("seed", 0), ("steps", 1), ("every", 1), ("hold", 1), ("perturb", 0),
+                        ("trajectory", 0), ("skip", 0)):
         if not getattr(options, name) >= least:
             parser.error(f"--{name} is {getattr(options, name)}, it must be at least {least}")
     if options.every > options.steps:
         parser.error(f"--every {options.every} is more than --steps {options.steps}: no instant would be recorded")
+    if len(options.model) > 1 and not options.trajectory:
+        parser.error("several models are recorded together only with --trajectory")
     return options
 
 
-def load(path, keyframe):
-    """The model with elliptic cones, and the keyframe's number. \\throws RecordError."""
+def load(path, keyframe, alone=True):
+    """The model with elliptic cones, and the keyframe's number; of several models, those that have no keyframes start
+    from their first state. \\throws RecordError."""
     try:
         model = mujoco.MjModel.from_xml_path(path)
     except ValueError as error:
@@ -289,7 +374,7 @@ def load(path, keyframe):
         raise RecordError(f"{path}: nothing in this model can move; give some body a joint")
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     model.opt.impratio = 1.0
-    if keyframe is None:
+    if keyframe is None or (model.nkey == 0 and not alone):
         return model, None
     number = int(keyframe) if keyframe.isdigit() else mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
     if not 0 <= number < model.nkey:
@@ -311,11 +396,16 @@ def summary(path, systems):
 def main(arguments=None):
     options = parse(arguments)
     try:
-        model, keyframe = load(options.model, options.keyframe)
-        systems, shortfall = record(model, options, keyframe)
+        shortfall, extra = None, None
+        if options.trajectory:
+            systems, extra = record_trajectories(options)
+        else:
+            model, keyframe = load(options.model[0], options.keyframe)
+            systems, shortfall = record(model, options, keyframe)
         if not systems:
             raise RecordError(f"nothing was recorded: {shortfall}")
-        write(options.output, systems, f"MuJoCo {mujoco.__version__}, {Path(options.model).stem}")
+        names = ", ".join(Path(path).stem for path in options.model)
+        write(options.output, systems, f"MuJoCo {mujoco.__version__}, {names}", extra)
     except (RecordError, OSError) as error:
         print(f"record_mujoco: {error}", file=sys.stderr)
         return 2

@@ -28,6 +28,7 @@ TEST_P(Examples, ApgdReachesOneMillionthInEveryEnvironment) {
   expect_solved("apgd");
 }
 
-INSTANTIATE_TEST_SUITE_P(Files, Examples, testing::Values("humanoid", "quadruped_rough", "hand_cube", "pile"));
+INSTANTIATE_TEST_SUITE_P(Files, Examples,
+                         testing::Values("humanoid", "quadruped_rough", "hand_cube", "pile", "trajectory"));
 
 }  // namespace
