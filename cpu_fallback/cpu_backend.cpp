@@ -62,7 +62,7 @@ class CpuBackend final : public Backend {
     const SolverOptions& options = request.options;
     const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
-    const PlanData& plan = request.plan;
+    const PlanData& plan = *request.plan;
     const cpu::Job<Real> job{
         request.batch,
         {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),

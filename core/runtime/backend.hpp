@@ -11,7 +11,7 @@ namespace stiction {
 /// One solve, as a machine receives it: everything checked, nothing decided any more.
 template <class Real>
 struct SolveRequest {
-  const PlanData& plan;
+  const PlanData* plan;  ///< null: the machine plans by itself (the CPU always has one)
   ContactBatchView<Real> batch;
   SolutionView<Real> solution;
   const Real* warm_start;
@@ -20,12 +20,16 @@ struct SolveRequest {
   StreamRef stream;
 };
 
-/// A machine. There are two, reached through the factories below; neither holds arithmetic.
+/// A machine. There are three, reached through the factories below; none holds arithmetic.
 class Backend {
  public:
   virtual ~Backend() = default;
   virtual void solve(const SolveRequest<float>& request) = 0;
   virtual void solve(const SolveRequest<double>& request) = 0;
+  /// Makes room for solves, where a machine has room of its own. \throws Error(out_of_memory).
+  virtual void reserve(const Capacity&, SolverKind) {}
+  /// Returns when the work on `stream` is done. \throws its error.
+  virtual void synchronize(StreamRef) {}
   /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.
   virtual void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) = 0;
 };
@@ -33,9 +37,11 @@ class Backend {
 std::unique_ptr<Backend> make_cpu_backend();
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 std::unique_ptr<Backend> make_cuda_backend(int ordinal);
+std::unique_ptr<Backend> make_emulated_backend();
 
 /// One line about the CPU; one per CUDA device, or one with the reason why there is none. Never throw.
 DeviceReport cpu_report();
+DeviceReport emulated_report();
 std::vector<DeviceReport> cuda_reports();
 
 }  // namespace stiction

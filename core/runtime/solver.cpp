@@ -1,5 +1,6 @@
 #include "stiction/solver.hpp"
 
+#include <algorithm>
 #include <string>
 
 #include "core/runtime/backend.hpp"
@@ -21,13 +22,16 @@ void reject(const std::vector<Defect>& defects) {
   if (!defects.empty()) fail(defects.front().message);
 }
 
-template <class Real>
-void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) {
-  if (batch.env_count > 0 && solution.status == nullptr)
-    fail("solution.status is null: give it room for one EnvStatus per environment (" + std::to_string(batch.env_count) +
-         ")");
-  if (batch.row_count > 0 && solution.lambda == nullptr)
-    fail("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+std::unique_ptr<Backend> make_backend(Device device) {
+  switch (device.kind) {
+    case DeviceKind::cpu:
+      return make_cpu_backend();
+    case DeviceKind::cuda:
+      return make_cuda_backend(device.ordinal);
+    case DeviceKind::emulated:
+      return make_emulated_backend();
+  }
+  fail("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
 
 }  // namespace
@@ -35,12 +39,29 @@ void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real
 std::vector<DeviceReport> devices() {
   std::vector<DeviceReport> all{cpu_report()};
   for (DeviceReport& report : cuda_reports()) all.push_back(std::move(report));
+  all.push_back(emulated_report());
   return all;
 }
 
-Solver::Solver(Device device, const SolverOptions& options) : device_(device), options_(options) {
+template <class Real>
+Capacity Capacity::of(const ContactBatchView<Real>& batch) {
+  Capacity need{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0,
+                std::is_same_v<Real, float> ? Precision::f32 : Precision::f64};
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const Index rows = batch.env_rows(env);
+    const Offset row = batch.env_row_offsets[env];
+    need.env_rows = std::max(need.env_rows, rows);
+    if (choose_path(rows, 0) == EnvPath::sparse)
+      need.env_nonzeros = std::max(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
+  }
+  return need;
+}
+
+Solver::Solver(Device device, const SolverOptions& options, const Capacity& capacity)
+    : device_(device), options_(options) {
   check_options(options);
-  backend_ = device.kind == DeviceKind::cpu ? make_cpu_backend() : make_cuda_backend(device.ordinal);
+  backend_ = make_backend(device);
+  if (capacity.envs > 0) backend_->reserve(capacity, options.solver);
 }
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -74,12 +95,33 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
     fail(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
+  check_request(batch, solution);
+  backend_->solve(
+      SolveRequest<Real>{&data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
+}
+
+template <class Real>
+void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
+                   StreamRef stream) const {
+  if (batch.space == MemorySpace::host) reject(validate_structure(batch, 1));
+  check_request(batch, solution);
+  const std::optional<PlanData> data =
+      device_.kind == DeviceKind::cpu ? std::optional<PlanData>(make_plan(batch)) : std::nullopt;
+  backend_->solve(SolveRequest<Real>{data ? &*data : nullptr, batch, solution, warm_start,
+                                     options_.law.value_or(batch.law), options_, stream});
+}
+
+void Solver::synchronize(StreamRef stream) const {
+  backend_->synchronize(stream);
+}
+
+/// What both ways of solving ask of a batch and of where its answer goes.
+template <class Real>
+void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
   check_solution(batch, solution);
   if (batch.space == MemorySpace::cuda && device_.kind == DeviceKind::cpu)
     fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
-  backend_->solve(
-      SolveRequest<Real>{data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
 }
 
 template <class Real>
@@ -105,6 +147,11 @@ template void Solver::solve(const Plan&, const ContactBatchView<float>&, const S
                             StreamRef) const;
 template void Solver::solve(const Plan&, const ContactBatchView<double>&, const SolutionView<double>&, const double*,
                             StreamRef) const;
+template void Solver::solve(const ContactBatchView<float>&, const SolutionView<float>&, const float*, StreamRef) const;
+template void Solver::solve(const ContactBatchView<double>&, const SolutionView<double>&, const double*,
+                            StreamRef) const;
+template Capacity Capacity::of(const ContactBatchView<float>&);
+template Capacity Capacity::of(const ContactBatchView<double>&);
 template Solution<float> solve(const ContactBatch<float>&, const SolverOptions&, Device, std::span<const float>);
 template Solution<double> solve(const ContactBatch<double>&, const SolverOptions&, Device, std::span<const double>);
 

@@ -14,7 +14,7 @@ TEST(CudaMemory, is_tested_where_the_build_has_cuda) {
 #include <optional>
 #include <vector>
 
-#include "cuda/cuda_check.hpp"
+#include "cuda/runtime/cuda_check.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/scene_batches.hpp"

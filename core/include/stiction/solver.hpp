@@ -11,7 +11,12 @@
 
 namespace stiction {
 
-enum class DeviceKind : std::uint8_t { cpu = 0, cuda = 1 };
+enum class DeviceKind : std::uint8_t {
+  cpu = 0,
+  cuda = 1,
+  emulated = 2,  ///< the GPU's kernels and launches, run by threads of the CPU: to test GPU code where there is none.
+                 ///< Slow. Its device memory is any memory of the process.
+};
 
 /// A machine to solve on. Changing it changes the speed and not one bit.
 struct Device {
@@ -20,7 +25,8 @@ struct Device {
 
   static Device cpu() noexcept { return {DeviceKind::cpu, 0}; }
   static Device cuda(int ordinal = 0) noexcept { return {DeviceKind::cuda, ordinal}; }
-  /// "auto" (the first usable CUDA device, else the CPU), "cpu", "cuda", "cuda:1".
+  static Device emulated() noexcept { return {DeviceKind::emulated, 0}; }
+  /// "auto" (the first usable CUDA device, else the CPU), "cpu", "cuda", "cuda:1", "emulated".
   /// \throws Error(invalid_argument) for any other text, Error(no_device) when "cuda" was asked for and is not there.
   static Device from_string(const std::string& text);
 };
@@ -75,6 +81,22 @@ struct SolutionView {
   EnvStatus* status = nullptr;  ///< one record each              (env_count)
 };
 
+/// Room that a solver on a GPU has: what fits is solved without allocating or waiting, so that the solve can be captured
+/// into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
+struct Capacity {
+  Offset envs = 0;
+  Offset rows = 0;           ///< of a batch, and so on
+  Offset cones = 0;
+  Offset nonzeros = 0;
+  Index env_rows = 0;        ///< rows of the largest environment
+  Offset env_nonzeros = 0;   ///< stored entries of the largest sparse environment (more than 64 rows)
+  Precision precision = Precision::f32;  ///< the widest that batches will have
+
+  /// What a host batch needs.
+  template <class Real>
+  static Capacity of(const ContactBatchView<Real>& batch);
+};
+
 struct PlanData;
 
 /// Everything decided in integers before a solve: path and order of each environment. Depends on the batch's
@@ -95,7 +117,7 @@ class Solver {
  public:
   /// \throws Error(invalid_argument) for an option out of range, Error(no_device) or Error(unsupported) when the
   /// device cannot be had; the message says why.
-  Solver(Device device, const SolverOptions& options);
+  Solver(Device device, const SolverOptions& options, const Capacity& capacity = {});
   ~Solver();
   Solver(Solver&&) noexcept;
   Solver& operator=(Solver&&) noexcept;
@@ -112,10 +134,27 @@ class Solver {
   void solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
+  /// The same without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
+  /// nothing waits and nothing is allocated: what is queued can be captured into a CUDA graph and replayed after the
+  /// batch's numbers, contacts and counts have changed in place (docs/gpu_runtime.md). Its view's totals are then the
+  /// room of its arrays. An environment beyond the capacity is flagged kFlagNoRoom, one whose offsets are out of order
+  /// kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU.
+  /// \throws Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is
+  /// queued.
+  template <class Real>
+  void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,
+             StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const;
+
   [[nodiscard]] const SolverOptions& options() const noexcept { return options_; }
   [[nodiscard]] Device device() const noexcept { return device_; }
 
  private:
+  template <class Real>
+  void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
+
   Device device_;
   SolverOptions options_;
   std::unique_ptr<Backend> backend_;

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "cuda/device/kernels.hpp"
+#include "cuda/programs/plan_program.hpp"
+#include "cuda/programs/settled_program.hpp"
+#include "cuda/programs/solve_bundles.hpp"
+#include "cuda/programs/solve_teams.hpp"
+
+/// Fills a catalogue by whatever turns a program into a kernel of one device:
+/// `Make::template kernel<Program>(name)`.
+namespace stiction::cuda {
+
+template <class Make, class Method, Law kLaw, class Real>
+SolveKernels solve_kernels() {
+  return {Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles"),
+          Make::template kernel<SolveTeams<Method, kLaw, EnvPath::dense, Real>>("solve_dense"),
+          Make::template kernel<SolveTeams<Method, kLaw, EnvPath::sparse, Real>>("solve_sparse")};
+}
+
+template <class Make, class Method>
+SolverKernels solver_kernels() {
+  return {{{solve_kernels<Make, Method, Law::convex, float>(), solve_kernels<Make, Method, Law::coulomb, float>()},
+           {solve_kernels<Make, Method, Law::convex, double>(), solve_kernels<Make, Method, Law::coulomb, double>()}},
+          Method::kVectors};
+}
+
+template <class Make>
+PlanKernels plan_kernels() {
+  return {Make::template kernel<InspectEnvironments>("plan_inspect"),
+          Make::template kernel<SortEnvironments>("plan_sort"), Make::template kernel<ColorEnvironments>("plan_color")};
+}
+
+}  // namespace stiction::cuda

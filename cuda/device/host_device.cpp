@@ -1,0 +1,286 @@
+#include "cuda/device/host_device.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <numeric>
+#include <string>
+
+#include "cuda/device/host_kernels.hpp"
+#include "cuda/device/host_launch.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::cuda {
+
+namespace {
+
+[[noreturn]] void fail(const std::string& what) {
+  throw Error(ErrorCode::device_failure, "host device: " + what);
+}
+
+constexpr std::size_t kAlignment = 256;
+
+}  // namespace
+
+HostDevice::HostDevice(const HostDeviceOptions& options) : options_(options), random_(options.seed) {
+  facts_ = {"emulated by the CPU", 4, std::size_t{227} << 10, std::size_t{228} << 10};
+  streams_[nullptr] = std::make_unique<HostStream>();
+}
+
+HostDevice::~HostDevice() {
+  for (const auto& [memory, bytes] : memory_) std::free(memory);
+}
+
+const KernelCatalogue& HostDevice::kernels() const {
+  return host_kernels();
+}
+
+void HostDevice::count(DeviceCall call, const char* what) {
+  const int index = static_cast<int>(call);
+  ++calls_[index];
+  if (fail_at_[index] < 0 || fail_at_[index]-- > 0) return;
+  const std::string message = std::string("host device: ") + what + " was told to fail";
+  throw Error(call == DeviceCall::allocate ? ErrorCode::out_of_memory : ErrorCode::device_failure, message);
+}
+
+void HostDevice::fail_call(DeviceCall call, int n) {
+  const std::lock_guard lock(mutex_);
+  fail_at_[static_cast<int>(call)] = n;
+}
+
+Offset HostDevice::pick(Offset count) {
+  return options_.seed == 0 ? 0 : static_cast<Offset>(random_() % static_cast<std::uint64_t>(count));
+}
+
+void* HostDevice::allocate(std::size_t bytes) {
+  const std::lock_guard lock(mutex_);
+  for (const auto& [handle, stream] : streams_)
+    if (stream->capture != nullptr) fail("an allocation while a stream is captured");
+  count(DeviceCall::allocate, "an allocation");
+  const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
+  void* memory = std::aligned_alloc(kAlignment, rounded);
+  if (memory == nullptr)
+    throw Error(ErrorCode::out_of_memory, "host device: " + std::to_string(bytes) + " bytes cannot be had");
+  // What a program must not rely on, the same in every run.
+  std::memset(memory, 0x5a, rounded);
+  memory_[memory] = bytes;
+  return memory;
+}
+
+void HostDevice::release(void* memory) noexcept {
+  const std::lock_guard lock(mutex_);
+  if (memory_.erase(memory) > 0) std::free(memory);
+}
+
+StreamHandle HostDevice::create_stream() {
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::create, "making a stream");
+  auto stream = std::make_unique<HostStream>();
+  StreamHandle handle = stream.get();
+  streams_[handle] = std::move(stream);
+  return handle;
+}
+
+void HostDevice::destroy_stream(StreamHandle stream) noexcept {
+  const std::lock_guard lock(mutex_);
+  if (stream != nullptr) streams_.erase(stream);
+}
+
+EventHandle HostDevice::create_event() {
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::create, "making an event");
+  auto event = std::make_unique<HostEvent>();
+  EventHandle handle = event.get();
+  events_[handle] = std::move(event);
+  return handle;
+}
+
+void HostDevice::destroy_event(EventHandle event) noexcept {
+  const std::lock_guard lock(mutex_);
+  events_.erase(event);
+}
+
+HostDevice::HostStream& HostDevice::stream_of(StreamHandle stream) {
+  const auto found = streams_.find(stream);
+  if (found == streams_.end()) fail("a stream that is not there");
+  return *found->second;
+}
+
+HostDevice::HostEvent& HostDevice::event_of(EventHandle event) {
+  const auto found = events_.find(event);
+  if (found == events_.end()) fail("an event that is not there");
+  return *found->second;
+}
+
+void HostDevice::queue(StreamHandle stream, Step step) {
+  HostStream& target = stream_of(stream);
+  if (target.capture == nullptr) {
+    target.steps.push_back(std::move(step));
+    return;
+  }
+  Graph& graph = *target.capture;
+  const auto branch = std::find(graph.streams.begin(), graph.streams.end(), &target) - graph.streams.begin();
+  graph.branches[static_cast<std::size_t>(branch)].push_back(std::move(step));
+}
+
+void HostDevice::copy(void* target, const void* source, std::size_t bytes, CopyKind, StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::copy, "a copy");
+  queue(stream, {[=] { std::memcpy(target, source, bytes); }});
+}
+
+void HostDevice::fill_zero(void* target, std::size_t bytes, StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::copy, "a fill");
+  queue(stream, {[=] { std::memset(target, 0, bytes); }});
+}
+
+void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  const bool lanes_fit =
+      shape.lanes >= 1 && shape.lanes <= kMostLanes && (shape.lanes % kWarp == 0 || kWarp % shape.lanes == 0);
+  if (!lanes_fit || shape.teams < 0 || shape.shared_bytes > facts_.shared_bytes || kernel.argument_bytes > 4096)
+    fail(std::string("kernel ") + kernel.name + " cannot be launched with " + std::to_string(shape.lanes) + " lanes, " +
+         std::to_string(shape.teams) + " teams and " + std::to_string(shape.shared_bytes) + " bytes of shared memory");
+  count(DeviceCall::launch, kernel.name);
+  if (shape.teams == 0) return;
+  HostLaunch launch{shape.whole_device ? 1 : std::min(shape.teams, options_.teams),
+                    std::min(shape.lanes, options_.lanes),
+                    shape.shared_bytes,
+                    {}};
+  launch.order.resize(static_cast<std::size_t>(launch.teams));
+  std::iota(launch.order.begin(), launch.order.end(), Offset{0});
+  for (Offset k = launch.teams - 1; k > 0; --k)
+    if (options_.seed != 0)
+      std::swap(launch.order[static_cast<std::size_t>(k)], launch.order[static_cast<std::size_t>(pick(k + 1))]);
+  std::vector<std::byte> bytes(kernel.argument_bytes);
+  std::memcpy(bytes.data(), arguments, bytes.size());
+  const auto* entry = static_cast<const HostKernel*>(kernel.entry);
+  queue(stream, {[entry, launch = std::move(launch), bytes = std::move(bytes)] { entry->run(launch, bytes.data()); }});
+}
+
+void HostDevice::record(EventHandle event, StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  HostEvent& target = event_of(event);
+  target.mark = ++last_mark_;
+  target.capture = stream_of(stream).capture;
+  queue(stream, {{}, target.mark, 0});
+}
+
+void HostDevice::wait(StreamHandle stream, EventHandle event) {
+  const std::lock_guard lock(mutex_);
+  const HostEvent& source = event_of(event);
+  HostStream& target = stream_of(stream);
+  if (source.mark == 0) return;
+  if (source.capture == nullptr && target.capture != nullptr)
+    fail("a captured stream waits for an event that was recorded outside the capture");
+  if (source.capture != nullptr && target.capture == nullptr) {
+    if (captures_.count(source.capture) == 0) fail("an event of a capture that has ended");
+    target.capture = source.capture;
+    Graph& graph = *source.capture;
+    graph.streams.push_back(&target);
+    graph.branches.emplace_back();
+  }
+  queue(stream, {{}, 0, source.mark});
+}
+
+bool HostDevice::capturing(StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  return stream_of(stream).capture != nullptr;
+}
+
+void HostDevice::run_one_step() {
+  std::vector<HostStream*> ready;
+  for (const auto& [handle, candidate] : streams_)
+    if (!candidate->steps.empty()) {
+      const Step& step = candidate->steps.front();
+      if (step.after == 0 || marks_.count(step.after) > 0) ready.push_back(candidate.get());
+    }
+  if (ready.empty()) fail("every stream waits for another");
+  HostStream& chosen = *ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
+  const Step step = std::move(chosen.steps.front());
+  chosen.steps.pop_front();
+  if (step.work) step.work();
+  if (step.set != 0) marks_.insert(step.set);
+}
+
+void HostDevice::begin_wait() {
+  try {
+    count(DeviceCall::synchronize, "a synchronisation");
+  } catch (...) {
+    for (const auto& [handle, lost] : streams_) {
+      for (const Step& step : lost->steps)
+        if (step.set != 0) marks_.insert(step.set);
+      lost->steps.clear();
+    }
+    throw;
+  }
+}
+
+void HostDevice::synchronize(StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  const HostStream& target = stream_of(stream);
+  if (target.capture != nullptr) fail("a synchronisation of a stream that is being captured");
+  begin_wait();
+  while (!target.steps.empty()) run_one_step();
+}
+
+void HostDevice::await(EventHandle event) {
+  const std::lock_guard lock(mutex_);
+  const HostEvent& target = event_of(event);
+  if (target.capture != nullptr) fail("a synchronisation with an event that is being captured");
+  begin_wait();
+  while (target.mark != 0 && marks_.count(target.mark) == 0) run_one_step();
+}
+
+void HostDevice::begin_capture(StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  HostStream& origin = stream_of(stream);
+  if (origin.capture != nullptr) fail("a stream that is captured already");
+  auto graph = std::make_unique<Graph>();
+  graph->origin = &origin;
+  graph->streams.push_back(&origin);
+  graph->branches.emplace_back();
+  origin.capture = graph.get();
+  captures_[origin.capture] = std::move(graph);
+}
+
+std::shared_ptr<const HostDevice::Graph> HostDevice::end_capture(StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  HostStream& origin = stream_of(stream);
+  if (origin.capture == nullptr || origin.capture->origin != &origin) fail("no capture began on this stream");
+  Graph* const key = origin.capture;
+  const std::shared_ptr<const Graph> graph = std::move(captures_.at(key));
+  captures_.erase(key);
+  for (HostStream* member : graph->streams) member->capture = nullptr;
+  std::set<std::uint64_t> joined;
+  for (const Step& step : graph->branches.front()) joined.insert(step.after);
+  for (std::size_t k = 1; k < graph->branches.size(); ++k)
+    if (joined.count(graph->branches[k].back().set) == 0) fail("a stream that joined the capture was not joined back");
+  return graph;
+}
+
+void HostDevice::launch(const std::shared_ptr<const Graph>& graph, StreamHandle stream) {
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::launch, "a graph");
+  queue(stream, {[this, graph] {
+          std::set<std::uint64_t> set;
+          std::vector<std::size_t> next(graph->branches.size(), 0);
+          for (;;) {
+            std::vector<std::size_t> ready;
+            for (std::size_t k = 0; k < next.size(); ++k) {
+              if (next[k] == graph->branches[k].size()) continue;
+              const std::uint64_t after = graph->branches[k][next[k]].after;
+              if (after == 0 || set.count(after) > 0) ready.push_back(k);
+            }
+            if (ready.empty()) break;
+            const std::size_t k = ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
+            const Step& step = graph->branches[k][next[k]++];
+            if (step.work) step.work();
+            if (step.set != 0) set.insert(step.set);
+          }
+        }});
+}
+
+}  // namespace stiction::cuda

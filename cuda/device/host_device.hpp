@@ -1,0 +1,118 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "cuda/device/device_api.hpp"
+
+namespace stiction::cuda {
+
+/// The calls that a host device can be told to fail.
+enum class DeviceCall : unsigned char { allocate, copy, launch, synchronize, create };
+inline constexpr int kDeviceCalls = 5;
+
+struct HostDeviceOptions {
+  int lanes = 2;           ///< threads of a team, at most; a team that asks for fewer lanes gets fewer
+  Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each
+  std::uint64_t seed = 0;  ///< order of streams and teams; 0: as queued
+};
+
+/// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
+/// before somebody waits, and then in any order that streams and events allow, drawn from a seed: a missing dependency
+/// shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be made to fail.
+class HostDevice final : public DeviceApi {
+ public:
+  explicit HostDevice(const HostDeviceOptions& options = {});
+  ~HostDevice() override;
+
+  [[nodiscard]] const DeviceFacts& facts() const override { return facts_; }
+  [[nodiscard]] const KernelCatalogue& kernels() const override;
+  void* allocate(std::size_t bytes) override;
+  void release(void* memory) noexcept override;
+  void* allocate_pinned(std::size_t bytes) override { return allocate(bytes); }
+  void release_pinned(void* memory) noexcept override { release(memory); }
+  StreamHandle create_stream() override;
+  void destroy_stream(StreamHandle stream) noexcept override;
+  EventHandle create_event() override;
+  void destroy_event(EventHandle event) noexcept override;
+  void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
+  void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
+  void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
+  void record(EventHandle event, StreamHandle stream) override;
+  void wait(StreamHandle stream, EventHandle event) override;
+  bool capturing(StreamHandle stream) override;
+  void synchronize(StreamHandle stream) override;
+  void await(EventHandle event) override;
+
+  /// What was captured; may be launched any number of times.
+  class Graph;
+  /// What is queued on `stream` from now on, and on streams that wait for it, becomes part of a graph.
+  void begin_capture(StreamHandle stream);
+  /// \throws Error(device_failure) if a stream that joined the capture was not joined back.
+  std::shared_ptr<const Graph> end_capture(StreamHandle stream);
+  void launch(const std::shared_ptr<const Graph>& graph, StreamHandle stream);
+
+  /// The n-th call from now of that kind fails (0: the next one); negative: none does.
+  void fail_call(DeviceCall call, int n);
+  /// Calls of that kind so far.
+  [[nodiscard]] int calls(DeviceCall call) const { return calls_[static_cast<int>(call)]; }
+  /// Allocations that nobody has released.
+  [[nodiscard]] std::size_t live_allocations() const { return memory_.size(); }
+  [[nodiscard]] std::size_t live_handles() const { return streams_.size() + events_.size() - 1; }
+
+ private:
+  /// A point of a stream: work, or a mark set, or a mark waited for.
+  struct Step {
+    std::function<void()> work;
+    std::uint64_t set = 0;    ///< mark that this step sets, 0: none
+    std::uint64_t after = 0;  ///< mark that must be set before, 0: none
+  };
+  struct HostStream {
+    std::deque<Step> steps;
+    Graph* capture = nullptr;
+  };
+  struct HostEvent {
+    std::uint64_t mark = 0;    ///< last recorded; 0: never
+    Graph* capture = nullptr;  ///< the capture it was recorded in, if any
+  };
+
+  HostStream& stream_of(StreamHandle stream);
+  HostEvent& event_of(EventHandle event);
+  void queue(StreamHandle stream, Step step);
+  /// Runs one step of some stream, drawn from those that are free to go on.
+  void run_one_step();
+  /// Counts a synchronisation; if it was told to fail, the device is lost and nothing queued is ever done.
+  void begin_wait();
+  void count(DeviceCall call, const char* what);
+  Offset pick(Offset count);
+
+  HostDeviceOptions options_;
+  DeviceFacts facts_;
+  mutable std::mutex mutex_;
+  std::mt19937_64 random_;
+  std::map<void*, std::size_t> memory_;
+  std::map<StreamHandle, std::unique_ptr<HostStream>> streams_;  ///< nullptr: the default stream
+  std::map<EventHandle, std::unique_ptr<HostEvent>> events_;
+  std::map<Graph*, std::unique_ptr<Graph>> captures_;  ///< under way
+  std::set<std::uint64_t> marks_;                      ///< set so far
+  std::uint64_t last_mark_ = 0;
+  int calls_[kDeviceCalls] = {};
+  int fail_at_[kDeviceCalls] = {-1, -1, -1, -1, -1};
+};
+
+class HostDevice::Graph {
+ private:
+  friend class HostDevice;
+  HostStream* origin = nullptr;
+  std::vector<HostStream*> streams;         ///< that take part, the origin first
+  std::vector<std::vector<Step>> branches;  ///< steps of each, marks counted within the graph
+};
+
+}  // namespace stiction::cuda

@@ -1,0 +1,20 @@
+#include "cuda/device/host_kernels.hpp"
+
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_pgs_kernels();
+SolverKernels host_npgs_kernels();
+SolverKernels host_jacobi_kernels();
+SolverKernels host_apgd_kernels();
+
+const KernelCatalogue& host_kernels() {
+  static const KernelCatalogue catalogue{
+      {host_pgs_kernels(), host_npgs_kernels(), host_jacobi_kernels(), host_apgd_kernels()},
+      {host_kernel<AnswerSettled<float>>("answer_settled"), host_kernel<AnswerSettled<double>>("answer_settled")},
+      plan_kernels<MakeHostKernel>()};
+  return catalogue;
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,10 @@
+#pragma once
+
+#include "cuda/device/kernels.hpp"
+
+namespace stiction::cuda {
+
+/// Every kernel, compiled for the host device.
+const KernelCatalogue& host_kernels();
+
+}  // namespace stiction::cuda

@@ -1,0 +1,10 @@
+#include "core/body/npgs_body.hpp"
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_npgs_kernels() {
+  return solver_kernels<MakeHostKernel, Npgs>();
+}
+
+}  // namespace stiction::cuda

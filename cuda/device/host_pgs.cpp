@@ -1,0 +1,10 @@
+#include "core/body/pgs_body.hpp"
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_pgs_kernels() {
+  return solver_kernels<MakeHostKernel, Pgs>();
+}
+
+}  // namespace stiction::cuda

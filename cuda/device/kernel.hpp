@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstddef>
+
+#include "stiction/types.hpp"
+
+namespace stiction::cuda {
+
+/// A program compiled for one device. What `entry` points at is that device's own business.
+struct KernelRef {
+  const char* name;
+  const void* entry;
+  std::size_t argument_bytes;
+};
+
+/// Lanes that work as one team and how many such teams have something to do. A device may run fewer teams at once than
+/// asked for, so a program takes its items by TeamId: none is ever left out.
+struct LaunchShape {
+  Offset teams = 0;              ///< teams there is work for
+  int lanes = 1;                 ///< lanes of a team: 1, 4, 8, 16, 32, or a multiple of 32 up to kMostLanes
+  std::size_t shared_bytes = 0;  ///< fast memory of a team
+  bool whole_device = false;     ///< one team of every block of `lanes` lanes that the device runs at once
+};
+
+inline constexpr int kWarp = 32;        ///< lanes that run in lock-step
+inline constexpr int kMostLanes = 256;  ///< of a team within one block
+
+/// Which of the launch's teams this is. A program is a type
+///
+///   struct P {
+///     using Args = ...;                                                  // trivially copyable, at most 4 kB
+///     static constexpr bool kSerial = ...;                               // lanes == 1 always
+///     template <class Team> static STICTION_HD void run(Team& team, const TeamId& id, const Args& args);
+///   };
+///
+/// whose run() is called once by every lane of every team, `team` being a Block (core/block/block.hpp) that also has
+/// `fetch(counter)`, the counter's value before it grew by one, and `total(integer)`, the sum over the lanes; both the
+/// same on every lane.
+struct TeamId {
+  Offset index;  ///< this team, 0 <= index < count
+  Offset count;  ///< teams that run
+  void* shared;  ///< LaunchShape::shared_bytes of fast memory, not initialised
+};
+
+}  // namespace stiction::cuda

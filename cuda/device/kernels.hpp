@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+
+#include "cuda/device/kernel.hpp"
+
+namespace stiction::cuda {
+
+/// One solver, precision and law.
+struct SolveKernels {
+  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_bundles.hpp)
+  KernelRef dense;    ///< one team per environment, dense system                  (programs/solve_teams.hpp)
+  KernelRef sparse;   ///< one team per environment, sparse system
+};
+
+/// A solver's kernels by precision (Precision) and law (Law).
+struct SolverKernels {
+  SolveKernels by_precision_and_law[2][2];
+  Offset method_vectors;  ///< vectors of n numbers the method keeps beside the system
+};
+
+/// The scheduler's kernels; they read integers only.
+struct PlanKernels {
+  KernelRef inspect;  ///< soundness, cones by kind, path, class, canonical order   (programs/plan_program.hpp)
+  KernelRef sort;     ///< environments by class, most expensive class first
+  KernelRef color;    ///< order and colours of sparse environments
+};
+
+/// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
+/// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
+struct KernelCatalogue {
+  SolverKernels solvers[4];  ///< by SolverKind
+  KernelRef settled[2];      ///< by Precision                                  (programs/settled_program.hpp)
+  PlanKernels plan;
+};
+
+}  // namespace stiction::cuda

@@ -1,0 +1,96 @@
+#include "cuda/device_backend.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "cuda/device/host_device.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace cuda {
+
+namespace {
+
+template <class Real>
+constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
+
+Capacity capacity_of(const PlanData& plan) {
+  Capacity need{plan.env_count, plan.row_count, plan.cone_count, plan.nonzero_count, 0, 0, Precision::f32};
+  for (const ConeCounts& counts : plan.counts) need.env_rows = std::max(need.env_rows, row_count(counts));
+  for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = std::max(need.env_nonzeros, entries);
+  return need;
+}
+
+bool same_owner(const std::weak_ptr<const PlanData>& a, const std::weak_ptr<const PlanData>& b) {
+  return !a.owner_before(b) && !b.owner_before(a);
+}
+
+}  // namespace
+
+DeviceBackend::DeviceBackend(std::unique_ptr<DeviceApi> api)
+    : api_(std::move(api)), engine_(*api_), staging_(*api_, engine_) {}
+
+void DeviceBackend::reserve(const Capacity& capacity, SolverKind solver) {
+  const std::lock_guard lock(mutex_);
+  engine_.reserve(capacity, solver, capacity.precision);
+}
+
+void DeviceBackend::copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) {
+  api_->copy(target, source, bytes, CopyKind::to_host, stream.handle());
+  api_->synchronize(stream.handle());
+}
+
+template <class Real>
+void DeviceBackend::run(const SolveRequest<Real>& request) {
+  const std::lock_guard lock(mutex_);
+  if (request.batch.space == MemorySpace::cuda) {
+    run_on_device(request);
+    return;
+  }
+  planned_.reset();
+  engine_.reserve(Capacity::of(request.batch), request.options.solver, kPrecisionOf<Real>);
+  staging_.solve(request);
+}
+
+template <class Real>
+void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
+  const ContactBatchView<Real>& batch = request.batch;
+  const bool capturing = api_->capturing(request.stream.handle());
+  const Capacity need =
+      request.plan != nullptr
+          ? capacity_of(*request.plan)
+          : Capacity{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, kPrecisionOf<Real>};
+  if (!engine_.has_room(need, request.options.solver, kPrecisionOf<Real>)) {
+    if (request.plan == nullptr || capturing)
+      throw Error(ErrorCode::invalid_argument,
+                  "batch has " + std::to_string(batch.env_count) + " environments, " + std::to_string(batch.row_count) +
+                      " rows, " + std::to_string(batch.cone_count) + " cones and " +
+                      std::to_string(batch.nonzero_count) +
+                      " entries, more than the solver has room for (or its precision is wider): construct the Solver "
+                      "with that Capacity, or solve once with a plan before capturing");
+    engine_.reserve(need, request.options.solver, kPrecisionOf<Real>);
+  }
+  // A plan that nobody shares can change or vanish unseen. What is captured must plan for the data it will be replayed
+  // with.
+  const std::weak_ptr<const PlanData> owner =
+      request.plan == nullptr ? std::weak_ptr<const PlanData>() : request.plan->weak_from_this();
+  const bool planned = !capturing && !owner.expired() && same_owner(owner, planned_);
+  planned_.reset();
+  engine_.solve(EngineRequest<Real>{batch, request.solution, request.warm_start, request.law, request.options, planned,
+                                    request.stream.handle()});
+  if (!capturing) planned_ = owner;
+}
+
+}  // namespace cuda
+
+std::unique_ptr<Backend> make_emulated_backend() {
+  return std::make_unique<cuda::DeviceBackend>(std::make_unique<cuda::HostDevice>());
+}
+
+DeviceReport emulated_report() {
+  return {Device::emulated(), true, "the GPU's kernels, run by threads of the CPU (for tests)", ""};
+}
+
+}  // namespace stiction

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <mutex>
+
+#include "core/runtime/backend.hpp"
+#include "cuda/engine.hpp"
+#include "cuda/staging.hpp"
+
+namespace stiction::cuda {
+
+/// The machine on a device, whichever implementation of DeviceApi that is. Solves may be asked for from several
+/// threads; they are queued one after the other.
+class DeviceBackend final : public Backend {
+ public:
+  explicit DeviceBackend(std::unique_ptr<DeviceApi> api);
+
+  void solve(const SolveRequest<float>& request) override { run(request); }
+  void solve(const SolveRequest<double>& request) override { run(request); }
+  void reserve(const Capacity& capacity, SolverKind solver) override;
+  void synchronize(StreamRef stream) override { api_->synchronize(stream.handle()); }
+  void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) override;
+
+  [[nodiscard]] DeviceApi& api() noexcept { return *api_; }
+  [[nodiscard]] const Engine& engine() const noexcept { return engine_; }
+
+ private:
+  template <class Real>
+  void run(const SolveRequest<Real>& request);
+  template <class Real>
+  void run_on_device(const SolveRequest<Real>& request);
+
+  std::unique_ptr<DeviceApi> api_;
+  Engine engine_;
+  Staging staging_;
+  std::weak_ptr<const PlanData> planned_;  ///< whose integers the engine holds; expired: nobody's
+  std::mutex mutex_;
+};
+
+}  // namespace stiction::cuda

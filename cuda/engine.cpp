@@ -1,0 +1,305 @@
+#include "cuda/engine.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "core/body/count_sort_body.hpp"
+#include "core/body/dense_system.hpp"
+#include "core/body/plan_body.hpp"
+#include "core/body/sparse_system.hpp"
+#include "cuda/programs/settled_program.hpp"
+#include "cuda/programs/solve_bundles.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::cuda {
+
+namespace {
+
+/// Most device memory that the systems of one class may take, unless a single one needs more.
+constexpr Offset kWorkspaceBytes = Offset{1} << 30;
+constexpr int kSortLanes = 256;
+constexpr int kPlanLanes = 32;
+constexpr int kColorLanes = 256;
+
+Offset at_least(Offset a, Offset b) {
+  return std::max(a, b);
+}
+
+Capacity joined(const Capacity& a, const Capacity& b) {
+  return {at_least(a.envs, b.envs),         at_least(a.rows, b.rows),         at_least(a.cones, b.cones),
+          at_least(a.nonzeros, b.nonzeros), std::max(a.env_rows, b.env_rows), at_least(a.env_nonzeros, b.env_nonzeros)};
+}
+
+bool within(const Capacity& a, const Capacity& b) {
+  return a.envs <= b.envs && a.rows <= b.rows && a.cones <= b.cones && a.nonzeros <= b.nonzeros &&
+         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros;
+}
+
+bool is_sparse(SizeClass size_class) {
+  return size_class == SizeClass::sparse_block || size_class == SizeClass::sparse_device;
+}
+
+bool is_bundle(SizeClass size_class) {
+  return size_class == SizeClass::bundle_six || size_class == SizeClass::bundle_four;
+}
+
+int lanes_of(SizeClass size_class) {
+  switch (size_class) {
+    case SizeClass::dense_tile:
+      return 8;
+    case SizeClass::dense_warp:
+      return 32;
+    case SizeClass::bundle_six:
+    case SizeClass::bundle_four:
+      return kBundle;
+    case SizeClass::settled:
+      return 1;
+    default:
+      return kMostLanes;
+  }
+}
+
+/// Integers of scratch that colouring one environment takes.
+Offset color_slot(const Capacity& capacity) {
+  return plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros);
+}
+
+/// Whether environments can be so large that they are sparse.
+bool may_be_sparse(const Capacity& capacity) {
+  return choose_path(capacity.env_rows, 0) == EnvPath::sparse;
+}
+
+ContactBatchView<float> integers_of(const ContactBatchView<float>& batch) {
+  return batch;
+}
+ContactBatchView<float> integers_of(const ContactBatchView<double>& batch) {
+  ContactBatchView<float> integers;
+  integers.env_count = batch.env_count;
+  integers.cone_count = batch.cone_count;
+  integers.row_count = batch.row_count;
+  integers.nonzero_count = batch.nonzero_count;
+  integers.env_row_offsets = batch.env_row_offsets;
+  integers.env_cone_offsets = batch.env_cone_offsets;
+  integers.env_row_counts = batch.env_row_counts;
+  integers.env_cone_counts = batch.env_cone_counts;
+  integers.env_flags = batch.env_flags;
+  integers.cone_kind = batch.cone_kind;
+  integers.cone_row_offsets = batch.cone_row_offsets;
+  integers.cone_group = batch.cone_group;
+  integers.row_offsets = batch.row_offsets;
+  integers.row_counts = batch.row_counts;
+  integers.column = batch.column;
+  integers.column_offsets = batch.column_offsets;
+  integers.column_count = batch.column_count;
+  return integers;
+}
+
+template <class Real>
+constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
+
+}  // namespace
+
+Engine::Engine(DeviceApi& api) : api_(api), plan_{} {
+  for (int k = 0; k < kBranches; ++k) {
+    branch_[static_cast<std::size_t>(k)] = std::make_unique<Stream>(api_);
+    joined_[static_cast<std::size_t>(k)] = std::make_unique<Event>(api_);
+  }
+  forked_ = std::make_unique<Event>(api_);
+  done_ = std::make_unique<Event>(api_);
+}
+
+Engine::~Engine() {
+  finish(branch_[0]->get());
+}
+
+/// Waits for everything this engine has queued, on `stream` last; the device may be lost.
+void Engine::finish(StreamHandle stream) noexcept {
+  try {
+    if (api_.capturing(stream)) return;
+    api_.wait(branch_[0]->get(), done_->get());
+    for (const auto& branch : branch_) api_.synchronize(branch->get());
+    api_.synchronize(stream);
+  } catch (const Error&) {
+    return;
+  }
+}
+
+Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) const {
+  const Capacity& capacity = room.capacity;
+  ClassShape shape;
+  shape.launch.lanes = lanes_of(size_class);
+  shape.launch.teams = capacity.envs;
+  if (size_class == SizeClass::settled) return shape;
+
+  Offset elements = 0;
+  Offset per_processor = 2;
+  if (is_sparse(size_class)) {
+    if (!may_be_sparse(capacity)) return {};
+    if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
+    elements =
+        SparseSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros, room.method_vectors);
+    shape.launch.whole_device = size_class == SizeClass::sparse_device;
+    shape.shared = false;
+  } else {
+    const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
+    if (capacity.env_rows <= class_rows(smaller)) return {};
+    const Offset rows = std::min(class_rows(size_class), capacity.env_rows);
+    // One row each: no cones take more room than cones of one row.
+    elements = SystemArrays<float, 1>::elements(rows, rows, room.method_vectors) + rows * rows;
+  }
+  shape.slot_elements = elements;
+  std::size_t team_bytes = static_cast<std::size_t>(elements) * room.scalar_bytes;
+  std::size_t head_bytes = 0;
+  if (is_bundle(size_class)) {
+    team_bytes *= kBundle;
+    head_bytes = sizeof(BundleHead<double>);
+    shape.launch.teams = (capacity.envs + kBundleIntake - 1) / kBundleIntake;
+    per_processor = 8;
+  }
+  shape.shared = shape.shared && head_bytes + team_bytes <= api_.facts().shared_bytes;
+  if (shape.shared) {
+    shape.launch.shared_bytes = head_bytes + team_bytes;
+    return shape;
+  }
+  shape.launch.shared_bytes = head_bytes;
+  const Offset fitting = at_least(1, kWorkspaceBytes / static_cast<Offset>(team_bytes));
+  shape.launch.teams =
+      shape.launch.whole_device ? 1 : std::min({shape.launch.teams, fitting, per_processor * api_.facts().processors});
+  shape.workspace_bytes = static_cast<std::size_t>(shape.launch.teams) * team_bytes;
+  return shape;
+}
+
+bool Engine::has_room(const Capacity& capacity, SolverKind solver, Precision precision) const {
+  return within(capacity, room_.capacity) &&
+         api_.kernels().solvers[static_cast<int>(solver)].method_vectors <= room_.method_vectors &&
+         (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= room_.scalar_bytes;
+}
+
+void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
+  if (has_room(capacity, solver, precision)) return;
+  Room room;
+  room.capacity = joined(room_.capacity, capacity);
+  room.method_vectors = at_least(room_.method_vectors, api_.kernels().solvers[static_cast<int>(solver)].method_vectors);
+  room.scalar_bytes = std::max(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
+
+  std::array<ClassShape, kSizeClasses> shapes;
+  for (int k = 0; k < kSizeClasses; ++k)
+    shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), room);
+  PlanArrays plan{};
+  const Offset envs = room.capacity.envs, cones = room.capacity.cones;
+  const Offset coloring =
+      may_be_sparse(room.capacity) ? shapes[static_cast<std::size_t>(SizeClass::sparse_block)].launch.teams : 0;
+  plan.color_slot = coloring > 0 ? color_slot(room.capacity) : 0;
+  ArraySet arrays;
+  arrays.add(plan.path, envs);
+  arrays.add(plan.counts, envs);
+  arrays.add(plan.cone_order, cones);
+  arrays.add(plan.env_vertex_offsets, envs);
+  arrays.add(plan.vertex_offsets, cones + envs);
+  arrays.add(plan.color_offsets, cones + envs);
+  arrays.add(plan.color_count, envs);
+  arrays.add(plan.flags, envs);
+  arrays.add(plan.key, envs);
+  arrays.add(plan.order, envs);
+  arrays.add(plan.key_begin, kSortKeys + 1);
+  arrays.add(plan.class_begin, kSizeClasses + 1);
+  arrays.add(plan.ticket, kSizeClasses);
+  arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
+  arrays.add(plan.color_scratch, coloring * plan.color_slot);
+  for (ClassShape& shape : shapes)
+    if (shape.workspace_bytes > 0) arrays.add(shape.workspace, static_cast<Offset>(shape.workspace_bytes));
+
+  finish(branch_[0]->get());
+  DeviceMemory memory(api_, arrays.bytes());
+  arrays.place(memory.get());
+  memory_ = std::move(memory);
+  room_ = room;
+  plan_ = plan;
+  shapes_ = shapes;
+}
+
+template <class Real>
+void Engine::queue_plan(const EngineRequest<Real>& request) {
+  const PlanArgs args{integers_of(request.batch), plan_, room_.capacity.env_rows, room_.capacity.env_nonzeros};
+  const PlanKernels& kernels = api_.kernels().plan;
+  const StreamHandle stream = request.stream;
+  api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
+  api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
+  if (plan_.color_slot > 0)
+    api_.launch(kernels.color, {shapes_[static_cast<std::size_t>(SizeClass::sparse_block)].launch.teams, kColorLanes},
+                &args, stream);
+}
+
+template <class Real>
+void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class,
+                         StreamHandle stream) {
+  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
+  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
+  const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
+  if (size_class == SizeClass::settled) {
+    const SettledArgs<Real> args{job, queue, plan_.flags, request.options.solver};
+    api_.launch(api_.kernels().settled[precision], shape.launch, &args, stream);
+    return;
+  }
+  const SolveKernels& kernels = api_.kernels()
+                                    .solvers[static_cast<std::size_t>(request.options.solver)]
+                                    .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
+  const KernelRef& kernel = is_bundle(size_class)   ? kernels.bundles
+                            : is_sparse(size_class) ? kernels.sparse
+                                                    : kernels.dense;
+  const SolveArgs<Real> args{job, queue, size_class, shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
+                             shape.slot_elements};
+  api_.launch(kernel, shape.launch, &args, stream);
+}
+
+template <class Real>
+void Engine::queue_solve(const EngineRequest<Real>& request) {
+  const StreamHandle stream = request.stream;
+  const bool capturing = api_.capturing(stream);
+  // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
+  // by whoever launches the graph.
+  if (!capturing) api_.wait(stream, done_->get());
+  api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
+  if (!request.planned) queue_plan(request);
+
+  const SolverOptions& options = request.options;
+  const SolveJob<Real> job{request.batch,        plan_.view(),
+                           request.warm_start,   request.solution.lambda,
+                           request.solution.w,   request.solution.status,
+                           options.tolerance,    options.max_iterations,
+                           options.stall_window, static_cast<Real>(options.omega),
+                           request.law};
+  // Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
+  api_.record(forked_->get(), stream);
+  for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
+  int next = 0;
+  for (int k = 0; k < kSizeClasses; ++k) {
+    if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
+    const int lane = next++ % (kBranches + 1);
+    queue_class(request, job, static_cast<SizeClass>(k),
+                lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get());
+  }
+  for (int k = 0; k < kBranches; ++k) {
+    const auto index = static_cast<std::size_t>(k);
+    api_.record(joined_[index]->get(), branch_[index]->get());
+    api_.wait(stream, joined_[index]->get());
+  }
+  if (!capturing) api_.record(done_->get(), stream);
+}
+
+template <class Real>
+void Engine::solve(const EngineRequest<Real>& request) {
+  if (request.batch.env_count == 0) return;
+  try {
+    queue_solve(request);
+  } catch (const Error&) {
+    // Whatever was queued before the failure must not run on while the caller takes its memory back.
+    finish(request.stream);
+    throw;
+  }
+}
+
+template void Engine::solve(const EngineRequest<float>&);
+template void Engine::solve(const EngineRequest<double>&);
+
+}  // namespace stiction::cuda

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "core/base/plan_view.hpp"
+#include "core/base/size_class.hpp"
+#include "cuda/device/kernels.hpp"
+#include "cuda/device/memory.hpp"
+#include "cuda/programs/plan_args.hpp"
+#include "cuda/programs/solve_args.hpp"
+#include "stiction/solver.hpp"
+
+namespace stiction::cuda {
+
+/// One solve of a batch in device memory.
+template <class Real>
+struct EngineRequest {
+  ContactBatchView<Real> batch;
+  SolutionView<Real> solution;
+  const Real* warm_start;
+  Law law;
+  const SolverOptions& options;
+  bool planned;  ///< the batch has the structure of the one before: its plan is on the device already
+  StreamHandle stream;
+};
+
+/// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
+/// launches and nothing else: it returns at once and can be captured into a graph. Everything about the batch but its
+/// largest extent is read on the device, so a graph may be replayed with other numbers, other contacts and other sizes
+/// of environments.
+class Engine {
+ public:
+  explicit Engine(DeviceApi& api);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  /// Makes room, if there is not enough: for batches within `capacity`, solved by `solver`, in either precision or f32
+  /// alone. Waits for what is running. \throws Error(out_of_memory); the room there was is kept.
+  void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
+  [[nodiscard]] bool has_room(const Capacity& capacity, SolverKind solver, Precision precision) const;
+
+  template <class Real>
+  void solve(const EngineRequest<Real>& request);
+
+  /// What the last plan left on the device, for tests that compare its integers.
+  [[nodiscard]] const PlanArrays& plan_arrays() const noexcept { return plan_; }
+
+ private:
+  static constexpr int kBranches = 3;
+
+  /// How a class of environments is launched.
+  struct ClassShape {
+    LaunchShape launch;
+    Offset slot_elements = 0;
+    bool shared = true;
+    std::size_t workspace_bytes = 0;  ///< in device memory, of all teams
+    std::byte* workspace = nullptr;
+  };
+
+  struct Room {
+    Capacity capacity;
+    Offset method_vectors = 0;
+    std::size_t scalar_bytes = 0;
+  };
+
+  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Room& room) const;
+  template <class Real>
+  void queue_solve(const EngineRequest<Real>& request);
+  template <class Real>
+  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class,
+                   StreamHandle stream);
+  template <class Real>
+  void queue_plan(const EngineRequest<Real>& request);
+  void finish(StreamHandle stream) noexcept;
+
+  DeviceApi& api_;
+  Room room_;
+  DeviceMemory memory_;
+  PlanArrays plan_;
+  std::array<ClassShape, kSizeClasses> shapes_;
+  std::array<std::unique_ptr<Stream>, kBranches> branch_;
+  std::array<std::unique_ptr<Event>, kBranches> joined_;
+  std::unique_ptr<Event> forked_;
+  std::unique_ptr<Event> done_;
+};
+
+}  // namespace stiction::cuda

@@ -1,0 +1,44 @@
+#pragma once
+
+#include "core/base/plan_view.hpp"
+#include "core/base/size_class.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction::cuda {
+
+/// A plan that is made on the device: PlanView's arrays, and the order in which environments are taken. Room for
+/// vertices and colours lies where an environment's cones do, one more than there are cones.
+struct PlanArrays {
+  EnvPath* path;               ///<                                                                (envs)
+  ConeCounts* counts;          ///<                                                                (envs)
+  Index* cone_order;           ///<                                                                (cones)
+  Offset* env_vertex_offsets;  ///< where an environment's vertex and colour offsets begin         (envs)
+  Index* vertex_offsets;       ///<                                                                (cones + envs)
+  Index* color_offsets;        ///<                                                                (cones + envs)
+  Index* color_count;          ///<                                                                (envs)
+  std::uint32_t* flags;        ///< kFlagBadStructure, kFlagNoRoom                                 (envs)
+  std::uint8_t* key;           ///< sort_key()                                                     (envs)
+  Offset* order;               ///< environments by key, equal keys by index                       (envs)
+  Offset* key_begin;           ///< place in `order` where each key begins                         (kSortKeys + 1)
+  Offset* class_begin;         ///< the same of each class                                         (kSizeClasses + 1)
+  Offset* ticket;              ///< per class, pieces of work taken                                (kSizeClasses)
+  Offset* sort_scratch;        ///<                                             (count_sort_scratch)
+  Index* color_scratch;        ///< of each team that colours                                      (teams * slot)
+  Offset color_slot;           ///< integers of it for one team
+
+  [[nodiscard]] PlanView view() const {
+    return {path,          counts,     cone_order, env_vertex_offsets, vertex_offsets, env_vertex_offsets,
+            color_offsets, color_count};
+  }
+};
+
+/// What the scheduler's kernels are given. Of the batch they read integers only, so one precision serves both.
+struct PlanArgs {
+  ContactBatchView<float> batch;
+  PlanArrays plan;
+  Index most_rows;       ///< of an environment; a larger one is flagged kFlagNoRoom
+  Offset most_nonzeros;  ///< the same of its stored entries, if it is sparse
+};
+
+}  // namespace stiction::cuda

@@ -1,0 +1,51 @@
+#pragma once
+
+#include "core/body/job_slice.hpp"
+#include "core/body/settle_body.hpp"
+#include "cuda/device/kernel.hpp"
+#include "cuda/programs/solve_args.hpp"
+
+namespace stiction::cuda {
+
+/// What answering the settled class takes beside the job.
+template <class Real>
+struct SettledArgs {
+  SolveJob<Real> job;
+  ClassQueue queue;
+  const std::uint32_t* flags;  ///< what planning found                                       (env_count)
+  SolverKind solver;
+};
+
+}  // namespace stiction::cuda
+
+namespace stiction::inline STICTION_ISA {
+
+/// Answers environments that need no iteration: those without rows, and those that planning refused. Of one whose
+/// structure is broken nothing is touched but its status, since nobody can say where its rows lie.
+template <class Real>
+struct AnswerSettled {
+  using Args = cuda::SettledArgs<Real>;
+  static constexpr bool kSerial = true;
+
+  template <class Team>
+  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+    const int settled = static_cast<int>(SizeClass::settled);
+    const Offset end = args.queue.class_begin[settled + 1];
+    for (Offset position = args.queue.class_begin[settled] + id.index; position < end; position += id.count) {
+      const Offset index = args.queue.order[position];
+      const std::uint32_t flags = args.flags[index];
+      if ((flags & kFlagBadStructure) != 0) {
+        EnvView<Real> env{};
+        env.status = args.job.status + index;
+        const double infinite = __builtin_huge_val();
+        write_status(team, env, EnvCode::invalid_input, args.solver, flags, 0, infinite, infinite);
+      } else if (const EnvView<Real> env = slice(args.job, index); flags != 0) {
+        refuse(team, env, args.solver, flags);
+      } else {
+        answer_empty(team, env, args.solver);
+      }
+    }
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

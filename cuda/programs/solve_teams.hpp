@@ -1,0 +1,44 @@
+#pragma once
+
+#include "core/body/dense_system.hpp"
+#include "core/body/job_slice.hpp"
+#include "core/body/solve_body.hpp"
+#include "core/body/sparse_system.hpp"
+#include "cuda/device/kernel.hpp"
+#include "cuda/programs/solve_args.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// One team per environment at a time, from its numbers to its status. Teams stay and take the next environment of
+/// their class until there is none.
+template <class Method, Law kLaw, EnvPath kPath, class Real>
+struct SolveTeams {
+  using Args = cuda::SolveArgs<Real>;
+  static constexpr bool kSerial = false;
+
+  template <class Team>
+  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+    const int size_class = static_cast<int>(args.size_class);
+    const Offset begin = args.queue.class_begin[size_class];
+    const Offset end = args.queue.class_begin[size_class + 1];
+    Real* const memory =
+        args.workspace == nullptr ? static_cast<Real*>(id.shared) : args.workspace + id.index * args.slot_elements;
+    const SolveJob<Real>& job = args.job;
+    for (;;) {
+      const Offset position = begin + team.fetch(args.queue.ticket + size_class);
+      if (position >= end) return;
+      const EnvView<Real> env = slice(job, args.queue.order[position]);
+      const MethodParams<Real> params{job.omega};
+      const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+      if constexpr (kPath == EnvPath::dense) {
+        DenseSystem<Real> system(env.counts, Method::kVectors, memory);
+        solve_environment<Method, kLaw>(team, env, system, params, rule);
+      } else {
+        SparseSystem<Real> system(env, Method::kVectors, memory);
+        solve_environment<Method, kLaw>(team, env, system, params, rule);
+      }
+    }
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

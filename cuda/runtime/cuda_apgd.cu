@@ -1,0 +1,11 @@
+#include "core/body/apgd_body.hpp"
+
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+SolverKernels cuda_apgd_kernels() {
+  return solver_kernels<MakeCudaKernel, Apgd>();
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstddef>
+
+namespace stiction::cuda {
+
+/// What KernelRef::entry points at on a CUDA device.
+struct CudaKernel {
+  const void* function;  ///< a __global__ function of (Args, CudaShape)
+  bool serial;           ///< every lane is a team of its own
+};
+
+/// Beside a program's own arguments.
+struct CudaShape {
+  long long teams;        ///< that have something to do
+  int lanes;              ///< of a team
+  unsigned shared_bytes;  ///< of a team, beside what the team itself keeps
+  void* grid_memory;      ///< CudaGridMemory if the whole grid is one team, else null
+};
+
+/// Bytes of shared memory that a team keeps for itself.
+inline constexpr std::size_t kTeamBytes = 768;
+inline constexpr std::size_t kGridBytes = 262912;
+
+/// Threads of a block whose teams are smaller.
+inline constexpr int kTeamBlock = 128;
+
+}  // namespace stiction::cuda

@@ -1,0 +1,13 @@
+#include "cuda/runtime/cuda_kernels.hpp"
+
+namespace stiction::cuda {
+
+const KernelCatalogue& cuda_kernels() {
+  static const KernelCatalogue catalogue{
+      {cuda_pgs_kernels(), cuda_npgs_kernels(), cuda_jacobi_kernels(), cuda_apgd_kernels()},
+      {cuda_settled_kernel(Precision::f32), cuda_settled_kernel(Precision::f64)},
+      cuda_plan_kernels()};
+  return catalogue;
+}
+
+}  // namespace stiction::cuda

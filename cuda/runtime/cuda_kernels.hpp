@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "cuda/device/kernels.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction::cuda {
+
+/// Every kernel, compiled by nvcc.
+const KernelCatalogue& cuda_kernels();
+
+SolverKernels cuda_pgs_kernels();
+SolverKernels cuda_npgs_kernels();
+SolverKernels cuda_jacobi_kernels();
+SolverKernels cuda_apgd_kernels();
+PlanKernels cuda_plan_kernels();
+KernelRef cuda_settled_kernel(Precision precision);
+
+/// Whether this build has machine code or PTX that the current device can run.
+cudaError_t probe_kernel_image();
+
+}  // namespace stiction::cuda

@@ -1,0 +1,11 @@
+#include "core/body/npgs_body.hpp"
+
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+SolverKernels cuda_npgs_kernels() {
+  return solver_kernels<MakeCudaKernel, Npgs>();
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,26 @@
+#include "cuda/runtime/cuda_kernels.hpp"
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+PlanKernels cuda_plan_kernels() {
+  return plan_kernels<MakeCudaKernel>();
+}
+
+KernelRef cuda_settled_kernel(Precision precision) {
+  return precision == Precision::f32 ? MakeCudaKernel::kernel<AnswerSettled<float>>("answer_settled")
+                                     : MakeCudaKernel::kernel<AnswerSettled<double>>("answer_settled");
+}
+
+namespace {
+
+__global__ void probe() {}
+
+}  // namespace
+
+cudaError_t probe_kernel_image() {
+  cudaFuncAttributes attributes;
+  return cudaFuncGetAttributes(&attributes, probe);
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,190 @@
+#include <gtest/gtest.h>
+
+#include "cuda/device/host_device.hpp"
+#include "cuda/engine.hpp"
+#include "tests/support/device_batch.hpp"
+
+/// The GPU's host code and kernels on the host device: what it queues, in any order the streams allow, gives the CPU's
+/// bits.
+namespace stiction::test {
+namespace {
+
+SolverOptions quick(SolverKind solver) {
+  SolverOptions options;
+  options.solver = solver;
+  options.max_iterations = 24;
+  options.invalid = InvalidPolicy::isolate;
+  options.threads = 1;
+  return options;
+}
+
+template <class Real>
+std::vector<std::uint64_t> on_engine(cuda::HostDevice& device, const ContactBatch<Real>& batch,
+                                     const SolverOptions& options) {
+  const Capacity need = Capacity::of(batch.view());
+  cuda::Engine engine(device);
+  engine.reserve(need, options.solver, need.precision);
+  const cuda::Stream stream(device);
+  DeviceBatch<Real> there(device, need);
+  there.fill(batch, stream.get());
+  engine.solve(cuda::EngineRequest<Real>{there.view(), there.solution(), nullptr, options.law.value_or(batch.law()),
+                                         options, false, stream.get()});
+  return env_hashes(batch, there.fetch(batch, stream.get()));
+}
+
+TEST(DeviceEngine, every_solver_law_and_precision_gives_the_cpus_bits) {
+  const ContactBatch<double> batch = ragged_batch(2, 7);
+  const ContactBatch<float> single = convert<float>(batch);
+  cuda::HostDevice device({2, 3, 11});
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd})
+    for (const Law law : {Law::convex, Law::coulomb}) {
+      SolverOptions options = quick(solver);
+      options.law = law;
+      EXPECT_EQ(on_engine(device, batch, options), solve_hashes(batch, options)) << to_string(solver);
+      EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options)) << to_string(solver);
+    }
+}
+
+TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
+  const ContactBatch<float> batch = convert<float>(ragged_batch(6, 3));
+  const SolverOptions options = quick(SolverKind::npgs);
+  const auto expected = solve_hashes(batch, options);
+  for (const int lanes : {1, 2, 3, 7})
+    for (const std::uint64_t seed : {0, 1, 2}) {
+      cuda::HostDevice device({lanes, 1 + lanes, seed});
+      EXPECT_EQ(on_engine(device, batch, options), expected) << lanes << " lanes, seed " << seed;
+    }
+}
+
+TEST(DeviceEngine, a_whole_device_works_on_one_large_environment) {
+  const ContactBatch<double> pile = scene_batch("pile", 1, 5, 2200);
+  ASSERT_GE(pile.row_count(), kWholeDeviceRows);
+  SolverOptions options = quick(SolverKind::npgs);
+  options.max_iterations = 6;
+  cuda::HostDevice device({3, 2, 5});
+  const ContactBatch<float> single = convert<float>(pile);
+  EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
+}
+
+TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
+  constexpr Offset kEnvs = 24;
+  constexpr int kReplays = 40;
+  std::vector<ContactBatch<float>> batches;
+  Capacity room;
+  for (int replay = 0; replay < kReplays; ++replay) {
+    const char* scene = replay % 3 == 0 ? "mixed" : replay % 3 == 1 ? "walker" : "stack";
+    batches.push_back(convert<float>(scene_batch(scene, kEnvs, 100 + static_cast<std::uint64_t>(replay))));
+    batches.back().set_law(Law::coulomb);
+    room = larger(room, Capacity::of(batches.back().view()));
+  }
+  const SolverOptions options = quick(SolverKind::npgs);
+  cuda::HostDevice device({2, 3, 17});
+  cuda::Engine engine(device);
+  engine.reserve(room, options.solver, Precision::f32);
+  const cuda::Stream stream(device);
+  DeviceBatch<float> there(device, room);
+
+  const int allocations = device.calls(cuda::DeviceCall::allocate);
+  device.begin_capture(stream.get());
+  engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
+                                          stream.get()});
+  const auto graph = device.end_capture(stream.get());
+  for (int replay = 0; replay < kReplays; ++replay) {
+    const ContactBatch<float>& batch = batches[static_cast<std::size_t>(replay)];
+    there.fill(batch, stream.get());
+    device.launch(graph, stream.get());
+    EXPECT_EQ(env_hashes(batch, there.fetch(batch, stream.get())), solve_hashes(batch, options)) << replay;
+  }
+  EXPECT_EQ(device.calls(cuda::DeviceCall::allocate), allocations);
+}
+
+TEST(DeviceEngine, nothing_to_solve_is_no_trouble) {
+  const SolverOptions options = quick(SolverKind::npgs);
+  EXPECT_TRUE(solve(ContactBatch<float>(Law::convex), options, Device::emulated()).status.empty());
+  ContactBatch<float> empty(Law::convex);
+  for (int k = 0; k < 70; ++k) empty.add(Environment<float>{});
+  const Solution<float> answer = solve(empty, options, Device::emulated());
+  for (const EnvStatus& status : answer.status) EXPECT_EQ(status.code, EnvCode::solved);
+}
+
+TEST(DeviceEngine, a_giant_among_many_changes_nobodys_bits) {
+  ContactBatch<double> batch(Law::coulomb);
+  for (std::uint64_t e = 0; e < 40; ++e) {
+    if (e == 21) batch.add(scenes::make("pile", 9, 0, 900).system);
+    batch.add(scenes::make("stack", 9, e, 1).system);
+  }
+  const SolverOptions options = quick(SolverKind::npgs);
+  cuda::HostDevice device({2, 3, 2});
+  const ContactBatch<float> single = convert<float>(batch);
+  EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
+}
+
+TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
+  const ContactBatch<float> batch = convert<float>(ragged_batch(3, 4));
+  const SolverOptions options = quick(SolverKind::npgs);
+  Capacity room = Capacity::of(batch.view());
+  room.env_rows = 30;
+  cuda::HostDevice device({2, 3, 2});
+  cuda::Engine engine(device);
+  engine.reserve(room, options.solver, Precision::f32);
+  const cuda::Stream stream(device);
+  DeviceBatch<float> there(device, Capacity::of(batch.view()));
+  there.fill(batch, stream.get());
+  engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
+                                          stream.get()});
+  const Solution<float> answer = there.fetch(batch, stream.get());
+  const auto hashes = env_hashes(batch, answer);
+  const auto expected = solve_hashes(batch, options);
+  int left_out = 0;
+  for (Offset e = 0; e < batch.env_count(); ++e) {
+    const auto index = static_cast<std::size_t>(e);
+    if (batch.view().env_rows(e) <= 30) {
+      EXPECT_EQ(hashes[index], expected[index]);
+      continue;
+    }
+    ++left_out;
+    EXPECT_EQ(answer.status[index].code, EnvCode::unsupported);
+    EXPECT_EQ(answer.status[index].flags, kFlagNoRoom);
+    for (Offset row = batch.view().env_row_offsets[e]; row < batch.view().env_row_offsets[e + 1]; ++row)
+      EXPECT_EQ(answer.lambda[static_cast<std::size_t>(row)], 0.0F);
+  }
+  EXPECT_GT(left_out, 0);
+}
+
+TEST(DeviceEngine, a_broken_structure_is_flagged_where_it_is) {
+  const ContactBatch<float> batch = convert<float>(ragged_batch(2, 4));
+  const SolverOptions options = quick(SolverKind::npgs);
+  const auto expected = solve_hashes(batch, options);
+  const Capacity need = Capacity::of(batch.view());
+  cuda::HostDevice device({2, 3, 2});
+  cuda::Engine engine(device);
+  engine.reserve(need, options.solver, Precision::f32);
+  const cuda::Stream stream(device);
+  DeviceBatch<float> there(device, need);
+  const auto& arrays = batch.arrays();
+  for (const Offset victim : {Offset{0}, Offset{3}, batch.env_count() - 2}) {
+    const Offset row = arrays.env_row_offsets[static_cast<std::size_t>(victim)];
+    if (batch.view().env_rows(victim) == 0) continue;
+    there.fill(batch, stream.get());
+    const Index wrong = 1 << 29;
+    const Offset entry = arrays.row_offsets[static_cast<std::size_t>(row)];
+    device.copy(const_cast<Index*>(there.view().column) + entry, &wrong, sizeof(wrong), cuda::CopyKind::to_device,
+                stream.get());
+    engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
+                                            stream.get()});
+    const Solution<float> answer = there.fetch(batch, stream.get());
+    const auto hashes = env_hashes(batch, answer);
+    for (Offset e = 0; e < batch.env_count(); ++e) {
+      const auto index = static_cast<std::size_t>(e);
+      if (e == victim) {
+        EXPECT_EQ(answer.status[index].code, EnvCode::invalid_input);
+        EXPECT_EQ(answer.status[index].flags, kFlagBadStructure);
+      } else {
+        EXPECT_EQ(hashes[index], expected[index]) << "environment " << e << ", victim " << victim;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
