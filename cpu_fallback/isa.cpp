@@ -10,8 +10,9 @@ cpu::KernelSet pgs_kernels();
 cpu::KernelSet npgs_kernels();
 cpu::KernelSet jacobi_kernels();
 cpu::KernelSet apgd_kernels();
+cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
-} // namespace isa_baseline
+}  // namespace isa_baseline
 
 #if defined(STICTION_HAS_X86_ISAS)
 namespace isa_avx2 {
@@ -19,15 +20,17 @@ cpu::KernelSet pgs_kernels();
 cpu::KernelSet npgs_kernels();
 cpu::KernelSet jacobi_kernels();
 cpu::KernelSet apgd_kernels();
+cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
-} // namespace isa_avx2
+}  // namespace isa_avx2
 namespace isa_avx512 {
 cpu::KernelSet pgs_kernels();
 cpu::KernelSet npgs_kernels();
 cpu::KernelSet jacobi_kernels();
 cpu::KernelSet apgd_kernels();
+cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
-} // namespace isa_avx512
+}  // namespace isa_avx512
 #endif
 
 namespace cpu {
@@ -36,18 +39,17 @@ namespace {
 
 using MakeKernels = KernelSet (*)();
 
-template <MakeKernels kPgs, MakeKernels kNpgs, MakeKernels kJacobi,
-          MakeKernels kApgd>
+template <MakeKernels kPgs, MakeKernels kNpgs, MakeKernels kJacobi, MakeKernels kApgd>
 KernelSet choose(SolverKind solver) {
   switch (solver) {
-  case SolverKind::pgs:
-    return kPgs();
-  case SolverKind::npgs:
-    return kNpgs();
-  case SolverKind::jacobi:
-    return kJacobi();
-  case SolverKind::apgd:
-    return kApgd();
+    case SolverKind::pgs:
+      return kPgs();
+    case SolverKind::npgs:
+      return kNpgs();
+    case SolverKind::jacobi:
+      return kJacobi();
+    case SolverKind::apgd:
+      return kApgd();
   }
   return kNpgs();
 }
@@ -57,44 +59,35 @@ const Isa kIsas[] = {
 #if defined(STICTION_HAS_X86_ISAS)
     {"avx512",
      [] {
-       return __builtin_cpu_supports("avx512f") &&
-              __builtin_cpu_supports("avx512vl") &&
-              __builtin_cpu_supports("avx512bw") &&
-              __builtin_cpu_supports("avx512dq") &&
-              __builtin_cpu_supports("fma");
+       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+              __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("fma");
      },
-     choose<isa_avx512::pgs_kernels, isa_avx512::npgs_kernels,
-            isa_avx512::jacobi_kernels, isa_avx512::apgd_kernels>,
-     isa_avx512::jacobian_kernels},
-    {"avx2",
-     [] {
-       return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-     },
-     choose<isa_avx2::pgs_kernels, isa_avx2::npgs_kernels,
-            isa_avx2::jacobi_kernels, isa_avx2::apgd_kernels>,
-     isa_avx2::jacobian_kernels},
+     choose<isa_avx512::pgs_kernels, isa_avx512::npgs_kernels, isa_avx512::jacobi_kernels, isa_avx512::apgd_kernels>,
+     isa_avx512::si_kernels, isa_avx512::jacobian_kernels},
+    {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); },
+     choose<isa_avx2::pgs_kernels, isa_avx2::npgs_kernels, isa_avx2::jacobi_kernels, isa_avx2::apgd_kernels>,
+     isa_avx2::si_kernels, isa_avx2::jacobian_kernels},
 #endif
     {"baseline", [] { return true; },
-     choose<isa_baseline::pgs_kernels, isa_baseline::npgs_kernels,
-            isa_baseline::jacobi_kernels, isa_baseline::apgd_kernels>,
-     isa_baseline::jacobian_kernels},
+     choose<isa_baseline::pgs_kernels, isa_baseline::npgs_kernels, isa_baseline::jacobi_kernels,
+            isa_baseline::apgd_kernels>,
+     isa_baseline::si_kernels, isa_baseline::jacobian_kernels},
 };
 
-const Isa &choose_isa() {
-  const char *wanted = std::getenv("STICTION_ISA");
-  for (const Isa &isa : kIsas)
-    if (isa.supported() &&
-        (wanted == nullptr || std::strcmp(wanted, isa.name) == 0))
-      return isa;
-  for (const Isa &isa : kIsas)
-    if (isa.supported())
-      return isa;
+const Isa& choose_isa() {
+  const char* wanted = std::getenv("STICTION_ISA");
+  for (const Isa& isa : kIsas)
+    if (isa.supported() && (wanted == nullptr || std::strcmp(wanted, isa.name) == 0)) return isa;
+  for (const Isa& isa : kIsas)
+    if (isa.supported()) return isa;
   return kIsas[sizeof(kIsas) / sizeof(kIsas[0]) - 1];
 }
 
-} // namespace
+}  // namespace
 
-const Isa &best_isa() { return choose_isa(); }
+const Isa& best_isa() {
+  return choose_isa();
+}
 
-} // namespace cpu
-} // namespace stiction
+}  // namespace cpu
+}  // namespace stiction

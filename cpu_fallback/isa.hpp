@@ -1,5 +1,6 @@
 #pragma once
 
+#include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/jacobian_kernels.hpp"
 #include "cpu_fallback/job.hpp"
 #include "stiction/types.hpp"
@@ -11,6 +12,7 @@ struct Isa {
   const char* name;
   bool (*supported)();
   KernelSet (*kernels)(SolverKind solver);
+  BodyKernelSet (*body_kernels)();
   JacobianKernelSet (*jacobian)();
 };
 

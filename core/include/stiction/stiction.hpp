@@ -1,6 +1,7 @@
 #pragma once
 
 #include "stiction/batch.hpp"
+#include "stiction/bodies.hpp"
 #include "stiction/config.hpp"
 #include "stiction/contact_graph.hpp"
 #include "stiction/error.hpp"

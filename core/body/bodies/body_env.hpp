@@ -1,0 +1,78 @@
+#pragma once
+
+#include "core/base/body_plan_view.hpp"
+#include "core/body/bodies/contact_point.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Options of a body solve, as plain numbers; the same for every environment.
+struct SiParams {
+  double step;  ///< length of a sub-step [s]
+  double erp, slop, cfm, restitution_threshold;
+  double tolerance, omega;
+  Index iterations, substeps;
+  bool momentum;
+};
+
+/// One environment of a body batch with its part of the plan and of the outputs. Shapes as in BodyBatchView and
+/// BodyPlanData, counted from the environment's own zero.
+template <class Real>
+struct BodyEnv {
+  Index bodies, contacts, kept;
+  const Real *inv_mass, *inv_inertia, *twist, *twist_change;
+  const std::uint8_t* kinematic;
+  const Real *arm_a, *arm_b, *normal, *mu, *depth, *restitution;
+  const Real* warm_start;
+  Real *impulse, *twist_out, *w;
+  EnvStatus* status;
+  const Index *contact_order, *sides, *vertex_offsets, *color_offsets, *body_offsets, *body_contacts;
+  Index color_count;
+
+  [[nodiscard]] STICTION_HD bool is_kinematic(Index body) const { return kinematic != nullptr && kinematic[body] != 0; }
+};
+
+/// Whether a side of a contact is pushed, and where its motion is kept.
+STICTION_HD bool is_pushed(Index side) {
+  return side >= 0;
+}
+STICTION_HD Index slot_of(Index side) {
+  return side >= 0 ? side : ~side;
+}
+
+/// Environment `env` of a batch; `warm_start` and `w` may be null.
+template <class Real>
+STICTION_HD BodyEnv<Real> slice_bodies(const BodyBatchView<Real>& batch, const BodyPlanView& plan,
+                                       const Real* warm_start, const BodySolutionView<Real>& out, Offset env) {
+  const Offset body = batch.env_body_offsets[env];
+  const Offset contact = batch.env_contact_offsets[env];
+  BodyEnv<Real> v;
+  v.bodies = static_cast<Index>(batch.env_body_offsets[env + 1] - body);
+  v.contacts = static_cast<Index>(batch.env_contact_offsets[env + 1] - contact);
+  v.kept = plan.kept[env];
+  v.inv_mass = batch.inv_mass + body;
+  v.inv_inertia = batch.inv_inertia + 6 * body;
+  v.twist = batch.twist + 6 * body;
+  v.twist_change = batch.twist_change == nullptr ? nullptr : batch.twist_change + 6 * body;
+  v.kinematic = batch.kinematic == nullptr ? nullptr : batch.kinematic + body;
+  v.arm_a = batch.arm_a + 3 * contact;
+  v.arm_b = batch.arm_b + 3 * contact;
+  v.normal = batch.normal + 3 * contact;
+  v.mu = batch.mu + contact;
+  v.depth = batch.depth + contact;
+  v.restitution = batch.restitution + contact;
+  v.warm_start = warm_start == nullptr ? nullptr : warm_start + 3 * contact;
+  v.impulse = out.impulse + 3 * contact;
+  v.twist_out = out.twist + 6 * body;
+  v.w = out.w == nullptr ? nullptr : out.w + 3 * contact;
+  v.status = out.status + env;
+  v.contact_order = plan.contact_order + contact;
+  v.sides = plan.sides + 2 * contact;
+  v.vertex_offsets = plan.vertex_offsets + contact + env;
+  v.color_offsets = plan.color_offsets + contact + env;
+  v.body_offsets = plan.body_offsets + body + env;
+  v.body_contacts = plan.body_contacts + 2 * contact;
+  v.color_count = plan.color_count[env];
+  return v;
+}
+
+}  // namespace stiction::inline STICTION_ISA

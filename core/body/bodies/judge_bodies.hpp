@@ -1,0 +1,134 @@
+#pragma once
+
+#include "core/body/bodies/load_bodies.hpp"
+#include "core/body/residual_body.hpp"
+#include "core/body/settle_body.hpp"
+
+/// What is returned and how good it is, in double and matrix-free, from the batch's own numbers.
+namespace stiction::inline STICTION_ISA {
+
+/// The impulse that is returned for row k of a contact: the very bits.
+template <class Real, Law kLaw>
+STICTION_HD Real best_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Index p, Index k) {
+  const Real x = s.best.at(k, p);
+  return canonical_zero(k == 0 ? x : x * env.mu[env.contact_order[p]]);
+}
+
+/// Twists under the returned impulses, v_free + M^-1 J' lambda, into s.exact.
+template <Block B, class Real, Law kLaw>
+STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                              const SiParams& params) {
+  for_each(block, s.bodies + 1, [&](Index body) {
+    Twist<double> twist = free_twist(env, s, params, body);
+    if (body < s.bodies && !env.is_kinematic(body)) {
+      const InverseMass<double> inverse{static_cast<double>(env.inv_mass[body]),
+                                        load6<double>(env.inv_inertia + 6 * static_cast<Offset>(body))};
+      twist = gather_impulses(env, body, twist, inverse, [&](Index p, bool is_b, Vector3<double>& arm) {
+        const ExactContact contact = exact_contact(env, p);
+        arm = is_b ? contact.arm_b : contact.arm_a;
+        return to_world(contact.frame, static_cast<double>(best_impulse(env, s, p, 0)),
+                        static_cast<double>(best_impulse(env, s, p, 1)),
+                        static_cast<double>(best_impulse(env, s, p, 2)));
+      });
+    }
+    double* row = s.exact + 6 * static_cast<Offset>(body);
+    row[0] = twist.linear.x;
+    row[1] = twist.linear.y;
+    row[2] = twist.linear.z;
+    row[3] = twist.angular.x;
+    row[4] = twist.angular.y;
+    row[5] = twist.angular.z;
+  });
+}
+
+template <class Real>
+STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side) {
+  if (!is_pushed(side)) return {0.0, {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}};
+  return {static_cast<double>(env.inv_mass[side]), load6<double>(env.inv_inertia + 6 * static_cast<Offset>(side))};
+}
+
+/// Writes env.w and s.exact; returns the largest contact residual [w].
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                        const SiParams& params) {
+  gather_exact(block, env, s, params);
+  const double r = div_(params.cfm, params.step);
+  double largest = 0.0;
+  share_out(block, s.contacts, [&](Index p) {
+    const ExactContact contact = exact_contact(env, p);
+    const double* a = s.exact + 6 * static_cast<Offset>(slot_of(contact.side_a));
+    const double* b = s.exact + 6 * static_cast<Offset>(slot_of(contact.side_b));
+    const Vector3<double> u = relative_velocity(Twist<double>{load3<double>(a), load3<double>(a + 3)}, contact.arm_a,
+                                                Twist<double>{load3<double>(b), load3<double>(b + 3)}, contact.arm_b);
+    const double along[3] = {dot(u, contact.frame.n) + bias_of(env, s, params, p, contact), dot(u, contact.frame.t1),
+                             dot(u, contact.frame.t2)};
+    ContactBlock<double> block_of{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    add_body(block_of, exact_mass(env, contact.side_a), contact.arm_a, contact.frame);
+    add_body(block_of, exact_mass(env, contact.side_b), contact.arm_b, contact.frame);
+    const double mu = static_cast<double>(env.mu[contact.contact]);
+    double x[3];
+    double y[3];
+    for (Index k = 0; k < 3; ++k) {
+      const double lambda = static_cast<double>(best_impulse(env, s, p, k));
+      const double motion = fma_(r, lambda, along[k]);
+      if (env.w != nullptr)
+        env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion));
+      const double scale = k == 0 ? 1.0 : mu;
+      x[k] = scale > 0.0 ? div_(lambda, scale) : 0.0;
+      y[k] = scale * motion;
+    }
+    const double weight = div_(block_of.nn + block_of.t11 + block_of.t22 + 3.0 * r, 3.0);
+    largest = max_(natural_map<kLaw>(ContactShape{}, x, y, weight, 0.0, 0.0), largest);
+  });
+  return block.max(largest);
+}
+
+/// Writes impulses and twists. With `add` the impulses of earlier sub-steps are in env.impulse.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s) {
+  share_out(block, s.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k) {
+      Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
+      total = canonical_zero(total + best_impulse(env, s, p, k));
+    }
+  });
+  for_each(block, s.bodies, [&](Index body) {
+    for (Index k = 0; k < 6; ++k) {
+      const Offset place = 6 * static_cast<Offset>(body) + k;
+      env.twist_out[place] = canonical_zero(saturated<Real>(s.exact[place]));
+    }
+  });
+}
+
+/// Zero impulses, and zero motion of the contacts: where the sums begin, and what a dropped contact keeps.
+template <Block B, class Real>
+STICTION_HD void clear_impulses(B& block, const BodyEnv<Real>& env) {
+  for_each(block, env.contacts, [&](Index c) {
+    for (Index k = 0; k < 3; ++k) {
+      env.impulse[3 * static_cast<Offset>(c) + k] = Real(0);
+      if (env.w != nullptr) env.w[3 * static_cast<Offset>(c) + k] = Real(0);
+    }
+  });
+}
+
+template <Block B, class Real>
+STICTION_HD void write_body_status(B& block, const BodyEnv<Real>& env, const SiParams& params, EnvCode code,
+                                   std::uint32_t flags, Index iterations, double relative, double absolute) {
+  const SolverKind solver = params.momentum ? SolverKind::npgs : SolverKind::pgs;
+  single(block, [&] {
+    *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}};
+  });
+}
+
+/// The safe answer for an environment whose numbers cannot be used: nothing pushes, nothing moves.
+template <Block B, class Real>
+STICTION_HD_OUTLINE void refuse_bodies(B& block, const BodyEnv<Real>& env, const SiParams& params,
+                                       std::uint32_t flags) {
+  for_each(block, env.bodies, [&](Index body) {
+    for (Index k = 0; k < 6; ++k) env.twist_out[6 * static_cast<Offset>(body) + k] = Real(0);
+  });
+  const double infinite = __builtin_huge_val();
+  write_body_status(block, env, params, EnvCode::invalid_input, flags, 0, infinite, infinite);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,80 @@
+#pragma once
+
+#include "core/body/bodies/body_system.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// The velocity that a contact's normal row asks for (docs/bodies.md). In double, from the numbers a sub-step begins
+/// with: the sweeps and the judge must not find themselves on two sides of a threshold.
+STICTION_HD double target_velocity(const SiParams& params, double depth, double restitution, double approach) {
+  const double gap = -depth;
+  const double position =
+      gap > 0.0 ? -div_(gap, params.step) : div_(params.erp * max_(depth - params.slop, 0.0), params.step);
+  const bool bounces = restitution > 0.0 && approach > params.restitution_threshold && approach * params.step >= gap;
+  return bounces ? max_(restitution * approach, position) : position;
+}
+
+/// Twist in double at the beginning of a sub-step.
+template <class Real, Law kLaw>
+STICTION_HD Twist<double> start_twist(const BodySystem<Real, kLaw>& s, Index slot) {
+  const Real* row = s.start + static_cast<Offset>(slot) * kBodyRow;
+  return {load3<double>(row), load3<double>(row + 3)};
+}
+
+/// What forces change a body's twist by in one sub-step.
+template <class Real>
+STICTION_HD Twist<double> change_of(const BodyEnv<Real>& env, const SiParams& params, Index body) {
+  if (body >= env.bodies || env.twist_change == nullptr || env.is_kinematic(body))
+    return {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+  const double share = div_(1.0, static_cast<double>(params.substeps));
+  const Vector3<double> zero{0.0, 0.0, 0.0};
+  const Real* change = env.twist_change + 6 * static_cast<Offset>(body);
+  return {add_scaled(zero, share, load3<double>(change)), add_scaled(zero, share, load3<double>(change + 3))};
+}
+
+/// Twist in double after a sub-step without reactions.
+template <class Real, Law kLaw>
+STICTION_HD Twist<double> free_twist(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, const SiParams& params,
+                                     Index slot) {
+  const Twist<double> start = start_twist(s, slot);
+  const Twist<double> change = change_of(env, params, slot);
+  return {add_scaled(start.linear, 1.0, change.linear), add_scaled(start.angular, 1.0, change.angular)};
+}
+
+/// One contact in double, from the batch's own numbers.
+struct ExactContact {
+  Index contact, side_a, side_b;
+  Vector3<double> arm_a, arm_b;
+  ContactFrame<double> frame;
+};
+
+template <class Real>
+STICTION_HD ExactContact exact_contact(const BodyEnv<Real>& env, Index p) {
+  const Index c = env.contact_order[p];
+  const Offset place = 3 * static_cast<Offset>(c);
+  return {c,
+          env.sides[2 * static_cast<Offset>(p)],
+          env.sides[2 * static_cast<Offset>(p) + 1],
+          load3<double>(env.arm_a + place),
+          load3<double>(env.arm_b + place),
+          frame_of(load3<double>(env.normal + place))};
+}
+
+/// Relative velocity of a contact for twists of the two bodies.
+template <class T>
+STICTION_HD Vector3<T> relative_velocity(const Twist<T>& a, const Vector3<T>& arm_a, const Twist<T>& b,
+                                         const Vector3<T>& arm_b) {
+  return subtract(point_velocity(b, arm_b), point_velocity(a, arm_a));
+}
+
+/// The bias of a contact's normal row: minus its target velocity.
+template <class Real, Law kLaw>
+STICTION_HD double bias_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, const SiParams& params, Index p,
+                           const ExactContact& contact) {
+  const Vector3<double> u = relative_velocity(start_twist(s, slot_of(contact.side_a)), contact.arm_a,
+                                              start_twist(s, slot_of(contact.side_b)), contact.arm_b);
+  return -target_velocity(params, static_cast<double>(s.depth.at(0, p)),
+                          static_cast<double>(env.restitution[contact.contact]), -dot(u, contact.frame.n));
+}
+
+}  // namespace stiction::inline STICTION_ISA

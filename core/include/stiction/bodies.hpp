@@ -1,0 +1,210 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "stiction/solver.hpp"
+
+namespace stiction {
+
+/// Rigid bodies and contact points of many environments at one instant, as `BodySolver` reads them (docs/bodies.md). A
+/// POD that owns nothing. All vectors are in world axes; a twist is (velocity of the centre of mass [m/s], angular
+/// velocity [rad/s]). Bodies of all environments follow one another, contacts likewise; body numbers count from the
+/// environment's own first body, and -1 is the world, which stands still.
+///
+/// u = (velocity of b's point) - (velocity of a's point) is a contact's relative velocity, and n, t1, t2 its frame: the
+/// normal, and contact_tangents(). Reactions are impulses (n, t1, t2) on b; a gets the opposite.
+template <class Real>
+struct BodyBatchView {
+  Offset env_count = 0;
+  Offset body_count = 0;
+  Offset contact_count = 0;
+  const Offset* env_body_offsets = nullptr;     ///< first body of each environment                  (env_count + 1)
+  const Offset* env_contact_offsets = nullptr;  ///< first contact of each environment               (env_count + 1)
+  const Real* inv_mass = nullptr;               ///< 1 / mass, >= 0 [1/kg]                            (body_count)
+  const Real* inv_inertia = nullptr;            ///< inverse inertia about the centre of mass: xx, xy, xz, yy, yz, zz
+                                      ///< [1/(kg m^2)]                                               (6 * body_count)
+  const Real* twist = nullptr;         ///< at the beginning of the step                               (6 * body_count)
+  const Real* twist_change = nullptr;  ///< what gravity and all other forces but contact change it by over the
+                                       ///< whole step; null: nothing                            (6 * body_count)
+  const std::uint8_t* kinematic = nullptr;  ///< nonzero: moves with `twist` whatever pushes it; its masses and
+                                            ///< twist_change are not used; null: none                (body_count)
+  const Index* body_a = nullptr;            ///< -1: the world; never equal to body_b                 (contact_count)
+  const Index* body_b = nullptr;            ///< -1: the world                                        (contact_count)
+  const Real* arm_a = nullptr;              ///< contact point from a's centre of mass [m]; of the world: any number
+                                ///<                                                      (3 * contact_count)
+  const Real* arm_b = nullptr;        ///< contact point from b's centre of mass [m]            (3 * contact_count)
+  const Real* normal = nullptr;       ///< unit vector from a to b                              (3 * contact_count)
+  const Real* mu = nullptr;           ///< friction, >= 0 [-]                                   (contact_count)
+  const Real* depth = nullptr;        ///< penetration; negative: a gap [m]                     (contact_count)
+  const Real* restitution = nullptr;  ///< Newton's, in [0, 1] [-]                              (contact_count)
+  const std::uint64_t* contact_id = nullptr;  ///< the caller's names, not read by the solver; may be null
+                                              ///<                                                    (contact_count)
+  MemorySpace space = MemorySpace::host;
+};
+
+/// One environment to be appended to a BodyBatch.
+template <class Real>
+struct BodyEnvironment {
+  struct Body {
+    Real inv_mass = 1;
+    std::array<Real, 6> inv_inertia{1, 0, 0, 1, 0, 1};
+    std::array<Real, 6> twist{};
+    std::array<Real, 6> twist_change{};
+    bool kinematic = false;
+  };
+  struct Contact {
+    Index body_a = -1;
+    Index body_b = 0;
+    std::array<Real, 3> arm_a{};
+    std::array<Real, 3> arm_b{};
+    std::array<Real, 3> normal{0, 0, 1};
+    Real mu = 0;
+    Real depth = 0;
+    Real restitution = 0;
+    std::uint64_t id = 0;
+  };
+  std::vector<Body> bodies;
+  std::vector<Contact> contacts;
+};
+
+/// Owner of such a batch on the host; append-only.
+template <class Real>
+class BodyBatch {
+ public:
+  /// Appends one environment (possibly empty). \throws Error(invalid_argument) if a contact names a body that is not
+  /// there or joins a body with itself; then nothing was appended. Values are the business of validate().
+  void add(const BodyEnvironment<Real>& environment);
+
+  [[nodiscard]] BodyBatchView<Real> view() const noexcept;
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_body_offsets_.size()) - 1; }
+  [[nodiscard]] Offset body_count() const noexcept { return env_body_offsets_.back(); }
+  [[nodiscard]] Offset contact_count() const noexcept { return env_contact_offsets_.back(); }
+
+ private:
+  std::vector<Offset> env_body_offsets_{0}, env_contact_offsets_{0};
+  std::vector<Real> inv_mass_, inv_inertia_, twist_, twist_change_;
+  std::vector<std::uint8_t> kinematic_;
+  std::vector<Index> body_a_, body_b_;
+  std::vector<Real> arm_a_, arm_b_, normal_, mu_, depth_, restitution_;
+  std::vector<std::uint64_t> contact_id_;
+};
+
+/// Every broken precondition of a host batch, at most `limit` of them, structure first; `Defect::cone` is the contact
+/// and `Defect::row` the body it is about. An empty result means that the batch is sound.
+template <class Real>
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit = 64);
+
+/// The two tangents that complete a unit normal to a right-handed frame (n, t1, t2): Duff et al., Building an
+/// orthonormal basis, revisited, JCGT 6(1), 2017. One division, continuous but for the sign of n_z, and the same bits
+/// everywhere. A contact's reactions and warm start are in this frame.
+template <class Real>
+STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[3]) {
+  const Real sign = n[2] < Real(0) ? Real(-1) : Real(1);
+  const Real a = Real(-1) / (sign + n[2]);
+  const Real b = n[0] * n[1] * a;
+  t1[0] = Real(1) + sign * n[0] * n[0] * a;
+  t1[1] = sign * b;
+  t1[2] = -sign * n[0];
+  t2[0] = b;
+  t2[1] = sign + n[1] * n[1] * a;
+  t2[2] = -n[1];
+}
+
+/// How a step becomes b and R (docs/bodies.md). With h = dt / substeps, u the relative velocity at the beginning of the
+/// (sub-)step and u_free the one that forces without contacts would give it:
+///
+///     b = u_free - (v, 0, 0),   v = max(v_position, v_bounce),   R = cfm / h on all three rows
+///     v_position = erp * max(depth - slop, 0) / h for depth >= 0,   depth / h for a gap
+///     v_bounce = -restitution * u_n where -u_n > restitution_threshold and the gap closes within h, else none
+struct TimeStepping {
+  double dt = 0.005;                   ///< the step, > 0 [s]
+  double erp = 0.2;                    ///< share of a penetration that is undone in one (sub-)step, in [0, 1] [-]
+  double slop = 0;                     ///< penetration that is left alone, >= 0 [m]
+  double cfm = 0;                      ///< velocity a contact yields per force, >= 0 [m/(N s)]
+  double restitution_threshold = 0.1;  ///< approach slower than this does not bounce, >= 0 [m/s]
+};
+
+/// Sequential impulses: projected Gauss-Seidel on velocities, matrix-free (docs/math/si.md).
+struct BodySolverOptions {
+  Law law = Law::coulomb;
+  Index iterations = 50;           ///< sweeps of each sub-step, at most, >= 0
+  double tolerance = 0;            ///< on the relative natural-map residual of the last sub-step; 0: all sweeps [-]
+  bool momentum = true;            ///< Nesterov's, with restart
+  double omega = 1.0;              ///< relaxation, 0 < omega < 2 [-]
+  Index substeps = 1;              ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
+  Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
+                                   ///< lower index first among equals, and the environment gets kFlagCapacity
+  int threads = 0;                 ///< CPU threads; 0: all cores
+  InvalidPolicy invalid = InvalidPolicy::reject;
+};
+
+/// Where a solve writes. Same memory space as the batch.
+template <class Real>
+struct BodySolutionView {
+  Real* impulse = nullptr;      ///< reactions in the contact frame, summed over sub-steps [N s]  (3 * contact_count)
+  Real* twist = nullptr;        ///< after the step                                                (6 * body_count)
+  Real* w = nullptr;            ///< residual motion of the last sub-step [m/s]; may be null       (3 * contact_count)
+  EnvStatus* status = nullptr;  ///< `solver` says npgs with momentum, pgs without                 (env_count)
+};
+
+struct BodyPlanData;
+
+/// The integers of a body solve: colours, order, and who touches whom. Depends on offsets, body numbers, `kinematic`
+/// and, in environments over capacity only, on depths. Cheap to copy.
+class BodyPlan {
+ public:
+  explicit BodyPlan(std::shared_ptr<const BodyPlanData> data) : data_(std::move(data)) {}
+  [[nodiscard]] const BodyPlanData& data() const noexcept { return *data_; }
+  /// Colours of one environment: phases of one sweep.
+  [[nodiscard]] Index color_count(Offset env) const;
+
+ private:
+  std::shared_ptr<const BodyPlanData> data_;
+};
+
+/// Solves body batches on one device.
+class BodySolver {
+ public:
+  /// \throws Error(invalid_argument) for an option out of range, Error(unsupported) for a CUDA device.
+  BodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options);
+
+  /// \throws Error(invalid_argument) if the structure is broken.
+  template <class Real>
+  [[nodiscard]] BodyPlan plan(const BodyBatchView<Real>& batch) const;
+
+  /// Solves every environment. `warm_start` (3 * contact_count, impulses of the whole step) may be null: start from
+  /// zero. \throws Error before anything is written; numerical trouble is in solution.status.
+  template <class Real>
+  void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+             const Real* warm_start = nullptr) const;
+
+  [[nodiscard]] const BodySolverOptions& options() const noexcept { return options_; }
+  [[nodiscard]] const TimeStepping& stepping() const noexcept { return stepping_; }
+
+ private:
+  TimeStepping stepping_;
+  BodySolverOptions options_;
+};
+
+/// Host solution with owned memory; shapes as in BodySolutionView.
+template <class Real>
+struct BodySolution {
+  std::vector<Real> impulse, twist, w;
+  std::vector<EnvStatus> status;
+};
+
+/// Plan and solve in one call.
+template <class Real>
+BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping& stepping = {},
+                                const BodySolverOptions& options = {}, Device device = Device::cpu(),
+                                std::span<const Real> warm_start = {});
+
+/// Bytes of one contact that a sweep reads or writes, bodies not counted: geometry, block, impulse and body numbers.
+template <class Real>
+Offset contact_bytes(Law law, bool momentum);
+
+}  // namespace stiction

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "core/base/body_plan_view.hpp"
+#include "stiction/bodies.hpp"
+
+namespace stiction::cpu {
+
+class ThreadTeam;
+
+/// One body solve on the CPU, as plain data: what crosses into code compiled for an instruction set.
+template <class Real>
+struct BodyJob {
+  BodyBatchView<Real> batch;
+  BodyPlanView plan;
+  BodySolutionView<Real> solution;
+  const Real* warm_start;
+  TimeStepping stepping;
+  BodySolverOptions options;
+};
+
+/// Sequential impulses under one law, compiled for one instruction set.
+template <class Real>
+struct BodyKernels {
+  /// Scratch one environment needs, in numbers of Real and of double.
+  Offset (*elements)(Offset contacts, Offset bodies, bool momentum);
+  Offset (*exact_elements)(Offset bodies);
+  /// Those of one contact that a sweep reads or writes.
+  Offset (*swept_elements)(bool momentum);
+  void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact);
+  /// The same on every thread of a team, which shares the scratch.
+  void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
+                         Index rank);
+};
+
+/// Both precisions and laws.
+struct BodyKernelSet {
+  BodyKernels<float> f32[2];   ///< by Law
+  BodyKernels<double> f64[2];  ///< by Law
+};
+
+}  // namespace stiction::cpu

@@ -1,0 +1,147 @@
+#include <algorithm>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include "core/base/fp_env.hpp"
+#include "core/runtime/body_backend.hpp"
+#include "cpu_fallback/isa.hpp"
+#include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/thread_team.hpp"
+
+namespace stiction {
+
+namespace {
+
+/// An environment with fewer contacts is not worth a team: its colours end before the threads have met.
+constexpr Index kTeamContacts = 4096;
+/// Contacts that one thread takes at a time.
+constexpr Offset kRunContacts = 1024;
+
+/// Memory nothing is known about.
+template <class T>
+class Room {
+ public:
+  T* reserve(Offset elements) {
+    if (elements > capacity_) {
+      memory_.reset();
+      memory_.reset(static_cast<T*>(
+          ::operator new (static_cast<std::size_t>(elements) * sizeof(T), std::align_val_t{kAlignment})));
+      capacity_ = elements;
+    }
+    return memory_.get();
+  }
+
+ private:
+  static constexpr std::size_t kAlignment = 64;
+  struct Free {
+    void operator()(T* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
+  };
+  std::unique_ptr<T, Free> memory_;
+  Offset capacity_ = 0;
+};
+
+template <class Real>
+struct Scratch {
+  Room<Real> numbers;
+  Room<double> exact;
+};
+
+template <class Real>
+const cpu::BodyKernels<Real>& pick(const cpu::BodyKernelSet& set, Law law) {
+  const auto index = static_cast<std::size_t>(law);
+  if constexpr (std::is_same_v<Real, float>) {
+    return set.f32[index];
+  } else {
+    return set.f64[index];
+  }
+}
+
+/// Runs of environments for single threads, and those that get a team.
+struct Deal {
+  std::vector<std::pair<Offset, Offset>> runs;
+  std::vector<Offset> large;
+};
+
+Deal deal_out(const BodyPlanData& plan, int threads) {
+  Deal deal;
+  for (Offset env = 0; env < plan.env_count(); ++env)
+    if (plan.kept[static_cast<std::size_t>(env)] >= kTeamContacts) deal.large.push_back(env);
+  // Many large environments fill the threads by themselves.
+  if (threads == 1 || deal.large.size() >= 4 * static_cast<std::size_t>(threads)) deal.large.clear();
+  std::size_t next_large = 0;
+  Offset begin = 0;
+  Offset contacts = 0;
+  const auto close_at = [&](Offset end) {
+    if (end > begin) deal.runs.emplace_back(begin, end);
+    begin = end;
+    contacts = 0;
+  };
+  for (Offset env = 0; env < plan.env_count(); ++env) {
+    if (next_large < deal.large.size() && deal.large[next_large] == env) {
+      close_at(env);
+      begin = env + 1;
+      ++next_large;
+      continue;
+    }
+    contacts += plan.kept[static_cast<std::size_t>(env)] + 16;
+    if (contacts >= kRunContacts) close_at(env + 1);
+  }
+  close_at(plan.env_count());
+  return deal;
+}
+
+template <class Real>
+void solve(const BodyRequest<Real>& request) {
+  const BodyPlanData& plan = request.plan;
+  const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
+  const cpu::BodyKernels<Real>& kernels = pick<Real>(set, request.options.law);
+  const cpu::BodyJob<Real> job{request.batch,      plan.view(),      request.solution,
+                               request.warm_start, request.stepping, request.options};
+  const int threads = cpu::thread_count(request.options.threads);
+  const auto bodies = [&](Offset env) { return job.batch.env_body_offsets[env + 1] - job.batch.env_body_offsets[env]; };
+  const auto numbers = [&](Offset env, Scratch<Real>& scratch) {
+    return scratch.numbers.reserve(
+        kernels.elements(plan.kept[static_cast<std::size_t>(env)], bodies(env), request.options.momentum));
+  };
+  const auto exact = [&](Offset env, Scratch<Real>& scratch) {
+    return scratch.exact.reserve(kernels.exact_elements(bodies(env)));
+  };
+  const Deal deal = deal_out(plan, threads);
+  for (const Offset env : deal.large) {
+    Scratch<Real> scratch;
+    Real* const memory = numbers(env, scratch);
+    double* const twists = exact(env, scratch);
+    cpu::run_team(threads, [&](cpu::ThreadTeam& team, Index rank) {
+      kernels.solve_together(job, env, memory, twists, team, rank);
+    });
+  }
+  std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
+  cpu::parallel_for(threads, static_cast<int>(deal.runs.size()), [&](int index, int worker) {
+    Scratch<Real>& own = scratch[static_cast<std::size_t>(worker)];
+    const auto [begin, end] = deal.runs[static_cast<std::size_t>(index)];
+    for (Offset env = begin; env < end; ++env) kernels.solve_alone(job, env, numbers(env, own), exact(env, own));
+  });
+}
+
+}  // namespace
+
+void solve_bodies_on_cpu(const BodyRequest<float>& request) {
+  solve(request);
+}
+void solve_bodies_on_cpu(const BodyRequest<double>& request) {
+  solve(request);
+}
+
+template <class Real>
+Offset contact_bytes(Law law, bool momentum) {
+  const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
+  // Sides and the vertex's first position are integers of the plan.
+  return pick<Real>(set, law).swept_elements(momentum) * static_cast<Offset>(sizeof(Real)) +
+         3 * static_cast<Offset>(sizeof(Index));
+}
+
+template Offset contact_bytes<float>(Law, bool);
+template Offset contact_bytes<double>(Law, bool);
+
+}  // namespace stiction

@@ -1,0 +1,129 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <limits>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/body_systems.hpp"
+
+/// Bits of the body form: whatever the threads, the instruction set and the neighbours.
+namespace stiction::test {
+
+namespace {
+
+template <class Real>
+void expect_same(const BodySolution<Real>& a, const BodySolution<Real>& b, const std::string& label) {
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.impulse), std::span<const Real>(b.impulse))) << label;
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.twist), std::span<const Real>(b.twist))) << label;
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.w), std::span<const Real>(b.w))) << label;
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(a.status), std::span<const EnvStatus>(b.status))) << label;
+}
+
+/// One environment of a solution, as a solution of its own.
+BodySolution<float> part_of(const BodySolution<float>& all, const BodyBatchView<float>& batch, Offset env) {
+  const auto cut = [](const std::vector<float>& array, Offset width, const Offset* offsets, Offset e) {
+    return std::vector<float>(array.begin() + width * offsets[e], array.begin() + width * offsets[e + 1]);
+  };
+  return {cut(all.impulse, 3, batch.env_contact_offsets, env),
+          cut(all.twist, 6, batch.env_body_offsets, env),
+          cut(all.w, 3, batch.env_contact_offsets, env),
+          {all.status[static_cast<std::size_t>(env)]}};
+}
+
+std::vector<BodyEnvironment<float>> mixed_environments() {
+  std::vector<BodyEnvironment<float>> envs;
+  for (std::uint64_t seed = 0; seed < 40; ++seed)
+    envs.push_back(
+        scenes::rounded(random_bodies(seed, 2 + static_cast<Index>(seed % 7), static_cast<Index>(3 * seed % 50))));
+  envs.push_back({});
+  envs.push_back(scenes::rounded(scenes::make_body_pile(1, 200)));
+  return envs;
+}
+
+BodySolverOptions few_sweeps() {
+  BodySolverOptions options;
+  options.iterations = 20;
+  options.threads = 1;
+  options.invalid = InvalidPolicy::isolate;
+  return options;
+}
+
+}  // namespace
+
+TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads) {
+  // Large enough for a team (4096 contacts), and two small neighbours that are not.
+  const auto batch =
+      batch_of<float>({scenes::rounded(random_bodies(1, 5, 20)), scenes::rounded(scenes::make_body_pile(2, 6000)),
+                       scenes::rounded(random_bodies(2, 5, 20))});
+  for (const bool momentum : {false, true})
+    for (const Index substeps : {1, 2}) {
+      BodySolverOptions options = few_sweeps();
+      options.momentum = momentum;
+      options.substeps = substeps;
+      const auto expected = solve_bodies(batch, {}, options);
+      EXPECT_GT(expected.status[1].residual, 0);
+      for (const int threads : {2, 3, 8}) {
+        options.threads = threads;
+        expect_same(expected, solve_bodies(batch, {}, options), std::to_string(threads) + " threads");
+      }
+    }
+}
+
+TEST(bodies, every_instruction_set_gives_the_same_bits) {
+  const auto batch = batch_of<float>(mixed_environments());
+  const char* before = std::getenv("STICTION_ISA");
+  const std::string saved = before == nullptr ? "" : before;
+  setenv("STICTION_ISA", "baseline", 1);
+  const auto expected = solve_bodies(batch, {}, few_sweeps());
+  for (const char* isa : {"avx2", "avx512"}) {
+    setenv("STICTION_ISA", isa, 1);
+    expect_same(expected, solve_bodies(batch, {}, few_sweeps()), isa);
+  }
+  if (before == nullptr) {
+    unsetenv("STICTION_ISA");
+  } else {
+    setenv("STICTION_ISA", saved.c_str(), 1);
+  }
+}
+
+TEST(bodies, an_environment_does_not_depend_on_its_neighbours_or_its_place) {
+  const auto envs = mixed_environments();
+  const auto batch = batch_of<float>(envs);
+  const auto together = solve_bodies(batch, {}, few_sweeps());
+  std::vector<BodyEnvironment<float>> shuffled;
+  std::vector<std::size_t> place;
+  for (std::size_t k = 0; k < envs.size(); ++k) {
+    place.push_back((k * 25 + 7) % envs.size());
+    shuffled.push_back(envs[place.back()]);
+  }
+  const auto other = batch_of<float>(shuffled);
+  BodySolverOptions options = few_sweeps();
+  options.threads = 3;
+  const auto apart = solve_bodies(other, {}, options);
+  for (std::size_t k = 0; k < envs.size(); ++k)
+    expect_same(part_of(together, batch.view(), static_cast<Offset>(place[k])),
+                part_of(apart, other.view(), static_cast<Offset>(k)), "environment " + std::to_string(place[k]));
+}
+
+TEST(bodies, a_poisoned_environment_leaves_all_others_alone) {
+  auto envs = mixed_environments();
+  const auto clean = batch_of<float>(envs);
+  const auto expected = solve_bodies(clean, {}, few_sweeps());
+  for (const std::size_t k : {5U, 17U, 30U}) envs[k].contacts[0].normal[2] = std::numeric_limits<float>::quiet_NaN();
+  envs[11].bodies[0].twist_change[0] = std::numeric_limits<float>::infinity();
+  const auto poisoned = batch_of<float>(envs);
+  const auto solution = solve_bodies(poisoned, {}, few_sweeps());
+  for (std::size_t k = 0; k < envs.size(); ++k) {
+    const auto env = static_cast<Offset>(k);
+    if (k == 5 || k == 11 || k == 17 || k == 30) {
+      EXPECT_EQ(solution.status[k].code, EnvCode::invalid_input);
+      EXPECT_EQ(solution.status[k].flags, static_cast<std::uint32_t>(kFlagNonFiniteInput));
+      for (const float v : part_of(solution, poisoned.view(), env).twist) EXPECT_EQ(v, 0.0F);
+    } else {
+      expect_same(part_of(expected, clean.view(), env), part_of(solution, poisoned.view(), env), std::to_string(k));
+    }
+  }
+}
+
+}  // namespace stiction::test

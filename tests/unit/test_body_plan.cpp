@@ -1,0 +1,129 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "core/schedule/body_plan.hpp"
+#include "tests/support/body_systems.hpp"
+
+namespace stiction::test {
+
+namespace {
+
+using Env = BodyEnvironment<double>;
+
+/// Everything a plan promises about one environment that is the only one of its batch.
+void expect_sound(const Env& env, const BodyPlanData& plan) {
+  const auto contacts = static_cast<Index>(env.contacts.size());
+  const auto pushed = [&](Index body) { return body >= 0 && !env.bodies[static_cast<std::size_t>(body)].kinematic; };
+  std::set<Index> seen;
+  ASSERT_EQ(
+      plan.vertex_offsets[static_cast<std::size_t>(plan.color_offsets[static_cast<std::size_t>(plan.color_count[0])])],
+      contacts);
+  for (Index color = 0; color < plan.color_count[0]; ++color) {
+    std::set<Index> busy;
+    const Index first = plan.color_offsets[static_cast<std::size_t>(color)];
+    const Index last = plan.color_offsets[static_cast<std::size_t>(color) + 1];
+    EXPECT_LT(first, last) << "an empty colour";
+    for (Index v = first; v < last; ++v) {
+      const Index begin = plan.vertex_offsets[static_cast<std::size_t>(v)];
+      const Index end = plan.vertex_offsets[static_cast<std::size_t>(v) + 1];
+      EXPECT_LE(end - begin, kManifoldContacts);
+      std::set<Index> bodies;
+      for (Index p = begin; p < end; ++p) {
+        const Index c = plan.contact_order[static_cast<std::size_t>(p)];
+        EXPECT_TRUE(seen.insert(c).second) << "contact " << c << " twice";
+        const auto& contact = env.contacts[static_cast<std::size_t>(c)];
+        for (const auto& [body, side] : {std::pair(contact.body_a, plan.sides[2 * static_cast<std::size_t>(p)]),
+                                         std::pair(contact.body_b, plan.sides[2 * static_cast<std::size_t>(p) + 1])}) {
+          EXPECT_EQ(side >= 0, pushed(body));
+          EXPECT_EQ(side >= 0 ? side : ~side, body < 0 ? static_cast<Index>(env.bodies.size()) : body);
+          if (pushed(body)) bodies.insert(body);
+        }
+      }
+      EXPECT_LE(bodies.size(), 2U);
+      for (const Index body : bodies) EXPECT_TRUE(busy.insert(body).second) << "body " << body << " twice in a colour";
+    }
+  }
+  EXPECT_EQ(static_cast<Index>(seen.size()), contacts);
+
+  // Bodies list their own contacts, in order of position.
+  for (std::size_t body = 0; body < env.bodies.size(); ++body) {
+    std::vector<Index> expected;
+    if (pushed(static_cast<Index>(body)))
+      for (Index p = 0; p < contacts; ++p) {
+        const auto& contact = env.contacts[static_cast<std::size_t>(plan.contact_order[static_cast<std::size_t>(p)])];
+        if (contact.body_a == static_cast<Index>(body)) expected.push_back(~p);
+        if (contact.body_b == static_cast<Index>(body)) expected.push_back(p);
+      }
+    EXPECT_EQ(expected, std::vector<Index>(plan.body_contacts.begin() + plan.body_offsets[body],
+                                           plan.body_contacts.begin() + plan.body_offsets[body + 1]))
+        << "body " << body;
+  }
+}
+
+}  // namespace
+
+TEST(body_plan, colours_never_push_a_body_twice) {
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    const Env env = random_bodies(seed, 2 + static_cast<Index>(seed % 9), static_cast<Index>(seed % 40));
+    SCOPED_TRACE(seed);
+    expect_sound(env, make_body_plan(batch_of<double>({env}).view(), 0));
+  }
+}
+
+TEST(body_plan, a_hub_of_many_contacts_is_coloured_like_any_other_body) {
+  // One body that touches 300 others, which touch their neighbours: the hub alone needs 300 colours.
+  Env env;
+  env.bodies.resize(301);
+  for (Index k = 1; k <= 300; ++k) {
+    auto& spoke = env.contacts.emplace_back();
+    spoke.body_a = k % 2 == 0 ? 0 : k;
+    spoke.body_b = k % 2 == 0 ? k : 0;
+    auto& rim = env.contacts.emplace_back();
+    rim.body_a = k;
+    rim.body_b = 1 + k % 300;
+  }
+  const BodyPlanData plan = make_body_plan(batch_of<double>({env}).view(), 0);
+  expect_sound(env, plan);
+  EXPECT_EQ(plan.color_count[0], 300);
+}
+
+TEST(body_plan, a_pile_needs_few_colours) {
+  const Env env = scenes::make_body_pile(1, 3000);
+  const BodyPlanData plan = make_body_plan(batch_of<double>({env}).view(), 0);
+  expect_sound(env, plan);
+  std::vector<Index> degree(env.bodies.size(), 0);
+  for (const auto& contact : env.contacts)
+    for (const Index body : {contact.body_a, contact.body_b})
+      if (body >= 0) ++degree[static_cast<std::size_t>(body)];
+  // Vizing: some colouring needs at most one more than the largest degree; greedy came out one or two above it.
+  const Index largest = *std::max_element(degree.begin(), degree.end());
+  EXPECT_GE(plan.color_count[0], largest);
+  EXPECT_LE(plan.color_count[0], largest + 3);
+}
+
+TEST(body_plan, four_contacts_of_a_face_are_one_vertex) {
+  const Env env = scenes::make_body_stack(1, 6);
+  const BodyPlanData plan = make_body_plan(batch_of<double>({env}).view(), 0);
+  expect_sound(env, plan);
+  EXPECT_EQ(plan.color_count[0], 2);
+  EXPECT_EQ(plan.color_offsets[2], 6);
+}
+
+TEST(body_plan, an_environment_is_planned_as_if_it_were_alone) {
+  const Env a = random_bodies(1, 5, 20), b = random_bodies(2, 7, 31);
+  const BodyPlanData alone = make_body_plan(batch_of<double>({b}).view(), 0);
+  const BodyPlanData both = make_body_plan(batch_of<double>({a, Env{}, b}).view(), 0);
+  const auto part = [](const std::vector<Index>& array, std::size_t first, const std::vector<Index>& expected) {
+    return std::vector<Index>(array.begin() + static_cast<std::ptrdiff_t>(first),
+                              array.begin() + static_cast<std::ptrdiff_t>(first + expected.size()));
+  };
+  EXPECT_EQ(part(both.contact_order, 20, alone.contact_order), alone.contact_order);
+  EXPECT_EQ(part(both.sides, 40, alone.sides), alone.sides);
+  EXPECT_EQ(both.color_count[2], alone.color_count[0]);
+  EXPECT_EQ(part(both.body_offsets, 5 + 2, alone.body_offsets), alone.body_offsets);
+}
+
+}  // namespace stiction::test
