@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "stiction/error.hpp"
+#include "stiction/padded.hpp"
 #include "stiction/warm_start.hpp"
 #include "tests/support/scene_batches.hpp"
 
@@ -305,6 +306,45 @@ TEST(warm_start, a_mask_resets_the_environments_it_names_and_no_other) {
   const std::uint8_t mask[] = {0, 1};
   store.reset_where(mask);
   EXPECT_EQ(recall(store, step, 0.01), (std::vector<double>{2.0, 0.0}));
+}
+
+TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_their_use_is_left_alone) {
+  std::mt19937_64 random(12);
+  const int envs = 5;
+  WarmStartStore<float> packed_store(Device::cpu(), {envs, 4000, 16000});
+  WarmStartStore<float> padded_store(Device::cpu(), {envs, 4000, 16000});
+  for (const Step<float>& step : random_life<float>(random, envs, 15)) {
+    Packed<float> packed(step.envs);
+    PaddedLayout<float> layout(MatrixRows::by_room);
+    for (const EnvStep<float>& env : step.envs) {
+      std::vector<Environment<float>::Cone> cones;
+      for (const Cone& cone : env.cones) cones.push_back({cone.kind, cone.rows, -1});
+      layout.add(static_cast<Index>(env.lambda.size()) + 3, cones);
+    }
+    const auto view = layout.view({}, Law::convex);
+    std::vector<std::uint64_t> id(static_cast<std::size_t>(view.cone_count), 5);
+    std::vector<float> lambda(static_cast<std::size_t>(view.row_count), std::nanf("")), guess(lambda.size(), 77.0F);
+    for (std::size_t e = 0; e < step.envs.size(); ++e) {
+      for (std::size_t c = 0; c < step.envs[e].cones.size(); ++c)
+        id[static_cast<std::size_t>(view.env_cone_offsets[e]) + c] = step.envs[e].cones[c].id;
+      std::copy(step.envs[e].lambda.begin(), step.envs[e].lambda.end(), lambda.begin() + view.env_row_offsets[e]);
+    }
+    padded_store.recall(view, id.data(), step.dt, guess.data());
+    const auto expected = recall(packed_store, packed, step.dt);
+    std::size_t row = 0;
+    for (std::size_t e = 0; e < step.envs.size(); ++e) {
+      const auto first = static_cast<std::size_t>(view.env_row_offsets[e]);
+      const std::size_t used = step.envs[e].lambda.size();
+      for (std::size_t i = 0; i < used; ++i) ASSERT_EQ(guess[first + i], expected[row + i]);
+      for (std::size_t i = used; i < used + 3; ++i) ASSERT_EQ(guess[first + i], 77.0F);
+      row += used;
+    }
+    padded_store.remember(view, id.data(), {lambda.data(), nullptr, packed.status.data()}, step.dt);
+    remember(packed_store, packed, step.dt);
+    const auto a = records(padded_store);
+    const auto b = records(packed_store);
+    ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(WarmStartRecord)), 0);
+  }
 }
 
 TEST(warm_start, an_environment_missing_from_the_last_batch_is_forgotten) {
