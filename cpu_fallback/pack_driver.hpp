@@ -110,6 +110,8 @@ template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
   if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kVectors);
+  if (job.plan.path[env] == EnvPath::factor)
+    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::kVectors);
   return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::kVectors);
 }
 
@@ -123,6 +125,9 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
     answer_empty(block, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
     DenseSystem<Real> system(view.counts, Method::kVectors, scratch);
+    solve_environment<Method, kLaw>(block, view, system, params, rule);
+  } else if (job.plan.path[env] == EnvPath::factor) {
+    FactorSystem<Real> system(view, Method::kVectors, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else {
     SparseSystem<Real> system(view, Method::kVectors, scratch);

@@ -40,6 +40,7 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
            false});
     }
   };
+  for (const Offset env : plan.factor_order) items.push_back({{env}, {}, false});
   for (const Offset env : plan.sparse_order) items.push_back({{env}, {}, false});
 
   const auto packable = [&](const ConeCounts& counts) {

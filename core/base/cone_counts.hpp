@@ -13,6 +13,7 @@ enum class EnvPath : std::uint8_t {
   empty = 0,   ///< no rows
   dense = 1,   ///< A as a dense matrix, cones in canonical order, right-looking sweep
   sparse = 2,  ///< A as CSR, cones colour by colour, left-looking sweep
+  factor = 3,  ///< A as Y Y', cones in file order, through the velocity Y' x
 };
 
 /// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a

@@ -24,6 +24,8 @@ struct EnvView {
   const Offset* column_offsets;  ///< where each row's columns begin            (n)
   const Index* column;           ///< CSR columns, the whole batch's array
   const Real* A;                 ///< CSR values, the whole batch's array [w / lambda]
+  const Real* factor;            ///< Y with A = Y Y', or null: A is stored     (n * dofs)
+  Index dofs;                    ///< columns of Y
   const Real* b;                 ///< right-hand side [w]                       (n)
   const Real* R;                 ///< compliance [w / lambda]                   (n)
   const Real* mu;                ///< friction per axis [-]                     (n)
@@ -88,6 +90,8 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   v.column_offsets = (batch.column_offsets == nullptr ? batch.row_offsets : batch.column_offsets) + row;
   v.column = batch.column;
   v.A = batch.A;
+  v.dofs = batch.env_dofs(env);
+  v.factor = v.dofs == 0 ? nullptr : batch.factor + batch.factor_offsets[env];
   v.b = batch.b + row;
   v.R = batch.R + row;
   v.mu = batch.mu + row;

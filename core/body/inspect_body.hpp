@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/block/reduce.hpp"
+#include "core/body/factor_system.hpp"
 #include "core/body/place.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -43,6 +44,24 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
   return {diagonal, broken == 0 && finite_(env.b[row]) && finite_(env.R[row])};
 }
 
+template <class Real, class System>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const System&, Index row) {
+  return scan_row(env, row);
+}
+
+/// The same of a row of Y.
+template <class Real>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<Real>&, Index row) {
+  const Real* y = env.factor + static_cast<Offset>(row) * env.dofs;
+  bool finite = finite_(env.b[row]) && finite_(env.R[row]);
+  Real diagonal = env.R[row];
+  for (Index k = 0; k < env.dofs; ++k) {
+    finite = finite && finite_(y[k]);
+    diagonal = fma_(y[k], y[k], diagonal);
+  }
+  return {diagonal, finite};
+}
+
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
 /// cone's diagonal in the system's trace.
 template <Block B, class Real, class System>
@@ -56,7 +75,7 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
     const Index size = env.cone_size(cone);
     Real sum(0);
     for (Index i = first; i < first + size; ++i) {
-      const RowScan<Real> row = scan_row(env, i);
+      const RowScan<Real> row = scan_row(env, s, i);
       bool finite = row.finite;
       if (kind == ConeKind::friction && i > first) {
         finite = finite && finite_(env.mu[i]);

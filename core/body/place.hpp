@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/body/dense_system.hpp"
-#include "core/body/sparse_system.hpp"
+#include "core/body/file_order_system.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -13,7 +13,7 @@ STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const DenseS
            [&](Index position) { f(env.cone_order[position], locate(env.counts, s.counts, position)); });
 }
 template <Block B, class Real, class F>
-STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const SparseSystem<Real>&, F&& f) {
+STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const FileOrderSystem<Real>&, F&& f) {
   for_each(block, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
 }
 

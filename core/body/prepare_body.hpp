@@ -107,6 +107,42 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>
   });
 }
 
+/// The factor, each row in the solver's coordinates. The matrix scale is divided between the factors Y and Y': it is an
+/// even power of two here, whose root is exact.
+template <Block B, class Real>
+STICTION_HD void assemble(B& block, const EnvView<Real>& env, FactorSystem<Real>& s, Real scale_a) {
+  const Real root = sqrt_(scale_a);
+  for_each(block, env.cone_count, [&](Index cone) {
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    for (Index i = first; i < first + size; ++i) {
+      const Real scale = row_scale(env, env.kind[cone], first, i);
+      const Offset begin = static_cast<Offset>(i) * s.dofs;
+      s.R[i] = (env.R[i] * scale_a) * (scale * scale);
+      for (Index k = 0; k < s.dofs; ++k) s.Y.data[begin + k] = (env.factor[begin + k] * root) * scale;
+    }
+    for (Index i = 0; i < size; ++i)
+      for (Index j = 0; j < size; ++j) {
+        const Real* const left = s.row(first + i);
+        const Real* const right = s.row(first + j);
+        Real sum = i == j ? s.R[first + i] : Real(0);
+        for (Index k = 0; k < s.dofs; ++k) sum = fma_(left[k], right[k], sum);
+        s.blocks[first * 6 + i * 6 + j] = sum;
+      }
+  });
+}
+
+/// The power of two that A is multiplied by.
+template <class Real, class System>
+STICTION_HD Real matrix_scale(const System&, Real largest_diagonal) {
+  return unit_scale(largest_diagonal);
+}
+template <class Real>
+STICTION_HD Real matrix_scale(const FactorSystem<Real>&, Real largest_diagonal) {
+  const Real root = unit_scale(sqrt_(largest_diagonal));
+  return root * root;
+}
+
 /// Smallest tangential step bound relative to the whole block's.
 inline constexpr float kSmallestTangential = 1.0F / (1 << 30);
 
@@ -181,19 +217,25 @@ STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 
+/// Y Y' is symmetric.
+template <Block B, class Real>
+STICTION_HD Real asymmetry(B&, const FactorSystem<Real>&) {
+  return Real(0);
+}
+
 /// How far A may be from symmetric for a method that minimises.
 inline constexpr float kLargestAsymmetry = 1e-2F;
 
 /// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
 /// the flags; with any but kHarmlessFlags set the system is not to be used.
 template <Block B, class Real, class System>
-STICTION_HD std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
+STICTION_HD_OUTLINE std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
   for_each(block, s.cones,
            [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
   const Inspection<Real> seen = inspect(block, env, s);
   std::uint32_t flags = seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
-  const Real scale_a = unit_scale(seen.largest_diagonal);
+  const Real scale_a = matrix_scale(s, seen.largest_diagonal);
   const Real scale_b = unit_scale(seen.largest_b);
   // With b = 0 the answer is zero, and no warm start is better.
   const bool warm = env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0 && seen.largest_b > Real(0);

@@ -7,7 +7,7 @@ namespace stiction::inline STICTION_ISA {
 /// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse
 /// sweep.
 template <class Real>
-STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start) {
+STICTION_HD_OUTLINE double row_motion(const EnvView<Real>& env, Index row, double start) {
   const Offset begin = env.row_offsets[row];
   const Index count = env.entries(row);
   const Real* a = env.A + begin;
@@ -32,7 +32,7 @@ STICTION_HD double row_motion(const EnvView<Real>& env, Index row, double start)
 
 /// start + the diagonal entry of row i; duplicates add up.
 template <class Real>
-STICTION_HD double row_diagonal(const EnvView<Real>& env, Index row, double start) {
+STICTION_HD_OUTLINE double row_diagonal(const EnvView<Real>& env, Index row, double start) {
   const Offset begin = env.row_offsets[row];
   const Index count = env.entries(row);
   const Index* column = env.columns(row);
@@ -40,6 +40,50 @@ STICTION_HD double row_diagonal(const EnvView<Real>& env, Index row, double star
   for (Index k = 0; k < count; ++k)
     if (column[k] == row) start = start + static_cast<double>(env.A[begin + k]);
   return start;
+}
+
+/// Rows of A where they are stored, as the final residual reads them.
+template <class Real>
+struct StoredRows {
+  const EnvView<Real>* env;
+  [[nodiscard]] STICTION_HD double motion(Index row, double start) const { return row_motion(*env, row, start); }
+  [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const { return row_diagonal(*env, row, start); }
+};
+
+/// The same where A is Y Y'; `velocity` is Y' lambda.
+template <class Real>
+struct FactorRows {
+  const EnvView<Real>* env;
+  const double* velocity;
+  [[nodiscard]] STICTION_HD double motion(Index row, double start) const {
+    const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
+    double sum = start;
+    for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), velocity[k], sum);
+    return sum;
+  }
+  [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const {
+    const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
+    double sum = start;
+    for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), static_cast<double>(y[k]), sum);
+    return sum;
+  }
+};
+
+template <Block B, class Real, class System>
+STICTION_HD StoredRows<Real> residual_rows(B&, const EnvView<Real>& env, const System&) {
+  return {&env};
+}
+template <Block B, class Real>
+STICTION_HD FactorRows<Real> residual_rows(B& block, const EnvView<Real>& env, const FactorSystem<Real>& s) {
+  double* const velocity = s.exact;
+  for_each(block, env.dofs, [&](Index k) {
+    double sum = 0.0;
+    for (Index i = 0; i < env.n; ++i)
+      sum = fma_(static_cast<double>(env.factor[static_cast<Offset>(i) * env.dofs + k]),
+                 static_cast<double>(env.lambda[i]), sum);
+    velocity[k] = sum;
+  });
+  return {&env, velocity};
 }
 
 /// A double as a Real; what lies beyond Real's range becomes its largest number, so that every output is finite.
@@ -51,8 +95,8 @@ STICTION_HD Real saturated(double value) {
 
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
-template <Block B, class Real>
-STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env) {
+template <Block B, class Real, class Rows>
+STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
   double largest = 0.0;
   for_each(block, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
@@ -66,8 +110,8 @@ STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env) {
         const Index i = first + k;
         const double compliance = static_cast<double>(env.R[i]);
         const double motion =
-            row_motion(env, i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
-        const double diagonal = row_diagonal(env, i, compliance);
+            rows.motion(i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
+        const double diagonal = rows.diagonal(i, compliance);
         if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
         trace = trace + diagonal;
         // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
@@ -84,6 +128,10 @@ STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env) {
     });
   });
   return block.max(largest);
+}
+template <Block B, class Real>
+STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
+  return final_residual(block, env, StoredRows<Real>{&env});
 }
 
 /// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.

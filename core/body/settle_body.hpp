@@ -84,11 +84,11 @@ STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System
   if (!nominated && !ended) return false;
   publish(block, env, s);
   const double scale = residual_scale(block, env);
-  double absolute = final_residual(block, env);
+  double absolute = final_residual(block, env, residual_rows(block, env, s));
   if (ended && !finite_(div_(absolute, scale))) {
     // Not one iterate had a finite answer in the batch's units: zero is the one that always does.
     for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
-    absolute = final_residual(block, env);
+    absolute = final_residual(block, env, residual_rows(block, env, s));
   }
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;

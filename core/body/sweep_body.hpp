@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/body/dense_system.hpp"
+#include "core/body/factor_system.hpp"
 #include "core/body/local_solve.hpp"
 #include "core/body/sparse_system.hpp"
 
@@ -66,6 +67,44 @@ STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) 
     });
   }
   return block.max(largest);
+}
+
+/// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
+/// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
+/// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
+template <Law kLaw, Block B, class RealType>
+STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) {
+  using Real = RealType;
+  const EnvView<Real>& env = *s.env;
+  Real largest(0);
+  s.project(block, s.x);
+  for (Index cone = 0; cone < s.cones; ++cone) {
+    const Index row = env.cone_row(cone);
+    with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+      constexpr int kRows = decltype(shape)::kRows;
+      Real own[kRowParts * kRows];
+      Real* part = own;
+      if (block.size() == 1) {
+        for (int r = 0; r < kRows; ++r) s.partials(row + r, own + r * kRowParts);
+      } else {
+        part = block.template leaves<Real>();
+        for_each(block, kRowParts * kRows,
+                 [&](Index leaf) { part[leaf] = s.partial(row + leaf / kRowParts, leaf % kRowParts); });
+      }
+      const ConeStep<Real, kRows> step = block.broadcast([&] {
+        Real y[kRows];
+        for (int r = 0; r < kRows; ++r)
+          y[r] = s.fold(part + r * kRowParts, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
+        const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
+        for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
+        return local;
+      });
+      const Real size = step_size(step, s.trace[cone]);
+      if (any(size != Real(0))) s.push(block, row, step.d);
+      largest = max_(size, largest);
+    });
+  }
+  return largest;
 }
 
 /// Iterations after which maintained motion is computed afresh, so that rounding does not pile up in it.

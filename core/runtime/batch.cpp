@@ -161,6 +161,10 @@ ContactBatch<Real> ContactBatch<Real>::from_arrays(Law law, Arrays arrays) {
     expect_length("env_flags", arrays.env_flags.size(), arrays.env_row_offsets.size() - 1,
                   "one per environment, or none at all");
   }
+  if (!arrays.factor_offsets.empty()) {
+    expect_length("factor_offsets", arrays.factor_offsets.size(), arrays.env_row_offsets.size(),
+                  "as many as env_row_offsets, or none at all");
+  }
 
   ContactBatch batch(law);
   batch.arrays_ = std::move(arrays);
@@ -192,6 +196,7 @@ void ContactBatch<Real>::add(const Environment<Real>& environment) {
   arrays_.env_row_offsets.push_back(static_cast<Offset>(arrays_.b.size()));
   arrays_.env_cone_offsets.push_back(static_cast<Offset>(arrays_.cone_kind.size()));
   if (!arrays_.env_flags.empty()) arrays_.env_flags.push_back(0);
+  if (!arrays_.factor_offsets.empty()) arrays_.factor_offsets.push_back(arrays_.factor_offsets.back());
 }
 
 template <class Real>
@@ -210,6 +215,9 @@ ContactBatchView<Real> ContactBatch<Real>::view() const noexcept {
   view.row_offsets = arrays_.row_offsets.data();
   view.column = arrays_.column.data();
   view.A = arrays_.A.data();
+  view.factor_offsets = arrays_.factor_offsets.empty() ? nullptr : arrays_.factor_offsets.data();
+  view.factor = arrays_.factor.data();
+  view.factor_count = static_cast<Offset>(arrays_.factor.size());
   view.b = arrays_.b.data();
   view.R = arrays_.R.data();
   view.mu = arrays_.mu.data();
@@ -238,6 +246,8 @@ ContactBatch<To> convert(const ContactBatch<From>& batch) {
   to.lo = rounded<To>(from.lo);
   to.hi = rounded<To>(from.hi);
   to.env_flags = from.env_flags;
+  to.factor_offsets = from.factor_offsets;
+  to.factor = rounded<To>(from.factor);
   return ContactBatch<To>::from_arrays(batch.law(), std::move(to));
 }
 
@@ -246,6 +256,7 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
   const auto& from = batch.arrays();
   typename ContactBatch<Real>::Arrays to;
   to.env_row_offsets = to.env_cone_offsets = to.cone_row_offsets = to.row_offsets = {0};
+  if (!from.factor_offsets.empty()) to.factor_offsets = {0};
   for (std::size_t k = 0; k < order.size(); ++k) {
     const Offset env = order[k];
     if (env < 0 || env >= batch.env_count()) {
@@ -277,6 +288,11 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
     append_range(to.hi, from.hi, rows.begin, rows.end);
     to.env_row_offsets.push_back(static_cast<Offset>(to.b.size()));
     to.env_cone_offsets.push_back(static_cast<Offset>(to.cone_kind.size()));
+    if (!from.factor_offsets.empty()) {
+      const Part factor = part_of(from.factor_offsets, "factor_offsets", env, env + 1, from.factor.size());
+      append_range(to.factor, from.factor, factor.begin, factor.end);
+      to.factor_offsets.push_back(static_cast<Offset>(to.factor.size()));
+    }
     if (!from.env_flags.empty()) to.env_flags.push_back(from.env_flags[static_cast<std::size_t>(env)]);
   }
   return ContactBatch<Real>::from_arrays(batch.law(), std::move(to));

@@ -286,12 +286,15 @@ ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use,
   to.b.resize(static_cast<std::size_t>(to.env_row_offsets.back()));
 
   JacobianJob<Real> job{batch, to.env_row_offsets.data(), matrix.data(), factor.data()};
+  to.factor.resize(static_cast<std::size_t>(factor.back()));
   job.A = to.A.data();
+  job.Y = to.factor.data();
   job.b = to.b.data();
   job.flags = to.env_flags.data();
   assemble_on_cpu(job, threads);
   if (std::all_of(to.env_flags.begin(), to.env_flags.end(), [](std::uint32_t flags) { return flags == 0; }))
     to.env_flags.clear();
+  if (!to.factor.empty()) to.factor_offsets = factor;
   return ContactBatch<Real>::from_arrays(batch.law, std::move(to));
 }
 

@@ -34,6 +34,24 @@ std::unique_ptr<Backend> make_backend(Device device) {
   fail("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
 
+/// Factors are read by the CPU alone so far.
+template <class Real>
+void check_factors(const ContactBatchView<Real>& batch, Device device) {
+  if (batch.factor_offsets == nullptr || device.kind == DeviceKind::cpu) return;
+  throw Error(ErrorCode::unsupported,
+              "the batch keeps environments as factors (factor_offsets), which only the CPU solves: assemble it with "
+              "FactorUse::never for this device");
+}
+
+template <class Real>
+void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) {
+  if (batch.env_count > 0 && solution.status == nullptr)
+    fail("solution.status is null: give it room for one EnvStatus per environment (" + std::to_string(batch.env_count) +
+         ")");
+  if (batch.row_count > 0 && solution.lambda == nullptr)
+    fail("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+}
+
 }  // namespace
 
 std::vector<DeviceReport> devices() {
@@ -69,6 +87,7 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 
 template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
+  check_factors(batch, device_);
   if (batch.space == MemorySpace::host) {
     reject(validate_structure(batch, 1));
     return Plan(std::make_shared<const PlanData>(make_plan(batch)));
@@ -83,6 +102,7 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
 template <class Real>
 void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                    const Real* warm_start, StreamRef stream) const {
+  check_factors(batch, device_);
   const PlanData& data = plan.data();
   const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
                          data.row_count == batch.row_count && data.nonzero_count == batch.nonzero_count;

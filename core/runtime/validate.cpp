@@ -63,6 +63,7 @@ class Validator {
     array("cone_row_offsets", batch_.cone_row_offsets, true);
     array("row_offsets", batch_.row_offsets, true);
     array("column", batch_.column, batch_.nonzero_count > 0);
+    array("factor", batch_.factor, with_values && batch_.factor_offsets != nullptr && batch_.factor_count > 0);
     array("A", batch_.A, with_values && batch_.nonzero_count > 0);
     array("b", batch_.b, with_values && batch_.row_count > 0);
     array("R", batch_.R, with_values && batch_.row_count > 0);
@@ -104,7 +105,27 @@ class Validator {
     if (rows_sound_ && batch_.row_counts != nullptr)
       rows_sound_ = check_counts("row_counts", batch_.row_counts, batch_.row_offsets, batch_.row_count, row_place);
     if (rows_sound_ && batch_.column_offsets != nullptr) rows_sound_ = check_column_offsets(row_place);
+    if (env_rows_sound_ && rows_sound_ && batch_.factor_offsets != nullptr) {
+      rows_sound_ = check_offsets("factor_offsets", offsets(batch_.factor_offsets, batch_.env_count),
+                                  batch_.factor_count, "factor entries", env_place, report_);
+      for (Offset env = 0; rows_sound_ && env < batch_.env_count; ++env) rows_sound_ = check_factor(env);
+    }
     env_sound_.assign(static_cast<std::size_t>(batch_.env_count), true);
+  }
+
+  /// A factor has as many entries in every row, and takes the place of stored ones.
+  bool check_factor(Offset env) {
+    const Offset entries = batch_.factor_offsets[env + 1] - batch_.factor_offsets[env], rows = rows_of(env);
+    if (entries == 0) return true;
+    bool stored = false;
+    for (Offset row = batch_.env_row_offsets[env]; row < batch_.env_row_offsets[env] + rows; ++row)
+      stored = stored || batch_.row_entries(row) > 0;
+    if (rows > 0 && entries % rows == 0 && !stored) return true;
+    fail_at({env, -1, -1, true, {}}, "env " + std::to_string(env) + " has " + std::to_string(entries) +
+                                         " entries of a factor for " + std::to_string(rows) +
+                                         (stored ? " rows, and stored entries as well: keep one of the two"
+                                                 : " rows: every row has as many; fix factor_offsets"));
+    return false;
   }
 
   /// What is in use lies within its room.
@@ -256,6 +277,7 @@ class Validator {
         }
       });
     }
+    check_factor_values();
     check_rows("b", batch_.b, [&](Offset, Offset row) { return std::isfinite(batch_.b[row]) ? "" : "must be finite"; });
     check_rows("R", batch_.R, [&](Offset, Offset row) {
       if (!std::isfinite(batch_.R[row])) return "must be finite";
@@ -282,12 +304,31 @@ class Validator {
     check_diagonals();
   }
 
+  /// One row of an environment's factor, empty where A is stored.
+  [[nodiscard]] std::span<const Real> factor_row(Offset env, Offset row) const {
+    const auto dofs = static_cast<std::size_t>(batch_.env_dofs(env));
+    if (dofs == 0) return {};
+    const auto own = static_cast<std::size_t>(row - batch_.env_row_offsets[env]);
+    return {batch_.factor + batch_.factor_offsets[env] + own * dofs, dofs};
+  }
+
+  void check_factor_values() {
+    if (batch_.factor_offsets == nullptr ||
+        all_finite(std::span(batch_.factor, static_cast<std::size_t>(batch_.factor_count))))
+      return;
+    for_each_row([&](Offset env, Offset cone, Offset row) {
+      for (const Real value : factor_row(env, row))
+        if (!std::isfinite(value)) add_value("factor", env, cone, row, "", value, "must be finite");
+    });
+  }
+
   /// A + R needs a positive diagonal wherever a cone bounds the reaction. What is not finite was reported before.
   void check_diagonals() {
     for_each_row([&](Offset env, Offset cone, Offset row) {
       if (batch_.cone_kind[cone] == ConeKind::free) return;
       const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
-      const Real diagonal = batch_.R[row] + entry_sum(row, own);
+      Real diagonal = batch_.R[row] + entry_sum(row, own);
+      for (const Real value : factor_row(env, row)) diagonal += value * value;
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
       add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
     });

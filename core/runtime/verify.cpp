@@ -120,7 +120,7 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, const dou
 
 /// Room for one environment, kept from one to the next.
 struct Scratch {
-  std::vector<double> lambda, w, diagonal;
+  std::vector<double> lambda, w, diagonal, velocity;
 };
 
 template <class Real>
@@ -130,6 +130,14 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
   scratch.lambda.assign(solution + first_row, solution + first_row + rows);
   scratch.w.resize(rows);
   scratch.diagonal.resize(rows);
+
+  // A = Y Y': the motion of a row is Y times the velocity Y' lambda.
+  const auto dofs = static_cast<std::size_t>(batch.env_dofs(env));
+  const Real* factor = dofs == 0 ? nullptr : batch.factor + batch.factor_offsets[env];
+  scratch.velocity.assign(dofs, 0.0);
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t k = 0; k < dofs; ++k)
+      scratch.velocity[k] += static_cast<double>(factor[i * dofs + k]) * scratch.lambda[i];
 
   Largest b_largest, worst;
   for (std::size_t i = 0; i < rows; ++i) {
@@ -144,6 +152,11 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
       const auto entry = static_cast<double>(batch.A[batch.row_offsets[row] + k]);
       w += entry * scratch.lambda[column];
       if (column == i) diagonal += entry;
+    }
+    for (std::size_t k = 0; k < dofs; ++k) {
+      const auto entry = static_cast<double>(factor[i * dofs + k]);
+      w += entry * scratch.velocity[k];
+      diagonal += entry * entry;
     }
     scratch.w[i] = w;
     scratch.diagonal[i] = diagonal;

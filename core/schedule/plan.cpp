@@ -24,23 +24,26 @@ struct Structure {
   const Index* row_counts;
   const Offset* column_offsets;
   const Index* column;
+  const Offset* factor_offsets;
 };
 
 /// One environment of it. Cones and rows count from the environment's own zero.
 struct EnvStructure {
   const Structure& all;
-  Offset first_row, first_cone;
+  Offset env, first_row, first_cone;
   Index rows, cones;
 
-  EnvStructure(const Structure& structure, Offset env)
+  EnvStructure(const Structure& structure, Offset number)
       : all(structure),
-        first_row(structure.env_row_offsets[env]),
-        first_cone(structure.env_cone_offsets[env]),
-        rows(structure.env_row_counts != nullptr ? structure.env_row_counts[env]
-                                                 : static_cast<Index>(structure.env_row_offsets[env + 1] - first_row)),
+        env(number),
+        first_row(structure.env_row_offsets[number]),
+        first_cone(structure.env_cone_offsets[number]),
+        rows(structure.env_row_counts != nullptr
+                 ? structure.env_row_counts[number]
+                 : static_cast<Index>(structure.env_row_offsets[number + 1] - first_row)),
         cones(structure.env_cone_counts != nullptr
-                  ? structure.env_cone_counts[env]
-                  : static_cast<Index>(structure.env_cone_offsets[env + 1] - first_cone)) {}
+                  ? structure.env_cone_counts[number]
+                  : static_cast<Index>(structure.env_cone_offsets[number + 1] - first_cone)) {}
 
   [[nodiscard]] ConeKind kind(Index cone) const { return all.cone_kind[first_cone + cone]; }
   [[nodiscard]] Index cone_begin(Index cone) const {
@@ -48,6 +51,12 @@ struct EnvStructure {
   }
   [[nodiscard]] Index cone_rows(Index cone) const { return cone_begin(cone + 1) - cone_begin(cone); }
   [[nodiscard]] Index group(Index cone) const { return all.cone_group ? all.cone_group[first_cone + cone] : -1; }
+  [[nodiscard]] Offset factor_entries() const {
+    return all.factor_offsets ? all.factor_offsets[env + 1] - all.factor_offsets[env] : 0;
+  }
+  [[nodiscard]] EnvPath path() const {
+    return rows > 0 && factor_entries() > 0 ? EnvPath::factor : choose_path(rows, nonzeros());
+  }
   [[nodiscard]] Index entries(Index row) const {
     const Offset i = first_row + row;
     return all.row_counts ? all.row_counts[i] : static_cast<Index>(all.row_offsets[i + 1] - all.row_offsets[i]);
@@ -223,6 +232,7 @@ void order_environments(const Structure& structure, PlanData& plan) {
     const EnvPath path = plan.path[static_cast<std::size_t>(env)];
     if (path == EnvPath::dense) plan.dense_order.push_back(env);
     if (path == EnvPath::sparse) plan.sparse_order.push_back(env);
+    if (path == EnvPath::factor) plan.factor_order.push_back(env);
   }
   std::sort(plan.dense_order.begin(), plan.dense_order.end(), [&](Offset a, Offset b) {
     const ConeCounts& left = plan.counts[static_cast<std::size_t>(a)];
@@ -233,6 +243,11 @@ void order_environments(const Structure& structure, PlanData& plan) {
   });
   std::sort(plan.sparse_order.begin(), plan.sparse_order.end(), [&](Offset a, Offset b) {
     const Offset left = EnvStructure(structure, a).entry_span(), right = EnvStructure(structure, b).entry_span();
+    return left != right ? left > right : a < b;
+  });
+  std::sort(plan.factor_order.begin(), plan.factor_order.end(), [&](Offset a, Offset b) {
+    const Offset left = EnvStructure(structure, a).factor_entries();
+    const Offset right = EnvStructure(structure, b).factor_entries();
     return left != right ? left > right : a < b;
   });
   for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).entry_span());
@@ -252,7 +267,7 @@ PlanData plan_structure(const Structure& structure) {
   for (Offset e = 0; e < structure.env_count; ++e) {
     const EnvStructure env(structure, e);
     plan.counts.push_back(count_cones(env));
-    plan.path.push_back(choose_path(env.rows, env.nonzeros()));
+    plan.path.push_back(env.path());
     plan.color_count.push_back(0);
     if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
@@ -283,8 +298,7 @@ bool fits_structure(const PlanData& plan, const Structure& structure) {
   for (Offset e = 0; e < structure.env_count; ++e) {
     const EnvStructure env(structure, e);
     const auto index = static_cast<std::size_t>(e);
-    if (plan.counts[index] != count_cones(env) || plan.path[index] != choose_path(env.rows, env.nonzeros()))
-      return false;
+    if (plan.counts[index] != count_cones(env) || plan.path[index] != env.path()) return false;
     if (plan.path[index] == EnvPath::dense && !in_canonical_order(env, plan.cone_order.data() + env.first_cone))
       return false;
   }
@@ -296,7 +310,7 @@ Structure structure_of(const ContactBatchView<Real>& batch) {
   return {batch.env_count,       batch.cone_count,       batch.row_count,      batch.nonzero_count,
           batch.env_row_offsets, batch.env_cone_offsets, batch.env_row_counts, batch.env_cone_counts,
           batch.cone_kind,       batch.cone_row_offsets, batch.cone_group,     batch.row_offsets,
-          batch.row_counts,      batch.column_offsets,   batch.column};
+          batch.row_counts,      batch.column_offsets,   batch.column,         batch.factor_offsets};
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ struct JacobianRecipe {
   int others = 2;    ///< unilateral rows
   Index dofs = 7;
   Index mass_block = 0;
+  double compliance = 0.01;  ///< R is one to five times this
 };
 
 /// Random rows on random bodies. M = B B' + 1/2 I in each block.
@@ -29,7 +30,7 @@ inline JacobianEnvironment<double> random_jacobian(const JacobianRecipe& recipe)
     env.cones.push_back(contact ? friction(3) : unilateral());
     for (Index k = 0; k < env.cones.back().row_count; ++k) {
       env.mu.push_back(contact && k > 0 ? rng.uniform(0.2, 1.0) : 0.0);
-      env.R.push_back(rng.uniform(0.01, 0.05));
+      env.R.push_back(recipe.compliance * rng.uniform(1.0, 5.0));
       env.target.push_back(rng.symmetric(0.1));
     }
   }

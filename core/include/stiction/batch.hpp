@@ -46,13 +46,17 @@ struct ContactBatchView {
   const Offset* column_offsets = nullptr;    ///< first column of each row, where rows share columns; null:
                                              ///< row_offsets                           (row_count)
   Offset column_count = 0;                   ///< length of column where column_offsets is given
-  const Real* A = nullptr;   ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
-  const Real* b = nullptr;   ///< right-hand side [w]                                  (row_count)
-  const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                        (row_count)
-  const Real* mu = nullptr;  ///< friction per axis, on a friction cone's rows after the first [-; torsional
-                             ///< and rolling: m]; ignored elsewhere                   (row_count)
-  const Real* lo = nullptr;  ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
-  const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
+  const Real* A = nullptr;  ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
+  const Offset* factor_offsets = nullptr;  ///< first entry of Y of each environment; one that has any stores no A,
+                                           ///< which is Y Y' then (docs/jacobian.md); null: none  (env_count + 1)
+  const Real* factor = nullptr;  ///< Y, row-major, rows x dofs                (factor_count)
+  Offset factor_count = 0;       ///< length of factor
+  const Real* b = nullptr;       ///< right-hand side [w]                                  (row_count)
+  const Real* R = nullptr;       ///< compliance, >= 0 [w / lambda]                        (row_count)
+  const Real* mu = nullptr;      ///< friction per axis, on a friction cone's rows after the first [-; torsional
+                                 ///< and rolling: m]; ignored elsewhere                   (row_count)
+  const Real* lo = nullptr;      ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
+  const Real* hi = nullptr;      ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
   Law law = Law::convex;
   MemorySpace space = MemorySpace::host;
 
@@ -65,6 +69,11 @@ struct ContactBatchView {
   [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
     return env_cone_counts != nullptr ? env_cone_counts[env]
                                       : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
+  }
+  /// Columns of an environment's factor; 0 where A is stored.
+  [[nodiscard]] STICTION_HD Index env_dofs(Offset env) const {
+    if (factor_offsets == nullptr || env_rows(env) == 0) return 0;
+    return static_cast<Index>((factor_offsets[env + 1] - factor_offsets[env]) / env_rows(env));
   }
   /// Stored entries of a row of the batch.
   [[nodiscard]] STICTION_HD Index row_entries(Offset row) const {
@@ -105,7 +114,8 @@ class ContactBatch {
   ContactBatch() = default;
   explicit ContactBatch(Law law) : law_(law) {}
 
-  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups or flags mean none).
+  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups, flags or factor_offsets
+  /// mean none).
   struct Arrays {
     std::vector<Offset> env_row_offsets, env_cone_offsets;
     std::vector<ConeKind> cone_kind;
@@ -115,6 +125,8 @@ class ContactBatch {
     std::vector<Index> column;
     std::vector<Real> A, b, R, mu, lo, hi;
     std::vector<std::uint32_t> env_flags;
+    std::vector<Offset> factor_offsets;
+    std::vector<Real> factor;
   };
 
   /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with what
@@ -133,7 +145,7 @@ class ContactBatch {
   void set_law(Law law) noexcept { law_ = law; }
 
  private:
-  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}, {}};
+  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   Law law_ = Law::convex;
 };
 
