@@ -29,8 +29,8 @@ bool same_owner(const std::weak_ptr<const PlanData>& a, const std::weak_ptr<cons
 
 }  // namespace
 
-DeviceBackend::DeviceBackend(std::unique_ptr<DeviceApi> api)
-    : api_(std::move(api)), engine_(*api_), staging_(*api_, engine_) {}
+DeviceBackend::DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes)
+    : api_(std::move(api)), engine_(*api_), staging_(*api_, engine_, piece_bytes) {}
 
 void DeviceBackend::reserve(const Capacity& capacity, SolverKind solver) {
   const std::lock_guard lock(mutex_);
@@ -83,10 +83,17 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   if (!capturing) planned_ = owner;
 }
 
+void DeviceBackend::solve(const SolveRequest<float>& request) {
+  run(request);
+}
+void DeviceBackend::solve(const SolveRequest<double>& request) {
+  run(request);
+}
+
 }  // namespace cuda
 
 std::unique_ptr<Backend> make_emulated_backend() {
-  return std::make_unique<cuda::DeviceBackend>(std::make_unique<cuda::HostDevice>());
+  return std::make_unique<cuda::DeviceBackend>(std::make_shared<cuda::HostDevice>());
 }
 
 DeviceReport emulated_report() {

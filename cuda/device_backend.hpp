@@ -13,10 +13,10 @@ namespace stiction::cuda {
 /// threads; they are queued one after the other.
 class DeviceBackend final : public Backend {
  public:
-  explicit DeviceBackend(std::unique_ptr<DeviceApi> api);
+  explicit DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes = kPieceBytes);
 
-  void solve(const SolveRequest<float>& request) override { run(request); }
-  void solve(const SolveRequest<double>& request) override { run(request); }
+  void solve(const SolveRequest<float>& request) override;
+  void solve(const SolveRequest<double>& request) override;
   void reserve(const Capacity& capacity, SolverKind solver) override;
   void synchronize(StreamRef stream) override { api_->synchronize(stream.handle()); }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) override;
@@ -30,7 +30,7 @@ class DeviceBackend final : public Backend {
   template <class Real>
   void run_on_device(const SolveRequest<Real>& request);
 
-  std::unique_ptr<DeviceApi> api_;
+  std::shared_ptr<DeviceApi> api_;
   Engine engine_;
   Staging staging_;
   std::weak_ptr<const PlanData> planned_;  ///< whose integers the engine holds; expired: nobody's

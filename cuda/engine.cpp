@@ -112,12 +112,17 @@ Engine::~Engine() {
   finish(branch_[0]->get());
 }
 
-/// Waits for everything this engine has queued, on `stream` last; the device may be lost.
+/// Waits for everything this engine has queued.
+void Engine::wait_for_all() {
+  api_.wait(branch_[0]->get(), done_->get());
+  for (const auto& branch : branch_) api_.synchronize(branch->get());
+}
+
+/// The same after a failure or at the end, `stream` included; the device may be lost.
 void Engine::finish(StreamHandle stream) noexcept {
   try {
     if (api_.capturing(stream)) return;
-    api_.wait(branch_[0]->get(), done_->get());
-    for (const auto& branch : branch_) api_.synchronize(branch->get());
+    wait_for_all();
     api_.synchronize(stream);
   } catch (const Error&) {
     return;
@@ -209,7 +214,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   for (ClassShape& shape : shapes)
     if (shape.workspace_bytes > 0) arrays.add(shape.workspace, static_cast<Offset>(shape.workspace_bytes));
 
-  finish(branch_[0]->get());
+  wait_for_all();
   DeviceMemory memory(api_, arrays.bytes());
   arrays.place(memory.get());
   memory_ = std::move(memory);

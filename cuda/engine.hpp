@@ -73,6 +73,7 @@ class Engine {
                    StreamHandle stream);
   template <class Real>
   void queue_plan(const EngineRequest<Real>& request);
+  void wait_for_all();
   void finish(StreamHandle stream) noexcept;
 
   DeviceApi& api_;

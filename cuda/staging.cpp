@@ -10,9 +10,6 @@ namespace stiction::cuda {
 
 namespace {
 
-/// Bytes of a piece: enough to hide the launches behind, few enough that pieces overlap.
-constexpr Offset kPieceBytes = Offset{8} << 20;
-
 /// The arrays of environments [first, last) of a host batch, counted from the first one's zero, laid out in one block
 /// of memory.
 template <class Real>
@@ -107,7 +104,8 @@ void grow(MemoryType& memory, DeviceApi& api, std::size_t bytes) {
 
 }  // namespace
 
-Staging::Staging(DeviceApi& api, Engine& engine) : api_(api), engine_(engine), up_(api), compute_(api), down_(api) {
+Staging::Staging(DeviceApi& api, Engine& engine, Offset piece_bytes)
+    : api_(api), engine_(engine), piece_bytes_(piece_bytes), up_(api), compute_(api), down_(api) {
   for (Buffer& buffer : buffer_) {
     buffer.uploaded = std::make_unique<Event>(api);
     buffer.solved = std::make_unique<Event>(api);
@@ -136,7 +134,7 @@ std::vector<Offset> Staging::cut(const SolveRequest<Real>& request) const {
     const Offset row = batch.env_row_offsets[env], end = batch.env_row_offsets[env + 1];
     constexpr Offset kBytesOfEntry = sizeof(Real) + sizeof(Index);
     const Offset own = (batch.row_offsets[end] - batch.row_offsets[row]) * kBytesOfEntry;
-    if (bytes > 0 && bytes + own > kPieceBytes) {
+    if (bytes > 0 && bytes + own > piece_bytes_) {
       cuts.push_back(env);
       bytes = 0;
     }

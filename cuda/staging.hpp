@@ -7,12 +7,15 @@
 
 namespace stiction::cuda {
 
+/// Bytes of matrix in a piece: enough to hide the launches behind, few enough that pieces overlap.
+inline constexpr Offset kPieceBytes = Offset{8} << 20;
+
 /// Solves batches of the host: cut into pieces that pass through two buffers, so that one piece is packed and uploaded
 /// while another is solved and a third downloaded. The answer is handed over at the end, all at once: a failure on the
 /// way leaves the caller's arrays as they were.
 class Staging {
  public:
-  Staging(DeviceApi& api, Engine& engine);
+  Staging(DeviceApi& api, Engine& engine, Offset piece_bytes = kPieceBytes);
   ~Staging();
   Staging(const Staging&) = delete;
   Staging& operator=(const Staging&) = delete;
@@ -36,6 +39,7 @@ class Staging {
 
   DeviceApi& api_;
   Engine& engine_;
+  Offset piece_bytes_;
   Buffer buffer_[2];
   PinnedMemory answer_host_;
   DeviceMemory answer_device_;

@@ -187,7 +187,7 @@ std::unique_ptr<Backend> make_cuda_backend(int ordinal) {
   const int count = cuda::device_count(reason);
   if (count > 0) reason = cuda::why_unusable(ordinal, count);
   if (!reason.empty()) throw Error(ErrorCode::no_device, reason + "; solve on the cpu");
-  return std::make_unique<cuda::DeviceBackend>(std::make_unique<cuda::CudaApi>(ordinal));
+  return std::make_unique<cuda::DeviceBackend>(std::make_shared<cuda::CudaApi>(ordinal));
 }
 
 }  // namespace stiction

@@ -86,8 +86,8 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
 
   const int allocations = device.calls(cuda::DeviceCall::allocate);
   device.begin_capture(stream.get());
-  engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
-                                          stream.get()});
+  engine.solve(
+      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
   const auto graph = device.end_capture(stream.get());
   for (int replay = 0; replay < kReplays; ++replay) {
     const ContactBatch<float>& batch = batches[static_cast<std::size_t>(replay)];
@@ -130,8 +130,8 @@ TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
   const cuda::Stream stream(device);
   DeviceBatch<float> there(device, Capacity::of(batch.view()));
   there.fill(batch, stream.get());
-  engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
-                                          stream.get()});
+  engine.solve(
+      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
   const Solution<float> answer = there.fetch(batch, stream.get());
   const auto hashes = env_hashes(batch, answer);
   const auto expected = solve_hashes(batch, options);
