@@ -20,9 +20,7 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
         sorting_(remembered_.size()),
         lambda_(static_cast<std::size_t>(capacity.rows)),
         memory_{capacity.envs,  capacity.cones,     capacity.rows,   slot_.data(),
-                record_.data(), remembered_.data(), sorting_.data(), lambda_.data()} {
-    forget([](Offset) { return true; }, 0);
-  }
+                record_.data(), remembered_.data(), sorting_.data(), lambda_.data()} {}
 
   void recall(const RecallJob<Real>& request, StreamRef) override {
     RecallJob<Real> job = request;
@@ -39,7 +37,8 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
     for (const Offset env : envs) forget_env(block, memory_, env, kWarmStartReset);
   }
   void reset_where(const std::uint8_t* mask, StreamRef) override {
-    forget([mask](Offset env) { return mask == nullptr || mask[env] != 0; }, kWarmStartReset);
+    SerialBlock block;
+    for (Offset env = 0; env < memory_.env_capacity; ++env) forget_masked(block, ForgetJob<Real>{memory_, mask}, env);
   }
   void records(std::span<WarmStartRecord> out, StreamRef) override {
     std::copy_n(record_.begin(), out.size(), out.begin());
@@ -57,12 +56,6 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
       const Offset end = std::min(count, (run + 1) * kRun);
       for (Offset env = run * kRun; env < end; ++env) work(block, env);
     });
-  }
-  template <class Chosen>
-  void forget(Chosen&& chosen, std::uint32_t flags) {
-    SerialBlock block;
-    for (Offset env = 0; env < memory_.env_capacity; ++env)
-      if (chosen(env)) forget_env(block, memory_, env, flags);
   }
 
   int threads_;

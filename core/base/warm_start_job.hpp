@@ -61,4 +61,11 @@ struct RememberJob {
   double dt;
 };
 
+/// One reset, as plain data.
+template <class Real>
+struct ForgetJob {
+  WarmStartMemory<Real> memory;
+  const std::uint8_t* mask;  ///< not zero: forget; null: forget all  (env_capacity)
+};
+
 }  // namespace stiction

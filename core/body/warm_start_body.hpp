@@ -50,7 +50,7 @@ STICTION_HD std::uint32_t sort_cones(B& block, const ContactBatchView<Real>& bat
 template <class Real>
 STICTION_HD Real carry_factor(double beta, StepScaling scaling, double dt_before, double dt_now) {
   double ratio = 1.0;
-  if (scaling == StepScaling::capped) ratio = min_(div_(dt_before, dt_now), 1.0);
+  if (scaling == StepScaling::capped && dt_before < dt_now) ratio = div_(dt_before, dt_now);
   if (scaling == StepScaling::proportional) ratio = div_(dt_now, dt_before);
   const Real factor = static_cast<Real>(beta * ratio);
   return select(finite_(factor), factor, Real(0));
@@ -110,6 +110,12 @@ STICTION_HD void forget_env(B& block, const WarmStartMemory<Real>& memory, Offse
   });
 }
 
+/// A reset of one environment, if the mask asks for it.
+template <Block B, class Real>
+STICTION_HD void forget_masked(B& block, const ForgetJob<Real>& job, Offset env) {
+  if (job.mask == nullptr || job.mask[env] != 0) forget_env(block, job.memory, env, kWarmStartReset);
+}
+
 /// The reactions of one environment, for the next step. What was remembered is overwritten in place: recalling is over,
 /// and no environment reads another's part.
 template <Block B, class Real>
@@ -119,14 +125,15 @@ STICTION_HD void remember_env(B& block, const RememberJob<Real>& job, Offset env
     forget_env(block, memory, env, 0);
     return;
   }
-  const WarmStartSpan span = warm_start_span(job.batch, memory, env);
+  // Of an environment that failed nothing is read: its offsets may be what was wrong.
+  const bool failed = !worth_remembering(job.status[env].code);
+  const WarmStartSpan span = failed ? WarmStartSpan{0, 0, 0, 0, true} : warm_start_span(job.batch, memory, env);
   const Real* const lambda = job.lambda + span.first_row;
-  std::uint32_t refused = 0;
+  std::uint32_t refused = failed ? std::uint32_t{kWarmStartFailed} : 0U;
   for (Index i = block.rank(); i < span.rows; i += block.size())
     refused |= finite_(lambda[i]) ? 0U : std::uint32_t{kWarmStartNotFinite};
   refused = block.combine(refused);
   if (!span.fits) refused |= kWarmStartTooLarge;
-  if (!worth_remembering(job.status[env].code)) refused |= kWarmStartFailed;
   if (refused != 0) {
     forget_env(block, memory, env, refused);
     return;

@@ -1,4 +1,5 @@
 #include "core/runtime/backend.hpp"
+#include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -12,6 +13,13 @@ constexpr const char* kNotBuilt =
 std::unique_ptr<Backend> make_cuda_backend(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
+
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int, const WarmStartCapacity&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
 
 std::vector<DeviceReport> cuda_reports() {
   return {{Device::cuda(0), false, "cuda", kNotBuilt}};

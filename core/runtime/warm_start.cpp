@@ -32,9 +32,8 @@ void check_options(const WarmStartOptions& options) {
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_machine(Device device, const WarmStartCapacity& capacity,
                                                      const WarmStartOptions& options) {
-  if (device.kind != DeviceKind::cpu)
-    throw Error(ErrorCode::unsupported,
-                "this build has no warm-start store in CUDA memory: make one for the CPU and pass its guess along");
+  if (device.kind == DeviceKind::cuda) return make_cuda_warm_start<Real>(device.ordinal, capacity);
+  if (device.kind == DeviceKind::emulated) return make_emulated_warm_start<Real>(capacity);
   try {
     return make_cpu_warm_start<Real>(capacity, options.threads);
   } catch (const std::exception&) {  // bad_alloc, or length_error where no vector could be that long

@@ -23,5 +23,10 @@ class WarmStartMachine {
 
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_cpu_warm_start(const WarmStartCapacity& capacity, int threads);
+/// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int ordinal, const WarmStartCapacity& capacity);
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity);
 
 }  // namespace stiction

@@ -5,6 +5,7 @@
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
 #include "cuda/programs/solve_teams.hpp"
+#include "cuda/programs/warm_start_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
 /// `Make::template kernel<Program>(name)`.
@@ -28,6 +29,13 @@ template <class Make>
 PlanKernels plan_kernels() {
   return {Make::template kernel<InspectEnvironments>("plan_inspect"),
           Make::template kernel<SortEnvironments>("plan_sort"), Make::template kernel<ColorEnvironments>("plan_color")};
+}
+
+template <class Make, class Real>
+WarmStartKernels warm_start_kernels() {
+  return {Make::template kernel<RecallEnvironments<Real>>("warm_start_recall"),
+          Make::template kernel<RememberEnvironments<Real>>("warm_start_remember"),
+          Make::template kernel<ForgetEnvironments<Real>>("warm_start_forget")};
 }
 
 }  // namespace stiction::cuda

@@ -13,7 +13,8 @@ const KernelCatalogue& host_kernels() {
   static const KernelCatalogue catalogue{
       {host_pgs_kernels(), host_npgs_kernels(), host_jacobi_kernels(), host_apgd_kernels()},
       {host_kernel<AnswerSettled<float>>("answer_settled"), host_kernel<AnswerSettled<double>>("answer_settled")},
-      plan_kernels<MakeHostKernel>()};
+      plan_kernels<MakeHostKernel>(),
+      {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()}};
   return catalogue;
 }
 

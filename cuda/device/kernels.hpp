@@ -26,12 +26,20 @@ struct PlanKernels {
   KernelRef color;    ///< order and colours of sparse environments
 };
 
+/// The warm-start store, in one precision (programs/warm_start_program.hpp).
+struct WarmStartKernels {
+  KernelRef recall;    ///< first guesses
+  KernelRef remember;  ///< reactions, for the next step
+  KernelRef forget;    ///< a mask of environments
+};
+
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
   SolverKernels solvers[4];  ///< by SolverKind
   KernelRef settled[2];      ///< by Precision                                  (programs/settled_program.hpp)
   PlanKernels plan;
+  WarmStartKernels warm_start[2];  ///< by Precision
 };
 
 }  // namespace stiction::cuda
