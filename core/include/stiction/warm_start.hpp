@@ -68,8 +68,8 @@ class WarmStartMachine;
 template <class Real>
 class WarmStartStore {
  public:
-  /// \throws Error(invalid_argument) for a negative capacity or an option out of range, Error(unsupported) if the
-  /// device has no store in this build, Error(out_of_memory).
+  /// \throws Error(invalid_argument) for a negative capacity or an option out of range, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
   WarmStartStore(Device device, const WarmStartCapacity& capacity, const WarmStartOptions& options = {});
   ~WarmStartStore();
   WarmStartStore(WarmStartStore&&) noexcept;
@@ -77,7 +77,8 @@ class WarmStartStore {
 
   /// Writes the first guess of every row: what is remembered, brought to this step of length `dt` [s], or +0.
   /// The batch's structure must be sound (Solver::plan checks it); its numbers are not read.
-  /// cone_id: (cone_count), guess: (row_count) [lambda]; both in the batch's memory space.
+  /// cone_id: (cone_count), guess: (row_count) [lambda]; both in the batch's memory space, which is host memory for a
+  /// store on the CPU and device memory else; there the call is asynchronous on `stream` and may be captured.
   /// \throws Error(invalid_argument) before anything is written: more environments than the store has room for, dt
   /// not finite or <= 0, an array missing, memory of another device.
   void recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
@@ -88,8 +89,8 @@ class WarmStartStore {
   void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
                 double dt, StreamRef stream = StreamRef::default_stream());
 
-  /// Forgets environments that start over. \throws Error(invalid_argument) for an index outside the capacity; then
-  /// nothing was forgotten.
+  /// Forgets environments that start over. \throws Error(invalid_argument) for an index outside the capacity, or
+  /// during a capture, which would replay this list; then nothing was forgotten.
   void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
   /// Forgets environment e wherever mask[e] is not zero. mask: (capacity.envs), in the store's memory space.
   /// \throws Error(invalid_argument) if mask is null.
