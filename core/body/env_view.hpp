@@ -29,6 +29,8 @@ struct EnvView {
   const Real* b;                 ///< right-hand side [w]                       (n)
   const Real* R;                 ///< compliance [w / lambda]                   (n)
   const Real* mu;                ///< friction per axis [-]                     (n)
+  const Offset* mu_offsets;      ///< where in mu each row's friction is, or null (n)
+  bool normal_last;              ///< rows of friction cones: tangential first
   const Real* lo;                ///< box lower bound [lambda]                  (n)
   const Real* hi;                ///< box upper bound [lambda]                  (n)
   const Real* warm_start;        ///< first guess [lambda], or null             (n)
@@ -44,6 +46,14 @@ struct EnvView {
   [[nodiscard]] STICTION_HD Index cone_row(Index cone) const { return static_cast<Index>(cone_rows[cone] - first_row); }
   [[nodiscard]] STICTION_HD Index cone_size(Index cone) const {
     return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]);
+  }
+  /// Row k of a cone, counted with the normal first, as the batch numbers it.
+  [[nodiscard]] STICTION_HD Index row_of(Index first, Index size, Index k) const {
+    if (!normal_last) return first + k;
+    return k == 0 ? first + size - 1 : first + k - 1;
+  }
+  [[nodiscard]] STICTION_HD Real friction(Index row) const {
+    return mu[mu_offsets != nullptr ? mu_offsets[row] : static_cast<Offset>(row)];
   }
   /// Stored entries of a row.
   [[nodiscard]] STICTION_HD Index entries(Index row) const {
@@ -67,9 +77,10 @@ STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
 }
 
 /// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.
+/// `k` is the row's number in its cone, with the normal first.
 template <class Real>
-STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index first, Index row) {
-  return kind == ConeKind::friction && row > first ? env.mu[row] : Real(1);
+STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index k, Index row) {
+  return kind == ConeKind::friction && k > 0 ? env.friction(row) : Real(1);
 }
 
 template <class Real>
@@ -94,7 +105,9 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   v.factor = v.dofs == 0 ? nullptr : batch.factor + batch.factor_offsets[env];
   v.b = batch.b + row;
   v.R = batch.R + row;
-  v.mu = batch.mu + row;
+  v.mu = batch.mu_offsets == nullptr ? batch.mu + row : batch.mu;
+  v.mu_offsets = batch.mu_offsets == nullptr ? nullptr : batch.mu_offsets + row;
+  v.normal_last = batch.normal_last;
   v.lo = batch.lo + row;
   v.hi = batch.hi + row;
   v.warm_start = warm_start == nullptr ? nullptr : warm_start + row;

@@ -74,12 +74,13 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     Real sum(0);
-    for (Index i = first; i < first + size; ++i) {
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k);
       const RowScan<Real> row = scan_row(env, s, i);
       bool finite = row.finite;
-      if (kind == ConeKind::friction && i > first) {
-        finite = finite && finite_(env.mu[i]);
-        if (env.mu[i] < Real(0)) flags |= kFlagNegativeFriction;
+      if (kind == ConeKind::friction && k > 0) {
+        finite = finite && finite_(env.friction(i));
+        if (env.friction(i) < Real(0)) flags |= kFlagNegativeFriction;
       }
       if (kind == ConeKind::box) {
         finite = finite && env.lo[i] == env.lo[i] && env.hi[i] == env.hi[i];
@@ -88,7 +89,7 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
       if (!finite) flags |= kFlagNonFiniteInput;
       if (env.R[i] < Real(0)) flags |= kFlagNegativeCompliance;
       // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
-      const bool bad = i == first ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
+      const bool bad = k == 0 ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
       if (bad && kind != ConeKind::free) flags |= kFlagBadDiagonal;
       sum = sum + row.diagonal;
       largest_b = max_(abs_(env.b[i]), largest_b);

@@ -44,14 +44,15 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, 
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
-      s.y[first + k] = static_cast<Real>((place.row + k) * s.n);
-      s.best[first + k] = row_scale(env, env.kind[cone], first, first + k);
+      const Index i = env.row_of(first, env.cone_size(cone), k);
+      s.y[i] = static_cast<Real>((place.row + k) * s.n);
+      s.best[i] = row_scale(env, env.kind[cone], k, i);
     }
   });
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
-      const Index i = first + k;
+      const Index i = env.row_of(first, env.cone_size(cone), k);
       const Strided<Real, kStride> row = s.A.from(place.row + k);
       const Real scale = s.best[i];
       const Offset begin = env.row_offsets[i];
@@ -79,8 +80,7 @@ template <Block B, class Real>
 STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>& s, Real scale_a) {
   for_each(block, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
-    for (Index k = 0; k < env.cone_size(cone); ++k)
-      s.best[first + k] = row_scale(env, env.kind[cone], first, first + k);
+    for (Index k = 0; k < env.cone_size(cone); ++k) s.best[first + k] = row_scale(env, env.kind[cone], k, first + k);
   });
   for_each(block, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
@@ -116,7 +116,7 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, FactorSystem<Real>
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     for (Index i = first; i < first + size; ++i) {
-      const Real scale = row_scale(env, env.kind[cone], first, i);
+      const Real scale = row_scale(env, env.kind[cone], i - first, i);
       const Offset begin = static_cast<Offset>(i) * s.dofs;
       s.R[i] = (env.R[i] * scale_a) * (scale * scale);
       for (Index k = 0; k < s.dofs; ++k) s.Y.data[begin + k] = (env.factor[begin + k] * root) * scale;
@@ -175,9 +175,10 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
     Real z[kRows];
     Real still[kRows];
     for (int k = 0; k < kRows; ++k) {
-      const Real scale = row_scale(env, kind, first, first + k);
-      s.b[place.row + k] = (env.b[first + k] * scale_b) * scale;
-      z[k] = warm && scale > Real(0) ? div_(env.warm_start[first + k] * scale_x, scale) : Real(0);
+      const Index i = env.row_of(first, size, k);
+      const Real scale = row_scale(env, kind, k, i);
+      s.b[place.row + k] = (env.b[i] * scale_b) * scale;
+      z[k] = warm && scale > Real(0) ? div_(env.warm_start[i] * scale_x, scale) : Real(0);
       still[k] = 0;
     }
     proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[place.cone], s.hi[place.cone]);

@@ -107,7 +107,7 @@ STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env, co
       double y[kRows];
       double trace = 0.0;
       for (int k = 0; k < kRows; ++k) {
-        const Index i = first + k;
+        const Index i = env.row_of(first, kRows, k);
         const double compliance = static_cast<double>(env.R[i]);
         const double motion =
             rows.motion(i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
@@ -115,7 +115,7 @@ STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env, co
         if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
         trace = trace + diagonal;
         // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
-        const double mu = static_cast<double>(row_scale(env, kind, first, i));
+        const double mu = static_cast<double>(row_scale(env, kind, k, i));
         x[k] = mu > 0.0 ? div_(static_cast<double>(env.lambda[i]), mu) : 0.0;
         y[k] = mu * motion;
       }

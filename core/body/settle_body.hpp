@@ -57,8 +57,9 @@ STICTION_HD_OUTLINE void publish(B& block, const EnvView<Real>& env, const Syste
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
-      const Real scale = row_scale(env, env.kind[cone], first, first + k);
-      env.lambda[first + k] = canonical_zero((s.best[place.row + k] * scale) * unscale);
+      const Index i = env.row_of(first, env.cone_size(cone), k);
+      const Real scale = row_scale(env, env.kind[cone], k, i);
+      env.lambda[i] = canonical_zero((s.best[place.row + k] * scale) * unscale);
     }
   });
 }

@@ -1,5 +1,6 @@
 #include "stiction/padded.hpp"
 
+#include <algorithm>
 #include <string>
 
 #include "stiction/error.hpp"
@@ -16,8 +17,12 @@ namespace {
 }  // namespace
 
 template <class Real>
-void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overflowed) {
+void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overflowed, Offset first_mu) {
   if (room < 0) refuse("room = " + std::to_string(room) + ", expected a number of rows >= 0");
+  const bool per_cone = !mu_offsets_.empty();
+  if (env_row_offsets_.back() > 0 && per_cone != (first_mu >= 0))
+    refuse("first_mu = " + std::to_string(first_mu) + ", but the environments before have mu " +
+           (per_cone ? "per friction cone" : "per row") + ": have it one way for all");
   Index rows = 0;
   std::size_t fitting = 0;
   for (std::size_t c = 0; c < cones.size(); ++c) {
@@ -43,6 +48,16 @@ void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overf
   cone_row_offsets_.push_back(first_row + room);
   cone_kind_.push_back(ConeKind::free);
   cone_group_.push_back(-1);
+
+  if (first_mu >= 0) {
+    mu_offsets_.resize(static_cast<std::size_t>(first_row), 0);
+    for (const Cone& cone : cones.first(fitting)) {
+      const bool friction = cone.kind == ConeKind::friction;
+      mu_offsets_.resize(mu_offsets_.size() + static_cast<std::size_t>(cone.row_count), friction ? first_mu++ : 0);
+      if (friction) mu_count_ = std::max(mu_count_, first_mu);
+    }
+    mu_offsets_.resize(static_cast<std::size_t>(first_row + room), 0);
+  }
 
   const Offset matrix = row_offsets_.back();
   const Offset stride = matrix_rows_ == MatrixRows::by_room ? room : rows;
@@ -87,6 +102,9 @@ ContactBatchView<Real> PaddedLayout<Real>::view(const PaddedNumbers<Real>& numbe
   view.b = numbers.b;
   view.R = numbers.R;
   view.mu = numbers.mu;
+  view.mu_offsets = mu_offsets_.empty() ? nullptr : mu_offsets_.data();
+  view.mu_count = mu_count_;
+  view.normal_last = row_order_ == RowOrder::normal_last;
   view.lo = numbers.lo;
   view.hi = numbers.hi;
   view.law = law;

@@ -34,10 +34,15 @@ std::unique_ptr<Backend> make_backend(Device device) {
   fail("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
 
-/// Factors are read by the CPU alone so far.
+/// What is read by the CPU alone so far.
 template <class Real>
-void check_factors(const ContactBatchView<Real>& batch, Device device) {
-  if (batch.factor_offsets == nullptr || device.kind == DeviceKind::cpu) return;
+void check_forms(const ContactBatchView<Real>& batch, Device device) {
+  if (device.kind == DeviceKind::cpu) return;
+  if (batch.normal_last || batch.mu_offsets != nullptr)
+    throw Error(ErrorCode::unsupported,
+                "normal_last and mu_offsets are read by the CPU only: put the normal first and give mu by rows for this "
+                "device");
+  if (batch.factor_offsets == nullptr) return;
   throw Error(ErrorCode::unsupported,
               "the batch keeps environments as factors (factor_offsets), which only the CPU solves: assemble it with "
               "FactorUse::never for this device");
@@ -87,7 +92,7 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 
 template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
-  check_factors(batch, device_);
+  check_forms(batch, device_);
   if (batch.space == MemorySpace::host) {
     reject(validate_structure(batch, 1));
     return Plan(std::make_shared<const PlanData>(make_plan(batch)));
@@ -102,7 +107,7 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
 template <class Real>
 void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                    const Real* warm_start, StreamRef stream) const {
-  check_factors(batch, device_);
+  check_forms(batch, device_);
   const PlanData& data = plan.data();
   const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
                          data.row_count == batch.row_count && data.nonzero_count == batch.nonzero_count;

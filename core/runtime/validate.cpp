@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/cone_counts.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
@@ -187,7 +188,10 @@ class Validator {
     const Offset rows = batch_.cone_row_offsets[c + 1] - batch_.cone_row_offsets[c];
     const ConeKind kind = batch_.cone_kind[c];
     const bool friction = kind == ConeKind::friction;
-    if (kind <= ConeKind::friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) return;
+    if (kind <= ConeKind::friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) {
+      if (friction && batch_.mu_offsets != nullptr) check_mu_offsets(env, cone, c);
+      return;
+    }
 
     const std::string where = "[env " + std::to_string(env) + ", cone " + std::to_string(cone) + "]";
     if (kind > ConeKind::friction) {
@@ -200,6 +204,27 @@ class Validator {
                    (rows == 1 ? " row: " : " rows: ") + (friction ? "friction has 2 to 6" : "this kind has 1") +
                    "; fix cone_kind or cone_row_offsets");
     }
+  }
+
+  void check_mu_offsets(Offset env, Index cone, Offset c) {
+    for (Offset row = batch_.cone_row_offsets[c]; row < batch_.cone_row_offsets[c + 1]; ++row) {
+      const Offset place = batch_.mu_offsets[row];
+      if (row == batch_.normal_row(c) || (place >= 0 && place < batch_.mu_count)) continue;
+      fail_env(env, cone, static_cast<Index>(row - batch_.env_row_offsets[env]),
+               "mu_offsets[" + std::to_string(row) + "] = " + std::to_string(place) + " is not in 0.." +
+                   std::to_string(batch_.mu_count - 1) + ", where mu is; fix the offset or mu_count");
+    }
+  }
+
+  /// Only dense systems are put into an order of their own, in which the normal can come first.
+  void check_row_order(Offset env, Offset first, Offset rows) {
+    Offset entries = 0;
+    for (Offset row = first; row < first + rows; ++row) entries += batch_.row_entries(row);
+    const bool factor = batch_.factor_offsets != nullptr && batch_.factor_offsets[env + 1] > batch_.factor_offsets[env];
+    if (rows == 0 || (!factor && choose_path(rows, entries) == EnvPath::dense)) return;
+    fail_env(env, -1, -1,
+             "env " + std::to_string(env) + " has " + std::to_string(rows) +
+                 " rows and is not solved densely, which rows with the normal last must be; put the normal first");
   }
 
   /// Columns, and that rows and entries of one environment can be counted by Index at all.
@@ -215,6 +240,7 @@ class Validator {
                      std::to_string(kMostOfOneEnv) + " of each; split it");
         continue;
       }
+      if (batch_.normal_last) check_row_order(env, first, rows);
       if (columns_below(first, static_cast<Index>(rows), static_cast<std::size_t>(entries))) continue;
       for (Offset i = 0; i < rows; ++i) {
         const Index* columns = batch_.row_columns(first + i);
@@ -282,11 +308,15 @@ class Validator {
       if (!std::isfinite(batch_.R[row])) return "must be finite";
       return batch_.R[row] < 0 ? "compliance must be >= 0" : "";
     });
-    check_rows("mu", batch_.mu, [&](Offset cone, Offset row) {
-      if (batch_.cone_kind[cone] != ConeKind::friction || row == batch_.cone_row_offsets[cone]) return "";
-      if (!std::isfinite(batch_.mu[row])) return "friction must be finite";
-      return batch_.mu[row] < 0 ? "friction must be >= 0" : "";
-    });
+    check_rows(
+        "mu", batch_.mu,
+        [&](Offset cone, Offset row) {
+          if (batch_.cone_kind[cone] != ConeKind::friction || row == batch_.normal_row(cone)) return "";
+          const Real mu = batch_.mu[batch_.mu_at(row)];
+          if (!std::isfinite(mu)) return "friction must be finite";
+          return mu < 0 ? "friction must be >= 0" : "";
+        },
+        batch_.mu_offsets);
     check_rows("lo", batch_.lo, [&](Offset cone, Offset row) -> std::string {
       if (batch_.cone_kind[cone] != ConeKind::box) return "";
       const Real lo = batch_.lo[row], hi = batch_.hi[row];
@@ -354,10 +384,10 @@ class Validator {
 
   /// Calls fault(cone, row) for every row; a text that is not empty says what is wrong with values[row].
   template <class Fault>
-  void check_rows(const char* array, const Real* values, const Fault& fault) {
+  void check_rows(const char* array, const Real* values, const Fault& fault, const Offset* places = nullptr) {
     for_each_row([&](Offset env, Offset cone, Offset row) {
       const std::string what = fault(cone, row);
-      if (!what.empty()) add_value(array, env, cone, row, "", values[row], what);
+      if (!what.empty()) add_value(array, env, cone, row, "", values[places == nullptr ? row : places[row]], what);
     });
   }
 

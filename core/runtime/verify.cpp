@@ -65,7 +65,8 @@ double clamp(double value, double lo, double hi) {
 
 /// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm.
 template <class Real>
-double friction_residual(const double* lambda, const double* w, const Real* mu, std::size_t m, double a, Law law) {
+double friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu, std::size_t m,
+                         double a, Law law) {
   ConeVector x, y;
   x.push(lambda[0]);
   y.push(w[0]);
@@ -93,13 +94,27 @@ double friction_residual(const double* lambda, const double* w, const Real* mu, 
   return std::sqrt(sum);
 }
 
+/// `env_*` count from the environment's first row.
 template <class Real>
-double cone_residual(const ContactBatchView<Real>& batch, Offset cone, const double* lambda, const double* w,
-                     const double* diagonal) {
+double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset env_first_row,
+                     const std::vector<double>& env_lambda, const std::vector<double>& env_w,
+                     const std::vector<double>& env_diagonal) {
   const Offset row = batch.cone_row_offsets[cone];
   const auto m = static_cast<std::size_t>(batch.cone_row_offsets[cone + 1] - row);
+  // The cone's rows with the normal first, wherever the batch has it.
+  std::array<double, kMaxConeRows> lambda{}, w{};
+  std::array<Real, kMaxConeRows> mu{};
   double trace = 0.0;
-  for (std::size_t k = 0; k < m; ++k) trace += diagonal[k];
+  Offset tangential = row;
+  for (std::size_t k = 0; k < m; ++k) {
+    if (tangential == batch.normal_row(cone)) ++tangential;
+    const Offset place = k == 0 ? batch.normal_row(cone) : tangential++;
+    const auto at = static_cast<std::size_t>(place - env_first_row);
+    lambda[k] = env_lambda[at];
+    w[k] = env_w[at];
+    if (k > 0) mu[k] = batch.mu[batch.mu_at(place)];
+    trace += env_diagonal[at];
+  }
   const double mean = trace / static_cast<double>(m);
   const double a = mean > kTiny ? mean : kTiny;
 
@@ -113,7 +128,7 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, const dou
                                          static_cast<double>(batch.hi[row]))) *
                       a);
     case ConeKind::friction:
-      return friction_residual(lambda, w, batch.mu + row, m, a, batch.law);
+      return friction_residual(lambda.data(), w.data(), mu, m, a, batch.law);
   }
   return kInfinity;
 }
@@ -168,9 +183,7 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
 
   const Offset first_cone = batch.env_cone_offsets[env];
   for (Offset cone = first_cone; cone < first_cone + batch.env_cones(env); ++cone) {
-    const auto at = static_cast<std::size_t>(batch.cone_row_offsets[cone] - first_row);
-    worst.see(
-        cone_residual(batch, cone, scratch.lambda.data() + at, scratch.w.data() + at, scratch.diagonal.data() + at));
+    worst.see(cone_residual(batch, cone, first_row, scratch.lambda, scratch.w, scratch.diagonal));
   }
   if (!std::isfinite(worst.value())) return {kInfinity, kInfinity};
   const double scale = b_largest.value() > kTiny ? b_largest.value() : kTiny;

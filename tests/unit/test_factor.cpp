@@ -119,6 +119,11 @@ TEST(Factor, PoisonIsFlaggedWhereItIs) {
   EXPECT_EQ(solution.status[2].code, EnvCode::solved);
 }
 
+TEST(Factor, ADeviceThatCannotReadFactorsRefusesThem) {
+  const auto batch = assemble(mixed(Law::convex).view(), FactorUse::by_size);
+  EXPECT_THROW((void)solve(batch, {}, Device{DeviceKind::emulated, 0}), Error);
+}
+
 TEST(Factor, OffsetsThatFitNoRowsAreStructuralDefects) {
   auto arrays = assemble(mixed(Law::convex).view(), FactorUse::always).arrays();
   arrays.factor_offsets[1] += 1;

@@ -127,6 +127,89 @@ TEST_P(PaddedLayouts, SolveWhatFitsAndSayThatMoreCame) {
 INSTANTIATE_TEST_SUITE_P(MatrixRows, PaddedLayouts, ::testing::Values(MatrixRows::by_room, MatrixRows::by_rows),
                          [](const auto& one) { return one.param == MatrixRows::by_room ? "by_room" : "by_rows"; });
 
+/// Newton Kamino's arrays: joints before contacts, normals last, one mu per contact, matrices at the beginning of their
+/// room, contacts' mu at an offset of their own.
+TEST(PaddedView, NormalsMayComeLastAndMuByContact) {
+  constexpr Index kWide = 24;
+  constexpr std::size_t kContactRoom = 9;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const Law law : kBothLaws)
+    for (const SolverKind kind : kAllSolvers) {
+      SCOPED_TRACE(label(kind, law));
+      std::vector<Environment<double>> envs;
+      PaddedLayout<double> layout(MatrixRows::by_rows, RowOrder::normal_last);
+      std::vector<double> A, b, R, mu, none;
+      for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+        Recipe recipe;
+        recipe.seed = seed;
+        recipe.contacts = 0;
+        recipe.others = static_cast<int>(3 + 3 * 5);
+        Environment<double> env = random_contacts(recipe);
+        const std::size_t n = env.b.size(), joints = 3;
+        env.cones.assign(joints, unilateral());
+        env.mu.assign(n, 0.0);
+        // order[i]: our row, normal first, of Kamino's row i.
+        std::vector<std::size_t> order{0, 1, 2};
+        for (std::size_t c = 0; c < 5; ++c) {
+          env.cones.push_back(friction(3));
+          const std::size_t first = joints + 3 * c;
+          mu.push_back(0.25 + 0.125 * static_cast<double>(c));
+          env.mu[first + 1] = env.mu[first + 2] = mu.back();
+          for (const std::size_t row : {first + 1, first + 2, first}) order.push_back(row);
+        }
+        layout.add(kWide, env.cones, false, static_cast<Offset>((seed - 1) * kContactRoom));
+        mu.resize(seed * kContactRoom, nan);
+        for (std::size_t i = 0; i < kWide; ++i) {
+          b.push_back(i < n ? env.b[order[i]] : nan);
+          R.push_back(i < n ? env.R[order[i]] : nan);
+          for (std::size_t j = 0; j < n && i < n; ++j) A.push_back(env.A[order[i] * n + order[j]]);
+        }
+        A.resize(seed * kWide * kWide, nan);
+        none.resize(seed * kWide, 0.0);
+        envs.push_back(env);
+      }
+      const auto view = layout.view({A.data(), b.data(), R.data(), mu.data(), none.data(), none.data()}, law);
+      EXPECT_TRUE(validate(view).empty());
+      const auto expected = solve(batch_of(envs, law), options(kind, 0, 40));
+      const auto actual = solve_view(view, options(kind, 0, 40));
+      const auto judged = verify(batch_of(envs, law).view(), std::span<const double>(expected.lambda));
+      const auto judged_here = verify(view, std::span<const double>(actual.lambda));
+      for (std::size_t e = 0; e < envs.size(); ++e) {
+        const std::size_t n = envs[e].b.size();
+        const auto ours = [&](const std::vector<double>& padded, std::size_t row) {
+          const std::size_t contact = row < 3 ? 0 : (row - 3) / 3, within = row < 3 ? row : (row - 3) % 3;
+          return padded[e * kWide + (row < 3 ? row : 3 + 3 * contact + (within + 2) % 3)];
+        };
+        for (std::size_t i = 0; i < n; ++i) {
+          EXPECT_EQ(ours(actual.lambda, i), expected.lambda[e * n + i]) << "row " << i;
+          EXPECT_NEAR(ours(actual.w, i), expected.w[e * n + i], 1e-12);
+        }
+        EXPECT_NEAR(actual.status[e].residual_absolute, expected.status[e].residual_absolute, 1e-12);
+        EXPECT_NEAR(judged_here[e].absolute, judged[e].absolute, 1e-12);
+      }
+    }
+}
+
+TEST(PaddedView, MuOutsideOfItsArrayAndNormalsLastInALargeSystemAreDefects) {
+  const std::vector<Cone> one{friction(3)};
+  const std::vector<double> zeros(1100 * 1100, 0.0);
+  const double* const z = zeros.data();
+  PaddedLayout<double> layout(MatrixRows::by_room, RowOrder::normal_last);
+  layout.add(3, one, false, 0);
+  EXPECT_THROW(layout.add(3, one), Error) << "mu per row after mu per contact";
+  auto view = layout.view({z, z, z, z, z, z}, Law::convex);
+  view.mu_count = 0;
+  ASSERT_FALSE(validate(view).empty());
+  EXPECT_NE(validate(view)[0].message.find("mu_offsets[0] = 0"), std::string::npos) << validate(view)[0].message;
+
+  PaddedLayout<double> large(MatrixRows::by_room, RowOrder::normal_last);
+  large.add(1100, std::vector<Cone>(366, friction(3)));
+  const auto defects = validate(large.view({z, z, z, z, z, z}, Law::convex));
+  ASSERT_FALSE(defects.empty());
+  EXPECT_TRUE(defects[0].structural);
+  EXPECT_NE(defects[0].message.find("1098 rows and is not solved densely"), std::string::npos) << defects[0].message;
+}
+
 TEST(PaddedView, FlagsOfAProducerForbidASolve) {
   const auto batch = batch_of({contact({1, 1, 1}, {-1, 0, 0}, 1), contact({1, 1, 1}, {-1, 0, 0}, 1)});
   auto arrays = batch.arrays();

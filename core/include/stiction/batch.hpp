@@ -49,14 +49,19 @@ struct ContactBatchView {
   const Real* A = nullptr;  ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
   const Offset* factor_offsets = nullptr;  ///< first entry of Y of each environment; one that has any stores no A,
                                            ///< which is Y Y' then (docs/jacobian.md); null: none  (env_count + 1)
-  const Real* factor = nullptr;  ///< Y, row-major, rows x dofs                (factor_count)
-  Offset factor_count = 0;       ///< length of factor
-  const Real* b = nullptr;       ///< right-hand side [w]                                  (row_count)
-  const Real* R = nullptr;       ///< compliance, >= 0 [w / lambda]                        (row_count)
-  const Real* mu = nullptr;      ///< friction per axis, on a friction cone's rows after the first [-; torsional
-                                 ///< and rolling: m]; ignored elsewhere                   (row_count)
-  const Real* lo = nullptr;      ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
-  const Real* hi = nullptr;      ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
+  const Real* factor = nullptr;            ///< Y, row-major, rows x dofs                (factor_count)
+  Offset factor_count = 0;                 ///< length of factor
+  const Real* b = nullptr;                 ///< right-hand side [w]                                  (row_count)
+  const Real* R = nullptr;                 ///< compliance, >= 0 [w / lambda]                        (row_count)
+  const Real* mu = nullptr;            ///< friction per axis, on a friction cone's rows after the first [-; torsional
+                                       ///< and rolling: m]; ignored elsewhere                   (row_count)
+  const Offset* mu_offsets = nullptr;  ///< where in mu the friction of each row is, where rows share it; null: at the
+                                       ///< row                                       (row_count)
+  Offset mu_count = 0;                 ///< length of mu where mu_offsets is given
+  const Real* lo = nullptr;  ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
+  const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
+  bool normal_last = false;  ///< rows of friction cones come tangential first and the normal last; environments that
+                             ///< are not solved densely (choose_path) cannot be read so
   Law law = Law::convex;
   MemorySpace space = MemorySpace::host;
 
@@ -69,6 +74,12 @@ struct ContactBatchView {
   [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
     return env_cone_counts != nullptr ? env_cone_counts[env]
                                       : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
+  }
+  /// Where in mu the friction of a row is.
+  [[nodiscard]] STICTION_HD Offset mu_at(Offset row) const { return mu_offsets != nullptr ? mu_offsets[row] : row; }
+  /// The normal row of a friction cone, the only row of any other.
+  [[nodiscard]] STICTION_HD Offset normal_row(Offset cone) const {
+    return normal_last ? cone_row_offsets[cone + 1] - 1 : cone_row_offsets[cone];
   }
   /// Columns of an environment's factor; 0 where A is stored.
   [[nodiscard]] STICTION_HD Index env_dofs(Offset env) const {

@@ -14,6 +14,12 @@ enum class MatrixRows : std::uint8_t {
   by_rows,  ///< row i begins at i * rows, a dense rows x rows matrix at the beginning of its room: Newton Kamino
 };
 
+/// Where a friction cone's normal row is.
+enum class RowOrder : std::uint8_t {
+  normal_first,
+  normal_last,  ///< behind the tangential rows: Newton Kamino
+};
+
 /// Where the numbers of a padded batch lie: the caller's arrays, which are neither copied nor changed. Vectors of an
 /// environment take `room` entries, its matrix room * room, and environments follow one another; what lies behind the
 /// entries in use may be anything.
@@ -22,7 +28,7 @@ struct PaddedNumbers {
   const Real* A = nullptr;   ///< dense Delassus operators, without R [w / lambda]   (sum of room^2)
   const Real* b = nullptr;   ///< right-hand side [w]                                (sum of room)
   const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                      (sum of room)
-  const Real* mu = nullptr;  ///< friction per axis, as in ContactBatchView [-]      (sum of room)
+  const Real* mu = nullptr;  ///< friction per axis, as in ContactBatchView, or per contact [-]
   const Real* lo = nullptr;  ///< bounds of box rows [lambda]                        (sum of room)
   const Real* hi = nullptr;  ///<                                                    (sum of room)
 };
@@ -34,12 +40,15 @@ class PaddedLayout {
  public:
   using Cone = typename Environment<Real>::Cone;
 
-  explicit PaddedLayout(MatrixRows matrix_rows) : matrix_rows_(matrix_rows) {}
+  explicit PaddedLayout(MatrixRows matrix_rows, RowOrder row_order = RowOrder::normal_first)
+      : matrix_rows_(matrix_rows), row_order_(row_order) {}
 
   /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and the
   /// environment is marked kFlagCapacity; so it is where `overflowed` says that its producer had to leave contacts out.
-  /// \throws Error(invalid_argument) on a negative room or a cone without rows; then nothing was appended.
-  void add(Index room, std::span<const Cone> cones, bool overflowed = false);
+  /// `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that place on, in order; for
+  /// all environments or none. \throws Error(invalid_argument) on a negative room or a cone without rows; then nothing
+  /// was appended.
+  void add(Index room, std::span<const Cone> cones, bool overflowed = false, Offset first_mu = -1);
 
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_flags_.size()); }
   /// Length of the vectors, and of a solution's lambda and w.
@@ -52,11 +61,13 @@ class PaddedLayout {
 
  private:
   MatrixRows matrix_rows_;
+  RowOrder row_order_;
+  Offset mu_count_ = 0;
   std::vector<Offset> env_row_offsets_{0}, env_cone_offsets_{0}, cone_row_offsets_{0}, row_offsets_{0};
   std::vector<Index> env_row_counts_, env_cone_counts_, cone_group_, row_counts_, column_;
   std::vector<std::uint32_t> env_flags_;
   std::vector<ConeKind> cone_kind_;
-  std::vector<Offset> column_offsets_;
+  std::vector<Offset> column_offsets_, mu_offsets_;
 };
 
 }  // namespace stiction
