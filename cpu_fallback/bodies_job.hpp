@@ -1,22 +1,10 @@
 #pragma once
 
-#include "core/base/body_plan_view.hpp"
-#include "stiction/bodies.hpp"
+#include "core/base/body_job.hpp"
 
 namespace stiction::cpu {
 
 class ThreadTeam;
-
-/// One body solve on the CPU, as plain data: what crosses into code compiled for an instruction set.
-template <class Real>
-struct BodyJob {
-  BodyBatchView<Real> batch;
-  BodyPlanView plan;
-  BodySolutionView<Real> solution;
-  const Real* warm_start;
-  TimeStepping stepping;
-  BodySolverOptions options;
-};
 
 /// Sequential impulses under one law, compiled for one instruction set.
 template <class Real>

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstring>
 #include <memory>
 #include <new>
 #include <vector>
@@ -92,12 +93,12 @@ Deal deal_out(const BodyPlanData& plan, int threads) {
 }
 
 template <class Real>
-void solve(const BodyRequest<Real>& request) {
-  const BodyPlanData& plan = request.plan;
+void run(const BodyRequest<Real>& request) {
+  const BodyPlanData& plan = *request.plan;
   const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
   const cpu::BodyKernels<Real>& kernels = pick<Real>(set, request.options.law);
-  const cpu::BodyJob<Real> job{request.batch,      plan.view(),      request.solution,
-                               request.warm_start, request.stepping, request.options};
+  const BodyJob<Real> job{request.batch,      plan.view(),      request.solution,
+                          request.warm_start, request.stepping, request.options};
   const int threads = cpu::thread_count(request.options.threads);
   const auto bodies = [&](Offset env) { return job.batch.env_body_offsets[env + 1] - job.batch.env_body_offsets[env]; };
   const auto numbers = [&](Offset env, Scratch<Real>& scratch) {
@@ -124,13 +125,19 @@ void solve(const BodyRequest<Real>& request) {
   });
 }
 
+class CpuBodies final : public BodyMachine {
+ public:
+  void solve(const BodyRequest<float>& request) override { run(request); }
+  void solve(const BodyRequest<double>& request) override { run(request); }
+  void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
+    std::memcpy(target, source, bytes);
+  }
+};
+
 }  // namespace
 
-void solve_bodies_on_cpu(const BodyRequest<float>& request) {
-  solve(request);
-}
-void solve_bodies_on_cpu(const BodyRequest<double>& request) {
-  solve(request);
+std::unique_ptr<BodyMachine> make_cpu_bodies() {
+  return std::make_unique<CpuBodies>();
 }
 
 template <class Real>

@@ -8,31 +8,20 @@ namespace stiction::inline STICTION_ISA {
 namespace {
 
 template <class Real, Law kLaw, Block B>
-void solve_on(B& block, const cpu::BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
-  const BodySolverOptions& options = job.options;
-  const SiParams params{job.stepping.dt / options.substeps,
-                        job.stepping.erp,
-                        job.stepping.slop,
-                        job.stepping.cfm,
-                        job.stepping.restitution_threshold,
-                        options.tolerance,
-                        options.omega,
-                        options.iterations,
-                        options.substeps,
-                        options.momentum};
-  const BodyEnv<Real> view = slice_bodies(job.batch, job.plan, job.warm_start, job.solution, env);
-  BodySystem<Real, kLaw> system(view.kept, view.bodies, options.momentum, scratch, exact);
-  solve_bodies(block, view, system, params);
+void solve_on(B& block, const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
+  const BodyEnv<Real> view = slice_bodies(job, env);
+  BodySystem<Real, kLaw> system(view.kept, view.bodies, job.options.momentum, scratch, exact);
+  solve_bodies(block, view, system, si_params(job.stepping, job.options));
 }
 
 template <class Real, Law kLaw>
-void solve_alone(const cpu::BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
+void solve_alone(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
   SerialBlock block;
   solve_on<Real, kLaw>(block, job, env, scratch, exact);
 }
 
 template <class Real, Law kLaw>
-void solve_together(const cpu::BodyJob<Real>& job, Offset env, Real* scratch, double* exact, cpu::ThreadTeam& team,
+void solve_together(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, cpu::ThreadTeam& team,
                     Index rank) {
   TeamBlock block(team, rank);
   solve_on<Real, kLaw>(block, job, env, scratch, exact);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <memory>
+
 #include "core/schedule/body_plan.hpp"
 
 namespace stiction {
@@ -7,19 +9,32 @@ namespace stiction {
 /// One body solve, as a machine receives it: everything checked.
 template <class Real>
 struct BodyRequest {
-  const BodyPlanData& plan;
+  std::shared_ptr<const BodyPlanData> plan;
   BodyBatchView<Real> batch;
   BodySolutionView<Real> solution;
   const Real* warm_start;
   TimeStepping stepping;
   BodySolverOptions options;
+  StreamRef stream;
 };
 
-/// The structural defects alone: what validate() lists first.
+/// A machine that solves bodies. None holds arithmetic.
+class BodyMachine {
+ public:
+  virtual ~BodyMachine() = default;
+  virtual void solve(const BodyRequest<float>& request) = 0;
+  virtual void solve(const BodyRequest<double>& request) = 0;
+  /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.
+  virtual void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) = 0;
+};
+
+std::unique_ptr<BodyMachine> make_cpu_bodies();
+std::unique_ptr<BodyMachine> make_emulated_bodies();
+/// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
+std::unique_ptr<BodyMachine> make_cuda_bodies(int ordinal);
+
+/// The structural defects alone: what validate() lists first. Only the integers are read.
 template <class Real>
 std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit);
-
-void solve_bodies_on_cpu(const BodyRequest<float>& request);
-void solve_bodies_on_cpu(const BodyRequest<double>& request);
 
 }  // namespace stiction

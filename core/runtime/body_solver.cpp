@@ -60,11 +60,40 @@ void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Rea
   need(solution.twist != nullptr, 6 * batch.body_count, "twist", "six numbers per body");
 }
 
-void on_host(MemorySpace space) {
-  if (space != MemorySpace::host)
-    throw Error(ErrorCode::unsupported,
-                "batch.space is cuda: bodies are solved on the CPU; copy the batch to the host");
+std::unique_ptr<BodyMachine> make_machine(Device device) {
+  if (device.kind == DeviceKind::cuda) return make_cuda_bodies(device.ordinal);
+  if (device.kind == DeviceKind::emulated) return make_emulated_bodies();
+  return make_cpu_bodies();
 }
+
+/// The structure of a batch in device memory, on the host: what a plan reads.
+template <class Real>
+class HostBodies {
+ public:
+  HostBodies(const BodyBatchView<Real>& batch, bool with_depth, BodyMachine& machine, StreamRef stream) : view_(batch) {
+    const auto fetch = [&](auto*& pointer, auto& array, Offset count) {
+      if (pointer == nullptr) return;
+      array.resize(static_cast<std::size_t>(count));
+      machine.copy_to_host(array.data(), pointer, array.size() * sizeof(*pointer), stream);
+      pointer = array.data();
+    };
+    fetch(view_.env_body_offsets, env_body_offsets_, batch.env_count + 1);
+    fetch(view_.env_contact_offsets, env_contact_offsets_, batch.env_count + 1);
+    fetch(view_.body_a, body_a_, batch.contact_count);
+    fetch(view_.body_b, body_b_, batch.contact_count);
+    fetch(view_.kinematic, kinematic_, batch.body_count);
+    if (with_depth) fetch(view_.depth, depth_, batch.contact_count);
+    view_.space = MemorySpace::host;
+  }
+  [[nodiscard]] const BodyBatchView<Real>& view() const { return view_; }
+
+ private:
+  BodyBatchView<Real> view_;
+  std::vector<Offset> env_body_offsets_, env_contact_offsets_;
+  std::vector<Index> body_a_, body_b_;
+  std::vector<std::uint8_t> kinematic_;
+  std::vector<Real> depth_;
+};
 
 }  // namespace
 
@@ -75,29 +104,45 @@ Index BodyPlan::color_count(Offset env) const {
 }
 
 BodySolver::BodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options)
-    : stepping_(stepping), options_(options) {
+    : device_(device), stepping_(stepping), options_(options) {
   check_stepping(stepping);
   check_body_options(options);
-  if (device.kind != DeviceKind::cpu)
-    throw Error(ErrorCode::unsupported, "device is cuda: bodies are solved on the CPU; use Device::cpu()");
+  machine_ = make_machine(device);
+}
+BodySolver::~BodySolver() = default;
+BodySolver::BodySolver(BodySolver&&) noexcept = default;
+BodySolver& BodySolver::operator=(BodySolver&&) noexcept = default;
+
+template <class Real>
+void BodySolver::check_space(const BodyBatchView<Real>& batch) const {
+  if (batch.space != MemorySpace::host && device_.kind == DeviceKind::cpu)
+    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
 }
 
 template <class Real>
-BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch) const {
-  on_host(batch.space);
-  reject(validate_structure(batch, 1));
-  return BodyPlan(std::make_shared<const BodyPlanData>(make_body_plan(batch, options_.max_contacts_per_env)));
+BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) const {
+  check_space(batch);
+  const auto make = [&](const BodyBatchView<Real>& host) {
+    reject(validate_structure(host, 1));
+    return BodyPlan(std::make_shared<const BodyPlanData>(make_body_plan(host, options_.max_contacts_per_env)));
+  };
+  if (batch.space == MemorySpace::host) return make(batch);
+  return make(HostBodies<Real>(batch, options_.max_contacts_per_env > 0, *machine_, stream).view());
 }
 
 template <class Real>
 void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
-                       const Real* warm_start) const {
-  on_host(batch.space);
-  if (!fits(plan.data(), batch))
-    fail("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
+                       const Real* warm_start, StreamRef stream) const {
+  check_space(batch);
+  const std::shared_ptr<const BodyPlanData>& data = plan.shared();
+  const bool fitting = batch.space == MemorySpace::host ? fits(*data, batch)
+                                                        : data->env_count() == batch.env_count &&
+                                                              data->env_body_offsets.back() == batch.body_count &&
+                                                              data->env_contact_offsets.back() == batch.contact_count;
+  if (!fitting) fail("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
   check_solution(batch, solution);
-  if (options_.invalid == InvalidPolicy::reject) reject(validate(batch, 1));
-  solve_bodies_on_cpu(BodyRequest<Real>{plan.data(), batch, solution, warm_start, stepping_, options_});
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
+  machine_->solve(BodyRequest<Real>{data, batch, solution, warm_start, stepping_, options_, stream});
 }
 
 template <class Real>
@@ -118,12 +163,12 @@ BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping
   return solution;
 }
 
-template BodyPlan BodySolver::plan(const BodyBatchView<float>&) const;
-template BodyPlan BodySolver::plan(const BodyBatchView<double>&) const;
+template BodyPlan BodySolver::plan(const BodyBatchView<float>&, StreamRef) const;
+template BodyPlan BodySolver::plan(const BodyBatchView<double>&, StreamRef) const;
 template void BodySolver::solve(const BodyPlan&, const BodyBatchView<float>&, const BodySolutionView<float>&,
-                                const float*) const;
+                                const float*, StreamRef) const;
 template void BodySolver::solve(const BodyPlan&, const BodyBatchView<double>&, const BodySolutionView<double>&,
-                                const double*) const;
+                                const double*, StreamRef) const;
 template BodySolution<float> solve_bodies(const BodyBatch<float>&, const TimeStepping&, const BodySolverOptions&,
                                           Device, std::span<const float>);
 template BodySolution<double> solve_bodies(const BodyBatch<double>&, const TimeStepping&, const BodySolverOptions&,

@@ -1,4 +1,5 @@
 #include "core/runtime/backend.hpp"
+#include "core/runtime/body_backend.hpp"
 #include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 
@@ -20,6 +21,10 @@ std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int, const WarmStar
 }
 template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, const WarmStartCapacity&);
 template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
+
+std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
 
 std::vector<DeviceReport> cuda_reports() {
   return {{Device::cuda(0), false, "cuda", kNotBuilt}};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "cuda/device/kernels.hpp"
+#include "cuda/programs/bodies_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
@@ -36,6 +37,14 @@ WarmStartKernels warm_start_kernels() {
   return {Make::template kernel<RecallEnvironments<Real>>("warm_start_recall"),
           Make::template kernel<RememberEnvironments<Real>>("warm_start_remember"),
           Make::template kernel<ForgetEnvironments<Real>>("warm_start_forget")};
+}
+
+template <class Make>
+BodyKernels body_kernels() {
+  return {{{Make::template kernel<SolveBodies<Law::convex, float>>("bodies"),
+            Make::template kernel<SolveBodies<Law::coulomb, float>>("bodies")},
+           {Make::template kernel<SolveBodies<Law::convex, double>>("bodies"),
+            Make::template kernel<SolveBodies<Law::coulomb, double>>("bodies")}}};
 }
 
 }  // namespace stiction::cuda

@@ -33,6 +33,11 @@ struct WarmStartKernels {
   KernelRef forget;    ///< a mask of environments
 };
 
+/// Bodies by precision (Precision) and law (Law)           (programs/bodies_program.hpp).
+struct BodyKernels {
+  KernelRef by_precision_and_law[2][2];
+};
+
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
@@ -40,6 +45,7 @@ struct KernelCatalogue {
   KernelRef settled[2];      ///< by Precision                                  (programs/settled_program.hpp)
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision
+  BodyKernels bodies;
 };
 
 }  // namespace stiction::cuda

@@ -7,7 +7,8 @@ const KernelCatalogue& cuda_kernels() {
       {cuda_pgs_kernels(), cuda_npgs_kernels(), cuda_jacobi_kernels(), cuda_apgd_kernels()},
       {cuda_settled_kernel(Precision::f32), cuda_settled_kernel(Precision::f64)},
       cuda_plan_kernels(),
-      {cuda_warm_start_kernels(Precision::f32), cuda_warm_start_kernels(Precision::f64)}};
+      {cuda_warm_start_kernels(Precision::f32), cuda_warm_start_kernels(Precision::f64)},
+      cuda_body_kernels()};
   return catalogue;
 }
 

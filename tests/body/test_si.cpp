@@ -58,23 +58,16 @@ class SiCase {
                               std::numeric_limits<double>::quiet_NaN());
     BodySolution<Real> solution{std::vector<Real>(3 * contacts(), nan), std::vector<Real>(expected_.twist.size(), nan),
                                 std::vector<Real>(3 * contacts(), nan), std::vector<EnvStatus>(1)};
-    const TimeStepping stepping;
-    const SiParams params{stepping.dt / options_.substeps,
-                          stepping.erp,
-                          stepping.slop,
-                          stepping.cfm,
-                          stepping.restitution_threshold,
-                          options_.tolerance,
-                          options_.omega,
-                          options_.iterations,
-                          options_.substeps,
-                          options_.momentum};
-    const auto env = slice_bodies<Real>(
-        batch_.view(), plan_.view(), warm_.empty() ? nullptr : warm_.data(),
-        {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()}, 0);
+    const BodyJob<Real> job{batch_.view(),
+                            plan_.view(),
+                            {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()},
+                            warm_.empty() ? nullptr : warm_.data(),
+                            TimeStepping{},
+                            options_};
+    const BodyEnv<Real> env = slice_bodies(job, 0);
     run_block(width, make, [&](auto& block) {
       System system(env.kept, env.bodies, options_.momentum, memory.data(), exact.data());
-      solve_bodies(block, env, system, params);
+      solve_bodies(block, env, system, si_params(job.stepping, job.options));
     });
     const auto same = [](const std::vector<Real>& a, const std::vector<Real>& b) {
       return same_bits(std::span<const Real>(a), std::span<const Real>(b));

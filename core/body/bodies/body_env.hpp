@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/body_plan_view.hpp"
+#include "core/base/body_job.hpp"
 #include "core/body/bodies/contact_point.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -13,6 +13,19 @@ struct SiParams {
   Index iterations, substeps;
   bool momentum;
 };
+
+STICTION_HD SiParams si_params(const TimeStepping& stepping, const BodySolverOptions& options) {
+  return {div_(stepping.dt, static_cast<double>(options.substeps)),
+          stepping.erp,
+          stepping.slop,
+          stepping.cfm,
+          stepping.restitution_threshold,
+          options.tolerance,
+          options.omega,
+          options.iterations,
+          options.substeps,
+          options.momentum};
+}
 
 /// One environment of a body batch with its part of the plan and of the outputs. Shapes as in BodyBatchView and
 /// BodyPlanData, counted from the environment's own zero.
@@ -39,10 +52,12 @@ STICTION_HD Index slot_of(Index side) {
   return side >= 0 ? side : ~side;
 }
 
-/// Environment `env` of a batch; `warm_start` and `w` may be null.
+/// Environment `env` of a job.
 template <class Real>
-STICTION_HD BodyEnv<Real> slice_bodies(const BodyBatchView<Real>& batch, const BodyPlanView& plan,
-                                       const Real* warm_start, const BodySolutionView<Real>& out, Offset env) {
+STICTION_HD BodyEnv<Real> slice_bodies(const BodyJob<Real>& job, Offset env) {
+  const BodyBatchView<Real>& batch = job.batch;
+  const BodyPlanView& plan = job.plan;
+  const BodySolutionView<Real>& out = job.solution;
   const Offset body = batch.env_body_offsets[env];
   const Offset contact = batch.env_contact_offsets[env];
   BodyEnv<Real> v;
@@ -60,7 +75,7 @@ STICTION_HD BodyEnv<Real> slice_bodies(const BodyBatchView<Real>& batch, const B
   v.mu = batch.mu + contact;
   v.depth = batch.depth + contact;
   v.restitution = batch.restitution + contact;
-  v.warm_start = warm_start == nullptr ? nullptr : warm_start + 3 * contact;
+  v.warm_start = job.warm_start == nullptr ? nullptr : job.warm_start + 3 * contact;
   v.impulse = out.impulse + 3 * contact;
   v.twist_out = out.twist + 6 * body;
   v.w = out.w == nullptr ? nullptr : out.w + 3 * contact;

@@ -78,15 +78,16 @@ struct BodySystem {
       memory += count;
       return part;
     };
-    mass = take(rows);
-    start = take(rows);
-    motion = take(rows);
-    motion_before = momentum ? take(rows) : nullptr;
+    // Tiles first: they begin on cache lines when the memory does.
     field = {take(tiles * kContactFields<kLaw>), kContactFields<kLaw>};
     x = {take(tiles * 3), 3};
     best = {take(tiles * 3), 3};
     before = {momentum ? take(tiles * 3) : nullptr, 3};
     depth = {take(tiles), 1};
+    mass = take(rows);
+    start = take(rows);
+    motion = take(rows);
+    motion_before = momentum ? take(rows) : nullptr;
   }
 
   [[nodiscard]] STICTION_HD Vector3<Real> vector(Index first_field, Index p) const {

@@ -159,6 +159,7 @@ class BodyPlan {
  public:
   explicit BodyPlan(std::shared_ptr<const BodyPlanData> data) : data_(std::move(data)) {}
   [[nodiscard]] const BodyPlanData& data() const noexcept { return *data_; }
+  [[nodiscard]] const std::shared_ptr<const BodyPlanData>& shared() const noexcept { return data_; }
   /// Colours of one environment: phases of one sweep.
   [[nodiscard]] Index color_count(Offset env) const;
 
@@ -166,28 +167,43 @@ class BodyPlan {
   std::shared_ptr<const BodyPlanData> data_;
 };
 
+class BodyMachine;
+
 /// Solves body batches on one device.
 class BodySolver {
  public:
-  /// \throws Error(invalid_argument) for an option out of range, Error(unsupported) for a CUDA device.
+  /// \throws Error(invalid_argument) for an option out of range, Error(no_device) or Error(unsupported) when the device
+  /// cannot be had.
   BodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options);
+  ~BodySolver();
+  BodySolver(BodySolver&&) noexcept;
+  BodySolver& operator=(BodySolver&&) noexcept;
 
-  /// \throws Error(invalid_argument) if the structure is broken.
+  /// \throws Error(invalid_argument) if the structure is broken. A batch in device memory is planned from a host copy
+  /// of its structure, on `stream`.
   template <class Real>
-  [[nodiscard]] BodyPlan plan(const BodyBatchView<Real>& batch) const;
+  [[nodiscard]] BodyPlan plan(const BodyBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Solves every environment. `warm_start` (3 * contact_count, impulses of the whole step) may be null: start from
-  /// zero. \throws Error before anything is written; numerical trouble is in solution.status.
+  /// Solves every environment. `warm_start` (3 * contact_count, impulses of the whole step, same space) may be null:
+  /// start from zero. Batch and solution in device memory: asynchronous on `stream`, but for the first solve with a
+  /// plan, which copies it to the device; in host memory: complete on return.
+  /// \throws Error before anything is written; numerical trouble is in solution.status.
   template <class Real>
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
-             const Real* warm_start = nullptr) const;
+             const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
   [[nodiscard]] const BodySolverOptions& options() const noexcept { return options_; }
   [[nodiscard]] const TimeStepping& stepping() const noexcept { return stepping_; }
+  [[nodiscard]] Device device() const noexcept { return device_; }
 
  private:
+  template <class Real>
+  void check_space(const BodyBatchView<Real>& batch) const;
+
+  Device device_;
   TimeStepping stepping_;
   BodySolverOptions options_;
+  std::unique_ptr<BodyMachine> machine_;
 };
 
 /// Host solution with owned memory; shapes as in BodySolutionView.

@@ -1,0 +1,9 @@
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+BodyKernels host_body_kernels() {
+  return body_kernels<MakeHostKernel>();
+}
+
+}  // namespace stiction::cuda

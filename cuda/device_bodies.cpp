@@ -1,0 +1,284 @@
+#include "cuda/device_bodies.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+#include <utility>
+
+#include "core/body/bodies/body_system.hpp"
+#include "cuda/device/host_device.hpp"
+#include "cuda/device/kernels.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace cuda {
+
+namespace {
+
+/// Contacts from which a team of a class has enough to do, and its lanes; the last is the whole device.
+struct ClassRule {
+  Index least_contacts;
+  int lanes;
+  Offset teams_per_processor;
+};
+constexpr ClassRule kRules[] = {{0, 8, 64}, {33, 32, 32}, {513, 256, 4}, {16385, kMostLanes, 1}};
+/// Workspace of a class beyond which fewer teams take more environments each.
+constexpr Offset kWorkspaceBytes = Offset{1} << 30;
+constexpr Offset kSlotAlignment = 256;
+
+int class_of(Index contacts) {
+  int result = 0;
+  while (result + 1 < static_cast<int>(std::size(kRules)) && contacts >= kRules[result + 1].least_contacts) ++result;
+  return result;
+}
+
+template <class Real>
+Offset bytes_of(const BodyRequest<Real>& request, Offset env) {
+  const BodyPlanData& plan = *request.plan;
+  const auto e = static_cast<std::size_t>(env);
+  const Offset bodies = plan.env_body_offsets[e + 1] - plan.env_body_offsets[e];
+  const bool momentum = request.options.momentum;
+  using Coulomb = BodySystem<Real, Law::coulomb>;
+  using Convex = BodySystem<Real, Law::convex>;
+  const Offset numbers = request.options.law == Law::coulomb ? Coulomb::elements(plan.kept[e], bodies, momentum)
+                                                             : Convex::elements(plan.kept[e], bodies, momentum);
+  const Offset wanted = numbers * static_cast<Offset>(sizeof(Real)) +
+                        Coulomb::exact_elements(bodies) * static_cast<Offset>(sizeof(double));
+  return (wanted + kSlotAlignment - 1) / kSlotAlignment * kSlotAlignment;
+}
+
+/// Copies to and from a device, of arrays that may be empty.
+class Mover {
+ public:
+  Mover(DeviceApi& api, StreamHandle stream) : api_(api), stream_(stream) {}
+  template <class T>
+  void to_device(const T* target, const T* source, Offset count) {
+    move(const_cast<T*>(target), source, count, CopyKind::to_device);
+  }
+  template <class T>
+  void to_host(T* target, const T* source, Offset count) {
+    move(target, source, count, CopyKind::to_host);
+  }
+
+ private:
+  template <class T>
+  void move(T* target, const T* source, Offset count, CopyKind kind) {
+    if (count > 0 && target != nullptr && source != nullptr)
+      api_.copy(target, source, static_cast<std::size_t>(count) * sizeof(T), kind, stream_);
+  }
+  DeviceApi& api_;
+  StreamHandle stream_;
+};
+
+/// Queues work by f(). If that fails half way, what is queued is waited for: it uses memory the caller is about to give
+/// back.
+template <class F>
+void queue_all(DeviceApi& api, StreamHandle stream, F&& f) {
+  try {
+    f();
+  } catch (...) {
+    try {
+      api.synchronize(stream);
+    } catch (const Error&) {
+      // The first failure is the one to report; a device that is lost has nothing queued.
+    }
+    throw;
+  }
+}
+
+/// f(array of one view, the same array of another, its length) for each array of a batch.
+template <class Real, class F>
+void for_each_array(BodyBatchView<Real>& a, const BodyBatchView<Real>& b, F&& f) {
+  f(a.env_body_offsets, b.env_body_offsets, b.env_count + 1);
+  f(a.env_contact_offsets, b.env_contact_offsets, b.env_count + 1);
+  f(a.inv_mass, b.inv_mass, b.body_count);
+  f(a.inv_inertia, b.inv_inertia, 6 * b.body_count);
+  f(a.twist, b.twist, 6 * b.body_count);
+  f(a.twist_change, b.twist_change, 6 * b.body_count);
+  f(a.kinematic, b.kinematic, b.body_count);
+  f(a.arm_a, b.arm_a, 3 * b.contact_count);
+  f(a.arm_b, b.arm_b, 3 * b.contact_count);
+  f(a.normal, b.normal, 3 * b.contact_count);
+  f(a.mu, b.mu, b.contact_count);
+  f(a.depth, b.depth, b.contact_count);
+  f(a.restitution, b.restitution, b.contact_count);
+}
+
+}  // namespace
+
+DeviceBodies::DeviceBodies(std::shared_ptr<DeviceApi> api, bool eager) : api_(std::move(api)), eager_(eager) {}
+
+void DeviceBodies::copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) {
+  if (bytes == 0) return;
+  api_->copy(target, source, bytes, CopyKind::to_host, stream.handle());
+  api_->synchronize(stream.handle());
+}
+
+template <class Real>
+void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Offset>& order) {
+  const BodyPlanData& plan = *request.plan;
+  const auto contacts = [&](Offset env) { return plan.kept[static_cast<std::size_t>(env)]; };
+  order.resize(plan.kept.size());
+  std::iota(order.begin(), order.end(), Offset{0});
+  std::sort(order.begin(), order.end(), [&](Offset a, Offset b) {
+    const int class_a = class_of(contacts(a)), class_b = class_of(contacts(b));
+    if (class_a != class_b) return class_a < class_b;
+    return contacts(a) != contacts(b) ? contacts(a) > contacts(b) : a < b;
+  });
+  Offset next = 0;
+  for (int k = 0; k < kClasses; ++k) {
+    Class& own = classes_[static_cast<std::size_t>(k)];
+    own = Class{};
+    own.begin = next;
+    for (; next < static_cast<Offset>(order.size()); ++next) {
+      const Offset env = order[static_cast<std::size_t>(next)];
+      if (class_of(contacts(env)) != k) break;
+      own.slot_bytes = std::max(own.slot_bytes, bytes_of(request, env));
+    }
+    own.end = next;
+    if (own.end == own.begin) continue;
+    const ClassRule& rule = kRules[k];
+    own.shape.lanes = rule.lanes;
+    own.shape.whole_device = k + 1 == kClasses;
+    const Offset fitting = std::max<Offset>(1, kWorkspaceBytes / own.slot_bytes);
+    own.shape.teams =
+        own.shape.whole_device
+            ? 1
+            : std::min({own.end - own.begin, fitting, rule.teams_per_processor * api_->facts().processors});
+  }
+}
+
+template <class Real>
+void DeviceBodies::load(const BodyRequest<Real>& request) {
+  const BodySolverOptions& options = request.options;
+  const bool there = room_.plan.lock() == request.plan && room_.scalar_bytes == sizeof(Real) &&
+                     room_.law == options.law && room_.momentum == options.momentum;
+  if (there) return;
+  if (api_->capturing(request.stream.handle()))
+    throw Error(ErrorCode::invalid_argument,
+                "stream is being captured and nothing has been solved yet with this plan and these options: solve once "
+                "before the capture");
+  room_ = Room{};
+  const BodyPlanData& plan = *request.plan;
+  std::vector<Offset> order;
+  make_classes(request, order);
+
+  ArraySet arrays;
+  Index* integers[8] = {};
+  const std::vector<Index>* const source[8] = {&plan.kept,           &plan.contact_order, &plan.sides,
+                                               &plan.vertex_offsets, &plan.color_offsets, &plan.color_count,
+                                               &plan.body_offsets,   &plan.body_contacts};
+  Offset* order_there = nullptr;
+  for (std::size_t k = 0; k < 8; ++k) arrays.add(integers[k], static_cast<Offset>(source[k]->size()));
+  arrays.add(order_there, static_cast<Offset>(order.size()));
+  arrays.add(ticket_, kClasses);
+  ArraySet slots;
+  for (Class& own : classes_) slots.add(own.workspace, own.shape.teams * own.slot_bytes);
+
+  // What runs may still read what is about to be freed.
+  api_->synchronize(request.stream.handle());
+  arrays_ = DeviceMemory();
+  workspace_ = DeviceMemory();
+  arrays_ = DeviceMemory(*api_, arrays.bytes());
+  workspace_ = DeviceMemory(*api_, slots.bytes());
+  arrays.place(arrays_.get());
+  slots.place(workspace_.get());
+  queue_all(*api_, request.stream.handle(), [&] {
+    Mover mover(*api_, request.stream.handle());
+    for (std::size_t k = 0; k < 8; ++k)
+      mover.to_device(integers[k], source[k]->data(), static_cast<Offset>(source[k]->size()));
+    mover.to_device(order_there, order.data(), static_cast<Offset>(order.size()));
+    api_->synchronize(request.stream.handle());
+  });
+  order_ = order_there;
+  plan_ = {integers[0], integers[1], integers[2], integers[3], integers[4], integers[5], integers[6], integers[7]};
+  room_ = {request.plan, sizeof(Real), options.law, options.momentum};
+}
+
+template <class Real>
+void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
+  load(request);
+  const StreamHandle stream = request.stream.handle();
+  const KernelRef& kernel =
+      api_->kernels()
+          .bodies.by_precision_and_law[sizeof(Real) == sizeof(float) ? 0 : 1][static_cast<int>(request.options.law)];
+  if (request.batch.env_count == 0) return;
+  api_->fill_zero(ticket_, kClasses * sizeof(Offset), stream);
+  for (std::size_t k = 0; k < classes_.size(); ++k) {
+    const Class& own = classes_[k];
+    if (own.begin == own.end) continue;
+    const BodiesArgs<Real> args{
+        {request.batch, plan_, request.solution, request.warm_start, request.stepping, request.options},
+        order_,
+        own.begin,
+        own.end,
+        ticket_ + k,
+        own.workspace,
+        own.slot_bytes};
+    api_->launch(kernel, own.shape, &args, stream);
+  }
+}
+
+template <class Real>
+void DeviceBodies::run_from_host(const BodyRequest<Real>& request) {
+  const BodyBatchView<Real>& host = request.batch;
+  BodyRequest<Real> there = request;
+  ArraySet arrays;
+  // Not read by a kernel: the plan holds what they say.
+  there.batch.body_a = there.batch.body_b = nullptr;
+  there.batch.contact_id = nullptr;
+  for_each_array(there.batch, host, [&](auto*& target, const auto* source, Offset count) {
+    target = nullptr;
+    if (source != nullptr) arrays.add(target, count);
+  });
+  Real* warm = nullptr;
+  if (request.warm_start != nullptr) arrays.add(warm, 3 * host.contact_count);
+  arrays.add(there.solution.impulse, 3 * host.contact_count);
+  arrays.add(there.solution.twist, 6 * host.body_count);
+  there.solution.w = nullptr;
+  if (request.solution.w != nullptr) arrays.add(there.solution.w, 3 * host.contact_count);
+  arrays.add(there.solution.status, host.env_count);
+  const DeviceMemory memory(*api_, arrays.bytes());
+  arrays.place(memory.get());
+  there.warm_start = warm;
+  queue_all(*api_, request.stream.handle(), [&] {
+    Mover mover(*api_, request.stream.handle());
+    for_each_array(there.batch, host, [&](const auto* target, const auto* source, Offset count) {
+      mover.to_device(target, source, count);
+    });
+    mover.to_device(warm, request.warm_start, 3 * host.contact_count);
+    run_on_device(there);
+    mover.to_host(request.solution.impulse, there.solution.impulse, 3 * host.contact_count);
+    mover.to_host(request.solution.twist, there.solution.twist, 6 * host.body_count);
+    mover.to_host(request.solution.w, there.solution.w, 3 * host.contact_count);
+    mover.to_host(request.solution.status, there.solution.status, host.env_count);
+    api_->synchronize(request.stream.handle());
+  });
+}
+
+template <class Real>
+void DeviceBodies::run(const BodyRequest<Real>& request) {
+  const std::lock_guard lock(mutex_);
+  if (request.batch.space == MemorySpace::host) {
+    run_from_host(request);
+  } else {
+    run_on_device(request);
+    if (eager_) api_->synchronize(request.stream.handle());
+  }
+}
+
+void DeviceBodies::solve(const BodyRequest<float>& request) {
+  run(request);
+}
+void DeviceBodies::solve(const BodyRequest<double>& request) {
+  run(request);
+}
+
+}  // namespace cuda
+
+std::unique_ptr<BodyMachine> make_emulated_bodies() {
+  return std::make_unique<cuda::DeviceBodies>(std::make_shared<cuda::HostDevice>(), true);
+}
+
+}  // namespace stiction

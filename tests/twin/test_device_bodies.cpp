@@ -1,0 +1,163 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "cuda/device/host_device.hpp"
+#include "cuda/device_bodies.hpp"
+#include "stiction/error.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/body_systems.hpp"
+
+/// Bodies on the host device: what the GPU's host code queues gives the CPU's bits.
+namespace stiction::test {
+namespace {
+
+template <class Real>
+BodyBatch<Real> mixed_batch() {
+  std::vector<BodyEnvironment<double>> envs;
+  for (std::uint64_t seed = 0; seed < 8; ++seed) envs.push_back(random_bodies(seed, 5, static_cast<Index>(13 * seed)));
+  envs.push_back({});
+  envs.push_back(scenes::make_body_stack(3, 4));
+  envs.push_back(scenes::make_body_pile(4, 550));
+  envs[2].contacts[1].mu = -1;
+  BodyBatch<Real> batch;
+  for (const auto& env : envs) {
+    if constexpr (std::is_same_v<Real, float>) {
+      batch.add(scenes::rounded(env));
+    } else {
+      batch.add(env);
+    }
+  }
+  return batch;
+}
+
+BodySolverOptions quick(Law law) {
+  BodySolverOptions options;
+  options.law = law;
+  options.iterations = 17;  // a chunk and a part of one
+  options.substeps = 2;
+  options.threads = 1;
+  options.invalid = InvalidPolicy::isolate;
+  return options;
+}
+
+template <class Real>
+void expect_same(const BodySolution<Real>& a, const BodySolution<Real>& b) {
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.impulse), std::span<const Real>(b.impulse)));
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.twist), std::span<const Real>(b.twist)));
+  EXPECT_TRUE(same_bits(std::span<const Real>(a.w), std::span<const Real>(b.w)));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(a.status), std::span<const EnvStatus>(b.status)));
+}
+
+template <class Real>
+BodySolution<Real> room_for(const BodyBatch<Real>& batch) {
+  const auto contacts = static_cast<std::size_t>(3 * batch.contact_count());
+  return {std::vector<Real>(contacts), std::vector<Real>(static_cast<std::size_t>(6 * batch.body_count())),
+          std::vector<Real>(contacts), std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
+}
+
+template <class Real>
+BodyRequest<Real> request_of(const BodyBatch<Real>& batch, const BodyPlan& plan, const BodySolverOptions& options,
+                             BodySolution<Real>& out, cuda::StreamHandle stream) {
+  return {plan.shared(),    batch.view(),   {out.impulse.data(), out.twist.data(), out.w.data(), out.status.data()},
+          nullptr,          TimeStepping{}, options,
+          StreamRef(stream)};
+}
+
+}  // namespace
+
+TEST(DeviceBodies, an_emulated_device_gives_the_cpus_bits) {
+  for (const Law law : {Law::coulomb, Law::convex}) {
+    expect_same(solve_bodies(mixed_batch<float>(), {}, quick(law)),
+                solve_bodies(mixed_batch<float>(), {}, quick(law), Device::emulated()));
+    expect_same(solve_bodies(mixed_batch<double>(), {}, quick(law)),
+                solve_bodies(mixed_batch<double>(), {}, quick(law), Device::emulated()));
+  }
+}
+
+TEST(DeviceBodies, lanes_teams_and_order_change_nothing) {
+  const auto batch = mixed_batch<float>();
+  const BodySolverOptions options = quick(Law::coulomb);
+  const auto expected = solve_bodies(batch, {}, options);
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
+  for (const int lanes : {1, 3})
+    for (const std::uint64_t seed : {0, 1}) {
+      cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{lanes, 1 + lanes, seed}),
+                                 true);
+      auto out = room_for(batch);
+      machine.solve(request_of(batch, plan, options, out, nullptr));
+      expect_same(expected, out);
+    }
+}
+
+TEST(DeviceBodies, a_whole_device_works_on_one_large_environment) {
+  BodyBatch<float> batch;
+  batch.add(scenes::rounded(scenes::make_body_pile(5, 20000)));
+  ASSERT_GT(batch.contact_count(), 16385);
+  BodySolverOptions options = quick(Law::coulomb);
+  options.iterations = 3;
+  expect_same(solve_bodies(batch, {}, options), solve_bodies(batch, {}, options, Device::emulated()));
+}
+
+/// The emulated device's memory is any memory of the process, so a batch can be said to lie there.
+TEST(DeviceBodies, a_captured_solve_is_replayed_with_other_numbers) {
+  const BodySolverOptions options = quick(Law::coulomb);
+  const auto batch = mixed_batch<float>();
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
+  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, 9});
+  cuda::DeviceBodies machine(device, false);
+  const cuda::Stream stream(*device);
+  auto out = room_for(batch);
+  std::vector<float> twist(batch.view().twist, batch.view().twist + 6 * batch.body_count());
+  auto request = request_of(batch, plan, options, out, stream.get());
+  request.batch.space = MemorySpace::cuda;
+  request.batch.twist = twist.data();
+
+  device->begin_capture(stream.get());
+  EXPECT_THROW(machine.solve(request), Error);
+  device->end_capture(stream.get());
+  machine.solve(request);
+  device->synchronize(stream.get());
+  const int allocations = device->calls(cuda::DeviceCall::allocate);
+  device->begin_capture(stream.get());
+  machine.solve(request);
+  const auto graph = device->end_capture(stream.get());
+  for (float& v : twist) v = 0.5F * v;
+  // The graph holds pointers to these vectors: cleared where they are.
+  std::fill(out.impulse.begin(), out.impulse.end(), 0.0F);
+  std::fill(out.twist.begin(), out.twist.end(), 0.0F);
+  std::fill(out.w.begin(), out.w.end(), 0.0F);
+  std::fill(out.status.begin(), out.status.end(), EnvStatus{});
+  device->launch(graph, stream.get());
+  device->synchronize(stream.get());
+  EXPECT_EQ(device->calls(cuda::DeviceCall::allocate), allocations);
+
+  auto expected = room_for(batch);
+  auto on_cpu = request_of(batch, plan, options, expected, nullptr);
+  on_cpu.batch.twist = twist.data();
+  make_cpu_bodies()->solve(on_cpu);
+  expect_same(expected, out);
+}
+
+TEST(DeviceBodies, a_device_that_fails_leaves_nothing_behind) {
+  const auto batch = mixed_batch<float>();
+  const BodySolverOptions options = quick(Law::coulomb);
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
+  for (const cuda::DeviceCall call : {cuda::DeviceCall::allocate, cuda::DeviceCall::copy, cuda::DeviceCall::launch})
+    for (int n = 0; n < 3; ++n) {
+      const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 0});
+      {
+        cuda::DeviceBodies machine(device, true);
+        auto out = room_for(batch);
+        device->fail_call(call, n);
+        EXPECT_THROW(machine.solve(request_of(batch, plan, options, out, nullptr)), Error);
+        device->fail_call(call, -1);
+        machine.solve(request_of(batch, plan, options, out, nullptr));
+        expect_same(solve_bodies(batch, {}, options), out);
+      }
+      EXPECT_EQ(device->live_allocations(), 0U);
+    }
+}
+
+}  // namespace stiction::test
