@@ -24,8 +24,8 @@ JacobianBatch<double> mixed(Law law, double compliance = 0.01) {
 }
 
 TEST(Factor, IsChosenByRowsAndDegreesOfFreedomAlone) {
-  static_assert(!prefers_factor(72, 1) && prefers_factor(73, 24) && !prefers_factor(73, 25));
-  static_assert(!prefers_factor(75, 25) && !prefers_factor(100, 0));
+  static_assert(!prefers_factor(72, 1) && prefers_factor(73, 18) && !prefers_factor(73, 19));
+  static_assert(!prefers_factor(76, 19) && !prefers_factor(100, 0));
   const auto batch = assemble(mixed(Law::convex).view(), FactorUse::by_size);
   const PlanData plan = make_plan(batch.view());
   EXPECT_EQ(plan.path, (std::vector<EnvPath>{EnvPath::dense, EnvPath::factor, EnvPath::dense}));
