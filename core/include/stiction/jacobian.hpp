@@ -116,8 +116,9 @@ enum class FactorUse : std::uint8_t {
 };
 
 /// Whether an environment of n rows and `dofs` degrees of freedom is kept as a factor: A = Y Y' with Y = J L^-T is then
-/// never formed, and a sweep costs 3 n dofs multiplications where the matrix takes n^2, in shorter loops, so that it has
-/// to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits of the answer.
+/// never formed, and a sweep costs 3 n dofs multiplications where the matrix takes n^2, in shorter loops, so that it
+/// has to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits of the
+/// answer.
 constexpr bool prefers_factor(Offset n, Offset dofs) {
   return n > 72 && dofs > 0 && 4 * dofs < n;
 }
