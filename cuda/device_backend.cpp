@@ -17,9 +17,16 @@ template <class Real>
 constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
 
 Capacity capacity_of(const PlanData& plan) {
-  Capacity need{plan.env_count, plan.row_count, plan.cone_count, plan.nonzero_count, 0, 0, Precision::f32};
+  Capacity need;
+  need.envs = plan.env_count;
+  need.rows = plan.row_count;
+  need.cones = plan.cone_count;
+  need.nonzeros = plan.nonzero_count;
   for (const ConeCounts& counts : plan.counts) need.env_rows = std::max(need.env_rows, row_count(counts));
   for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = std::max(need.env_nonzeros, entries);
+  // Dense environments are not more than full.
+  need.env_nonzeros = std::max(need.env_nonzeros, std::min(plan.nonzero_count, Offset{1024} * 1024));
+  need.env_dofs = plan.most_dofs;
   return need;
 }
 
@@ -35,6 +42,12 @@ DeviceBackend::DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes)
 void DeviceBackend::reserve(const Capacity& capacity, SolverKind solver) {
   const std::lock_guard lock(mutex_);
   engine_.reserve(capacity, solver, capacity.precision);
+}
+
+void DeviceBackend::synchronize(StreamRef stream) {
+  api_->synchronize(stream.handle());
+  const std::lock_guard lock(mutex_);
+  engine_.timer().collect();
 }
 
 void DeviceBackend::copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) {
@@ -61,7 +74,7 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   const Capacity need =
       request.plan != nullptr
           ? capacity_of(*request.plan)
-          : Capacity{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, kPrecisionOf<Real>};
+          : Capacity{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, 0, kPrecisionOf<Real>};
   if (!engine_.has_room(need, request.options.solver, kPrecisionOf<Real>)) {
     if (request.plan == nullptr || capturing)
       throw Error(ErrorCode::invalid_argument,
@@ -83,6 +96,16 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   if (!capturing) planned_ = owner;
 }
 
+void DeviceBackend::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) {
+  const std::lock_guard lock(mutex_);
+  const Capacity need{batch.env_count, 0, 0, 0, 0, 0, 0, Precision::f32};
+  if (!engine_.has_room(need, SolverKind::pgs, Precision::f32))
+    throw Error(ErrorCode::invalid_argument,
+                "batch has " + std::to_string(batch.env_count) +
+                    " environments, more than the solver has room for: construct the Solver with that Capacity");
+  engine_.islands(batch, island, count, stream.handle());
+}
+
 void DeviceBackend::solve(const SolveRequest<float>& request) {
   run(request);
 }
@@ -93,7 +116,7 @@ void DeviceBackend::solve(const SolveRequest<double>& request) {
 }  // namespace cuda
 
 std::unique_ptr<Backend> make_emulated_backend() {
-  return std::make_unique<cuda::DeviceBackend>(std::make_shared<cuda::HostDevice>());
+  return std::make_unique<cuda::DeviceBackend>(cuda::shared_host_device());
 }
 
 DeviceReport emulated_report() {

@@ -18,7 +18,8 @@ class DeviceBackend final : public Backend {
   void solve(const SolveRequest<float>& request) override;
   void solve(const SolveRequest<double>& request) override;
   void reserve(const Capacity& capacity, SolverKind solver) override;
-  void synchronize(StreamRef stream) override { api_->synchronize(stream.handle()); }
+  void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) override;
+  void synchronize(StreamRef stream) override;
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) override;
 
   [[nodiscard]] DeviceApi& api() noexcept { return *api_; }

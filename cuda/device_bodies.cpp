@@ -278,7 +278,7 @@ void DeviceBodies::solve(const BodyRequest<double>& request) {
 }  // namespace cuda
 
 std::unique_ptr<BodyMachine> make_emulated_bodies() {
-  return std::make_unique<cuda::DeviceBodies>(std::make_shared<cuda::HostDevice>(), true);
+  return std::make_unique<cuda::DeviceBodies>(cuda::shared_host_device(), true);
 }
 
 }  // namespace stiction

@@ -108,7 +108,7 @@ template class DeviceWarmStart<double>;
 
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity) {
-  return std::make_unique<cuda::DeviceWarmStart<Real>>(std::make_shared<cuda::HostDevice>(), capacity, true);
+  return std::make_unique<cuda::DeviceWarmStart<Real>>(cuda::shared_host_device(), capacity, true);
 }
 
 template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const WarmStartCapacity&);

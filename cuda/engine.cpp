@@ -5,8 +5,11 @@
 
 #include "core/body/count_sort_body.hpp"
 #include "core/body/dense_system.hpp"
+#include "core/body/factor_system.hpp"
+#include "core/body/islands_body.hpp"
 #include "core/body/plan_body.hpp"
 #include "core/body/sparse_system.hpp"
+#include "core/schedule/structure_view.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
 #include "stiction/error.hpp"
@@ -19,20 +22,26 @@ namespace {
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 constexpr int kSortLanes = 256;
 constexpr int kPlanLanes = 32;
-constexpr int kColorLanes = 256;
 
 Offset at_least(Offset a, Offset b) {
   return std::max(a, b);
 }
 
 Capacity joined(const Capacity& a, const Capacity& b) {
-  return {at_least(a.envs, b.envs),         at_least(a.rows, b.rows),         at_least(a.cones, b.cones),
-          at_least(a.nonzeros, b.nonzeros), std::max(a.env_rows, b.env_rows), at_least(a.env_nonzeros, b.env_nonzeros)};
+  Capacity both;
+  both.envs = at_least(a.envs, b.envs);
+  both.rows = at_least(a.rows, b.rows);
+  both.cones = at_least(a.cones, b.cones);
+  both.nonzeros = at_least(a.nonzeros, b.nonzeros);
+  both.env_rows = std::max(a.env_rows, b.env_rows);
+  both.env_nonzeros = at_least(a.env_nonzeros, b.env_nonzeros);
+  both.env_dofs = std::max(a.env_dofs, b.env_dofs);
+  return both;
 }
 
 bool within(const Capacity& a, const Capacity& b) {
   return a.envs <= b.envs && a.rows <= b.rows && a.cones <= b.cones && a.nonzeros <= b.nonzeros &&
-         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros;
+         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros && a.env_dofs <= b.env_dofs;
 }
 
 bool is_sparse(SizeClass size_class) {
@@ -43,12 +52,39 @@ bool is_bundle(SizeClass size_class) {
   return size_class == SizeClass::bundle_six || size_class == SizeClass::bundle_four;
 }
 
+const char* name_of(SizeClass size_class) {
+  switch (size_class) {
+    case SizeClass::sparse_device:
+      return "sparse_device";
+    case SizeClass::sparse_block:
+      return "sparse_block";
+    case SizeClass::factor_warp:
+      return "factor_warp";
+    case SizeClass::dense_large:
+      return "dense_large";
+    case SizeClass::dense_block:
+      return "dense_block";
+    case SizeClass::dense_warp:
+      return "dense_warp";
+    case SizeClass::dense_tile:
+      return "dense_tile";
+    case SizeClass::bundle_six:
+      return "bundle_six";
+    case SizeClass::bundle_four:
+      return "bundle_four";
+    case SizeClass::settled:
+      return "settled";
+  }
+  return "?";
+}
+
 int lanes_of(SizeClass size_class) {
   switch (size_class) {
     case SizeClass::dense_tile:
       return 8;
     case SizeClass::dense_warp:
-      return 32;
+    case SizeClass::factor_warp:
+      return kWarp;
     case SizeClass::bundle_six:
     case SizeClass::bundle_four:
       return kBundle;
@@ -59,9 +95,15 @@ int lanes_of(SizeClass size_class) {
   }
 }
 
-/// Integers of scratch that colouring one environment takes.
-Offset color_slot(const Capacity& capacity) {
-  return plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros);
+/// Integers of scratch that colouring an environment or finding its islands takes.
+Offset graph_slot(const Capacity& capacity) {
+  return at_least(plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros),
+                  islands_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros));
+}
+
+/// Lanes of a team that looks at a whole environment's graph.
+int graph_lanes(const Capacity& capacity) {
+  return capacity.env_rows > 512 ? kMostLanes : kWarp;
 }
 
 /// Whether environments can be so large that they are sparse.
@@ -69,37 +111,12 @@ bool may_be_sparse(const Capacity& capacity) {
   return choose_path(capacity.env_rows, 0) == EnvPath::sparse;
 }
 
-ContactBatchView<float> integers_of(const ContactBatchView<float>& batch) {
-  return batch;
-}
-ContactBatchView<float> integers_of(const ContactBatchView<double>& batch) {
-  ContactBatchView<float> integers;
-  integers.env_count = batch.env_count;
-  integers.cone_count = batch.cone_count;
-  integers.row_count = batch.row_count;
-  integers.nonzero_count = batch.nonzero_count;
-  integers.env_row_offsets = batch.env_row_offsets;
-  integers.env_cone_offsets = batch.env_cone_offsets;
-  integers.env_row_counts = batch.env_row_counts;
-  integers.env_cone_counts = batch.env_cone_counts;
-  integers.env_flags = batch.env_flags;
-  integers.cone_kind = batch.cone_kind;
-  integers.cone_row_offsets = batch.cone_row_offsets;
-  integers.cone_group = batch.cone_group;
-  integers.row_offsets = batch.row_offsets;
-  integers.row_counts = batch.row_counts;
-  integers.column = batch.column;
-  integers.column_offsets = batch.column_offsets;
-  integers.column_count = batch.column_count;
-  return integers;
-}
-
 template <class Real>
 constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
 
 }  // namespace
 
-Engine::Engine(DeviceApi& api) : api_(api), plan_{} {
+Engine::Engine(DeviceApi& api) : api_(api), timer_(api), plan_{} {
   for (int k = 0; k < kBranches; ++k) {
     branch_[static_cast<std::size_t>(k)] = std::make_unique<Stream>(api_);
     joined_[static_cast<std::size_t>(k)] = std::make_unique<Event>(api_);
@@ -110,6 +127,7 @@ Engine::Engine(DeviceApi& api) : api_(api), plan_{} {
 
 Engine::~Engine() {
   finish(branch_[0]->get());
+  timer_.collect();
 }
 
 /// Waits for everything this engine has queued.
@@ -145,6 +163,11 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
         SparseSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros, room.method_vectors);
     shape.launch.whole_device = size_class == SizeClass::sparse_device;
     shape.shared = false;
+  } else if (size_class == SizeClass::factor_warp) {
+    if (capacity.env_dofs == 0) return {};
+    elements = FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs,
+                                             room.method_vectors);
+    per_processor = 16;
   } else {
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
     if (capacity.env_rows <= class_rows(smaller)) return {};
@@ -152,6 +175,8 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     // One row each: no cones take more room than cones of one row.
     elements = SystemArrays<float, 1>::elements(rows, rows, room.method_vectors) + rows * rows;
   }
+  // Even, so that doubles in it are aligned.
+  elements += elements % 2;
   shape.slot_elements = elements;
   std::size_t team_bytes = static_cast<std::size_t>(elements) * room.scalar_bytes;
   std::size_t head_bytes = 0;
@@ -192,9 +217,10 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
     shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), room);
   PlanArrays plan{};
   const Offset envs = room.capacity.envs, cones = room.capacity.cones;
-  const Offset coloring =
-      may_be_sparse(room.capacity) ? shapes[static_cast<std::size_t>(SizeClass::sparse_block)].launch.teams : 0;
-  plan.color_slot = coloring > 0 ? color_slot(room.capacity) : 0;
+  plan.graph_slot = graph_slot(room.capacity);
+  const Offset graph_teams =
+      at_least(1, std::min({envs, Offset{2} * api_.facts().processors,
+                            at_least(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))}));
   ArraySet arrays;
   arrays.add(plan.path, envs);
   arrays.add(plan.counts, envs);
@@ -210,7 +236,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   arrays.add(plan.class_begin, kSizeClasses + 1);
   arrays.add(plan.ticket, kSizeClasses);
   arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
-  arrays.add(plan.color_scratch, coloring * plan.color_slot);
+  arrays.add(plan.graph_scratch, graph_teams * plan.graph_slot);
   for (ClassShape& shape : shapes)
     if (shape.workspace_bytes > 0) arrays.add(shape.workspace, static_cast<Offset>(shape.workspace_bytes));
 
@@ -221,40 +247,44 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   room_ = room;
   plan_ = plan;
   shapes_ = shapes;
+  graph_ = {graph_teams, graph_lanes(room.capacity)};
 }
 
 template <class Real>
 void Engine::queue_plan(const EngineRequest<Real>& request) {
-  const PlanArgs args{integers_of(request.batch), plan_, room_.capacity.env_rows, room_.capacity.env_nonzeros};
+  const PlanArgs args{structure_view(request.batch), plan_, room_.capacity.env_rows, room_.capacity.env_dofs,
+                      room_.capacity.env_nonzeros};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream;
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
   api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
-  if (plan_.color_slot > 0)
-    api_.launch(kernels.color, {shapes_[static_cast<std::size_t>(SizeClass::sparse_block)].launch.teams, kColorLanes},
-                &args, stream);
+  if (may_be_sparse(room_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
 }
 
 template <class Real>
-void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class,
+void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class, int lane,
                          StreamHandle stream) {
   const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
   const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
   if (size_class == SizeClass::settled) {
     const SettledArgs<Real> args{job, queue, plan_.flags, request.options.solver};
-    api_.launch(api_.kernels().settled[precision], shape.launch, &args, stream);
+    const KernelRef& kernel = api_.kernels().settled[precision];
+    timer_.time(name_of(size_class), kernel.name, lane, stream,
+                [&] { api_.launch(kernel, shape.launch, &args, stream); });
     return;
   }
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(request.options.solver)]
                                     .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
-  const KernelRef& kernel = is_bundle(size_class)   ? kernels.bundles
-                            : is_sparse(size_class) ? kernels.sparse
-                                                    : kernels.dense;
+  const KernelRef& kernel = is_bundle(size_class)                   ? kernels.bundles
+                            : is_sparse(size_class)                 ? kernels.sparse
+                            : size_class == SizeClass::factor_warp ? kernels.factor
+                                                                   : kernels.dense;
   const SolveArgs<Real> args{job, queue, size_class, shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
                              shape.slot_elements};
-  api_.launch(kernel, shape.launch, &args, stream);
+  timer_.time(name_of(size_class), kernel.name, lane, stream,
+              [&] { api_.launch(kernel, shape.launch, &args, stream); });
 }
 
 template <class Real>
@@ -264,8 +294,9 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
   // by whoever launches the graph.
   if (!capturing) api_.wait(stream, done_->get());
+  timer_.attach(request.options.tracer, capturing);
   api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
-  if (!request.planned) queue_plan(request);
+  if (!request.planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
 
   const SolverOptions& options = request.options;
   const SolveJob<Real> job{request.batch,        plan_.view(),
@@ -281,7 +312,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   for (int k = 0; k < kSizeClasses; ++k) {
     if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
     const int lane = next++ % (kBranches + 1);
-    queue_class(request, job, static_cast<SizeClass>(k),
+    queue_class(request, job, static_cast<SizeClass>(k), lane,
                 lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get());
   }
   for (int k = 0; k < kBranches; ++k) {
@@ -302,6 +333,17 @@ void Engine::solve(const EngineRequest<Real>& request) {
     finish(request.stream);
     throw;
   }
+}
+
+void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream) {
+  if (batch.env_count == 0) return;
+  const bool capturing = api_.capturing(stream);
+  if (!capturing) api_.wait(stream, done_->get());
+  const IslandArgs args{
+      batch,           island, count, room_.capacity.env_rows, room_.capacity.env_nonzeros, plan_.graph_scratch,
+      plan_.graph_slot};
+  api_.launch(api_.kernels().plan.islands, graph_, &args, stream);
+  if (!capturing) api_.record(done_->get(), stream);
 }
 
 template void Engine::solve(const EngineRequest<float>&);

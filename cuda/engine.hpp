@@ -9,6 +9,7 @@
 #include "cuda/device/memory.hpp"
 #include "cuda/programs/plan_args.hpp"
 #include "cuda/programs/solve_args.hpp"
+#include "cuda/stream_timer.hpp"
 #include "stiction/solver.hpp"
 
 namespace stiction::cuda {
@@ -44,6 +45,12 @@ class Engine {
   template <class Real>
   void solve(const EngineRequest<Real>& request);
 
+  /// Times what this engine queues, and what is queued around it.
+  [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
+
+  /// Finds the islands of a batch in device memory, of environments that there is room for.
+  void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream);
+
   /// What the last plan left on the device, for tests that compare its integers.
   [[nodiscard]] const PlanArrays& plan_arrays() const noexcept { return plan_; }
 
@@ -69,7 +76,7 @@ class Engine {
   template <class Real>
   void queue_solve(const EngineRequest<Real>& request);
   template <class Real>
-  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class,
+  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class, int lane,
                    StreamHandle stream);
   template <class Real>
   void queue_plan(const EngineRequest<Real>& request);
@@ -77,10 +84,12 @@ class Engine {
   void finish(StreamHandle stream) noexcept;
 
   DeviceApi& api_;
+  StreamTimer timer_;
   Room room_;
   DeviceMemory memory_;
   PlanArrays plan_;
   std::array<ClassShape, kSizeClasses> shapes_;
+  LaunchShape graph_;  ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;
   std::array<std::unique_ptr<Event>, kBranches> joined_;
   std::unique_ptr<Event> forked_;

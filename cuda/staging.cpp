@@ -4,7 +4,9 @@
 #include <cstring>
 #include <functional>
 
+#include "cuda/stream_timer.hpp"
 #include "stiction/error.hpp"
+#include "stiction/trace.hpp"
 
 namespace stiction::cuda {
 
@@ -44,7 +46,17 @@ class Piece {
     for (const Real* ContactBatchView<Real>::*member :
          {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
           &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
-      add(view.*member, all.*member + row, rows);
+      if (member != &ContactBatchView<Real>::mu || all.mu_offsets == nullptr)
+        add(view.*member, all.*member + row, rows);
+    // Friction that rows share is addressed from the beginning of all of it, like shared columns.
+    add_optional(view.mu_offsets, all.mu_offsets, row, rows);
+    if (all.mu_offsets != nullptr) add(view.mu, all.mu, all.mu_count);
+    if (all.factor_offsets != nullptr) {
+      const Offset entry_of_factor = all.factor_offsets[first];
+      view.factor_count = all.factor_offsets[last] - entry_of_factor;
+      add(view.factor_offsets, all.factor_offsets + first, envs + 1, entry_of_factor);
+      add(view.factor, all.factor + entry_of_factor, view.factor_count);
+    }
     add_optional(warm_start, first_guess, row, rows);
     view.space = MemorySpace::cuda;
   }
@@ -133,7 +145,8 @@ std::vector<Offset> Staging::cut(const SolveRequest<Real>& request) const {
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Offset row = batch.env_row_offsets[env], end = batch.env_row_offsets[env + 1];
     constexpr Offset kBytesOfEntry = sizeof(Real) + sizeof(Index);
-    const Offset own = (batch.row_offsets[end] - batch.row_offsets[row]) * kBytesOfEntry;
+    const Offset own = (batch.row_offsets[end] - batch.row_offsets[row]) * kBytesOfEntry +
+                       Offset{batch.env_dofs(env)} * (end - row) * Offset{sizeof(Real)};
     if (bytes > 0 && bytes + own > piece_bytes_) {
       cuts.push_back(env);
       bytes = 0;
@@ -147,6 +160,9 @@ std::vector<Offset> Staging::cut(const SolveRequest<Real>& request) const {
 template <class Real>
 void Staging::queue_pieces(const SolveRequest<Real>& request, const std::vector<Offset>& cuts) {
   const ContactBatchView<Real>& batch = request.batch;
+  Tracer* const tracer = request.options.tracer;
+  StreamTimer& timer = engine_.timer();
+  timer.attach(tracer, false);
   Answer<Real> host(batch, request.solution.w != nullptr), device(batch, request.solution.w != nullptr);
   grow(answer_host_, api_, host.arrays.bytes());
   grow(answer_device_, api_, device.arrays.bytes());
@@ -162,9 +178,15 @@ void Staging::queue_pieces(const SolveRequest<Real>& request, const std::vector<
       grow(buffer.device, api_, piece.bytes());
       grow(buffer.host, api_, piece.bytes());
     }
-    piece.write(buffer.host.get());
+    {
+      const ScopedSpan span(tracer, "stage", "piece", 0, cuts[k + 1] - cuts[k]);
+      const ProfilerRange range(api_, "stage");
+      piece.write(buffer.host.get());
+    }
     api_.wait(up_.get(), buffer.solved->get());
-    api_.copy(buffer.device.get(), buffer.host.get(), piece.bytes(), CopyKind::to_device, up_.get());
+    timer.time("upload", "piece", kUploadLane, up_.get(), [&] {
+      api_.copy(buffer.device.get(), buffer.host.get(), piece.bytes(), CopyKind::to_device, up_.get());
+    });
     api_.record(buffer.uploaded->get(), up_.get());
 
     piece.point_to(buffer.device.get());
@@ -181,11 +203,14 @@ void Staging::queue_pieces(const SolveRequest<Real>& request, const std::vector<
       if (target == nullptr || count == 0) return;
       api_.copy(target, source, static_cast<std::size_t>(count) * sizeof(*target), CopyKind::to_host, down_.get());
     };
-    fetch(host.view.lambda + row, part.lambda, piece.view.row_count);
-    if (part.w != nullptr) fetch(host.view.w + row, part.w, piece.view.row_count);
-    fetch(host.view.status + env, part.status, piece.view.env_count);
+    timer.time("download", "piece", kDownloadLane, down_.get(), [&] {
+      fetch(host.view.lambda + row, part.lambda, piece.view.row_count);
+      if (part.w != nullptr) fetch(host.view.w + row, part.w, piece.view.row_count);
+      fetch(host.view.status + env, part.status, piece.view.env_count);
+    });
   }
   api_.synchronize(down_.get());
+  timer.collect();
   // Row by row in use: what lies between them is the caller's.
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Offset row = batch.env_row_offsets[env];

@@ -24,6 +24,7 @@ STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type
 PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
 MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/schedule/body_plan.hpp",
+           "core/schedule/structure_view.hpp",
            "core/runtime/backend.hpp", "core/runtime/body_backend.hpp",
            "core/runtime/jacobian_machine.hpp", "core/runtime/warm_start_machine.hpp"]
 

@@ -9,6 +9,7 @@ namespace stiction {
 enum class SizeClass : std::uint8_t {
   sparse_device = 0,  ///< sparse, the whole device on one environment at a time
   sparse_block,       ///< sparse, a block each
+  factor_warp,        ///< kept as a factor, a warp each
   dense_large,        ///< dense, a wide block each, system in global memory
   dense_block,        ///< dense, a block each, system in shared memory
   dense_warp,         ///< dense, a warp each
@@ -17,7 +18,7 @@ enum class SizeClass : std::uint8_t {
   bundle_four,        ///< dense, a lane each (up to four contacts)
   settled,            ///< nothing to iterate: no rows, or refused
 };
-inline constexpr int kSizeClasses = 9;
+inline constexpr int kSizeClasses = 10;
 
 /// Most rows of an environment of a dense class.
 STICTION_HD constexpr Index class_rows(SizeClass size_class) {
@@ -49,16 +50,17 @@ inline constexpr int kSortKeys = kSizeClasses * kBucketsPerClass;
 STICTION_HD constexpr SizeClass size_class(EnvPath path, Index rows) {
   if (path == EnvPath::empty) return SizeClass::settled;
   if (path == EnvPath::sparse) return rows >= kWholeDeviceRows ? SizeClass::sparse_device : SizeClass::sparse_block;
+  if (path == EnvPath::factor) return SizeClass::factor_warp;
   int smallest = static_cast<int>(SizeClass::bundle_four);
   while (rows > class_rows(static_cast<SizeClass>(smallest))) --smallest;
   return static_cast<SizeClass>(smallest);
 }
 
-/// Where an environment stands in the order of execution: class, then size. Sparse environments are told apart by the
+/// Where an environment stands in the order of execution: class, then size. Environments without a limit are told apart by the
 /// power of two of their rows, dense ones by eighths of their class's limit.
 STICTION_HD constexpr int sort_key(SizeClass size_class, Index rows) {
   int bucket = 0;
-  if (size_class == SizeClass::sparse_block || size_class == SizeClass::sparse_device) {
+  if (size_class <= SizeClass::factor_warp) {
     bucket = kBucketsPerClass - 1;
     for (Index limit = size_class == SizeClass::sparse_device ? kWholeDeviceRows : 64; limit < rows && bucket > 0;
          limit *= 2)

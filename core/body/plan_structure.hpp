@@ -102,6 +102,35 @@ STICTION_HD bool has_columns(const ContactBatchView<Real>& batch, Offset row) {
   return batch.column_offsets[row] >= 0 && batch.column_offsets[row] <= batch.column_count - count;
 }
 
+/// Entries in use of some rows.
+template <class Real>
+STICTION_HD Offset stored_entries(const ContactBatchView<Real>& batch, Offset row, Index rows) {
+  if (batch.row_counts == nullptr) return batch.row_offsets[row + rows] - batch.row_offsets[row];
+  Offset entries = 0;
+  for (Index i = 0; i < rows; ++i) entries += batch.row_counts[row + i];
+  return entries;
+}
+
+/// Whether a factor has as many entries in every row of its environment, and takes the place of stored ones.
+template <class Real>
+STICTION_HD bool has_sound_factor(const ContactBatchView<Real>& batch, Offset env, Index rows, Offset stored) {
+  if (batch.factor_offsets == nullptr) return true;
+  if (!is_part(batch.factor_offsets, env, batch.env_count, batch.factor_count)) return false;
+  const Offset entries = batch.factor_offsets[env + 1] - batch.factor_offsets[env];
+  return entries == 0 || (rows > 0 && stored == 0 && entries % rows == 0 && entries / rows <= kMostOfOneEnv);
+}
+
+/// Whether the friction of a cone's rows lies where there is friction.
+template <class Real>
+STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) {
+  if (batch.mu_offsets == nullptr || batch.cone_kind[cone] != ConeKind::friction) return true;
+  for (Offset row = batch.cone_row_offsets[cone]; row < batch.cone_row_offsets[cone + 1]; ++row) {
+    if (row == batch.normal_row(cone)) continue;
+    if (batch.mu_offsets[row] < 0 || batch.mu_offsets[row] >= batch.mu_count) return false;
+  }
+  return true;
+}
+
 /// Whether environment `env` can be planned and solved: its offsets in order and within the batch's totals, what it
 /// uses within its room, its rows tiled by cones of legal sizes, its columns inside. The totals and which arrays are
 /// null are believed, nothing in the arrays is: no entry is used as a position before it was compared with a total. All
@@ -132,6 +161,12 @@ STICTION_HD_OUTLINE bool structure_is_sound(B& block, const ContactBatchView<Rea
   if (block.combine(broken) != 0) return false;
   if (batch.row_offsets[row + rows] - batch.row_offsets[row] > kMostOfOneEnv) return false;
 
+  // Only dense systems are put into an order of their own, in which the normal can come first.
+  const Offset stored = stored_entries(batch, row, rows);
+  if (!has_sound_factor(batch, env, rows, stored)) return false;
+  if (batch.normal_last && rows > 0 && (batch.env_dofs(env) > 0 || choose_path(rows, stored) != EnvPath::dense))
+    return false;
+  for_each(block, cones, [&](Index c) { expect(has_friction(batch, cone + c)); });
   for_each(block, rows, [&](Index i) {
     const Index* const columns = batch.row_columns(row + i);
     const Index count = batch.row_entries(row + i);

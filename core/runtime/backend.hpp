@@ -28,6 +28,8 @@ class Backend {
   virtual void solve(const SolveRequest<double>& request) = 0;
   /// Makes room for solves, where a machine has room of its own. \throws Error(out_of_memory).
   virtual void reserve(const Capacity&, SolverKind) {}
+  /// Finds the islands of a batch in this machine's memory; only its integers are looked at.
+  virtual void islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) {}
   /// Returns when the work on `stream` is done. \throws its error.
   virtual void synchronize(StreamRef) {}
   /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.

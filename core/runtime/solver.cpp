@@ -7,8 +7,11 @@
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/host_structure.hpp"
+#include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
+#include "core/schedule/structure_view.hpp"
 #include "stiction/error.hpp"
+#include "stiction/trace.hpp"
 
 namespace stiction {
 
@@ -20,6 +23,11 @@ namespace {
 
 void reject(const std::vector<Defect>& defects) {
   if (!defects.empty()) fail(defects.front().message);
+}
+
+void check_space(MemorySpace space, Device device) {
+  if (space == MemorySpace::cuda && device.kind == DeviceKind::cpu)
+    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
 }
 
 std::unique_ptr<Backend> make_backend(Device device) {
@@ -34,20 +42,6 @@ std::unique_ptr<Backend> make_backend(Device device) {
   fail("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
 
-/// What is read by the CPU alone so far.
-template <class Real>
-void check_forms(const ContactBatchView<Real>& batch, Device device) {
-  if (device.kind == DeviceKind::cpu) return;
-  if (batch.normal_last || batch.mu_offsets != nullptr)
-    throw Error(ErrorCode::unsupported,
-                "normal_last and mu_offsets are read by the CPU only: put the normal first and give mu by rows for this "
-                "device");
-  if (batch.factor_offsets == nullptr) return;
-  throw Error(ErrorCode::unsupported,
-              "the batch keeps environments as factors (factor_offsets), which only the CPU solves: assemble it with "
-              "FactorUse::never for this device");
-}
-
 template <class Real>
 void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) {
   if (batch.env_count > 0 && solution.status == nullptr)
@@ -55,6 +49,18 @@ void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real
          ")");
   if (batch.row_count > 0 && solution.lambda == nullptr)
     fail("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+}
+
+/// A device batch is queued now and solved later.
+template <class Real>
+const char* solve_span(const ContactBatchView<Real>& batch) {
+  return batch.space == MemorySpace::host ? "solve" : "queue";
+}
+
+template <class Real>
+PlanData traced_plan(const ContactBatchView<Real>& batch, Tracer* tracer) {
+  const ScopedSpan span(tracer, "plan", nullptr, 0, batch.env_count);
+  return make_plan(batch);
 }
 
 }  // namespace
@@ -68,14 +74,20 @@ std::vector<DeviceReport> devices() {
 
 template <class Real>
 Capacity Capacity::of(const ContactBatchView<Real>& batch) {
-  Capacity need{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0,
+  Capacity need{batch.env_count,
+                batch.row_count,
+                batch.cone_count,
+                batch.nonzero_count,
+                0,
+                0,
+                0,
                 std::is_same_v<Real, float> ? Precision::f32 : Precision::f64};
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Index rows = batch.env_rows(env);
     const Offset row = batch.env_row_offsets[env];
     need.env_rows = std::max(need.env_rows, rows);
-    if (choose_path(rows, 0) == EnvPath::sparse)
-      need.env_nonzeros = std::max(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
+    need.env_nonzeros = std::max(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
+    need.env_dofs = std::max(need.env_dofs, batch.env_dofs(env));
   }
   return need;
 }
@@ -92,13 +104,12 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 
 template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
-  check_forms(batch, device_);
+  const ScopedSpan span(options_.tracer, "plan", nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) {
     reject(validate_structure(batch, 1));
     return Plan(std::make_shared<const PlanData>(make_plan(batch)));
   }
-  if (device_.kind == DeviceKind::cpu)
-    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+  check_space(batch.space, device_);
   const HostStructure<Real> host(batch, *backend_, stream);
   reject(validate_structure(host.view(), 1));
   return Plan(std::make_shared<const PlanData>(make_plan(host.view())));
@@ -107,7 +118,7 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
 template <class Real>
 void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                    const Real* warm_start, StreamRef stream) const {
-  check_forms(batch, device_);
+  const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   const PlanData& data = plan.data();
   const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
                          data.row_count == batch.row_count && data.nonzero_count == batch.nonzero_count;
@@ -128,12 +139,30 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
 template <class Real>
 void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    StreamRef stream) const {
+  const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) reject(validate_structure(batch, 1));
   check_request(batch, solution);
   const std::optional<PlanData> data =
-      device_.kind == DeviceKind::cpu ? std::optional<PlanData>(make_plan(batch)) : std::nullopt;
+      device_.kind == DeviceKind::cpu ? std::optional<PlanData>(traced_plan(batch, options_.tracer)) : std::nullopt;
   backend_->solve(SolveRequest<Real>{data ? &*data : nullptr, batch, solution, warm_start,
                                      options_.law.value_or(batch.law), options_, stream});
+}
+
+template <class Real>
+void Solver::islands(const ContactBatchView<Real>& batch, Index* island, Index* count, StreamRef stream) const {
+  if (batch.env_count > 0 && count == nullptr)
+    fail("count is null: give it room for one number per environment (" + std::to_string(batch.env_count) + ")");
+  if (batch.cone_count > 0 && island == nullptr)
+    fail("island is null: give it room for one number per cone (" + std::to_string(batch.cone_count) + ")");
+  if (batch.space == MemorySpace::cuda) {
+    check_space(batch.space, device_);
+    backend_->islands(structure_view(batch), island, count, stream);
+    return;
+  }
+  reject(validate_structure(batch, 1));
+  const Islands found = find_islands(batch);
+  std::copy(found.island.begin(), found.island.end(), island);
+  std::copy(found.count.begin(), found.count.end(), count);
 }
 
 void Solver::synchronize(StreamRef stream) const {
@@ -144,8 +173,7 @@ void Solver::synchronize(StreamRef stream) const {
 template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
   check_solution(batch, solution);
-  if (batch.space == MemorySpace::cuda && device_.kind == DeviceKind::cpu)
-    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+  check_space(batch.space, device_);
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
 }
 
@@ -175,6 +203,8 @@ template void Solver::solve(const Plan&, const ContactBatchView<double>&, const 
 template void Solver::solve(const ContactBatchView<float>&, const SolutionView<float>&, const float*, StreamRef) const;
 template void Solver::solve(const ContactBatchView<double>&, const SolutionView<double>&, const double*,
                             StreamRef) const;
+template void Solver::islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) const;
+template void Solver::islands(const ContactBatchView<double>&, Index*, Index*, StreamRef) const;
 template Capacity Capacity::of(const ContactBatchView<float>&);
 template Capacity Capacity::of(const ContactBatchView<double>&);
 template Solution<float> solve(const ContactBatch<float>&, const SolverOptions&, Device, std::span<const float>);

@@ -268,6 +268,8 @@ PlanData plan_structure(const Structure& structure) {
     const EnvStructure env(structure, e);
     plan.counts.push_back(count_cones(env));
     plan.path.push_back(env.path());
+    if (plan.path.back() == EnvPath::factor)
+      plan.most_dofs = std::max(plan.most_dofs, static_cast<Index>(env.factor_entries() / env.rows));
     plan.color_count.push_back(0);
     if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);

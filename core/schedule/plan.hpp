@@ -31,6 +31,7 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
   std::vector<Offset> dense_order;         ///< dense environments, most expensive first, equal shapes together;
                                            ///< the order reaches speed only
   std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first
+  Index most_dofs = 0;                     ///< columns of the widest factor
   std::vector<Offset> factor_order;        ///< environments kept as factors, most expensive first
   std::vector<Offset> sparse_nonzeros;     ///< room of each one's stored entries                     (sparse_order)
 };

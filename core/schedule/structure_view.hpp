@@ -26,6 +26,11 @@ ContactBatchView<float> structure_view(const ContactBatchView<Real>& batch) {
   integers.column = batch.column;
   integers.column_offsets = batch.column_offsets;
   integers.column_count = batch.column_count;
+  integers.factor_offsets = batch.factor_offsets;
+  integers.factor_count = batch.factor_count;
+  integers.mu_offsets = batch.mu_offsets;
+  integers.mu_count = batch.mu_count;
+  integers.normal_last = batch.normal_last;
   integers.law = batch.law;
   integers.space = batch.space;
   return integers;

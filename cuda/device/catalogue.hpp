@@ -16,7 +16,8 @@ template <class Make, class Method, Law kLaw, class Real>
 SolveKernels solve_kernels() {
   return {Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles"),
           Make::template kernel<SolveTeams<Method, kLaw, EnvPath::dense, Real>>("solve_dense"),
-          Make::template kernel<SolveTeams<Method, kLaw, EnvPath::sparse, Real>>("solve_sparse")};
+          Make::template kernel<SolveTeams<Method, kLaw, EnvPath::sparse, Real>>("solve_sparse"),
+          Make::template kernel<SolveTeams<Method, kLaw, EnvPath::factor, Real>>("solve_factor")};
 }
 
 template <class Make, class Method>
@@ -29,7 +30,8 @@ SolverKernels solver_kernels() {
 template <class Make>
 PlanKernels plan_kernels() {
   return {Make::template kernel<InspectEnvironments>("plan_inspect"),
-          Make::template kernel<SortEnvironments>("plan_sort"), Make::template kernel<ColorEnvironments>("plan_color")};
+          Make::template kernel<SortEnvironments>("plan_sort"), Make::template kernel<ColorEnvironments>("plan_color"),
+          Make::template kernel<FindIslands>("find_islands")};
 }
 
 template <class Make, class Real>

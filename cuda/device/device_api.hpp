@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,9 @@ struct DeviceFacts {
   std::size_t shared_bytes = 0;           ///< most shared memory a block may ask for
   std::size_t resident_shared_bytes = 0;  ///< shared memory of one multiprocessor
 };
+
+/// Events order work; those that also tell the time cost the device a little more.
+enum class EventUse : unsigned char { ordering, timing };
 
 enum class CopyKind : unsigned char { to_device, to_host, on_device };
 
@@ -49,7 +53,7 @@ class DeviceApi {
 
   virtual StreamHandle create_stream() = 0;
   virtual void destroy_stream(StreamHandle stream) noexcept = 0;
-  virtual EventHandle create_event() = 0;
+  virtual EventHandle create_event(EventUse use) = 0;
   virtual void destroy_event(EventHandle event) noexcept = 0;
 
   /// What follows is queued on a stream and done in its order.
@@ -68,6 +72,9 @@ class DeviceApi {
   virtual void synchronize(StreamHandle stream) = 0;
   /// Returns when what was last recorded in the event is done.
   virtual void await(EventHandle event) = 0;
+
+  /// Time from one timing event to another, as last recorded; nothing while either is not done.
+  virtual std::optional<double> microseconds(EventHandle from, EventHandle to) = 0;
 
   /// Marks a range of host work for a profiler.
   virtual void push_range(const char*) noexcept {}

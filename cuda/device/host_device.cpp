@@ -23,6 +23,15 @@ constexpr std::size_t kAlignment = 256;
 
 }  // namespace
 
+std::shared_ptr<HostDevice> shared_host_device() {
+  static std::mutex mutex;
+  static std::weak_ptr<HostDevice> shared;
+  const std::lock_guard lock(mutex);
+  std::shared_ptr<HostDevice> device = shared.lock();
+  if (device == nullptr) shared = device = std::make_shared<HostDevice>();
+  return device;
+}
+
 HostDevice::HostDevice(const HostDeviceOptions& options) : options_(options), random_(options.seed) {
   facts_ = {"emulated by the CPU", 4, std::size_t{227} << 10, std::size_t{228} << 10};
   streams_[nullptr] = std::make_unique<HostStream>();
@@ -87,10 +96,11 @@ void HostDevice::destroy_stream(StreamHandle stream) noexcept {
   if (stream != nullptr) streams_.erase(stream);
 }
 
-EventHandle HostDevice::create_event() {
+EventHandle HostDevice::create_event(EventUse use) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::create, "making an event");
   auto event = std::make_unique<HostEvent>();
+  event->use = use;
   EventHandle handle = event.get();
   events_[handle] = std::move(event);
   return handle;
@@ -165,7 +175,8 @@ void HostDevice::record(EventHandle event, StreamHandle stream) {
   HostEvent& target = event_of(event);
   target.mark = ++last_mark_;
   target.capture = stream_of(stream).capture;
-  queue(stream, {{}, target.mark, 0});
+  if (target.use == EventUse::timing) target.stamp = std::make_shared<Stamp>();
+  queue(stream, {{}, target.mark, 0, target.stamp});
 }
 
 void HostDevice::wait(StreamHandle stream, EventHandle event) {
@@ -203,6 +214,7 @@ void HostDevice::run_one_step() {
   chosen.steps.pop_front();
   if (step.work) step.work();
   if (step.set != 0) marks_.insert(step.set);
+  if (step.stamp) *step.stamp = std::chrono::steady_clock::now();
 }
 
 void HostDevice::begin_wait() {
@@ -232,6 +244,14 @@ void HostDevice::await(EventHandle event) {
   if (target.capture != nullptr) fail("a synchronisation with an event that is being captured");
   begin_wait();
   while (target.mark != 0 && marks_.count(target.mark) == 0) run_one_step();
+}
+
+std::optional<double> HostDevice::microseconds(EventHandle from, EventHandle to) {
+  const std::lock_guard lock(mutex_);
+  const HostEvent &first = event_of(from), &second = event_of(to);
+  if (!first.stamp || !second.stamp) fail("the time of an event that was never recorded, or not made for timing");
+  if (!*first.stamp || !*second.stamp) return std::nullopt;
+  return std::chrono::duration<double, std::micro>(**second.stamp - **first.stamp).count();
 }
 
 void HostDevice::begin_capture(StreamHandle stream) {

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <set>
 #include <vector>
@@ -40,7 +42,7 @@ class HostDevice final : public DeviceApi {
   void release_pinned(void* memory) noexcept override { release(memory); }
   StreamHandle create_stream() override;
   void destroy_stream(StreamHandle stream) noexcept override;
-  EventHandle create_event() override;
+  EventHandle create_event(EventUse use) override;
   void destroy_event(EventHandle event) noexcept override;
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
@@ -50,6 +52,7 @@ class HostDevice final : public DeviceApi {
   bool capturing(StreamHandle stream) override;
   void synchronize(StreamHandle stream) override;
   void await(EventHandle event) override;
+  std::optional<double> microseconds(EventHandle from, EventHandle to) override;
 
   /// What was captured; may be launched any number of times.
   class Graph;
@@ -68,11 +71,16 @@ class HostDevice final : public DeviceApi {
   [[nodiscard]] std::size_t live_handles() const { return streams_.size() + events_.size() - 1; }
 
  private:
+  /// When a recorded event happened; nothing until then.
+  using Stamp = std::optional<std::chrono::steady_clock::time_point>;
+
   /// A point of a stream: work, or a mark set, or a mark waited for.
   struct Step {
     std::function<void()> work;
     std::uint64_t set = 0;    ///< mark that this step sets, 0: none
     std::uint64_t after = 0;  ///< mark that must be set before, 0: none
+    /// set when the step is done, if somebody times it
+    std::shared_ptr<Stamp> stamp = nullptr;
   };
   struct HostStream {
     std::deque<Step> steps;
@@ -81,6 +89,8 @@ class HostDevice final : public DeviceApi {
   struct HostEvent {
     std::uint64_t mark = 0;    ///< last recorded; 0: never
     Graph* capture = nullptr;  ///< the capture it was recorded in, if any
+    EventUse use = EventUse::ordering;
+    std::shared_ptr<Stamp> stamp = nullptr;  ///< of the last time it was recorded
   };
 
   HostStream& stream_of(StreamHandle stream);
@@ -106,6 +116,9 @@ class HostDevice final : public DeviceApi {
   int calls_[kDeviceCalls] = {};
   int fail_at_[kDeviceCalls] = {-1, -1, -1, -1, -1};
 };
+
+/// The host device that Device::emulated() stands for: one for the process, as a GPU is, while anybody uses it.
+std::shared_ptr<HostDevice> shared_host_device();
 
 class HostDevice::Graph {
  private:

@@ -11,6 +11,7 @@ struct SolveKernels {
   KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_bundles.hpp)
   KernelRef dense;    ///< one team per environment, dense system                  (programs/solve_teams.hpp)
   KernelRef sparse;   ///< one team per environment, sparse system
+  KernelRef factor;   ///< one team per environment, factor and velocity
 };
 
 /// A solver's kernels by precision (Precision) and law (Law).
@@ -24,6 +25,7 @@ struct PlanKernels {
   KernelRef inspect;  ///< soundness, cones by kind, path, class, canonical order   (programs/plan_program.hpp)
   KernelRef sort;     ///< environments by class, most expensive class first
   KernelRef color;    ///< order and colours of sparse environments
+  KernelRef islands;  ///< islands of all environments
 };
 
 /// The warm-start store, in one precision (programs/warm_start_program.hpp).

@@ -88,7 +88,7 @@ class Stream {
 
 class Event {
  public:
-  explicit Event(DeviceApi& api) : api_(&api), handle_(api.create_event()) {}
+  explicit Event(DeviceApi& api, EventUse use = EventUse::ordering) : api_(&api), handle_(api.create_event(use)) {}
   ~Event() { api_->destroy_event(handle_); }
   Event(const Event&) = delete;
   Event& operator=(const Event&) = delete;

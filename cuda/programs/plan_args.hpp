@@ -24,8 +24,8 @@ struct PlanArrays {
   Offset* class_begin;         ///< the same of each class                                         (kSizeClasses + 1)
   Offset* ticket;              ///< per class, pieces of work taken                                (kSizeClasses)
   Offset* sort_scratch;        ///<                                             (count_sort_scratch)
-  Index* color_scratch;        ///< of each team that colours                                      (teams * slot)
-  Offset color_slot;           ///< integers of it for one team
+  Index* graph_scratch;        ///< of each team that colours or finds islands                     (teams * slot)
+  Offset graph_slot;           ///< integers of it for one team
 
   [[nodiscard]] PlanView view() const {
     return {path,          counts,     cone_order, env_vertex_offsets, vertex_offsets, env_vertex_offsets,
@@ -33,11 +33,23 @@ struct PlanArrays {
   }
 };
 
+/// What finding islands is given.
+struct IslandArgs {
+  ContactBatchView<float> batch;
+  Index* island;  ///<                                                                             (cones)
+  Index* count;   ///<                                                                             (envs)
+  Index most_rows;
+  Offset most_nonzeros;
+  Index* scratch;  ///< of each team                                                                (teams * slot)
+  Offset slot;
+};
+
 /// What the scheduler's kernels are given. Of the batch they read integers only, so one precision serves both.
 struct PlanArgs {
   ContactBatchView<float> batch;
   PlanArrays plan;
   Index most_rows;       ///< of an environment; a larger one is flagged kFlagNoRoom
+  Index most_dofs;       ///< the same of the columns of its factor, if it has one
   Offset most_nonzeros;  ///< the same of its stored entries, if it is sparse
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/body/count_sort_body.hpp"
+#include "core/body/islands_body.hpp"
 #include "core/body/plan_body.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/plan_args.hpp"
@@ -50,7 +51,10 @@ struct InspectEnvironments {
     StructureView s{};
     if (sound) s = structure_of(batch, env);
     EnvPath path = sound ? path_of(s) : EnvPath::empty;
-    const bool fits = s.rows <= args.most_rows && (path != EnvPath::sparse || s.entry_span() <= args.most_nonzeros);
+    const Index dofs = sound ? batch.env_dofs(env) : 0;
+    if (dofs > 0) path = EnvPath::factor;
+    const bool fits = s.rows <= args.most_rows && dofs <= args.most_dofs &&
+                      (path != EnvPath::sparse || s.entry_span() <= args.most_nonzeros);
     const std::uint32_t flags = !sound ? kFlagBadStructure : !fits ? kFlagNoRoom : 0U;
     if (flags != 0) path = EnvPath::empty;
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
@@ -97,7 +101,28 @@ struct ColorEnvironments {
          position += id.count) {
       const Offset env = plan.order[position];
       plan_sparse(team, structure_of(batch, env), target_of(args, env, batch.env_cone_offsets[env]),
-                  plan.color_scratch + id.index * plan.color_slot);
+                  plan.graph_scratch + id.index * plan.graph_slot);
+    }
+  }
+};
+
+/// Islands of every environment, a team each. What is broken or beyond the capacity has none.
+struct FindIslands {
+  using Args = cuda::IslandArgs;
+  static constexpr bool kSerial = false;
+
+  template <class Team>
+  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+    const ContactBatchView<float> batch = with_totals(args.batch);
+    for (Offset env = id.index; env < batch.env_count; env += id.count) {
+      Index found = 0;
+      if (structure_is_sound(team, batch, env)) {
+        const StructureView s = structure_of(batch, env);
+        if (s.rows > 0 && s.rows <= args.most_rows && s.entry_span() <= args.most_nonzeros)
+          found =
+              number_islands(team, s, args.island + batch.env_cone_offsets[env], args.scratch + id.index * args.slot);
+      }
+      single(team, [&] { args.count[env] = found; });
     }
   }
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/body/dense_system.hpp"
+#include "core/body/factor_system.hpp"
 #include "core/body/job_slice.hpp"
 #include "core/body/solve_body.hpp"
 #include "core/body/sparse_system.hpp"
@@ -32,6 +33,9 @@ struct SolveTeams {
       const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
       if constexpr (kPath == EnvPath::dense) {
         DenseSystem<Real> system(env.counts, Method::kVectors, memory);
+        solve_environment<Method, kLaw>(team, env, system, params, rule);
+      } else if constexpr (kPath == EnvPath::factor) {
+        FactorSystem<Real> system(env, Method::kVectors, memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else {
         SparseSystem<Real> system(env, Method::kVectors, memory);

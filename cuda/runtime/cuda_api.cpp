@@ -88,10 +88,11 @@ StreamHandle CudaApi::create_stream() {
 void CudaApi::destroy_stream(StreamHandle stream) noexcept {
   cudaStreamDestroy(stream_of(stream));
 }
-EventHandle CudaApi::create_event() {
+EventHandle CudaApi::create_event(EventUse use) {
   const DeviceGuard device(ordinal_);
   cudaEvent_t event = nullptr;
-  STICTION_CUDA_TRY(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
+  STICTION_CUDA_TRY(
+      cudaEventCreateWithFlags(&event, use == EventUse::timing ? cudaEventDefault : cudaEventDisableTiming));
   return event;
 }
 void CudaApi::destroy_event(EventHandle event) noexcept {
@@ -171,6 +172,18 @@ void CudaApi::synchronize(StreamHandle stream) {
 }
 void CudaApi::await(EventHandle event) {
   STICTION_CUDA_TRY(cudaEventSynchronize(event_of(event)));
+}
+
+std::optional<double> CudaApi::microseconds(EventHandle from, EventHandle to) {
+  const DeviceGuard device(ordinal_);
+  float milliseconds = 0;
+  const cudaError_t error = cudaEventElapsedTime(&milliseconds, event_of(from), event_of(to));
+  if (error == cudaErrorNotReady) {
+    cudaGetLastError();
+    return std::nullopt;
+  }
+  STICTION_CUDA_TRY(error);
+  return 1000.0 * static_cast<double>(milliseconds);
 }
 
 void CudaApi::push_range(const char* name) noexcept {

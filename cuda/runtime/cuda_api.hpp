@@ -26,7 +26,7 @@ class CudaApi final : public DeviceApi {
   void release_pinned(void* memory) noexcept override;
   StreamHandle create_stream() override;
   void destroy_stream(StreamHandle stream) noexcept override;
-  EventHandle create_event() override;
+  EventHandle create_event(EventUse use) override;
   void destroy_event(EventHandle event) noexcept override;
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
@@ -36,6 +36,7 @@ class CudaApi final : public DeviceApi {
   bool capturing(StreamHandle stream) override;
   void synchronize(StreamHandle stream) override;
   void await(EventHandle event) override;
+  std::optional<double> microseconds(EventHandle from, EventHandle to) override;
   void push_range(const char* name) noexcept override;
   void pop_range() noexcept override;
 

@@ -96,9 +96,9 @@ class DeviceBatch {
 
 /// The larger of two capacities, member by member.
 inline Capacity larger(const Capacity& a, const Capacity& b) {
-  return {std::max(a.envs, b.envs),          std::max(a.rows, b.rows),         std::max(a.cones, b.cones),
-          std::max(a.nonzeros, b.nonzeros),  std::max(a.env_rows, b.env_rows), std::max(a.env_nonzeros, b.env_nonzeros),
-          std::max(a.precision, b.precision)};
+  return {std::max(a.envs, b.envs),         std::max(a.rows, b.rows),          std::max(a.cones, b.cones),
+          std::max(a.nonzeros, b.nonzeros), std::max(a.env_rows, b.env_rows),  std::max(a.env_nonzeros, b.env_nonzeros),
+          std::max(a.env_dofs, b.env_dofs), std::max(a.precision, b.precision)};
 }
 
 }  // namespace stiction::test

@@ -8,7 +8,9 @@
 #include <thrust/sort.h>
 #endif
 
+#include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
+#include "core/schedule/structure_view.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/device_batch.hpp"
@@ -107,6 +109,38 @@ TEST(DevicePlan, integers_are_the_hosts_on_every_scene) {
   plan_on(device, ragged_batch(8, 1), "ragged");
   plan_on(device, scene_batch("mixed", 300, 3), "mixed");
   plan_on(device, scene_batch("pile", 3, 3, 500), "pile");
+}
+
+TEST(DevicePlan, islands_are_the_hosts) {
+  std::mt19937 random(6);
+  for (int k = 0; k < 200; ++k) {
+    const ContactBatch<double> batch = random_structures(random);
+    const Capacity need = Capacity::of(batch.view());
+    cuda::HostDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
+    cuda::Engine engine(device);
+    engine.reserve(need, SolverKind::pgs, Precision::f32);
+    const Islands host = find_islands(batch.view());
+    std::vector<Index> island(host.island.size(), -1), count(host.count.size(), -1);
+    engine.islands(structure_view(batch.view()), island.data(), count.data(), nullptr);
+    device.synchronize(nullptr);
+    EXPECT_EQ(island, host.island);
+    EXPECT_EQ(count, host.count);
+  }
+}
+
+TEST(DevicePlan, islands_are_found_through_the_solver) {
+  const ContactBatch<double> batch = ragged_batch(3, 2);
+  const Islands host = find_islands(batch.view());
+  ContactBatchView<double> there = batch.view();
+  there.space = MemorySpace::cuda;
+  for (const Device device : {Device::cpu(), Device::emulated()}) {
+    const Solver solver(device, {}, Capacity::of(batch.view()));
+    std::vector<Index> island(host.island.size(), -1), count(host.count.size(), -1);
+    solver.islands(device.kind == DeviceKind::cpu ? batch.view() : there, island.data(), count.data());
+    solver.synchronize();
+    EXPECT_EQ(island, host.island);
+    EXPECT_EQ(count, host.count);
+  }
 }
 
 TEST(SizeClasses, keys_order_classes_and_then_sizes) {

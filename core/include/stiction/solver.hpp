@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -62,6 +63,8 @@ enum class InvalidPolicy : std::uint8_t {
   isolate,  ///< that environment is flagged and gets zeros; no other environment's bits change
 };
 
+class Tracer;
+
 struct SolverOptions {
   SolverKind solver = SolverKind::npgs;
   std::optional<Law> law;       ///< overrides the batch's law
@@ -71,6 +74,7 @@ struct SolverOptions {
   double omega = 1.0;           ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
   int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
+  Tracer* tracer = nullptr;     ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: nobody
 };
 
 /// Where a solve writes; same memory space as the batch.
@@ -89,7 +93,8 @@ struct Capacity {
   Offset cones = 0;
   Offset nonzeros = 0;
   Index env_rows = 0;        ///< rows of the largest environment
-  Offset env_nonzeros = 0;   ///< stored entries of the largest sparse environment (more than 64 rows)
+  Offset env_nonzeros = 0;   ///< stored entries of the environment with the most
+  Index env_dofs = 0;        ///< columns of the widest factor (docs/jacobian.md)
   Precision precision = Precision::f32;  ///< the widest that batches will have
 
   /// What a host batch needs.
@@ -145,8 +150,31 @@ class Solver {
   void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;
 
+  /// Islands of every environment: which of its cones act on one another, however indirectly (by a stored entry, either
+  /// way round and whatever its value, or as neighbours of one group). `island` gets each cone's, numbered 0, 1, ... by
+  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken (env_count). A batch in
+  /// device memory is searched there, within the solver's capacity, asynchronously on `stream`.
+  /// \throws Error(invalid_argument) as solve() does.
+  template <class Real>
+  void islands(const ContactBatchView<Real>& batch, Index* island, Index* count,
+               StreamRef stream = StreamRef::default_stream()) const;
+
   /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
+
+  /// A packed copy on the host of a batch wherever it is: what padded arrays leave unused is left out. Waits for what
+  /// was queued on `stream`. \throws Error(invalid_argument) if the structure is broken, Error(unsupported) if the
+  /// normal comes last, or for factors or a shared mu in device memory.
+  template <class Real>
+  [[nodiscard]] ContactBatch<Real> to_host(const ContactBatchView<Real>& batch,
+                                           StreamRef stream = StreamRef::default_stream()) const;
+  /// Copies an array that is in the memory of a batch of that space to `target`, which has the length to be copied.
+  /// Waits for what was queued on `stream`.
+  template <class T>
+  void to_host(std::span<T> target, const T* source, MemorySpace space,
+               StreamRef stream = StreamRef::default_stream()) const {
+    copy_to_host(target.data(), source, target.size_bytes(), space, stream);
+  }
 
   [[nodiscard]] const SolverOptions& options() const noexcept { return options_; }
   [[nodiscard]] Device device() const noexcept { return device_; }
@@ -154,6 +182,7 @@ class Solver {
  private:
   template <class Real>
   void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
+  void copy_to_host(void* target, const void* source, std::size_t bytes, MemorySpace space, StreamRef stream) const;
 
   Device device_;
   SolverOptions options_;

@@ -11,5 +11,6 @@
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
+#include "stiction/trace.hpp"
 #include "stiction/types.hpp"
 #include "stiction/warm_start.hpp"
