@@ -37,7 +37,7 @@ struct FactorSystem : FileOrderSystem<RealType> {
 
   /// Part p of row i of Y times u.
   template <bool kAbsolute = false>
-  [[nodiscard]] STICTION_HD Real partial(Index i, Index p) const {
+  [[nodiscard]] STICTION_HD_OUTLINE Real partial(Index i, Index p) const {
     const Real* const entry = row(i);
     Real sum(0);
     for (Index k = p; k < dofs; k += kRowParts) sum = fma_(kAbsolute ? abs_(entry[k]) : entry[k], u[k], sum);
@@ -46,7 +46,7 @@ struct FactorSystem : FileOrderSystem<RealType> {
 
   /// All parts of it, one after the other in memory.
   template <bool kAbsolute = false>
-  STICTION_HD void partials(Index i, Real* sum) const {
+  STICTION_HD_OUTLINE void partials(Index i, Real* sum) const {
     const Real* const entry = row(i);
     for (Index p = 0; p < kRowParts; ++p) sum[p] = Real(0);
     Index k = 0;
@@ -62,7 +62,7 @@ struct FactorSystem : FileOrderSystem<RealType> {
 
   /// u = Y' in, each entry summed over rows in order; with |Y| on request.
   template <bool kAbsolute = false, Block B>
-  STICTION_HD void project(B& block, Strided<Real, 1> in) const {
+  STICTION_HD_OUTLINE void project(B& block, Strided<Real, 1> in) const {
     constexpr Index kTile = B::kRowTile;
     for_each(block, (dofs + kTile - 1) / kTile, [&](Index tile) {
       const Index first = tile * kTile;

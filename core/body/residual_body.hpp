@@ -55,13 +55,13 @@ template <class Real>
 struct FactorRows {
   const EnvView<Real>* env;
   const double* velocity;
-  [[nodiscard]] STICTION_HD double motion(Index row, double start) const {
+  [[nodiscard]] STICTION_HD_OUTLINE double motion(Index row, double start) const {
     const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
     double sum = start;
     for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), velocity[k], sum);
     return sum;
   }
-  [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const {
+  [[nodiscard]] STICTION_HD_OUTLINE double diagonal(Index row, double start) const {
     const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
     double sum = start;
     for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), static_cast<double>(y[k]), sum);
