@@ -3,11 +3,12 @@
 #include <new>
 #include <string>
 
-#include "core/runtime/backend.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/runtime/backend.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
 #include "cpu_fallback/thread_pool.hpp"
+#include "stiction/trace.hpp"
 
 namespace stiction {
 
@@ -36,10 +37,26 @@ class Scratch {
   Offset capacity_ = 0;
 };
 
+const char* name_of(EnvPath path) {
+  switch (path) {
+    case EnvPath::empty:
+      return "empty";
+    case EnvPath::dense:
+      return "dense";
+    case EnvPath::sparse:
+      return "sparse";
+    case EnvPath::factor:
+      return "factor";
+  }
+  return "?";
+}
+
 class CpuBackend final : public Backend {
  public:
   void solve(const SolveRequest<float>& request) override { run(request); }
   void solve(const SolveRequest<double>& request) override { run(request); }
+  void* allocate(std::size_t bytes) override { return ::operator new (bytes, std::align_val_t{64}); }
+  void release(void* memory) noexcept override { ::operator delete (memory, std::align_val_t{64}); }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
     std::memcpy(target, source, bytes);
   }
@@ -81,6 +98,9 @@ class CpuBackend final : public Backend {
     std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
+      const ScopedSpan span(options.tracer, item.packed ? "pack" : "one by one",
+                            name_of(plan.path[static_cast<std::size_t>(item.envs.front())]), worker,
+                            static_cast<std::int64_t>(item.envs.size()));
       Scratch<Real>& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
         kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,

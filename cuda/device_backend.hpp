@@ -20,6 +20,8 @@ class DeviceBackend final : public Backend {
   void reserve(const Capacity& capacity, SolverKind solver) override;
   void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) override;
   void synchronize(StreamRef stream) override;
+  void* allocate(std::size_t bytes) override { return api_->allocate(bytes); }
+  void release(void* memory) noexcept override { api_->release(memory); }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) override;
 
   [[nodiscard]] DeviceApi& api() noexcept { return *api_; }

@@ -30,6 +30,9 @@ class Backend {
   virtual void reserve(const Capacity&, SolverKind) {}
   /// Finds the islands of a batch in this machine's memory; only its integers are looked at.
   virtual void islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) {}
+  /// Memory of this machine. \throws Error(out_of_memory).
+  virtual void* allocate(std::size_t bytes) = 0;
+  virtual void release(void* memory) noexcept = 0;
   /// Returns when the work on `stream` is done. \throws its error.
   virtual void synchronize(StreamRef) {}
   /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.

@@ -140,12 +140,25 @@ template <class Real>
 void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    StreamRef stream) const {
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
-  if (batch.space == MemorySpace::host) reject(validate_structure(batch, 1));
-  check_request(batch, solution);
+  check(batch, solution);
   const std::optional<PlanData> data =
       device_.kind == DeviceKind::cpu ? std::optional<PlanData>(traced_plan(batch, options_.tracer)) : std::nullopt;
   backend_->solve(SolveRequest<Real>{data ? &*data : nullptr, batch, solution, warm_start,
                                      options_.law.value_or(batch.law), options_, stream});
+}
+
+template <class Real>
+void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
+  if (batch.space == MemorySpace::host) reject(validate_structure(batch, 1));
+  check_request(batch, solution);
+}
+
+template <class Real>
+std::shared_ptr<Real> Solver::make_array(Offset count) const {
+  if (count < 0) fail("count = " + std::to_string(count) + ": give a number of elements >= 0");
+  const std::shared_ptr<Backend> backend = backend_;
+  void* const memory = backend->allocate(static_cast<std::size_t>(std::max<Offset>(count, 1)) * sizeof(Real));
+  return {static_cast<Real*>(memory), [backend](Real* array) { backend->release(array); }};
 }
 
 template <class Real>
@@ -205,6 +218,10 @@ template void Solver::solve(const ContactBatchView<double>&, const SolutionView<
                             StreamRef) const;
 template void Solver::islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) const;
 template void Solver::islands(const ContactBatchView<double>&, Index*, Index*, StreamRef) const;
+template void Solver::check(const ContactBatchView<float>&, const SolutionView<float>&) const;
+template void Solver::check(const ContactBatchView<double>&, const SolutionView<double>&) const;
+template std::shared_ptr<float> Solver::make_array(Offset) const;
+template std::shared_ptr<double> Solver::make_array(Offset) const;
 template Capacity Capacity::of(const ContactBatchView<float>&);
 template Capacity Capacity::of(const ContactBatchView<double>&);
 template Solution<float> solve(const ContactBatch<float>&, const SolverOptions&, Device, std::span<const float>);

@@ -74,7 +74,7 @@ struct SolverOptions {
   double omega = 1.0;           ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
   int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
-  Tracer* tracer = nullptr;     ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: nobody
+  Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: nobody
 };
 
 /// Where a solve writes; same memory space as the batch.
@@ -85,16 +85,16 @@ struct SolutionView {
   EnvStatus* status = nullptr;  ///< one record each              (env_count)
 };
 
-/// Room that a solver on a GPU has: what fits is solved without allocating or waiting, so that the solve can be captured
-/// into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
+/// Room that a solver on a GPU has: what fits is solved without allocating or waiting, so that the solve can be
+/// captured into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
 struct Capacity {
   Offset envs = 0;
-  Offset rows = 0;           ///< of a batch, and so on
+  Offset rows = 0;  ///< of a batch, and so on
   Offset cones = 0;
   Offset nonzeros = 0;
-  Index env_rows = 0;        ///< rows of the largest environment
-  Offset env_nonzeros = 0;   ///< stored entries of the environment with the most
-  Index env_dofs = 0;        ///< columns of the widest factor (docs/jacobian.md)
+  Index env_rows = 0;                    ///< rows of the largest environment
+  Offset env_nonzeros = 0;               ///< stored entries of the environment with the most
+  Index env_dofs = 0;                    ///< columns of the widest factor (docs/jacobian.md)
   Precision precision = Precision::f32;  ///< the widest that batches will have
 
   /// What a host batch needs.
@@ -152,12 +152,21 @@ class Solver {
 
   /// Islands of every environment: which of its cones act on one another, however indirectly (by a stored entry, either
   /// way round and whatever its value, or as neighbours of one group). `island` gets each cone's, numbered 0, 1, ... by
-  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken (env_count). A batch in
-  /// device memory is searched there, within the solver's capacity, asynchronously on `stream`.
-  /// \throws Error(invalid_argument) as solve() does.
+  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken (env_count). A batch
+  /// in device memory is searched there, within the solver's capacity, asynchronously on `stream`. \throws
+  /// Error(invalid_argument) as solve() does.
   template <class Real>
   void islands(const ContactBatchView<Real>& batch, Index* island, Index* count,
                StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Throws what solve() without a plan throws for these arguments, but for the capacity; writes nothing.
+  template <class Real>
+  void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
+
+  /// Memory on the solver's device (on the host for the CPU) for `count` numbers, given back with the last copy of the
+  /// pointer. \throws Error(out_of_memory).
+  template <class Real>
+  [[nodiscard]] std::shared_ptr<Real> make_array(Offset count) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
@@ -186,7 +195,7 @@ class Solver {
 
   Device device_;
   SolverOptions options_;
-  std::unique_ptr<Backend> backend_;
+  std::shared_ptr<Backend> backend_;
 };
 
 /// Host solution with owned memory: plan and solve in one call.

@@ -11,6 +11,7 @@
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
+#include "stiction/stepping.hpp"
 #include "stiction/trace.hpp"
 #include "stiction/types.hpp"
 #include "stiction/warm_start.hpp"
