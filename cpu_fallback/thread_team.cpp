@@ -12,7 +12,8 @@ namespace stiction::cpu {
 
 namespace {
 
-/// Looks at the phase before a waiter yields: some microseconds, longer than a phase of a large scene is uneven.
+/// Looks at the phase before a waiter yields, some hundred microseconds: on a busy machine a yield costs whole turns of
+/// everybody else, at every barrier.
 constexpr int kSpins = 4000;
 
 void pause() {

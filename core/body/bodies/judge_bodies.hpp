@@ -83,7 +83,7 @@ STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, cons
   return block.max(largest);
 }
 
-/// Writes impulses and twists. With `add` the impulses of earlier sub-steps are in env.impulse.
+/// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s) {
   share_out(block, s.contacts, [&](Index p) {
