@@ -1,22 +1,51 @@
-# stiction_add_ptx_gate(target): a test that compiles every .cu file of the target to PTX, with the build's own command
-# for it, and reads the result (tools/check_ptx.py). Needs nvcc and no GPU.
-function(stiction_add_ptx_gate target)
+# What the objects of a CUDA target must show, read from the objects themselves (tools/fatbin.py): nothing is compiled
+# a second time. Needs Python and no GPU.
+
+# stiction_keep_ptx(target): the target's objects hold, next to the machine code of each architecture, the PTX it was
+# made from, and hold it as text. nvcc writes that PTX anyway. For builds with tests; others do without.
+function(stiction_keep_ptx target)
+  set(real)
+  set(virtual)
+  foreach(arch IN LISTS CMAKE_CUDA_ARCHITECTURES)
+    if(NOT arch MATCHES "^([0-9]+)(-real|-virtual)?$")
+      return()
+    endif()
+    if(CMAKE_MATCH_2 STREQUAL "-virtual")
+      list(APPEND virtual "${CMAKE_MATCH_1}")
+    else()
+      list(APPEND real "${CMAKE_MATCH_1}")
+    endif()
+  endforeach()
+  list(REMOVE_DUPLICATES real)
+  list(REMOVE_ITEM virtual ${real})
+  set(archs ${real} ${virtual})
+  list(TRANSFORM virtual APPEND "-virtual")
+  set(named ${real} ${virtual})
+  set_target_properties(${target} PROPERTIES CUDA_ARCHITECTURES "${named}"
+                                             STICTION_REAL_ARCHS "${real}" STICTION_PTX_ARCHS "${archs}")
+  target_compile_options(${target} PRIVATE "$<$<COMPILE_LANGUAGE:CUDA>:--no-compress>")
+endfunction()
+
+# stiction_add_object_gates(target): two tests over the target's objects. ptx_gate reads the PTX of every architecture
+# (tools/check_ptx.py), ptxas_gate the machine code (tools/check_ptxas.py, cuda/runtime/kernel_budget.csv).
+function(stiction_add_object_gates target)
   find_package(Python3 QUIET COMPONENTS Interpreter)
-  if(NOT Python3_FOUND)
-    message(STATUS "stiction: no Python interpreter, the PTX gate is not part of the tests")
+  get_target_property(ptx ${target} STICTION_PTX_ARCHS)
+  get_target_property(real ${target} STICTION_REAL_ARCHS)
+  if(NOT Python3_FOUND OR NOT ptx OR NOT CMAKE_GENERATOR MATCHES "Ninja|Makefiles")
+    message(STATUS "stiction: no Python interpreter, no numbered CUDA architectures or no compile_commands.json: the "
+                   "gates over the CUDA objects are not part of the tests")
     return()
   endif()
-  if(NOT CMAKE_GENERATOR MATCHES "Ninja|Makefiles")
-    message(STATUS "stiction: ${CMAKE_GENERATOR} writes no compile_commands.json, the PTX gate is not part of the tests")
-    return()
-  endif()
-  get_target_property(sources ${target} SOURCES)
-  get_target_property(folder ${target} SOURCE_DIR)
-  list(FILTER sources INCLUDE REGEX "\\.cu$")
-  list(TRANSFORM sources PREPEND "${folder}/" REGEX "^[^/]")
-  add_test(NAME ptx_gate
-           COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptx.py"
-                   --compile-commands "${CMAKE_BINARY_DIR}/compile_commands.json" --arch 80 --arch 90
-                   --out "${CMAKE_BINARY_DIR}/ptx" ${sources})
-  set_tests_properties(ptx_gate PROPERTIES LABELS "ptx" TIMEOUT 900 PROCESSORS 2)
+  set(objects "$<FILTER:$<TARGET_OBJECTS:${target}>,INCLUDE,[.]cu[.]o>")
+  list(TRANSFORM ptx PREPEND "--arch=")
+  list(TRANSFORM real PREPEND "--arch=")
+  add_test(NAME ptx_gate COMMAND_EXPAND_LISTS
+           COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptx.py" ${ptx}
+                   --compile-commands "${CMAKE_BINARY_DIR}/compile_commands.json" "${objects}")
+  add_test(NAME ptxas_gate COMMAND_EXPAND_LISTS
+           COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptxas.py" ${real}
+                   --budget "${PROJECT_SOURCE_DIR}/cuda/runtime/kernel_budget.csv"
+                   --compiler "${CMAKE_CUDA_COMPILER_VERSION}" "${objects}")
+  set_tests_properties(ptx_gate ptxas_gate PROPERTIES LABELS "ptx" TIMEOUT 300 SKIP_RETURN_CODE 77)
 endfunction()

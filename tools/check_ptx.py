@@ -1,26 +1,30 @@
 #!/usr/bin/env python3
-"""Compiles CUDA sources to PTX and checks that every float operation rounds once, to nearest, where it is written.
+"""Reads the PTX in the objects of the CUDA build and checks that every float operation rounds once, to nearest, where it
+is written.
 
-    check_ptx.py FILE.ptx ...                                   check PTX that is there
-    check_ptx.py --compile-commands BUILD/compile_commands.json --arch 80 --arch 90 --out DIR SOURCE.cu ...
+    check_ptx.py --compile-commands BUILD/compile_commands.json --arch 80 --arch 90 OBJECT ...
+    check_ptx.py FILE.ptx ...                                   PTX that nvcc -ptx wrote
     check_ptx.py --self-test
 
-In the second form each source is compiled with the command that the build uses for it, word for word, except that it
-ends in PTX for one architecture. Needs nvcc, no GPU. Why these rules: docs/numerics.md. Exit status 1 on a finding.
+The PTX that is checked is the text from which ptxas made the machine code beside it: nothing is compiled again, and no
+GPU is needed. Every object must hold PTX for every architecture named, with every kernel of its machine code. The
+compile commands show what PTX does not: the flags. Why these rules: docs/numerics.md. Exit status 1 on a finding.
 """
 
 import argparse
-import concurrent.futures
 import json
 import os
 import pathlib
 import re
 import shlex
-import subprocess
+import struct
 import sys
+
+import fatbin
 
 FLOAT = r"(?:f16|f16x2|bf16|bf16x2|f32|f32x2|tf32|f64)"
 INSTRUCTION = re.compile(r"^\s*(?:@!?%?\w+\s+)?([a-z][a-z0-9_]*(?:\.[A-Za-z0-9_:]+)+)")
+ENTRY = re.compile(r"^\s*(?:\.visible\s+|\.weak\s+)?\.entry\s+(\w+)", re.M)
 FUNCTION = re.compile(r"\.(?:entry|func)\s+(?:\([^)]*\)\s*)?(\w+)")
 ROUNDED = {"add", "sub", "mul", "mad", "fma", "div", "sqrt", "rcp"}
 APPROXIMATE = {"rsqrt", "sin", "cos", "ex2", "lg2", "tanh"}
@@ -92,27 +96,6 @@ def check_text(text, label):
     return problems, seen
 
 
-def ptx_command(entry, arch, output):
-    """The build's command for one source, ending in PTX for one architecture."""
-    words = entry.get("arguments") or shlex.split(entry["command"])
-    kept = []
-    skip = 0
-    for index, word in enumerate(words):
-        if skip:
-            skip -= 1
-        elif word in {"-o", "-MF", "-MT", "-MQ", "-gencode", "--generate-code", "-arch", "-code"}:
-            skip = 1
-        elif re.match(r"(--generate-code=|-gencode=|-arch=|-code=|--gpu-architecture)", word):
-            continue
-        elif word in {"-c", "-dc", "-MD", "-MMD", "--compile", "-rdc=true"}:
-            continue
-        elif index == 0 and os.path.basename(word) == "ccache":
-            continue
-        else:
-            kept.append(word)
-    return kept + ["-ptx", f"-arch=compute_{arch}", "-o", str(output)]
-
-
 def flag_problem(command):
     """What the floating-point policy misses in a command, or None. Not seen in the PTX: a product and a sum that nvcc
     fused on its own look like an fma that was written."""
@@ -123,34 +106,54 @@ def flag_problem(command):
     return "is compiled with fast math" if re.search(r"fast.math|-Ofast", text) else None
 
 
-def compile_one(job):
-    entry, arch, output = job
-    output.parent.mkdir(parents=True, exist_ok=True)
-    command = ptx_command(entry, arch, output)
-    problem = flag_problem(command)
-    if problem:
-        return f"{entry['file']}: {problem}"
-    run = subprocess.run(command, cwd=entry["directory"], capture_output=True, text=True, check=False)
-    if run.returncode != 0:
-        return f"{entry['file']}: cannot be compiled to PTX for compute_{arch}:\n{' '.join(command)}\n{run.stderr}"
-    return None
+def object_commands(database):
+    """{object: words of the command that makes it}."""
+    commands = {}
+    for entry in json.loads(database.read_text()):
+        words = entry.get("arguments") or shlex.split(entry["command"])
+        if "-o" in words:
+            commands[os.path.realpath(os.path.join(entry["directory"], words[words.index("-o") + 1]))] = words
+    return commands
 
 
-def compile_all(database, sources, archs, out):
-    """Compiles every source for every architecture. Returns (PTX files, errors)."""
-    entries = {os.path.realpath(os.path.join(e["directory"], e["file"])): e for e in json.loads(database.read_text())}
-    jobs = []
-    errors = []
-    for source in sources:
-        entry = entries.get(os.path.realpath(source))
-        if entry is None:
-            errors.append(f"{source}: not in {database}; is it compiled by the build?")
+def object_texts(data, label, archs):
+    """([(label, PTX)], problems) of one object."""
+    texts, problems = [], []
+    ptx = fatbin.images(data, label, fatbin.PTX)
+    machine = fatbin.images(data, label, fatbin.ELF)
+    for arch in archs:
+        text = "\n".join(fatbin.ptx_text(image) for image in ptx if image.arch == arch)
+        entries = set(ENTRY.findall(text))
+        if not entries:
+            problems.append(f"{label}: no kernel's PTX for compute_{arch} is in it")
             continue
-        for arch in archs:
-            jobs.append((entry, arch, out / f"sm_{arch}" / (pathlib.Path(source).name + ".ptx")))
-    with concurrent.futures.ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        errors += [e for e in pool.map(compile_one, jobs) if e]
-    return [output for _, _, output in jobs if output.is_file()], errors
+        texts.append((f"{label}/compute_{arch}", text))
+        for image in machine:
+            if image.arch == arch:
+                missing = {kernel.name for kernel in fatbin.kernels(image.payload, label)} - entries
+                problems += [f"{label}: {name} has machine code for sm_{arch} and no PTX" for name in sorted(missing)]
+    return texts, problems
+
+
+def read_objects(objects, database, archs):
+    """([(label, PTX)], problems) of the objects and the commands that made them."""
+    commands = object_commands(database)
+    texts, problems = [], []
+    for path in objects:
+        command = commands.get(os.path.realpath(path))
+        if command is None:
+            problems.append(f"{path}: not in {database}; is it compiled by the build?")
+            continue
+        problem = flag_problem(command)
+        if problem:
+            problems.append(f"{path.name}: {problem}")
+        try:
+            found, missing = object_texts(path.read_bytes(), path.name, archs)
+            texts += found
+            problems += missing
+        except (OSError, fatbin.FatbinError) as error:
+            problems.append(str(error))
+    return texts, problems
 
 
 SELF_TEST = [
@@ -205,6 +208,15 @@ SELF_TEST = [
 ]
 
 
+def planted_object(texts):
+    """An object that holds PTX."""
+    body = b""
+    for arch, text in texts:
+        payload = text.encode() + b"\0\0"
+        body += struct.pack("<HHIQ12xI24x", fatbin.PTX, 0x101, 56, len(payload), int(arch)) + payload
+    return b"object" + struct.pack("<IHHQ", fatbin.FATBIN_MAGIC, 1, 16, len(body)) + body
+
+
 def self_test():
     failed = 0
     for line, good in SELF_TEST:
@@ -212,19 +224,22 @@ def self_test():
         if bool(problems) == good:
             print(f"self-test: '{line}' should be {'clean' if good else 'found'}, got {problems}")
             failed += 1
-    entry = {"command": "/usr/bin/ccache nvcc -DX=1 --generate-code=arch=compute_80,code=[sm_80] --fmad=false -MD -MT t "
-                        "-MF t.d -x cu -c a.cu -o a.o", "directory": ".", "file": "a.cu"}
-    words = ptx_command(entry, "90", pathlib.Path("a.ptx"))
-    expected = ["nvcc", "-DX=1", "--fmad=false", "-x", "cu", "a.cu", "-ptx", "-arch=compute_90", "-o", "a.ptx"]
-    if words != expected:
-        print(f"self-test: command became {words}")
-        failed += 1
     flags = ["nvcc", *REQUIRED_FLAGS]
     for command, good in [(flags, True), (flags[:1] + flags[2:], False), (flags + ["-use_fast_math"], False)]:
         if (flag_problem(command) is None) != good:
             print(f"self-test: {command} should be {'clean' if good else 'found'}")
             failed += 1
-    print(f"self-test: {len(SELF_TEST) + 4} cases, {failed} failed")
+    text = ".version 9.0\n.visible .entry k(\n)\n{\nadd.rn.f32 %f3, %f1, %f2;\n}\n"
+    one = planted_object([("90", text)])
+    for what, data, archs, good in [("one architecture", one, ["90"], True), ("an architecture too few", one, ["80", "90"], False),
+                                    ("two", planted_object([("80", text), ("90", text)]), ["80", "90"], True),
+                                    ("no kernel", planted_object([("90", ".version 9.0\n")]), ["90"], False),
+                                    ("no device code", b"object", ["90"], False)]:
+        texts, problems = object_texts(data, "planted.o", archs)
+        if bool(problems) == good or (good and [t for _, t in texts] != [text] * len(archs)):
+            print(f"self-test: {what}: {problems}, {texts}")
+            failed += 1
+    print(f"self-test: {len(SELF_TEST) + 8} cases, {failed} failed")
     return 1 if failed else 0
 
 
@@ -232,27 +247,28 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--self-test", action="store_true", help="check that planted instructions are found")
     parser.add_argument("--compile-commands", type=pathlib.Path, help="the build's compile_commands.json")
-    parser.add_argument("--arch", action="append", help="compute capability, as 80; may be repeated")
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("ptx"), help="where PTX files go")
-    parser.add_argument("files", nargs="*", help="PTX files, or .cu sources with --compile-commands")
+    parser.add_argument("--arch", action="append", help="compute capability that every object holds, as 90")
+    parser.add_argument("files", nargs="*", type=pathlib.Path, help="PTX files, or objects with --compile-commands")
     arguments = parser.parse_args()
     if arguments.self_test:
         return self_test()
     if not arguments.files:
         parser.error("no files given")
-    problems = []
-    ptx = [pathlib.Path(f) for f in arguments.files]
     if arguments.compile_commands:
-        ptx, problems = compile_all(arguments.compile_commands, arguments.files, arguments.arch or ["80", "90"],
-                                    arguments.out)
-    operations = 0
-    for file in ptx:
-        found, seen = check_text(file.read_text(), f"{file.parent.name}/{file.name}")
+        if not arguments.arch:
+            parser.error("--arch is needed with objects")
+        texts, problems = read_objects(arguments.files, arguments.compile_commands, arguments.arch)
+    else:
+        texts, problems = [(file.name, file.read_text()) for file in arguments.files], []
+    operations = entries = 0
+    for label, text in texts:
+        found, seen = check_text(text, label)
         problems += found
         operations += seen
+        entries += len(ENTRY.findall(text))
     for problem in problems[:200]:
         print(problem)
-    print(f"{len(ptx)} PTX files, {operations} rounded float operations, {len(problems)} problems")
+    print(f"{len(texts)} PTX texts, {entries} kernels, {operations} rounded float operations, {len(problems)} problems")
     if operations == 0:
         print("no float operation was seen at all: the kernels are missing from the PTX")
     return 1 if problems or operations == 0 else 0

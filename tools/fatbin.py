@@ -1,0 +1,124 @@
+"""Reads the device code out of objects that nvcc wrote: PTX and machine code, with what the latter says about its kernels.
+
+The container ("fatbin") is a header and images one after the other; machine code is an ELF file whose .nv.info
+sections hold attributes of kernels. Neither is documented by NVIDIA; both are checked here as far as they are used, so
+that a layout of another toolkit is an error and not a wrong number.
+"""
+
+import dataclasses
+import struct
+
+FATBIN_MAGIC = 0xBA55ED50
+PTX, ELF = 1, 2
+COMPRESSED = 0xE000  # bits of an image's flags: some method of compression
+EM_CUDA = 190
+KERNEL = 0x10  # a symbol's st_other
+STT_FUNC = 2
+# Attributes of .nv.info: number, and how its value is stored (4: a length and that many bytes).
+SIZED = 4
+MIN_STACK_SIZE, REGCOUNT, NUM_BARRIERS = 0x12, 0x2F, 0x4C
+INSTRUCTION_BYTES = 16  # since sm_70
+LOCAL_LOAD, LOCAL_STORE = 0x983, 0x387  # LDL and STL: the low twelve bits of an instruction
+
+
+class FatbinError(Exception):
+    """What is wrong with an object, in a sentence."""
+
+
+@dataclasses.dataclass
+class Image:
+    arch: str  # "90"
+    payload: bytes
+
+
+@dataclasses.dataclass
+class Kernel:
+    name: str  # mangled
+    registers: int
+    stack: int  # bytes of each thread
+    barriers: int
+    instructions: int
+    stack_accesses: int  # loads and stores to a thread's own stack: spilled registers and arrays that got no register
+    bytes: int
+
+
+def images(data, label, wanted):
+    """Every image of that kind in an object file."""
+    found = []
+    begin = data.find(struct.pack("<I", FATBIN_MAGIC))
+    while begin >= 0:
+        version, header, size = struct.unpack_from("<HHQ", data, begin + 4)
+        at, end = begin + header, begin + header + size
+        # The same four bytes may stand in code that embeds the container.
+        if version != 1 or header != 16 or end > len(data):
+            begin = data.find(struct.pack("<I", FATBIN_MAGIC), begin + 4)
+            continue
+        while at < end:
+            kind, _, header, size = struct.unpack_from("<HHIQ", data, at)
+            (arch,) = struct.unpack_from("<I", data, at + 28)
+            (flags,) = struct.unpack_from("<Q", data, at + 40)
+            if header < 48 or at + header + size > end:
+                raise FatbinError(f"{label}: the container of the device code has another layout than is known here")
+            if kind == wanted:
+                if flags & COMPRESSED:
+                    raise FatbinError(f"{label}: its device code is compressed; compile with --no-compress")
+                found.append(Image(str(arch), data[at + header:at + header + size]))
+            at += header + size
+        begin = data.find(struct.pack("<I", FATBIN_MAGIC), end)
+    return found
+
+
+def ptx_text(image):
+    return image.payload.rstrip(b"\0").decode()
+
+
+def attributes(section):
+    """(attribute, its bytes) of one .nv.info section."""
+    at = 0
+    while at + 4 <= len(section):
+        form, attribute, value = struct.unpack_from("<BBH", section, at)
+        at += 4
+        if form == SIZED:
+            yield attribute, section[at:at + value]
+            at += value
+        else:
+            yield attribute, struct.pack("<H", value)
+
+
+def kernels(cubin, label):
+    """Every kernel of one piece of machine code."""
+    if cubin[:4] != b"\x7fELF" or struct.unpack_from("<H", cubin, 18)[0] != EM_CUDA:
+        raise FatbinError(f"{label}: an image is not CUDA machine code")
+    (offset,) = struct.unpack_from("<Q", cubin, 40)
+    size, count, names = struct.unpack_from("<HHH", cubin, 58)
+    headers = [struct.unpack_from("<IIQQQQIIQQ", cubin, offset + i * size) for i in range(count)]
+
+    def text(table, position):
+        begin = headers[table][4] + position
+        return cubin[begin:cubin.index(b"\0", begin)].decode()
+
+    def content(header):
+        return cubin[header[4]:header[4] + header[5]]
+
+    sections = [text(names, header[0]) for header in headers]
+    symbols = sections.index(".symtab")
+    resources = {REGCOUNT: {}, MIN_STACK_SIZE: {}}
+    for attribute, value in attributes(content(headers[sections.index(".nv.info")])):
+        if attribute in resources:
+            symbol, number = struct.unpack("<II", value)
+            resources[attribute][symbol] = number
+    found = []
+    table = content(headers[symbols])
+    for index, symbol in enumerate(struct.iter_unpack("<IBBHQQ", table)):
+        if symbol[1] & 15 != STT_FUNC or not symbol[2] & KERNEL:
+            continue
+        name = text(headers[symbols][6], symbol[0])
+        code = content(headers[symbol[3]])
+        own = content(headers[sections.index(".nv.info." + name)])
+        barriers = [value[0] for attribute, value in attributes(own) if attribute == NUM_BARRIERS]
+        if any(index not in numbers for numbers in resources.values()) or len(code) % INSTRUCTION_BYTES != 0:
+            raise FatbinError(f"{label}: {name}: its registers and stack are not where they are known to be")
+        operations = [word & 0xFFF for word in memoryview(code).cast("Q")[::2].tolist()]
+        found.append(Kernel(name, resources[REGCOUNT][index], resources[MIN_STACK_SIZE][index], max(barriers, default=0),
+                            len(operations), operations.count(LOCAL_LOAD) + operations.count(LOCAL_STORE), len(code)))
+    return found
