@@ -3,6 +3,9 @@
 
 Every stage has a share of the time that is left, so that the whole ends on time; a stage that ran out of time says so
 in the JSON and counts as failed.
+
+With --device emulated the same stages run where there is no GPU, on fewer environments and without the sanitizer: a
+rehearsal of this script, not a check of the machine.
 """
 
 import argparse
@@ -16,11 +19,18 @@ import shutil
 import subprocess
 import sys
 import time
+import xml.etree.ElementTree as ElementTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import test_summary  # noqa: E402
 
 SOLVERS = ["npgs", "apgd", "pgs", "jacobi"]
+# Tests that say nothing on a machine without a GPU, and must not have been skipped on one with a GPU.
+GPU_TESTS = ["twin_test_cuda_twin", "twin_test_cuda_memory", "twin_test_cuda_graph"]
+# Programs of bench/ that print a table, with their arguments; the others are Google Benchmark's.
+TABLES = {"bench_classes": ["--device", "{device}", "--repeats", "3", "--csv", "{out}/classes.csv"],
+          "bench_ratio": ["--contacts", "8", "--envs", "4096", "--precision", "f32", "--csv", "{out}/headline.csv"]}
+GOOGLE = ["bench_solvers", "bench_baselines"]
 GENERATED = [("walker", 2048), ("mixed", 256), ("adversarial", 256), ("stack", 512)]
 SANITIZER_TOOLS = ["memcheck", "racecheck", "synccheck", "initcheck"]
 
@@ -31,9 +41,11 @@ class Check:
         self.build = arguments.build
         self.out = arguments.out
         self.jobs = arguments.jobs
+        self.device = arguments.device
         self.end = time.monotonic() + arguments.seconds
         self.stiction = self.build / "bin" / "stiction"
         self.failures = []
+        self.has_gpu = False
 
     def left(self):
         return max(5.0, self.end - time.monotonic())
@@ -65,6 +77,7 @@ class Check:
                 for device in facts["stiction"]["devices"]:
                     if device["device"].startswith("cuda") and device["usable"]:
                         facts["cuda"] = device["name"]
+        self.has_gpu = "cuda" in facts
         return facts
 
     def tests(self):
@@ -81,11 +94,15 @@ class Check:
         passed, failed, skipped = test_summary.summarize(junit)
         if status != 0 or failed:
             self.fail(f"{failed} tests failed; see gpu_tests.log")
+        if self.has_gpu:
+            for name in silent_tests(junit):
+                self.fail(f"{name} did not run on the GPU or skipped something; see gpu_tests.log")
         return {"passed": passed, "failed": failed, "skipped": skipped, "seconds": round(time.monotonic() - begin, 1)}
 
     def batches(self):
         found = sorted((self.root / "examples" / "data").glob("*.h5"))
-        for scene, count in GENERATED:
+        for scene, full in GENERATED:
+            count = full if self.device == "cuda" else 8
             path = self.out / f"{scene}-{count}.h5"
             if not path.exists():
                 status, text = self.run([self.stiction, "generate", scene, "--envs", count, "--seed", 7, "-o", path,
@@ -116,7 +133,7 @@ class Check:
                 results["left_out"] += 1
                 continue
             both = {}
-            for device in ("cpu", "cuda"):
+            for device in ("cpu", self.device):
                 report, error = self.solve(batch, solver, precision, law, device)
                 if report is None:
                     self.fail(f"{batch.stem} {solver} {precision} {law} on {device}: {error}")
@@ -125,16 +142,17 @@ class Check:
             if len(both) < 2:
                 results["different"] += 1
                 continue
-            same = both["cpu"]["hash"] == both["cuda"]["hash"]
+            cpu, other = both["cpu"], both[self.device]
+            same = cpu["hash"] == other["hash"]
             results["compared"] += 1
             results["different"] += 0 if same else 1
             if not same:
-                self.fail(f"{batch.stem} {solver} {precision} {law}: cpu {both['cpu']['hash']}, cuda {both['cuda']['hash']}")
+                self.fail(f"{batch.stem} {solver} {precision} {law}: cpu {cpu['hash']}, {self.device} {other['hash']}")
             results["runs"].append({
-                "batch": batch.stem, "environments": both["cpu"]["environments"], "solver": solver, "precision": precision,
-                "law": law, "same": same, "hash": both["cpu"]["hash"],
-                "seconds_cpu": both["cpu"]["seconds"]["solve"], "seconds_cuda": both["cuda"]["seconds"]["solve"],
-                "residual": both["cuda"]["residual"], "unconverged": both["cuda"]["unconverged"]})
+                "batch": batch.stem, "environments": cpu["environments"], "solver": solver, "precision": precision,
+                "law": law, "same": same, "hash": cpu["hash"], "seconds_cpu": cpu["seconds"]["solve"],
+                f"seconds_{self.device}": other["seconds"]["solve"], "residual": other["residual"],
+                "unconverged": other["unconverged"]})
         print(f"   {results['compared']} compared, {results['different']} different, {results['left_out']} left out for time")
         if results["compared"] == 0:
             self.fail("no hash was compared")
@@ -168,23 +186,44 @@ class Check:
         return results
 
     def benchmarks(self):
-        programs = [p for folder in (self.build / "bin", self.build / "bench") for p in sorted(folder.glob("*bench*"))
-                    if p.is_file() and os.access(p, os.X_OK)]
         results = {}
-        for position, program in enumerate(programs):
-            file = self.out / f"{program.name}.json"
+        programs = [*TABLES, *GOOGLE]
+        for position, name in enumerate(programs):
+            program = next((folder / name for folder in (self.build / "bench", self.build / "bin")
+                            if os.access(folder / name, os.X_OK)), None)
+            if program is None:
+                print(f"   {name} was not built")
+                results[name] = "not built"
+                continue
+            file = self.out / f"{name}.json"
             file.unlink(missing_ok=True)
-            status, text = self.run([program, f"--benchmark_out={file}", "--benchmark_out_format=json",
-                                     "--benchmark_min_time=0.05"], share=0.9 / (len(programs) - position))
-            try:
-                results[program.name] = json.loads(file.read_text())["benchmarks"]
-                print(f"   {program.name}: {len(results[program.name])} results")
-            except (OSError, ValueError):
-                results[program.name] = f"no result (status {status}{', out of time' if status == 124 else ''})"
-                print(f"   {program.name}: {results[program.name]}")
-                if status != 124:
-                    self.fail(f"{program.name} ended with status {status}: {text.strip()[-300:]}")
+            words = TABLES.get(name)
+            if words is None:
+                words = [f"--benchmark_out={file}", "--benchmark_out_format=json", "--benchmark_min_time=0.05"]
+            elif name == "bench_classes" and self.device != "cuda":
+                words = [*words, "--parts", "envs,plan", "--envs", "16"]
+            status, text = self.run([program, *(word.format(device=self.device, out=self.out) for word in words)],
+                                    share=0.9 / (len(programs) - position), cwd=self.root)
+            results[name] = self.result_of(name, file, status, text)
+            print(f"   {name}: {results[name] if isinstance(results[name], str) else f'{len(results[name])} results'}")
         return results
+
+    def result_of(self, name, file, status, text):
+        """What one program measured: the lines of its table, or Google Benchmark's list; a sentence if nothing."""
+        if status == 0 and name in TABLES:
+            return text.splitlines()
+        try:
+            return json.loads(file.read_text())["benchmarks"]
+        except (OSError, ValueError):
+            if status != 124:
+                self.fail(f"{name} ended with status {status}: {text.strip()[-300:]}")
+            return f"no result (status {status}{', out of time' if status == 124 else ''})"
+
+
+def silent_tests(junit):
+    """Those of GPU_TESTS that a CTest result does not show as run in full."""
+    ran = {case.get("name"): test_summary.count(case) for case in ElementTree.parse(junit).getroot().iter("testcase")}
+    return [name for name in GPU_TESTS if name not in ran or ran[name][0] == 0 or ran[name][2] > 0]
 
 
 def main():
@@ -193,6 +232,7 @@ def main():
         parser.add_argument(name, type=pathlib.Path, required=True)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--seconds", type=float, default=400, help="time for all stages together")
+    parser.add_argument("--device", choices=["cuda", "emulated"], default="cuda", help="what is compared with the CPU")
     parser.add_argument("--build-seconds", type=float, default=0)
     arguments = parser.parse_args()
     check = Check(arguments)
@@ -206,11 +246,12 @@ def main():
     stages.append(("benchmarks", check.benchmarks))
     for name, stage in stages:
         print(f"\n== {name}", flush=True)
-        if name in {"hashes", "sanitizer"} and "cuda" not in result["machine"]:
+        needs_gpu = name == "sanitizer" or (name == "hashes" and arguments.device == "cuda")
+        if needs_gpu and not check.has_gpu:
             print("   left out: no usable CUDA device")
             continue
         result[name] = stage()
-        if name == "machine" and "cuda" not in result["machine"]:
+        if name == "machine" and not check.has_gpu and arguments.device == "cuda":
             reasons = [d["reason"] for d in result["machine"].get("stiction", {}).get("devices", []) if d["reason"]]
             check.fail(f"no usable CUDA device{': ' + reasons[0] if reasons else ''}")
     result["failures"] = check.failures
