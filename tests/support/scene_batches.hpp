@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bench/scenes/scenes.hpp"
@@ -34,6 +35,27 @@ inline ContactBatch<double> ragged_batch(Offset envs_each, std::uint64_t seed) {
     batch.add(Environment<double>{});
   }
   return batch;
+}
+
+/// One environment of a batch, to be added to another.
+template <class Real>
+Environment<Real> environment_of(const ContactBatchView<Real>& batch, Offset env) {
+  Environment<Real> one;
+  const Offset row = batch.env_row_offsets[env], cone = batch.env_cone_offsets[env];
+  const Index rows = batch.env_rows(env);
+  for (Index c = 0; c < batch.env_cones(env); ++c)
+    one.cones.push_back({batch.cone_kind[cone + c],
+                         static_cast<Index>(batch.cone_row_offsets[cone + c + 1] - batch.cone_row_offsets[cone + c]),
+                         batch.cone_group == nullptr ? -1 : batch.cone_group[cone + c]});
+  const Offset entry = batch.row_offsets[row], last = batch.row_offsets[row + rows];
+  for (Index i = 0; i < rows; ++i)
+    one.row_offsets.push_back(static_cast<Index>(batch.row_offsets[row + i + 1] - entry));
+  one.column.assign(batch.column + entry, batch.column + last);
+  one.A.assign(batch.A + entry, batch.A + last);
+  for (const auto& [to, from] : {std::pair{&one.b, batch.b}, std::pair{&one.R, batch.R}, std::pair{&one.mu, batch.mu},
+                                 std::pair{&one.lo, batch.lo}, std::pair{&one.hi, batch.hi}})
+    to->assign(from + row, from + row + rows);
+  return one;
 }
 
 /// Hash of everything an environment was answered with: reactions, motion, and its status but for the solver's name.
