@@ -2,39 +2,61 @@
 
 #include <algorithm>
 #include <atomic>
-#include <exception>
-#include <mutex>
 #include <thread>
-#include <vector>
 
 #include "core/base/fp_env.hpp"
+#include "cpu_fallback/pools.hpp"
+#include "stiction/error.hpp"
 
 namespace stiction::cpu {
+
+namespace {
+
+#ifdef STICTION_HAS_TBB
+constexpr bool kHasTbb = true;
+#else
+constexpr bool kHasTbb = false;
+#endif
+
+std::atomic<PoolKind> chosen{kHasTbb ? PoolKind::tbb : PoolKind::own};
+
+void require(PoolKind kind) {
+  if (!has_pool(kind))
+    throw Error(ErrorCode::unsupported, "this build has no oneTBB: configure with STICTION_ENABLE_TBB=ON");
+}
+
+}  // namespace
 
 int thread_count(int requested) {
   if (requested > 0) return requested;
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
-void parallel_for(int threads, int items, const std::function<void(int item, int worker)>& work) {
-  std::atomic<int> next{0};
-  std::mutex mutex;
-  std::exception_ptr failure;
-  const auto run = [&](int worker) {
+bool has_pool(PoolKind kind) {
+  return kind == PoolKind::own || kHasTbb;
+}
+
+void set_pool(PoolKind kind) {
+  require(kind);
+  chosen = kind;
+}
+
+void parallel_for(PoolKind kind, int threads, int items, const ItemWork& work) {
+  require(kind);
+  if (items <= 0) return;
+  if (threads <= 1 || items == 1) {
     const ScopedFpEnv fp_env;
-    try {
-      for (int item = next.fetch_add(1); item < items; item = next.fetch_add(1)) work(item, worker);
-    } catch (...) {
-      next.store(items);
-      const std::lock_guard lock(mutex);
-      if (!failure) failure = std::current_exception();
-    }
-  };
-  std::vector<std::thread> others;
-  for (int worker = 1; worker < threads && worker < items; ++worker) others.emplace_back(run, worker);
-  run(0);
-  for (std::thread& thread : others) thread.join();
-  if (failure) std::rethrow_exception(failure);
+    for (int item = 0; item < items; ++item) work(item, 0);
+    return;
+  }
+#ifdef STICTION_HAS_TBB
+  if (kind == PoolKind::tbb) return tbb_parallel_for(threads, items, work);
+#endif
+  own_parallel_for(threads, items, work);
+}
+
+void parallel_for(int threads, int items, const ItemWork& work) {
+  parallel_for(chosen, threads, items, work);
 }
 
 }  // namespace stiction::cpu

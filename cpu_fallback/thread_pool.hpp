@@ -7,10 +7,21 @@ namespace stiction::cpu {
 /// Threads to use when `requested` are asked for; 0 asks for all cores.
 int thread_count(int requested);
 
-/// Runs work(item, worker) for every item in [0, items) on `threads` threads, the caller's among them, each taking the
-/// next item when it is free. Items are independent and an environment never crosses threads, so who takes what reaches
-/// no result. Every thread has the bodies' floating-point environment. The first exception is rethrown when all
-/// stopped.
-void parallel_for(int threads, int items, const std::function<void(int item, int worker)>& work);
+/// work(item, worker): `worker` is in [0, threads) and nobody else's while the call lasts.
+using ItemWork = std::function<void(int item, int worker)>;
+
+/// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them, each
+/// taking the next item when it is free. Items are independent and an environment never crosses threads, so who takes
+/// what reaches no result. Every thread has the bodies' floating-point environment. The first exception is rethrown
+/// when all stopped.
+void parallel_for(int threads, int items, const ItemWork& work);
+
+/// Who deals the items out: threads of our own that sleep between calls, or oneTBB's.
+enum class PoolKind : unsigned char { own, tbb };
+bool has_pool(PoolKind kind);
+/// The same by one of them. \throws Error(unsupported) if the build has it not.
+void parallel_for(PoolKind kind, int threads, int items, const ItemWork& work);
+/// Which one parallel_for() takes from now on: oneTBB where the build has it. For tests.
+void set_pool(PoolKind kind);
 
 }  // namespace stiction::cpu

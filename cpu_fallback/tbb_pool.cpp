@@ -1,0 +1,31 @@
+#include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+
+#include "core/base/fp_env.hpp"
+#include "cpu_fallback/pools.hpp"
+
+namespace stiction::cpu {
+
+void tbb_parallel_for(int threads, int items, const ItemWork& work) {
+  // In an arena of its own the caller takes no work of others while it waits, and indices stay below `threads`.
+  // oneTBB writes a warning to the standard error when it is asked for more than it may have.
+  const auto allowed = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  tbb::task_arena arena(std::min(threads, static_cast<int>(allowed)));
+  arena.execute([&] {
+    tbb::parallel_for(
+        tbb::blocked_range<int>(0, items, 1),
+        [&](const tbb::blocked_range<int>& range) {
+          const ScopedFpEnv fp_env;
+          const int worker = tbb::this_task_arena::current_thread_index();
+          for (int item = range.begin(); item != range.end(); ++item) work(item, worker);
+        },
+        tbb::simple_partitioner());
+  });
+}
+
+}  // namespace stiction::cpu

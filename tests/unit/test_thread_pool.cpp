@@ -1,0 +1,128 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cfenv>
+#include <chrono>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "cpu_fallback/thread_pool.hpp"
+#include "stiction/error.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+namespace stiction::test {
+namespace {
+
+class ThreadPool : public testing::TestWithParam<cpu::PoolKind> {
+ protected:
+  void SetUp() override {
+    if (!cpu::has_pool(GetParam())) GTEST_SKIP() << "built without oneTBB";
+  }
+};
+
+std::string name_of(const testing::TestParamInfo<cpu::PoolKind>& info) {
+  return info.param == cpu::PoolKind::own ? "own" : "tbb";
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, ThreadPool, testing::Values(cpu::PoolKind::own, cpu::PoolKind::tbb), name_of);
+
+TEST_P(ThreadPool, EveryItemIsDoneOnceByAWorkerThatDoesOneThingAtATime) {
+  for (const int threads : {1, 2, 3, 8})
+    for (const int items : {0, 1, 2, 7, 500}) {
+      std::vector<std::atomic<int>> done(static_cast<std::size_t>(items)), busy(static_cast<std::size_t>(threads));
+      std::atomic<int> overlaps{0};
+      cpu::parallel_for(GetParam(), threads, items, [&](int item, int worker) {
+        auto& mine = busy.at(static_cast<std::size_t>(worker));
+        overlaps += mine.exchange(1);
+        ++done[static_cast<std::size_t>(item)];
+        std::this_thread::yield();
+        mine = 0;
+      });
+      for (const auto& count : done) EXPECT_EQ(count, 1);
+      EXPECT_EQ(overlaps, 0);
+    }
+}
+
+TEST_P(ThreadPool, TheFirstExceptionComesBackAndThePoolGoesOn) {
+  for (int run = 0; run < 20; ++run) {
+    EXPECT_THROW(cpu::parallel_for(GetParam(), 3, 100,
+                                   [](int item, int) {
+                                     if (item % 7 == 3) throw std::runtime_error("item");
+                                   }),
+                 std::runtime_error);
+    std::atomic<int> sum{0};
+    cpu::parallel_for(GetParam(), 3, 100, [&](int item, int) { sum += item; });
+    EXPECT_EQ(sum, 4950);
+  }
+}
+
+TEST_P(ThreadPool, CallsFromManyThreadsAndFromWithinItemsEnd) {
+  std::atomic<int> sum{0};
+  std::vector<std::thread> callers;
+  for (int k = 0; k < 4; ++k)
+    callers.emplace_back([&] {
+      for (int run = 0; run < 25; ++run)
+        cpu::parallel_for(GetParam(), 3, 6, [&](int, int) {
+          cpu::parallel_for(GetParam(), 2, 5, [&](int inner, int) { sum += inner; });
+        });
+    });
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_EQ(sum, 4 * 25 * 6 * 10);
+}
+
+TEST_P(ThreadPool, EveryItemSeesTheBodiesRoundingAndTheCallerKeepsItsOwn) {
+  std::fesetround(FE_UPWARD);
+  std::atomic<int> wrong{0};
+  cpu::parallel_for(GetParam(), 3, 200, [&](int, int) { wrong += std::fegetround() != FE_TONEAREST; });
+  const int after = std::fegetround();
+  std::fesetround(FE_TONEAREST);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(after, FE_UPWARD);
+}
+
+TEST_P(ThreadPool, NoBitDependsOnThePoolOrItsThreads) {
+  const ContactBatch<double> batch = ragged_batch(5, 3);
+  for (const SolverKind solver : kAllSolvers) {
+    SolverOptions o = options(solver, 1e-3, 40);
+    const auto alone = solve_hashes(batch, o);
+    cpu::set_pool(GetParam());
+    for (const int threads : {1, 2, 3, 8}) {
+      o.threads = threads;
+      EXPECT_EQ(solve_hashes(batch, o), alone) << to_string(solver) << ", " << threads << " threads";
+    }
+  }
+  cpu::set_pool(cpu::has_pool(cpu::PoolKind::tbb) ? cpu::PoolKind::tbb : cpu::PoolKind::own);
+}
+
+/// Counts the threads that ever looked.
+std::atomic<int> threads_seen{0};
+struct Seen {
+  Seen() { ++threads_seen; }
+  int calls = 0;
+};
+
+TEST(OwnPool, ThreadsAreKeptFromCallToCall) {
+  threads_seen = 0;
+  std::atomic<int> by_helpers{0};
+  for (int run = 0; run < 200; ++run)
+    cpu::parallel_for(cpu::PoolKind::own, 3, 12, [&](int, int worker) {
+      static thread_local Seen seen;
+      ++seen.calls;
+      by_helpers += worker > 0 ? 1 : 0;
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
+    });
+  EXPECT_GT(by_helpers, 200) << "helpers had their share";
+  // Threads made anew for each call would be counted by the hundred; the pool has no more than the widest call of
+  // this process asked for.
+  EXPECT_LE(threads_seen, 8);
+}
+
+TEST(OwnPool, APoolThatIsNotThereIsRefused) {
+  if (cpu::has_pool(cpu::PoolKind::tbb)) GTEST_SKIP() << "built with oneTBB";
+  EXPECT_THROW(cpu::set_pool(cpu::PoolKind::tbb), Error);
+}
+
+}  // namespace
+}  // namespace stiction::test
