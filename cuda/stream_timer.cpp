@@ -18,10 +18,8 @@ void StreamTimer::attach(Tracer* tracer, bool capturing) {
 }
 
 void StreamTimer::set_zero() {
-  if (stream_ == nullptr) {
-    stream_ = std::make_unique<Stream>(api_);
-    zero_ = std::make_unique<Event>(api_, EventUse::timing);
-  }
+  if (stream_ == nullptr) stream_ = std::make_unique<Stream>(api_);
+  if (zero_ == nullptr) zero_ = std::make_unique<Event>(api_, EventUse::timing);
   api_.record(zero_->get(), stream_->get());
   api_.await(zero_->get());
   zero_time_ = owner_->now();

@@ -59,13 +59,13 @@ status=0
 python3 "$root/tools/report_table.py" "${reports[@]}" || status=$?
 
 say "pictures"
-traced=$root/examples/data/hand_cube.h5
-traces=()
+shown=$root/examples/data/hand_cube.h5
+curves=()
 for solver in npgs apgd pgs jacobi; do
-  solve "$traced" --solver "$solver" --precision f64 --max-iterations 1000 --trace "$out/$solver.csv"
-  traces+=("$solver=$out/$solver.csv")
+  solve "$shown" --solver "$solver" --precision f64 --max-iterations 1000 --convergence "$out/$solver.csv"
+  curves+=("$solver=$out/$solver.csv")
 done
-if "${python:-python3}" "$root/tools/plot_trace.py" "${traces[@]}" -o "$out/residual.png" --title "hand_cube, f64" \
+if "${python:-python3}" "$root/tools/plot_convergence.py" "${curves[@]}" -o "$out/residual.png" --title "hand_cube, f64" \
   > /dev/null 2>&1
 then note "out/residual.png    residual against iterations, four solvers"
 else note "out/residual.png    not drawn: no matplotlib (out/*.csv hold the numbers)"

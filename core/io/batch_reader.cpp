@@ -1,4 +1,5 @@
 #include "core/io/readers.hpp"
+#include "core/io/recorded_solve.hpp"
 
 namespace stiction::io {
 namespace {
@@ -108,6 +109,8 @@ Recording read_contact_batch(const InputFile& file) {
   check_offsets(file, "env_row_ptr", arrays.env_row_offsets, rows);
   arrays.env_cone_offsets = file.integers<Offset>("env_cone_ptr", arrays.env_row_offsets.size());
   check_offsets(file, "env_cone_ptr", arrays.env_cone_offsets, kinds.size());
+  if (file.has("env_flags"))
+    arrays.env_flags = file.integers<std::uint32_t>("env_flags", arrays.env_row_offsets.size() - 1);
   if (!file.has("A")) file.refuse("group 'A' is missing");
   Csr A = read_csr(file, "A", rows);
   arrays.row_offsets = std::move(A.ptr);
@@ -124,6 +127,7 @@ Recording read_contact_batch(const InputFile& file) {
   if (file.has("step")) recording.step = file.integers<std::int64_t>("step", envs);
   if (file.has("dt")) recording.dt = file.reals("dt", envs);
   if (file.has("cone_id")) recording.cone_id = file.bits("cone_id", kinds.size());
+  recording.solve = read_recorded_solve(file, rows);
   read_dynamics(file, recording);
   return recording;
 }

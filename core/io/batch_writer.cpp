@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "core/io/hdf5_out.hpp"
+#include "core/io/recorded_solve.hpp"
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
 
@@ -55,6 +56,7 @@ void check(const Recording& recording) {
   require_length("step", recording.step.size(), envs);
   require_length("dt", recording.dt.size(), envs);
   require_length("cone_id", recording.cone_id.size(), arrays.cone_kind.size());
+  if (recording.solve) check_recorded_solve(*recording.solve, rows);
 }
 
 struct RowParameters {
@@ -117,6 +119,7 @@ void write_batch(const std::filesystem::path& path, const Recording& recording) 
   file.array("cone_kind", kinds);
   file.array("cone_row_ptr", arrays.cone_row_offsets);
   write_optional(file, "cone_group", arrays.cone_group);
+  write_optional(file, "env_flags", arrays.env_flags);
   const RowParameters rows = row_parameters(arrays);
   file.array("row_param", rows.param);
   if (rows.asymmetric) {
@@ -141,6 +144,7 @@ void write_batch(const std::filesystem::path& path, const Recording& recording) 
   write_optional(file, "step", recording.step);
   write_optional(file, "dt", recording.dt);
   write_optional(file, "cone_id", recording.cone_id);
+  if (recording.solve) write_recorded_solve(file, *recording.solve);
   file.commit();
 }
 

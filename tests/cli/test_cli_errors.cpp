@@ -95,8 +95,10 @@ TEST_F(Refused, SeveralDefectsAreCounted) {
 
 TEST_F(Refused, NothingIsWrittenForABadBatch) {
   const auto path = spoilt([](auto& arrays) { arrays.mu[5] = -0.25; });
-  run_stiction({"solve", path, "-o", folder_ / "s.h5", "--json", folder_ / "r.json", "--trace", folder_ / "t.csv"});
-  for (const char* name : {"s.h5", "r.json", "t.csv"}) EXPECT_FALSE(std::filesystem::exists(folder_ / name)) << name;
+  run_stiction({"solve", path, "-o", folder_ / "s.h5", "--json", folder_ / "r.json", "--trace", folder_ / "t.csv",
+                "--convergence", folder_ / "c.csv"});
+  for (const char* name : {"s.h5", "r.json", "t.csv", "c.csv"})
+    EXPECT_FALSE(std::filesystem::exists(folder_ / name)) << name;
 }
 
 TEST_F(Refused, UsageErrors) {
@@ -151,6 +153,7 @@ TEST_F(Refused, AnOutputThatCannotBeWrittenIsFoundBeforeTheBatchIsRead) {
   EXPECT_TRUE(is_refused(run_stiction({"solve", missing, "-o", nowhere}), {nowhere}));
   EXPECT_TRUE(is_refused(run_stiction({"solve", missing, "--json", nowhere}), {nowhere}));
   EXPECT_TRUE(is_refused(run_stiction({"solve", missing, "--trace", folder_ / ""}), {"folder"}));
+  EXPECT_TRUE(is_refused(run_stiction({"solve", missing, "--convergence", folder_ / ""}), {"folder"}));
   EXPECT_TRUE(is_refused(run_stiction({"generate", "stack", "-o", nowhere}), {nowhere}));
   EXPECT_TRUE(is_refused(run_stiction({"convert", missing, nowhere}), {nowhere}));
 }

@@ -9,10 +9,10 @@
 #include "tests/cli/batches.hpp"
 #include "tools/cli/bits.hpp"
 #include "tools/cli/cone_graph.hpp"
+#include "tools/cli/convergence.hpp"
 #include "tools/cli/permute.hpp"
 #include "tools/cli/quantiles.hpp"
 #include "tools/cli/spectrum.hpp"
-#include "tools/cli/trace.hpp"
 
 namespace stiction::cli {
 namespace {
@@ -65,11 +65,11 @@ TEST(Bits, UlpsCrossZero) {
   EXPECT_FALSE(same_bits(0.0, -0.0));
 }
 
-TEST(Trace, PointsAreTwoAnOctaveAndTheLimit) {
-  EXPECT_EQ(trace_iterations(1), (std::vector<Index>{1}));
-  EXPECT_EQ(trace_iterations(13), (std::vector<Index>{1, 2, 3, 4, 6, 8, 12, 13}));
-  EXPECT_TRUE(trace_iterations(0).empty());
-  EXPECT_EQ(trace_iterations(std::numeric_limits<Index>::max()).back(), std::numeric_limits<Index>::max());
+TEST(Convergence, PointsAreTwoAnOctaveAndTheLimit) {
+  EXPECT_EQ(convergence_iterations(1), (std::vector<Index>{1}));
+  EXPECT_EQ(convergence_iterations(13), (std::vector<Index>{1, 2, 3, 4, 6, 8, 12, 13}));
+  EXPECT_TRUE(convergence_iterations(0).empty());
+  EXPECT_EQ(convergence_iterations(std::numeric_limits<Index>::max()).back(), std::numeric_limits<Index>::max());
 }
 
 /// n unilateral rows with the second-difference matrix: eigenvalues 2 - 2 cos(k pi / (n + 1)).

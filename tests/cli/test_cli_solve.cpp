@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "stiction/hash.hpp"
@@ -164,8 +165,8 @@ TEST_F(Solve, APoisonedEnvironmentIsIsolatedAndChangesNoOther) {
   EXPECT_EQ(env, 40);
 }
 
-TEST_F(Solve, TheTraceFallsAndEndsAtTheIterationLimit) {
-  ASSERT_EQ(solve({"--trace", folder_ / "t.csv", "--max-iterations", "20"}).status, 0);
+TEST_F(Solve, TheConvergenceFallsAndEndsAtTheIterationLimit) {
+  ASSERT_EQ(solve({"--convergence", folder_ / "t.csv", "--max-iterations", "20"}).status, 0);
   std::istringstream csv(read_text(folder_ / "t.csv"));
   std::string line;
   std::getline(csv, line);
@@ -180,14 +181,39 @@ TEST_F(Solve, TheTraceFallsAndEndsAtTheIterationLimit) {
   EXPECT_LT(worst.back(), worst.front());
 }
 
-TEST_F(Solve, TheTraceIsWhatVerifySaysOfAShorterRun) {
-  solve({"--trace", folder_ / "t.csv", "--max-iterations", "4"});
+TEST_F(Solve, TheConvergenceIsWhatVerifySaysOfAShorterRun) {
+  solve({"--convergence", folder_ / "t.csv", "--max-iterations", "4"});
   solve({"--tolerance", "0", "--max-iterations", "3", "-o", folder_ / "s.h5"});
   const Json verdict = Json::parse(run_stiction({"verify", batch_, folder_ / "s.h5", "--json"}).out);
   const std::string csv = read_text(folder_ / "t.csv");
   const std::size_t line = csv.find("\n3,") + 1;
   const double traced = std::stod(csv.substr(csv.rfind(',', csv.find('\n', line)) + 1));
   EXPECT_NEAR(traced, verdict["residual"]["max"].get<double>(), 1e-6 * traced) << "seven digits are printed";
+}
+
+TEST_F(Solve, TheTraceIsAChromeTraceOfTheSolve) {
+  for (const std::string device : {"cpu", "emulated"}) {
+    ASSERT_EQ(
+        solve({"--trace", folder_ / "t.json", "--device", device, "--threads", "2", "-o", folder_ / "s.h5"}).status, 0);
+    const Json trace = Json::parse(read_text(folder_ / "t.json"));
+    ASSERT_TRUE(trace.is_array());
+    std::set<std::string> names;
+    std::int64_t environments = 0;
+    for (const Json& event : trace) {
+      EXPECT_EQ(event["ph"], "X");
+      for (const char* number : {"ts", "dur", "pid", "tid"}) EXPECT_TRUE(event[number].is_number()) << event;
+      EXPECT_GE(event["dur"], 0);
+      names.insert(event["name"]);
+      if (event["name"] == "pack" || event["name"] == "one by one") {
+        environments += event["args"]["environments"].get<std::int64_t>();
+        EXPECT_LT(event["tid"], 2);
+      }
+    }
+    for (const char* name : {"load", "plan", "solve", "write"}) EXPECT_EQ(names.count(name), 1U) << name;
+    for (const char* name : {"upload", "download", "bundle_four"})
+      EXPECT_EQ(names.count(name), device == "cpu" ? 0U : 1U);
+    EXPECT_EQ(environments, device == "cpu" ? 40 : 0);
+  }
 }
 
 TEST(SolveEdge, ABatchWithoutEnvironmentsIsSolved) {

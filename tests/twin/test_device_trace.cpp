@@ -6,6 +6,7 @@
 
 #include "cuda/device/host_device.hpp"
 #include "cuda/device_backend.hpp"
+#include "stiction/error.hpp"
 #include "stiction/trace.hpp"
 #include "tests/support/device_batch.hpp"
 
@@ -28,6 +29,16 @@ std::multiset<std::string> device_names(const Tracer& tracer) {
   return names;
 }
 
+Solution<float> room_for(const ContactBatch<float>& batch) {
+  const auto rows = static_cast<std::size_t>(batch.row_count());
+  return {std::vector<float>(rows), std::vector<float>(rows),
+          std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
+}
+
+SolutionView<float> view_of(Solution<float>& answer) {
+  return {answer.lambda.data(), answer.w.data(), answer.status.data()};
+}
+
 TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(6, 3));
   const auto expected = solve_hashes(batch, traced(nullptr));
@@ -36,15 +47,8 @@ TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
     const SolverOptions options = traced(&tracer);
     auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, seed});
     cuda::DeviceBackend backend(device, 1 << 14);
-    Solution<float> answer{std::vector<float>(static_cast<std::size_t>(batch.row_count())),
-                           {},
-                           std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
-    backend.solve(SolveRequest<float>{nullptr,
-                                      batch.view(),
-                                      {answer.lambda.data(), nullptr, answer.status.data()},
-                                      nullptr,
-                                      batch.law(),
-                                      options,
+    Solution<float> answer = room_for(batch);
+    backend.solve(SolveRequest<float>{nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options,
                                       StreamRef::default_stream()});
     EXPECT_EQ(env_hashes(batch, answer), expected);
 
@@ -91,14 +95,13 @@ TEST(DeviceTrace, DeviceSpansLieOnTheHostsClock) {
 TEST(DeviceTrace, ADeviceBatchsSpansComeWhenItIsWaitedFor) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 5));
   Tracer tracer;
+  // The last solve is done when the solver goes, so what it writes to outlives it.
+  Solution<float> answer = room_for(batch);
   {
     const Solver solver(Device::emulated(), traced(&tracer));
     ContactBatchView<float> there = batch.view();
     there.space = MemorySpace::cuda;
-    Solution<float> answer{std::vector<float>(static_cast<std::size_t>(batch.row_count())),
-                           {},
-                           std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
-    const SolutionView<float> view{answer.lambda.data(), nullptr, answer.status.data()};
+    const SolutionView<float> view = view_of(answer);
     const Plan plan = solver.plan(there);
     solver.solve(plan, there, view);
     EXPECT_EQ(device_names(tracer).size(), 0U) << "nothing has run yet";
@@ -157,16 +160,9 @@ TEST(DeviceTrace, ACallThatFailsWhileTimingLeavesNothingBehind) {
       {
         cuda::DeviceBackend backend(device, 1 << 14);
         const SolverOptions options = traced(&tracer);
-        Solution<float> answer{std::vector<float>(static_cast<std::size_t>(batch.row_count())),
-                               {},
-                               std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
-        const SolveRequest<float> request{nullptr,
-                                          batch.view(),
-                                          {answer.lambda.data(), nullptr, answer.status.data()},
-                                          nullptr,
-                                          batch.law(),
-                                          options,
-                                          StreamRef::default_stream()};
+        Solution<float> answer = room_for(batch);
+        const SolveRequest<float> request{
+            nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options, StreamRef::default_stream()};
         device->fail_call(call, n);
         try {
           backend.solve(request);

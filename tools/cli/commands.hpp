@@ -52,7 +52,15 @@ struct SolveArguments {
   bool isolate = false;
   bool quiet = false;
   std::optional<std::uint64_t> permute;
-  std::optional<std::filesystem::path> warm_start, output, json, trace;
+  std::optional<std::filesystem::path> warm_start, output, json, trace, convergence, record;
+  std::string record_when = "failed";
+};
+
+struct ReplayArguments {
+  std::filesystem::path recording;
+  std::string device = "auto";
+  int threads = 0;  ///< 0: all cores
+  bool quiet = false;
 };
 
 struct VerifyArguments {
@@ -82,6 +90,7 @@ int run_info(const InfoArguments& arguments);
 int run_generate(const GenerateArguments& arguments);
 int run_inspect(const InspectArguments& arguments);
 int run_solve(const SolveArguments& arguments);
+int run_replay(const ReplayArguments& arguments);
 int run_verify(const VerifyArguments& arguments);
 int run_hash(const HashArguments& arguments);
 int run_diff(const DiffArguments& arguments);

@@ -66,8 +66,18 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_flag("--isolate", a.isolate, "Flag environments with broken numbers and solve the others");
   app.add_option("-o,--output", a.output, "Solution file to write");
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
-  app.add_option("--trace", a.trace, "CSV of residual against iterations to write");
+  app.add_option("--trace", a.trace, "Chrome trace of where the time went to write");
+  app.add_option("--record", a.record, "File to record environments to, for stiction replay");
+  app.add_option("--record-when", a.record_when, "failed or always")->capture_default_str();
+  app.add_option("--convergence", a.convergence, "CSV of residual against iterations to write");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");
+}
+
+void declare_replay(CLI::App& app, ReplayArguments& a) {
+  app.add_option("recording", a.recording, "File written by --record or a Recorder")->required();
+  app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
+  app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
+  app.add_flag("--quiet", a.quiet, "Print nothing; the exit status says it");
 }
 
 void declare_verify(CLI::App& app, VerifyArguments& a) {
@@ -103,6 +113,7 @@ void declare_all(CLI::App& app, Command& chosen) {
   add_command(app, chosen, "inspect", "Sizes, cones, sparsity, colours, islands, warnings", run_inspect,
               declare_inspect);
   add_command(app, chosen, "solve", "Solve a batch", run_solve, declare_solve);
+  add_command(app, chosen, "replay", "Solve what was recorded again and compare the bits", run_replay, declare_replay);
   add_command(app, chosen, "verify", "Recompute a solution's residual, apart from any solver", run_verify,
               declare_verify);
   add_command(app, chosen, "hash", "Hash of a solution's bits", run_hash, declare_hash);

@@ -109,7 +109,8 @@ std::string hex(std::uint64_t hash) {
 }
 
 std::string to_string(Device device) {
-  return device.kind == DeviceKind::cpu ? "cpu" : fmt::format("cuda:{}", device.ordinal);
+  if (device.kind == DeviceKind::cuda) return fmt::format("cuda:{}", device.ordinal);
+  return device.kind == DeviceKind::cpu ? "cpu" : "emulated";
 }
 
 std::string quantile_text(const std::optional<Quantiles<double>>& values) {

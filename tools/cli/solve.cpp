@@ -9,20 +9,25 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
+#include "stiction/recorder.hpp"
 #include "stiction/solver.hpp"
+#include "stiction/trace.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/convergence.hpp"
 #include "tools/cli/load.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/permute.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/report.hpp"
-#include "tools/cli/trace.hpp"
 
 namespace stiction::cli {
 
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// Environments that --record keeps at most.
+constexpr Offset kMostRecorded = 1024;
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -53,7 +58,13 @@ void check_outputs(const SolveArguments& arguments) {
     if (arguments.warm_start) require_different(*arguments.warm_start, *arguments.output);
     require_replaceable(*arguments.output);
   }
-  for (const auto& text : {arguments.json, arguments.trace}) {
+  if (arguments.record) {
+    require_different(arguments.batch, *arguments.record);
+    if (arguments.warm_start) require_different(*arguments.warm_start, *arguments.record);
+    if (arguments.output) require_different(*arguments.output, *arguments.record);
+    require_replaceable(*arguments.record);
+  }
+  for (const auto& text : {arguments.json, arguments.trace, arguments.convergence}) {
     if (!text) continue;
     require_different(arguments.batch, *text);
     require_writable(*text);
@@ -127,15 +138,16 @@ io::SolutionFile solution_file(const SolveReport& report, std::vector<double> la
 }
 
 template <class Real>
-std::string run_trace(const SolveArguments& arguments, const SolverOptions& options, Device device,
-                      const Work<Real>& work, const ContactBatchView<double>& file_batch) {
-  const auto points = trace_iterations(options.max_iterations);
-  Progress progress("tracing", std::accumulate(points.begin(), points.end(), std::int64_t{0}), arguments.quiet);
-  return trace_csv(file_batch, options.max_iterations, [&](Index iterations) {
+std::string run_convergence(const SolveArguments& arguments, const SolverOptions& options, Device device,
+                            const Work<Real>& work, const ContactBatchView<double>& file_batch) {
+  const auto points = convergence_iterations(options.max_iterations);
+  Progress progress("convergence", std::accumulate(points.begin(), points.end(), std::int64_t{0}), arguments.quiet);
+  return convergence_csv(file_batch, options.max_iterations, [&](Index iterations) {
     SolverOptions prefix = options;
     prefix.tolerance = 0;
     prefix.max_iterations = iterations;
     prefix.stall_window = 0;
+    prefix.tracer = nullptr;
     const Solver solver(device, prefix);
     auto lambda = solve_work(solver, solver.plan(work.batch.view()), work).lambda;
     progress.advance(iterations);
@@ -157,9 +169,27 @@ Work<Real> prepare(const ContactBatch<double>& batch, const std::vector<double>&
   return work;
 }
 
+io::RecordWhen record_when(const std::string& text) {
+  if (text == "failed") return io::RecordWhen::failed;
+  if (text == "always") return io::RecordWhen::always;
+  throw Error(ErrorCode::invalid_argument, fmt::format("--record-when {}: expected failed or always", text));
+}
+
+/// Environments in the file's order, whichever they were solved in. Without any no file is written.
+template <class Real>
+void record(const SolveArguments& arguments, const Solver& solver, const Work<Real>& work, Solution<Real>& solution) {
+  io::Recorder recorder(*arguments.record, {record_when(arguments.record_when), kMostRecorded, {}});
+  recorder.take(solver, work.batch.view(), {solution.lambda.data(), solution.w.data(), solution.status.data()},
+                work.warm_start.empty() ? nullptr : work.warm_start.data());
+  if (arguments.quiet || (arguments.json && *arguments.json == "-")) return;
+  fmt::print("{}: {} environments recorded, {} left out\n", arguments.record->string(), recorder.recorded(),
+             recorder.left_out());
+}
+
 template <class Real>
 int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport& report, Clock::time_point start) {
   std::optional<Progress> stage(std::in_place, "loading", 0, arguments.quiet);
+  std::optional<ScopedSpan> loading(std::in_place, report.options.tracer, "load");
   const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;
   const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy);
   const ContactBatch<double>& batch = loaded.recording.batch;
@@ -173,6 +203,7 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   report.cones = batch.view().cone_count;
   report.law = batch.law();
   report.seconds.load = seconds_since(start);
+  loading.reset();
 
   stage->relabel("planning");
   start = Clock::now();
@@ -191,14 +222,22 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
 
   stage->relabel("writing");
   if (arguments.output) {
+    const ScopedSpan writing(report.options.tracer, "write");
     io::write_solution(*arguments.output,
                        solution_file(report, convert_values<double>(solution.lambda),
                                      convert_values<double>(solution.w), solution.status, env_row_offsets));
   }
+  if (arguments.record) {
+    if (order.empty())
+      record(arguments, solver, work, solution);
+    else
+      record(arguments, solver, prepare<Real>(batch, warm_start, {}), solution);
+  }
   stage.reset();
-  if (arguments.trace) {
+  if (arguments.convergence) {
     const Work<Real> in_file_order = prepare<Real>(batch, warm_start, {});
-    write_text(*arguments.trace, run_trace(arguments, report.options, solver.device(), in_file_order, batch.view()));
+    write_text(*arguments.convergence,
+               run_convergence(arguments, report.options, solver.device(), in_file_order, batch.view()));
   }
   return report.unconverged == 0 ? kExitDone : kExitMissed;
 }
@@ -211,8 +250,11 @@ int run_solve(const SolveArguments& arguments) {
   report.file = arguments.batch.string();
   report.options = solver_options(arguments);
   report.precision = precision_from_option(arguments.precision);
+  record_when(arguments.record_when);
   check_outputs(arguments);
   const Device device = Device::from_string(arguments.device);
+  std::optional<Tracer> tracer;
+  if (arguments.trace) report.options.tracer = &tracer.emplace();
   const Solver solver(device, report.options);
   report.device = to_string(device);
   report.threads = thread_count(report.options, device);
@@ -226,6 +268,10 @@ int run_solve(const SolveArguments& arguments) {
     fmt::print("{}", to_text(report));
   }
   if (arguments.json) write_text(*arguments.json, to_json(report));
+  if (tracer) {
+    if (tracer->left_out() > 0) fmt::print(stderr, "the trace has no room for {} more spans\n", tracer->left_out());
+    write_text(*arguments.trace, tracer->chrome_json());
+  }
   return status;
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,18 @@ struct Csr {
   std::vector<double> val;  ///< value                             (nnz)
 };
 
+/// How recorded environments were solved: what it takes to get the same bits again. The law is the batch's.
+struct RecordedSolve {
+  SolverKind solver = SolverKind::npgs;
+  Precision precision = Precision::f64;  ///< of the solve; f32 numbers are widened exactly in memory
+  double tolerance = 0, omega = 1;
+  Index max_iterations = 0, stall_window = 0;
+  int numerics_epoch = 0;          ///< bits are promised within one epoch
+  std::vector<double> warm_start;  ///< empty: from zero                          (rows)
+  std::vector<double> lambda;      ///< the answer                                (rows)
+  Offset left_out = 0;             ///< environments that found no room in the file
+};
+
 /// A contact-batch file in memory. Optional parts are empty when absent.
 struct Recording {
   ContactBatch<double> batch;
@@ -36,6 +49,7 @@ struct Recording {
   std::vector<double> dt;             ///< length of that step [s]                      (E)
   std::vector<std::uint64_t> cone_id;  ///< the same number for the same contact in every step, unique within an
                                        ///< environment (WarmStartStore)                 (K)
+  std::optional<RecordedSolve> solve;  ///< written by a Recorder (stiction/recorder.hpp)
 };
 
 enum class FileKind { contact_batch, fclib_local, fclib_global, fclib_rolling };

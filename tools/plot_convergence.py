@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Draw residual against iterations from the traces of several solvers.
+"""Draw residual against iterations from the convergence files of several solvers.
 
-    stiction solve batch.h5 --solver npgs --trace npgs.csv
-    stiction solve batch.h5 --solver apgd --trace apgd.csv
-    plot_trace.py npgs=npgs.csv apgd=apgd.csv -o residual.png --tolerance 1e-6
+    stiction solve batch.h5 --solver npgs --convergence npgs.csv
+    stiction solve batch.h5 --solver apgd --convergence apgd.csv
+    plot_convergence.py npgs=npgs.csv apgd=apgd.csv -o residual.png --tolerance 1e-6
 
-A trace is a CSV file with the header iteration,median,p90,max: quantiles over the environments of the relative
+A convergence file (a trace, below) is a CSV file with the header iteration,median,p90,max: quantiles over the environments of the relative
 natural-map residual after that many iterations; lines that begin with # are skipped. Each solver gets one
 colour: the median as a line, the 90th percentile dashed, the worst environment dotted, the space between median
 and worst tinted. Iteration 0 (the start) and residuals of exactly zero have no place on logarithmic axes and are
@@ -92,7 +92,7 @@ def draw(traces, path, title=None, tolerance=None):
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("traces", nargs="+", metavar="[NAME=]TRACE.csv",
-                        help="traces written by stiction solve --trace")
+                        help="traces written by stiction solve --convergence")
     parser.add_argument("-o", "--output", required=True, metavar="PICTURE.png")
     parser.add_argument("--title")
     parser.add_argument("--tolerance", type=float, help="draw a line at this residual")
@@ -104,7 +104,7 @@ def main(arguments=None):
             raise TraceError(f"two traces are called {repeated[0]}; name them apart with NAME=FILE")
         draw({name: read_trace(path) for name, path in pairs}, options.output, options.title, options.tolerance)
     except (TraceError, OSError, ValueError) as error:
-        print(f"plot_trace: {error}", file=sys.stderr)
+        print(f"plot_convergence: {error}", file=sys.stderr)
         return 2
     print(f"{options.output}: {', '.join(name for name, _ in pairs)}")
     return 0

@@ -10,12 +10,12 @@
 namespace stiction::cli {
 
 /// 1, 2, 3, 4, 6, 8, 12, 16, 24, ... and `max_iterations` itself: two points an octave.
-std::vector<Index> trace_iterations(Index max_iterations);
+std::vector<Index> convergence_iterations(Index max_iterations);
 
-/// Residual against iterations as CSV: a line `iteration,median,p90,max` for each of trace_iterations().
+/// Residual against iterations as CSV: a line `iteration,median,p90,max` for each of convergence_iterations().
 /// `solve_to(k)` gives lambda of a run stopped at k iterations, a prefix of every longer one, bit for bit; the residual
 /// is recomputed from the file's numbers in f64 by verify().
-std::string trace_csv(const ContactBatchView<double>& batch, Index max_iterations,
-                      const std::function<std::vector<double>(Index)>& solve_to);
+std::string convergence_csv(const ContactBatchView<double>& batch, Index max_iterations,
+                            const std::function<std::vector<double>(Index)>& solve_to);
 
 }  // namespace stiction::cli

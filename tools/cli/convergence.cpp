@@ -1,4 +1,4 @@
-#include "tools/cli/trace.hpp"
+#include "tools/cli/convergence.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 
 namespace stiction::cli {
 
-std::vector<Index> trace_iterations(Index max_iterations) {
+std::vector<Index> convergence_iterations(Index max_iterations) {
   std::vector<Index> points;
   for (std::int64_t octave = 1; octave <= max_iterations; octave *= 2) {
     points.push_back(static_cast<Index>(octave));
@@ -20,10 +20,10 @@ std::vector<Index> trace_iterations(Index max_iterations) {
   return points;
 }
 
-std::string trace_csv(const ContactBatchView<double>& batch, Index max_iterations,
-                      const std::function<std::vector<double>(Index)>& solve_to) {
+std::string convergence_csv(const ContactBatchView<double>& batch, Index max_iterations,
+                            const std::function<std::vector<double>(Index)>& solve_to) {
   std::string csv = "iteration,median,p90,max\n";
-  for (const Index iteration : trace_iterations(max_iterations)) {
+  for (const Index iteration : convergence_iterations(max_iterations)) {
     const std::vector<double> lambda = solve_to(iteration);
     std::vector<double> relative;
     for (const Residual& residual : verify(batch, std::span<const double>(lambda)))

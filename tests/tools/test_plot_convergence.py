@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What tools/plot_trace.py reads and draws.
+"""What tools/plot_convergence.py reads and draws.
 
 Run as a program it exits with 77 (skipped) when numpy or matplotlib is missing, and says which.
 """
@@ -11,15 +11,15 @@ import tempfile
 import unittest
 from pathlib import Path
 
-TOOL = Path(__file__).resolve().parents[2] / "tools" / "plot_trace.py"
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "plot_convergence.py"
 GOOD = "iteration,median,p90,max\n0,1,2,3\n1,0.5,0.6,0.7\n10,0.05,0.06,0.07\n100,0,1e-9,1e-8\n"
 
 try:
     import numpy as np
 
-    spec = importlib.util.spec_from_file_location("plot_trace", TOOL)
-    plot_trace = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(plot_trace)
+    spec = importlib.util.spec_from_file_location("plot_convergence", TOOL)
+    plot_convergence = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(plot_convergence)
 except ImportError as missing:
     REASON = f"SKIPPED: the plotter is not tested, {missing}; pip install -r tools/requirements.txt"
     if __name__ == "__main__":
@@ -28,7 +28,7 @@ except ImportError as missing:
     raise unittest.SkipTest(REASON) from missing
 
 
-class PlotTrace(unittest.TestCase):
+class PlotConvergence(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -42,17 +42,17 @@ class PlotTrace(unittest.TestCase):
     def run_tool(self, *arguments, output="out.png"):
         errors, path = io.StringIO(), self.folder / output
         with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
-            status = plot_trace.main([*arguments, "-o", str(path)])
+            status = plot_convergence.main([*arguments, "-o", str(path)])
         return status, errors.getvalue(), path
 
     def test_a_trace_loses_its_start_and_its_exact_zeros(self):
-        trace = plot_trace.read_trace(self.file("a.csv", "# solver npgs\n" + GOOD))
+        trace = plot_convergence.read_trace(self.file("a.csv", "# solver npgs\n" + GOOD))
         np.testing.assert_array_equal(trace["iteration"], [1, 10, 100])
         np.testing.assert_array_equal(trace["median"], [0.5, 0.05, np.nan])
         np.testing.assert_array_equal(trace["max"], [0.7, 0.07, 1e-8])
 
     def test_columns_are_found_by_name(self):
-        trace = plot_trace.read_trace(self.file("a.csv", "max,iteration,seconds,p90,median\n4,1,9,3,2\n"))
+        trace = plot_convergence.read_trace(self.file("a.csv", "max,iteration,seconds,p90,median\n4,1,9,3,2\n"))
         self.assertEqual([trace[c][0] for c in ("iteration", "median", "p90", "max")], [1, 2, 3, 4])
 
     def test_several_solvers_become_one_picture_and_the_same_bytes_twice(self):
@@ -65,13 +65,13 @@ class PlotTrace(unittest.TestCase):
         self.assertNotEqual(pictures[0][2].read_bytes(), self.run_tool(traces[0], output="one.png")[2].read_bytes())
 
     def test_each_solver_is_drawn_with_its_own_numbers(self):
-        trace = plot_trace.read_trace(self.file("a.csv", GOOD))
-        drawn, close = [], plot_trace.plt.close
-        plot_trace.plt.close = drawn.append
+        trace = plot_convergence.read_trace(self.file("a.csv", GOOD))
+        drawn, close = [], plot_convergence.plt.close
+        plot_convergence.plt.close = drawn.append
         try:
-            plot_trace.draw({"npgs": trace}, self.folder / "a.png")
+            plot_convergence.draw({"npgs": trace}, self.folder / "a.png")
         finally:
-            plot_trace.plt.close = close
+            plot_convergence.plt.close = close
         axes = drawn[0].axes[0]
         lines = {line.get_label(): line for line in axes.get_lines()}
         np.testing.assert_array_equal(lines["npgs"].get_ydata(), trace["median"])

@@ -1,0 +1,72 @@
+#include "core/io/recorded_solve.hpp"
+
+#include "stiction/error.hpp"
+
+namespace stiction::io {
+namespace {
+
+void write_reals(OutputFile& file, const std::string& path, const std::vector<double>& values, Precision precision) {
+  if (precision == Precision::f64) return file.array(path, std::span<const double>(values));
+  const std::vector<float> narrow(values.begin(), values.end());
+  file.array(path, std::span<const float>(narrow));
+}
+
+/// An integer that an Index holds.
+Index read_index(const InputFile& file, const std::string& path) {
+  return file.integers<Index>(path, 1).front();
+}
+
+SolverKind read_solver(const InputFile& file) {
+  const std::string name = file.strings("solve/solver", 1).front();
+  try {
+    return solver_from_string(name);
+  } catch (const Error& error) {
+    file.refuse_dataset("solve/solver", std::string("names no solver: ") + error.what());
+  }
+}
+
+}  // namespace
+
+std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::size_t rows) {
+  if (!file.has("solve")) return std::nullopt;
+  RecordedSolve solve;
+  solve.solver = read_solver(file);
+  solve.lambda = file.reals("solve/lambda", rows);
+  solve.precision = file.is_single("solve/lambda") ? Precision::f32 : Precision::f64;
+  if (file.has("solve/warm_start")) solve.warm_start = file.reals("solve/warm_start", rows);
+  solve.tolerance = file.reals("solve/tolerance", 1).front();
+  solve.omega = file.reals("solve/omega", 1).front();
+  solve.max_iterations = read_index(file, "solve/max_iterations");
+  solve.stall_window = read_index(file, "solve/stall_window");
+  solve.numerics_epoch = read_index(file, "solve/numerics_epoch");
+  solve.left_out = file.integers<std::int64_t>("solve/left_out", 1).front();
+  return solve;
+}
+
+void check_recorded_solve(const RecordedSolve& solve, std::size_t rows) {
+  for (const auto& [name, values] : {std::pair("lambda", &solve.lambda), std::pair("warm_start", &solve.warm_start)}) {
+    const bool may_be_empty = values == &solve.warm_start;
+    if (values->size() == rows || (may_be_empty && values->empty())) continue;
+    throw Error(ErrorCode::invalid_argument, std::string("write_batch: recording.solve.") + name + " has " +
+                                                 std::to_string(values->size()) + " elements, expected " +
+                                                 std::to_string(rows) + (may_be_empty ? " or none" : ""));
+  }
+}
+
+void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
+  file.group("solve");
+  file.strings("solve/solver", {to_string(solve.solver)});
+  write_reals(file, "solve/lambda", solve.lambda, solve.precision);
+  if (!solve.warm_start.empty()) write_reals(file, "solve/warm_start", solve.warm_start, solve.precision);
+  const auto number = [&](const char* path, auto value) {
+    file.array(path, std::span<const decltype(value)>(&value, 1));
+  };
+  number("solve/tolerance", solve.tolerance);
+  number("solve/omega", solve.omega);
+  number("solve/max_iterations", std::int32_t{solve.max_iterations});
+  number("solve/stall_window", std::int32_t{solve.stall_window});
+  number("solve/numerics_epoch", std::int32_t{solve.numerics_epoch});
+  number("solve/left_out", std::int64_t{solve.left_out});
+}
+
+}  // namespace stiction::io
