@@ -29,8 +29,9 @@ if [ -n "${QUICK:-}" ]; then
   exit
 fi
 if cmake --build "$build" --target help | grep -q bench_warm_start; then  # not without HDF5
-  cmake --build "$build" --target bench_warm_start
+  cmake --build "$build" --target bench_warm_start bench_classes
   "$build/bench/bench_warm_start" --csv "$results/warm_start.csv"
+  "$build/bench/bench_classes" --csv "$results/classes.csv"
 fi
 "$build/bench/bench_bodies" --csv "$results/bodies.csv"
 "$build/bench/bench_ratio" --csv "$results/ratio.csv"

@@ -52,7 +52,7 @@ TABLE = [
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
-    Row("bench", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
+    Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/base/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "core/graph/tridiagonal.hpp", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
