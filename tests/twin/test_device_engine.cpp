@@ -46,11 +46,11 @@ TEST(DeviceEngine, every_solver_law_and_precision_gives_the_cpus_bits) {
 }
 
 TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
-  const ContactBatch<float> batch = convert<float>(ragged_batch(6, 3));
+  const ContactBatch<float> batch = convert<float>(ragged_batch(3, 3));
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);
   for (const int lanes : {1, 2, 3, 7})
-    for (const std::uint64_t seed : {0, 1, 2}) {
+    for (const std::uint64_t seed : {0, 1}) {
       cuda::HostDevice device({lanes, 1 + lanes, seed});
       EXPECT_EQ(on_engine(device, batch, options), expected) << lanes << " lanes, seed " << seed;
     }
@@ -67,8 +67,8 @@ TEST(DeviceEngine, a_whole_device_works_on_one_large_environment) {
 }
 
 TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
-  constexpr Offset kEnvs = 24;
-  constexpr int kReplays = 40;
+  constexpr Offset kEnvs = 16;
+  constexpr int kReplays = 18;
   std::vector<ContactBatch<float>> batches;
   Capacity room;
   for (int replay = 0; replay < kReplays; ++replay) {
@@ -96,6 +96,26 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
     EXPECT_EQ(env_hashes(batch, there.fetch(batch, stream.get())), solve_hashes(batch, options)) << replay;
   }
   EXPECT_EQ(device.calls(cuda::DeviceCall::allocate), allocations);
+}
+
+TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
+  const ContactBatch<float> one = convert<float>(ragged_batch(2, 1)), two = convert<float>(ragged_batch(2, 2));
+  const SolverOptions options = quick(SolverKind::npgs);
+  const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
+  for (std::uint64_t seed = 1; seed < 9; ++seed) {
+    cuda::HostDevice device({1, 3, seed});
+    cuda::Engine engine(device);
+    engine.reserve(room, options.solver, Precision::f32);
+    const cuda::Stream first(device), second(device);
+    DeviceBatch<float> there_one(device, room), there_two(device, room);
+    there_one.fill(one, first.get());
+    there_two.fill(two, second.get());
+    for (const auto& [there, stream] : {std::pair{&there_one, first.get()}, std::pair{&there_two, second.get()}})
+      engine.solve(cuda::EngineRequest<float>{there->view(), there->solution(), nullptr, Law::coulomb, options, false,
+                                              stream});
+    EXPECT_EQ(env_hashes(two, there_two.fetch(two, second.get())), solve_hashes(two, options)) << seed;
+    EXPECT_EQ(env_hashes(one, there_one.fetch(one, first.get())), solve_hashes(one, options)) << seed;
+  }
 }
 
 TEST(DeviceEngine, nothing_to_solve_is_no_trouble) {
