@@ -74,7 +74,8 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   const Capacity need =
       request.plan != nullptr
           ? capacity_of(*request.plan)
-          : Capacity{batch.env_count, batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, 0, kPrecisionOf<Real>};
+          : Capacity{batch.env_count,   batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, 0,
+                     kPrecisionOf<Real>};
   if (!engine_.has_room(need, request.options.solver, kPrecisionOf<Real>)) {
     if (request.plan == nullptr || capturing)
       throw Error(ErrorCode::invalid_argument,

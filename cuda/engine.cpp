@@ -165,8 +165,8 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     shape.shared = false;
   } else if (size_class == SizeClass::factor_warp) {
     if (capacity.env_dofs == 0) return {};
-    elements = FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs,
-                                             room.method_vectors);
+    elements =
+        FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs, room.method_vectors);
     per_processor = 16;
   } else {
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
@@ -277,8 +277,8 @@ void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(request.options.solver)]
                                     .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
-  const KernelRef& kernel = is_bundle(size_class)                   ? kernels.bundles
-                            : is_sparse(size_class)                 ? kernels.sparse
+  const KernelRef& kernel = is_bundle(size_class)                  ? kernels.bundles
+                            : is_sparse(size_class)                ? kernels.sparse
                             : size_class == SizeClass::factor_warp ? kernels.factor
                                                                    : kernels.dense;
   const SolveArgs<Real> args{job, queue, size_class, shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),

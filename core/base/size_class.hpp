@@ -56,8 +56,8 @@ STICTION_HD constexpr SizeClass size_class(EnvPath path, Index rows) {
   return static_cast<SizeClass>(smallest);
 }
 
-/// Where an environment stands in the order of execution: class, then size. Environments without a limit are told apart by the
-/// power of two of their rows, dense ones by eighths of their class's limit.
+/// Where an environment stands in the order of execution: class, then size. Environments without a limit are told apart
+/// by the power of two of their rows, dense ones by eighths of their class's limit.
 STICTION_HD constexpr int sort_key(SizeClass size_class, Index rows) {
   int bucket = 0;
   if (size_class <= SizeClass::factor_warp) {

@@ -48,8 +48,7 @@ STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, con
   begin_method<Method, kLaw>(block, s);
   EnvProgress<Real> progress;
   progress.flags = flags;
-  while (!settle<Method>(block, env, s, rule, progress))
-    advance_chunk<Method, kLaw>(block, s, params, rule, progress);
+  while (!settle<Method>(block, env, s, rule, progress)) advance_chunk<Method, kLaw>(block, s, params, rule, progress);
 }
 
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.

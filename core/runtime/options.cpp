@@ -31,7 +31,8 @@ Device Device::from_string(const std::string& text) {
   if (text.rfind("cuda:", 0) == 0 && text.size() > 5 && text.size() < 9 &&
       text.find_first_not_of("0123456789", 5) == std::string::npos)
     ordinal = std::stoi(text.substr(5));
-  if (ordinal < 0) throw Error(ErrorCode::invalid_argument, "device '" + text + "': choose auto, cpu, cuda, cuda:N or emulated");
+  if (ordinal < 0)
+    throw Error(ErrorCode::invalid_argument, "device '" + text + "': choose auto, cpu, cuda, cuda:N or emulated");
   std::string reason = "there is no such device";
   for (const DeviceReport& report : devices()) {
     if (report.device.kind != DeviceKind::cuda) continue;

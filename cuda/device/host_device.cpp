@@ -277,7 +277,8 @@ std::shared_ptr<const HostDevice::Graph> HostDevice::end_capture(StreamHandle st
   std::set<std::uint64_t> joined;
   for (const Step& step : graph->branches.front()) joined.insert(step.after);
   for (std::size_t k = 1; k < graph->branches.size(); ++k)
-    if (const std::uint64_t last = graph->branches[k].back().set; last == 0 || joined.count(last) == 0) fail("a stream that joined the capture was not joined back");
+    if (const std::uint64_t last = graph->branches[k].back().set; last == 0 || joined.count(last) == 0)
+      fail("a stream that joined the capture was not joined back");
   return graph;
 }
 

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "core/schedule/plan.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/schedule/plan.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "tests/support/plan_views.hpp"
 #include "tests/support/scene_batches.hpp"

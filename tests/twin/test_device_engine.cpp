@@ -111,8 +111,8 @@ TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
     there_one.fill(one, first.get());
     there_two.fill(two, second.get());
     for (const auto& [there, stream] : {std::pair{&there_one, first.get()}, std::pair{&there_two, second.get()}})
-      engine.solve(cuda::EngineRequest<float>{there->view(), there->solution(), nullptr, Law::coulomb, options, false,
-                                              stream});
+      engine.solve(
+          cuda::EngineRequest<float>{there->view(), there->solution(), nullptr, Law::coulomb, options, false, stream});
     EXPECT_EQ(env_hashes(two, there_two.fetch(two, second.get())), solve_hashes(two, options)) << seed;
     EXPECT_EQ(env_hashes(one, there_one.fetch(one, first.get())), solve_hashes(one, options)) << seed;
   }

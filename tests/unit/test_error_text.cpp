@@ -16,9 +16,9 @@ TEST(ErrorText, EveryCodeAndFlagHasANameOfItsOwn) {
   for (int bit = 0; bit < kEnvFlagCount; ++bit) flags.insert(flag_name(static_cast<EnvFlag>(1U << bit)));
   EXPECT_EQ(codes, (std::set<std::string>{"solved", "max_iterations", "stalled", "numerical", "invalid_input",
                                           "unsupported"}));
-  EXPECT_EQ(flags,
-            (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance",
-                                   "bad_diagonal", "warm_start_rejected", "asymmetric", "capacity", "bad_mass"}));
+  EXPECT_EQ(flags, (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds",
+                                          "negative_compliance", "bad_diagonal", "warm_start_rejected", "asymmetric",
+                                          "capacity", "bad_mass", "no_room", "bad_structure"}));
 }
 
 TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {

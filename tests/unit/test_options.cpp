@@ -68,6 +68,7 @@ TEST(Options, SolversAreFoundByTheirNames) {
 
 TEST(Options, DevicesAreFoundByTheirNames) {
   EXPECT_EQ(Device::from_string("cpu").kind, DeviceKind::cpu);
+  EXPECT_EQ(Device::from_string("emulated").kind, DeviceKind::emulated);
   EXPECT_NO_THROW(Device::from_string("auto"));
   for (const char* text :
        {"", "gpu", "CPU", "cuda:", "cuda:x", "cuda:-1", "cuda:1x", "cuda:12345", "cuda 0", "cpu:0"}) {
@@ -76,7 +77,7 @@ TEST(Options, DevicesAreFoundByTheirNames) {
       ADD_FAILURE() << "'" << text << "' was accepted";
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ErrorCode::invalid_argument) << error.what();
-      EXPECT_NE(std::string(error.what()).find("choose auto, cpu, cuda or cuda:N"), std::string::npos);
+      EXPECT_NE(std::string(error.what()).find("choose auto, cpu, cuda, cuda:N or emulated"), std::string::npos);
     }
   }
 }
