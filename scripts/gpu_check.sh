@@ -6,7 +6,8 @@
 #   scripts/gpu_check.sh [FOLDER]        where gpu_check.json and the logs go; default: out
 #
 # Optional dependencies, and what goes missing without them: GoogleTest (tests), HDF5 + CLI11 + fmt + nlohmann-json
-# (command line, so hash comparison and sanitizer), Google Benchmark (benchmarks), rapidcheck (property tests). Where
+# (command line, so hash comparison and sanitizer; bench_classes), Google Benchmark (benchmarks), rapidcheck (property
+# tests). tools/gpu_check.py --device emulated rehearses what follows the build where there is no GPU. Where
 # the machine lacks them, run scripts/pack_for_gpu.sh on one that has them and bring its folder .carry along.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
