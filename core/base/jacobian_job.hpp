@@ -19,4 +19,77 @@ struct JacobianJob {
   Real* velocity = nullptr;        ///< out: v_free + M^-1 J' lambda                    (dof_count)
 };
 
+/// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of: rows of
+/// both are the same, room included, so that only what follows from J and M is stored anew.
+template <class Real>
+struct JacobianArrays {
+  std::uint32_t* flags;    ///< EnvFlag bits                                            (envs)
+  Offset* matrix;          ///< first entry of each A                                   (envs + 1)
+  Offset* factor;          ///< first entry of each Y                                   (envs + 1)
+  Offset* parts;           ///< scratch of a scan                                       (kScanParts)
+  Offset* row_offsets;     ///< first entry of each row of A                            (rows + 1)
+  Index* row_counts;       ///< entries of each row                                     (rows)
+  Offset* column_offsets;  ///< zeros: all rows share one list of columns               (rows)
+  Index* column;           ///< 0, 1, 2, ...                                            (env_rows)
+  Real* A;                 ///<                                                         (matrix_room)
+  Real* Y;                 ///<                                                         (factor_room)
+  Real* b;                 ///<                                                         (rows)
+  Index env_rows;          ///< most rows of an environment
+  Index env_dofs;          ///< most degrees of freedom
+  Offset matrix_room;
+  Offset factor_room;
+  FactorUse use;
+};
+
+/// What is made of a Jacobian batch whose integers are known to nobody but the device that it is on.
+template <class Real>
+struct JacobianBatchJob {
+  JacobianBatchView<Real> batch;
+  JacobianArrays<Real> to;
+  const Real* lambda = nullptr;       ///< reactions, where the batch's rows are        (row_count)
+  const EnvStatus* status = nullptr;  ///< how they were found                          (env_count)
+  Real* velocity = nullptr;           ///< out                                          (dof_count)
+
+  [[nodiscard]] STICTION_HD JacobianJob<Real> job() const {
+    return {batch, batch.env_row_offsets, to.matrix, to.factor, to.A, to.b, to.Y, to.flags, lambda, velocity};
+  }
+};
+
+/// The contact batch, its totals being the room of its arrays.
+template <class Real>
+ContactBatchView<Real> contact_view(const JacobianBatchView<Real>& batch, const JacobianArrays<Real>& arrays) {
+  ContactBatchView<Real> view;
+  view.env_count = batch.env_count;
+  view.cone_count = batch.cone_count;
+  view.row_count = batch.row_count;
+  view.nonzero_count = arrays.matrix_room;
+  view.env_row_offsets = batch.env_row_offsets;
+  view.env_cone_offsets = batch.env_cone_offsets;
+  view.env_row_counts = batch.env_row_counts;
+  view.env_cone_counts = batch.env_cone_counts;
+  view.env_flags = arrays.flags;
+  view.cone_kind = batch.cone_kind;
+  view.cone_row_offsets = batch.cone_row_offsets;
+  view.cone_group = batch.cone_group;
+  view.row_offsets = arrays.row_offsets;
+  view.row_counts = arrays.row_counts;
+  view.column = arrays.column;
+  view.column_offsets = arrays.column_offsets;
+  view.column_count = arrays.env_rows;
+  view.A = arrays.A;
+  if (arrays.use != FactorUse::never) {
+    view.factor_offsets = arrays.factor;
+    view.factor = arrays.Y;
+    view.factor_count = arrays.factor_room;
+  }
+  view.b = arrays.b;
+  view.R = batch.R;
+  view.mu = batch.mu;
+  view.lo = batch.lo;
+  view.hi = batch.hi;
+  view.law = batch.law;
+  view.space = batch.space;
+  return view;
+}
+
 }  // namespace stiction

@@ -15,18 +15,18 @@ STICTION_HD Index part_begin(Index n, Index part, Index parts) {
 
 /// values[i] becomes the sum of all values before it. Returns the sum of all n, on every lane; `parts` has room for
 /// kScanParts.
-template <Block B>
-STICTION_HD_OUTLINE Index exclusive_scan(B& block, Index* values, Index n, Index* parts) {
+template <Block B, class Integer>
+STICTION_HD_OUTLINE Integer exclusive_scan(B& block, Integer* values, Index n, Integer* parts) {
   for_each(block, kScanParts, [&](Index part) {
     const Index end = part_begin(n, part + 1, kScanParts);
-    Index sum = 0;
+    Integer sum = 0;
     for (Index i = part_begin(n, part, kScanParts); i < end; ++i) sum += values[i];
     parts[part] = sum;
   });
-  const Index total = block.broadcast([&] {
-    Index sum = 0;
+  const Integer total = block.broadcast([&] {
+    Integer sum = 0;
     for (Index part = 0; part < kScanParts; ++part) {
-      const Index value = parts[part];
+      const Integer value = parts[part];
       parts[part] = sum;
       sum += value;
     }
@@ -34,9 +34,9 @@ STICTION_HD_OUTLINE Index exclusive_scan(B& block, Index* values, Index n, Index
   });
   for_each(block, kScanParts, [&](Index part) {
     const Index end = part_begin(n, part + 1, kScanParts);
-    Index sum = parts[part];
+    Integer sum = parts[part];
     for (Index i = part_begin(n, part, kScanParts); i < end; ++i) {
-      const Index value = values[i];
+      const Integer value = values[i];
       values[i] = sum;
       sum += value;
     }

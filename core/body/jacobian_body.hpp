@@ -144,10 +144,16 @@ STICTION_HD void assemble_env(B& block, const JacobianJob<Real>& job, Offset ind
   const JacobianEnv<Real> env = slice(job.batch, index, scratch);
   const Index n = env.n;
   Real* const b = job.b + job.rows[index];
+  const bool as_factor = job.factor[index + 1] > job.factor[index];
+  Real* const entries = as_factor ? job.Y + job.factor[index] : job.A + job.matrix[index];
+  const Index width = as_factor ? env.dofs : n;
   const bool sound = factor_mass(block, env);
   if (!sound) {
     single(block, [&] { job.flags[index] |= kFlagBadMass; });
-    for_each(block, n, [&](Index i) { b[i] = 0; });
+    for_each(block, n, [&](Index i) {
+      b[i] = 0;
+      for (Index k = 0; k < width; ++k) entries[static_cast<Offset>(i) * width + k] = 0;
+    });
     return;
   }
   solve_rows(block, env);
@@ -156,17 +162,15 @@ STICTION_HD void assemble_env(B& block, const JacobianJob<Real>& job, Offset ind
     env.for_each_entry(i, [&](Index k, Real value) { motion = fma_(value, env.v_free[k], motion); });
     b[i] = env.batch->target == nullptr ? motion : motion - env.batch->target[env.first_row + i];
   });
-  if (job.factor[index + 1] > job.factor[index]) {
-    Real* const Y = job.Y + job.factor[index];
+  if (as_factor) {
     for_each(block, n, [&](Index i) {
       for (Index k = 0; k < env.dofs; ++k)
-        Y[static_cast<Offset>(i) * env.dofs + k] = env.columns[static_cast<Offset>(k) * n + i];
+        entries[static_cast<Offset>(i) * width + k] = env.columns[static_cast<Offset>(k) * n + i];
     });
     return;
   }
-  Real* const A = job.A + job.matrix[index];
   for_each(block, n, [&](Index i) {
-    Real* const row = A + static_cast<Offset>(i) * n;
+    Real* const row = entries + static_cast<Offset>(i) * n;
     for (Index j = 0; j <= i; ++j) row[j] = 0;
     for (Index k = 0; k < env.dofs; ++k) {
       const Real* const column = env.columns + static_cast<Offset>(k) * n;
@@ -175,8 +179,56 @@ STICTION_HD void assemble_env(B& block, const JacobianJob<Real>& job, Offset ind
     }
   });
   for_each(block, n, [&](Index i) {
-    for (Index j = i + 1; j < n; ++j) A[static_cast<Offset>(i) * n + j] = A[static_cast<Offset>(j) * n + i];
+    for (Index j = i + 1; j < n; ++j) entries[static_cast<Offset>(i) * n + j] = entries[static_cast<Offset>(j) * n + i];
   });
+}
+
+/// motion = J' lambda, summed over the rows in order.
+template <Block B, class Real>
+STICTION_HD void pull_reactions(B& block, const JacobianEnv<Real>& env, const Real* lambda, Real* motion) {
+  if (env.batch->column == nullptr) {
+    for_each(block, env.dofs, [&](Index k) {
+      Real sum(0);
+      for (Index i = 0; i < env.n; ++i)
+        sum = fma_(env.batch->J[env.batch->row_offsets[env.first_row + i] + k], lambda[i], sum);
+      motion[k] = sum;
+    });
+    return;
+  }
+  single(block, [&] {
+    for (Index k = 0; k < env.dofs; ++k) motion[k] = 0;
+    for (Index i = 0; i < env.n; ++i)
+      env.for_each_entry(i, [&](Index k, Real value) { motion[k] = fma_(value, lambda[i], motion[k]); });
+  });
+}
+
+/// change = L^-T L^-1 motion; destroys motion. An entry that is known is taken out of all the others at once, so that
+/// a step ends when its lanes have, and every lane divides for itself, which saves a step in between.
+template <Block B, class Real>
+STICTION_HD void solve_mass(B& block, const BlockTriangle<Real>& L, Real* motion, Real* change) {
+  for (Index k = 0; k < L.rows; ++k) {
+    const Real known = div_(motion[k], L.at(k, k));
+    for_each(block, L.block_end(k) - k, [&](Index r) {
+      const Index i = k + r;
+      if (r == 0) {
+        change[k] = known;
+      } else {
+        motion[i] = fma_(Real(0) - L.at(i, k), known, motion[i]);
+      }
+    });
+  }
+  for_each(block, L.rows, [&](Index k) { motion[k] = change[k]; });
+  for (Index k = L.rows - 1; k >= 0; --k) {
+    const Real known = div_(motion[k], L.at(k, k));
+    for_each(block, k - L.block_begin(k) + 1, [&](Index r) {
+      const Index i = k - r;
+      if (r == 0) {
+        change[k] = known;
+      } else {
+        motion[i] = fma_(Real(0) - L.at(k, i), known, motion[i]);
+      }
+    });
+  }
 }
 
 /// v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew: that costs less than a sweep, and no
@@ -188,23 +240,11 @@ STICTION_HD void velocity_env(B& block, const JacobianJob<Real>& job, Offset ind
   Real* const velocity = job.velocity + job.batch.env_dof_offsets[index];
   const Real largest = max_over<Real>(block, env.n, [&](Index i) { return abs_(lambda[i]); });
   const bool moved = largest > Real(0) && factor_mass(block, env);
-  Real* const change = env.columns;
+  Real* const motion = env.columns;
+  Real* const change = env.columns + env.dofs;
   if (moved) {
-    single(block, [&] {
-      for (Index k = 0; k < env.dofs; ++k) change[k] = 0;
-      for (Index i = 0; i < env.n; ++i)
-        env.for_each_entry(i, [&](Index k, Real value) { change[k] = fma_(value, lambda[i], change[k]); });
-      for (Index k = 0; k < env.dofs; ++k) {
-        for (Index j = env.L.block_begin(k); j < k; ++j)
-          change[k] = fma_(Real(0) - env.L.at(k, j), change[j], change[k]);
-        change[k] = div_(change[k], env.L.at(k, k));
-      }
-      for (Index k = env.dofs - 1; k >= 0; --k) {
-        for (Index i = k + 1; i < env.L.block_end(k); ++i)
-          change[k] = fma_(Real(0) - env.L.at(i, k), change[i], change[k]);
-        change[k] = div_(change[k], env.L.at(k, k));
-      }
-    });
+    pull_reactions(block, env, lambda, motion);
+    solve_mass(block, env.L, motion, change);
   }
   for_each(block, env.dofs,
            [&](Index k) { velocity[k] = canonical_zero(moved ? env.v_free[k] + change[k] : env.v_free[k]); });

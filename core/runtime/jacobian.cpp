@@ -100,9 +100,12 @@ void check_pointer(const char* name, const void* pointer, Offset length) {
   if (length > 0 && pointer == nullptr) refuse(std::string(name) + " is null; point it to the batch's array");
 }
 
-/// Everything an assembly or a solve indexes by.
+}  // namespace
+
 template <class Real>
 void check_structure(const JacobianBatchView<Real>& batch) {
+  if (batch.space != MemorySpace::host)
+    refuse("the batch is in device memory, which the CPU does not read: solve it with a JacobianSolver of that device");
   for (const Offset count : {batch.env_count, batch.cone_count, batch.row_count, batch.dof_count, batch.entry_count,
                              batch.mass_count, Offset{batch.mass_block}})
     if (count < 0) refuse("a count of the view is " + std::to_string(count) + ": counts must be >= 0; fix the view");
@@ -151,6 +154,8 @@ void check_structure(const JacobianBatchView<Real>& batch) {
              " rows; fix cone_row_offsets");
   }
 }
+
+namespace {
 
 /// Rows of environments that follow one another without room.
 template <class Real>
@@ -272,8 +277,7 @@ ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use,
   std::vector<Offset> matrix{0}, factor{0};
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Offset n = batch.env_rows(env), dofs = batch.env_dofs(env);
-    const bool as_factor =
-        n > 0 && dofs > 0 && (use == FactorUse::always || (use == FactorUse::by_size && prefers_factor(n, dofs)));
+    const bool as_factor = keeps_factor(use, n, dofs);
     copy_rows(batch, env, to);
     matrix.push_back(matrix.back() + (as_factor ? 0 : n * n));
     factor.push_back(factor.back() + (as_factor ? n * dofs : 0));
@@ -322,6 +326,8 @@ JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverO
   return solution;
 }
 
+template void check_structure(const JacobianBatchView<float>&);
+template void check_structure(const JacobianBatchView<double>&);
 template class JacobianBatch<float>;
 template class JacobianBatch<double>;
 template ContactBatch<float> assemble(const JacobianBatchView<float>&, FactorUse, int);

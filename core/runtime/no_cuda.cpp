@@ -1,5 +1,6 @@
 #include "core/runtime/backend.hpp"
 #include "core/runtime/body_backend.hpp"
+#include "core/runtime/jacobian_machine.hpp"
 #include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 
@@ -21,6 +22,13 @@ std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int, const WarmStar
 }
 template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, const WarmStartCapacity&);
 template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
+
+template <class Real>
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
 
 std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);

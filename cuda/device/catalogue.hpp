@@ -2,6 +2,7 @@
 
 #include "cuda/device/kernels.hpp"
 #include "cuda/programs/bodies_program.hpp"
+#include "cuda/programs/jacobian_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
@@ -39,6 +40,14 @@ WarmStartKernels warm_start_kernels() {
   return {Make::template kernel<RecallEnvironments<Real>>("warm_start_recall"),
           Make::template kernel<RememberEnvironments<Real>>("warm_start_remember"),
           Make::template kernel<ForgetEnvironments<Real>>("warm_start_forget")};
+}
+
+template <class Make, class Real>
+JacobianKernels jacobian_kernels() {
+  return {Make::template kernel<CountJacobians<Real>>("jacobian_count"),
+          Make::template kernel<PlaceJacobians<Real>>("jacobian_place"),
+          Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
+          Make::template kernel<MoveJacobians<Real>>("jacobian_move")};
 }
 
 template <class Make>

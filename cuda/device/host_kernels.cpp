@@ -16,7 +16,8 @@ const KernelCatalogue& host_kernels() {
       {host_kernel<AnswerSettled<float>>("answer_settled"), host_kernel<AnswerSettled<double>>("answer_settled")},
       plan_kernels<MakeHostKernel>(),
       {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()},
-      host_body_kernels()};
+      host_body_kernels(),
+      {jacobian_kernels<MakeHostKernel, float>(), jacobian_kernels<MakeHostKernel, double>()}};
   return catalogue;
 }
 

@@ -40,6 +40,14 @@ struct BodyKernels {
   KernelRef by_precision_and_law[2][2];
 };
 
+/// The Jacobian form, in one precision (programs/jacobian_program.hpp).
+struct JacobianKernels {
+  KernelRef count;  ///< what each environment takes
+  KernelRef place;  ///< where each begins
+  KernelRef write;  ///< rows, A or Y, and b
+  KernelRef move;   ///< velocities
+};
+
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
@@ -48,6 +56,7 @@ struct KernelCatalogue {
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision
   BodyKernels bodies;
+  JacobianKernels jacobian[2];  ///< by Precision
 };
 
 }  // namespace stiction::cuda

@@ -13,13 +13,16 @@ namespace stiction::inline STICTION_ISA {
 /// with less in them. Totals that make no sense are left to structure_is_sound(), which then finds the environments
 /// that they break.
 STICTION_HD ContactBatchView<float> with_totals(ContactBatchView<float> batch) {
-  if (batch.env_count == 0 || batch.env_row_counts != nullptr) return batch;
+  if (batch.env_count == 0) return batch;
   const auto shrink = [](Offset& room, Offset total) {
     if (total >= 0 && total < room) room = total;
   };
-  shrink(batch.row_count, batch.env_row_offsets[batch.env_count]);
-  shrink(batch.cone_count, batch.env_cone_offsets[batch.env_count]);
+  if (batch.env_row_counts == nullptr) {
+    shrink(batch.row_count, batch.env_row_offsets[batch.env_count]);
+    shrink(batch.cone_count, batch.env_cone_offsets[batch.env_count]);
+  }
   shrink(batch.nonzero_count, batch.row_offsets[batch.row_count]);
+  if (batch.factor_offsets != nullptr) shrink(batch.factor_count, batch.factor_offsets[batch.env_count]);
   return batch;
 }
 

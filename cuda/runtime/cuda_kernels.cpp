@@ -8,7 +8,8 @@ const KernelCatalogue& cuda_kernels() {
       {cuda_settled_kernel(Precision::f32), cuda_settled_kernel(Precision::f64)},
       cuda_plan_kernels(),
       {cuda_warm_start_kernels(Precision::f32), cuda_warm_start_kernels(Precision::f64)},
-      cuda_body_kernels()};
+      cuda_body_kernels(),
+      {cuda_jacobian_kernels(Precision::f32), cuda_jacobian_kernels(Precision::f64)}};
   return catalogue;
 }
 

@@ -18,6 +18,7 @@ PlanKernels cuda_plan_kernels();
 KernelRef cuda_settled_kernel(Precision precision);
 WarmStartKernels cuda_warm_start_kernels(Precision precision);
 BodyKernels cuda_body_kernels();
+JacobianKernels cuda_jacobian_kernels(Precision precision);
 
 /// Whether this build has machine code or PTX that the current device can run.
 cudaError_t probe_kernel_image();

@@ -15,13 +15,14 @@ enum class MassForm : std::uint8_t {
 };
 
 /// Many environments' contact systems as a physics engine has them: constraint Jacobian J, mass matrix M, velocity
-/// without contact v_free. A POD over host memory that owns nothing. assemble() makes of each environment
+/// without contact v_free. A POD over host or device memory that owns nothing. assemble(), for host memory, and
+/// JacobianSolver (jacobian_solver.hpp), for either, make of each environment
 ///
 ///     A = J M^-1 J',   b = J v_free - target,   and   v+ = v_free + M^-1 J' lambda
 ///
 /// follows from the answer (docs/jacobian.md). At velocity level lambda is an impulse; with accelerations in place of
 /// velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView, and as
-/// there counts allow room behind what is in use.
+/// there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
 template <class Real>
 struct JacobianBatchView {
   Offset env_count = 0;
@@ -55,6 +56,7 @@ struct JacobianBatchView {
   MassForm mass_form = MassForm::matrix;
   Index mass_block = 0;  ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
   Law law = Law::convex;
+  MemorySpace space = MemorySpace::host;
 
   [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
     return env_row_counts != nullptr ? env_row_counts[env]
@@ -108,27 +110,32 @@ class JacobianBatch {
   std::vector<Real> J_, M_, v_free_, target_, R_, mu_, lo_, hi_;
 };
 
-/// Which of the environments assemble() keeps as factors.
+/// Which environments are kept as factors.
 enum class FactorUse : std::uint8_t {
   never,
-  by_size,  ///< those for which prefers_factor() holds
-  always,
+  by_size,  ///< those for which prefers_factor() holds: the default, one rule on every device
+  always,   ///< all that have degrees of freedom
 };
 
 /// Whether an environment of n rows and `dofs` degrees of freedom is kept as a factor: A = Y Y' with Y = J L^-T is then
 /// never formed, and a sweep costs 3 n dofs multiplications where the matrix takes n^2, in shorter loops, so that it
 /// has to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits of the
 /// answer.
-constexpr bool prefers_factor(Offset n, Offset dofs) {
+STICTION_HD constexpr bool prefers_factor(Offset n, Offset dofs) {
   return n > 72 && dofs > 0 && 4 * dofs < n;
 }
 
-/// The contact batch of a Jacobian batch, on the CPU: M = L L' by Cholesky, Y = J L^-T, A = Y Y' (symmetric to the last
-/// bit), b. Rows follow one another without room between them. An environment whose M is not positive definite is
-/// marked kFlagBadMass in env_flags, and no other environment is touched by it. `threads` 0: all cores; the bits do not
-/// depend on it. \throws Error(invalid_argument) if the structure is broken.
+/// Whether an environment is kept as a factor. One without rows or degrees of freedom has none.
+STICTION_HD constexpr bool keeps_factor(FactorUse use, Offset n, Offset dofs) {
+  return n > 0 && dofs > 0 && (use == FactorUse::always || (use == FactorUse::by_size && prefers_factor(n, dofs)));
+}
+
+/// The contact batch of a Jacobian batch in host memory, on the CPU: M = L L' by Cholesky, Y = J L^-T, A = Y Y'
+/// (symmetric to the last bit), b. Rows follow one another without room between them. An environment whose M is not
+/// positive definite is marked kFlagBadMass in env_flags, and no other environment is touched by it. `threads` 0: all
+/// cores; the bits do not depend on it. \throws Error(invalid_argument) if the structure is broken.
 template <class Real>
-ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::never, int threads = 0);
+ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::by_size, int threads = 0);
 
 /// v+ = v_free + M^-1 J' lambda of every environment  (dof_count). `lambda` are the reactions of the assembled batch,
 /// without room between environments. Where all of an environment's reactions are zero, and so where it could not be
@@ -145,16 +152,16 @@ struct JacobianSolution {
   std::vector<Real> velocity;           ///< v+ [v]                                    (dof_count)
 };
 
-/// assemble(), solve() on that device and velocities() in one call. Factors are the caller's choice because they are
-/// the CPU's alone so far: a CUDA device refuses them, and by default every machine gives the same bits.
+/// assemble(), solve() on that device and velocities() in one call, for batches in host memory. Which environments are
+/// kept as factors reaches the last bits of the answer, the device does not.
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverOptions& options = {},
                              Device device = Device::cpu(), std::span<const Real> warm_start = {},
-                             FactorUse use = FactorUse::never);
+                             FactorUse use = FactorUse::by_size);
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatch<Real>& batch, const SolverOptions& options = {},
                              Device device = Device::cpu(), std::span<const Real> warm_start = {},
-                             FactorUse use = FactorUse::never) {
+                             FactorUse use = FactorUse::by_size) {
   return solve(batch.view(), options, device, warm_start, use);
 }
 

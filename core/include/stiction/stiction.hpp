@@ -7,6 +7,7 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/jacobian.hpp"
+#include "stiction/jacobian_solver.hpp"
 #include "stiction/padded.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"

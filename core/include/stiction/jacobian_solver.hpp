@@ -1,0 +1,83 @@
+#pragma once
+
+#include <memory>
+
+#include "stiction/jacobian.hpp"
+#include "stiction/solver.hpp"
+
+namespace stiction {
+
+/// Room that a JacobianSolver on a GPU has, taken when it is made. On the CPU room is made as it is needed.
+struct JacobianCapacity {
+  Offset envs = 0;
+  Offset rows = 0;     ///< of a batch, room between environments included
+  Offset cones = 0;    ///< the same
+  Index env_rows = 0;  ///< rows of the largest environment
+  Index env_dofs = 0;  ///< degrees of freedom of the largest
+  Offset matrix = 0;   ///< entries of all A together: n^2 of each environment that keeps its matrix
+  Offset factor = 0;   ///< entries of all Y together: n dofs of each that is kept as a factor
+
+  /// What a host batch needs. \throws Error(invalid_argument) if its structure is broken.
+  template <class Real>
+  static JacobianCapacity of(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::by_size);
+  /// What any batch of `envs` environments needs whose largest has so many rows, cones and degrees of freedom.
+  static JacobianCapacity of_largest(Offset envs, Index env_rows, Index env_cones, Index env_dofs,
+                                     FactorUse use = FactorUse::by_size);
+};
+
+/// Where a JacobianSolver writes; same memory space as the batch. Reactions and motion lie where the batch has the row,
+/// and what it does not use of them is not written.
+template <class Real>
+struct JacobianSolutionView {
+  Real* lambda = nullptr;       ///< reactions [lambda]                          (row_count)
+  Real* w = nullptr;            ///< residual motion [w], may be null            (row_count)
+  Real* velocity = nullptr;     ///< v_free + M^-1 J' lambda [v], may be null    (dof_count)
+  EnvStatus* status = nullptr;  ///< one record each                             (env_count)
+};
+
+template <class Real>
+class JacobianMachine;
+
+/// Solves Jacobian batches where they are, on the host or on a device: assembles, solves, and moves the velocities
+/// (docs/jacobian.md). On every device the same bits.
+template <class Real>
+class JacobianSolver {
+ public:
+  /// \throws Error(invalid_argument) for an option out of range or a negative capacity, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  JacobianSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
+                 FactorUse use = FactorUse::by_size);
+  ~JacobianSolver();
+  JacobianSolver(JacobianSolver&&) noexcept;
+  JacobianSolver& operator=(JacobianSolver&&) noexcept;
+
+  /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero.
+  ///
+  /// A batch in device memory is read there, its integers too, in the order of `stream`: nothing waits, nothing is
+  /// allocated, and what is queued can be captured into a graph and replayed after numbers, contacts and counts have
+  /// changed in place. Solves on several streams follow one another. An environment larger than the capacity is marked
+  /// kFlagNoRoom; so is, where A or Y run out of room, the first that does not fit and every later one of its form. One
+  /// whose offsets or columns are out of order is marked kFlagBadStructure and its velocity is not written. All these
+  /// leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free.
+  /// A batch in host memory is solved by the CPU, complete on return.
+  /// \throws Error(invalid_argument), before anything is written, if the batch is not in this solver's memory, has more
+  /// environments, rows or cones than there is room for or lacks an array; on the CPU also if its structure is broken
+  /// or, with InvalidPolicy::reject, a number.
+  void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+             const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream());
+
+  /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
+
+  [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
+  [[nodiscard]] const JacobianCapacity& capacity() const noexcept { return capacity_; }
+
+ private:
+  void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution) const;
+
+  JacobianCapacity capacity_;
+  Solver solver_;
+  std::unique_ptr<JacobianMachine<Real>> machine_;
+};
+
+}  // namespace stiction

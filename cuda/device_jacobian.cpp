@@ -1,0 +1,169 @@
+#include "cuda/device_jacobian.hpp"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "cuda/device/host_device.hpp"
+#include "cuda/programs/jacobian_program.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace cuda {
+
+namespace {
+
+/// Most fast memory that a team takes for itself: more would leave too few teams at work on a multiprocessor.
+constexpr std::size_t kSharedBytes = std::size_t{24} << 10;
+/// Most device memory for the scratch of all teams, unless a single one needs more.
+constexpr Offset kScratchBytes = Offset{1} << 29;
+constexpr Offset kTeamsPerProcessor = 16;
+
+/// Lanes for an environment of that size. They reach speed only.
+int team_lanes(const JacobianCapacity& capacity) {
+  const Index size = std::max(capacity.env_rows, capacity.env_dofs);
+  return size <= 64 ? kWarp : size <= 256 ? 4 * kWarp : kMostLanes;
+}
+
+template <class Real>
+const JacobianKernels& kernels_of(const DeviceApi& api) {
+  return api.kernels().jacobian[sizeof(Real) == sizeof(float) ? 0 : 1];
+}
+
+}  // namespace
+
+template <class Real>
+DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use)
+    : api_(std::move(api)), done_(*api_) {
+  arrays_.env_rows = capacity.env_rows;
+  arrays_.env_dofs = capacity.env_dofs;
+  arrays_.matrix_room = capacity.matrix;
+  arrays_.factor_room = capacity.factor;
+  arrays_.use = use;
+  const Offset vectors = std::max(capacity.env_rows, 2);
+  slot_ = capacity.env_dofs * (capacity.env_dofs + vectors);
+  const std::size_t slot_bytes = static_cast<std::size_t>(slot_) * sizeof(Real);
+  const bool shared = slot_bytes <= std::min(kSharedBytes, api_->facts().shared_bytes);
+  small_.teams = large_.teams = capacity.envs;
+  small_.lanes = kWarp;
+  large_.lanes = team_lanes(capacity);
+  if (shared) {
+    large_.shared_bytes = slot_bytes;
+  } else {
+    const Offset fitting = std::max<Offset>(1, kScratchBytes / static_cast<Offset>(slot_bytes));
+    large_.teams = std::min({capacity.envs, fitting, kTeamsPerProcessor * api_->facts().processors});
+  }
+
+  set_.add(arrays_.flags, capacity.envs);
+  set_.add(arrays_.matrix, capacity.envs + 1);
+  set_.add(arrays_.factor, capacity.envs + 1);
+  set_.add(arrays_.parts, kScanParts);
+  set_.add(arrays_.row_offsets, capacity.rows + 1);
+  set_.add(arrays_.row_counts, capacity.rows);
+  set_.add(arrays_.column_offsets, capacity.rows);
+  set_.add(arrays_.column, capacity.env_rows);
+  set_.add(arrays_.A, capacity.matrix);
+  set_.add(arrays_.Y, capacity.factor);
+  set_.add(arrays_.b, capacity.rows);
+  if (!shared) set_.add(scratch_, large_.teams * slot_);
+  memory_ = DeviceMemory(*api_, set_.bytes());
+  set_.place(memory_.get());
+  if (shared) scratch_ = nullptr;
+
+  std::vector<Index> columns(static_cast<std::size_t>(capacity.env_rows));
+  for (std::size_t i = 0; i < columns.size(); ++i) columns[i] = static_cast<Index>(i);
+  const Stream stream(*api_);
+  try {
+    // Row offsets too: of an environment whose rows overlap another's they may never be written, but they are read.
+    api_->fill_zero(memory_.get(), memory_.bytes(), stream.get());
+    if (!columns.empty())
+      api_->copy(arrays_.column, columns.data(), columns.size() * sizeof(Index), CopyKind::to_device, stream.get());
+  } catch (const Error&) {
+    finish(stream.get());
+    throw;
+  }
+  api_->synchronize(stream.get());
+}
+
+template <class Real>
+DeviceJacobian<Real>::~DeviceJacobian() {
+  try {
+    api_->await(done_.get());
+  } catch (const Error&) {
+    return;  // the device is lost, and nothing runs on it
+  }
+}
+
+/// Waits after a failure; the device may be lost.
+template <class Real>
+void DeviceJacobian<Real>::finish(StreamHandle stream) noexcept {
+  try {
+    api_->synchronize(stream);
+  } catch (const Error&) {
+    return;
+  }
+}
+
+template <class Real>
+void DeviceJacobian<Real>::launch(const KernelRef& kernel, const LaunchShape& shape, const JacobianBatchJob<Real>& job,
+                                  StreamHandle stream) {
+  const JacobianArgs<Real> args{job, scratch_, slot_};
+  LaunchShape own = shape;
+  own.teams = std::min(shape.teams, job.batch.env_count);
+  api_->launch(kernel, own, &args, stream);
+}
+
+/// Queues work on the arrays behind whatever used them last. What is captured is ordered by whoever launches the graph.
+template <class Real>
+template <class Work>
+void DeviceJacobian<Real>::queue(StreamHandle stream, const Work& work) {
+  const bool capturing = api_->capturing(stream);
+  try {
+    if (!capturing) api_->wait(stream, done_.get());
+    work();
+    if (!capturing) api_->record(done_.get(), stream);
+  } catch (const Error&) {
+    // Whatever was queued before the failure must not run on while the caller takes its memory back.
+    if (!capturing) finish(stream);
+    throw;
+  }
+}
+
+template <class Real>
+ContactBatchView<Real> DeviceJacobian<Real>::assemble(const JacobianBatchView<Real>& batch, StreamRef stream) {
+  const JacobianKernels& kernels = kernels_of<Real>(*api_);
+  const JacobianBatchJob<Real> job{batch, arrays_};
+  if (batch.env_count > 0)
+    queue(stream.handle(), [&] {
+      launch(kernels.count, small_, job, stream.handle());
+      launch(kernels.place, {1, kMostLanes}, job, stream.handle());
+      launch(kernels.write, large_, job, stream.handle());
+    });
+  return contact_view(batch, arrays_);
+}
+
+template <class Real>
+void DeviceJacobian<Real>::velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+                                      StreamRef stream) {
+  const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
+  queue(stream.handle(), [&] {
+    if (batch.env_count > 0 && solution.velocity != nullptr)
+      launch(kernels_of<Real>(*api_).move, large_, job, stream.handle());
+  });
+}
+
+template class DeviceJacobian<float>;
+template class DeviceJacobian<double>;
+
+}  // namespace cuda
+
+template <class Real>
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use) {
+  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_host_device(), capacity, use);
+}
+
+template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+
+}  // namespace stiction

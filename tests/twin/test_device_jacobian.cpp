@@ -1,0 +1,400 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "cuda/device/host_device.hpp"
+#include "cuda/device_backend.hpp"
+#include "cuda/device_jacobian.hpp"
+#include "stiction/error.hpp"
+#include "stiction/jacobian_solver.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/roomy_jacobians.hpp"
+
+/// The Jacobian form on a device, on the host device: the reactions, motion, velocities and records of the CPU, whose
+/// batch is assembled by other code.
+namespace stiction::test {
+namespace {
+
+struct Form {
+  MassForm mass = MassForm::matrix;
+  Index mass_block = 0;
+  bool sparse = false;
+  FactorUse use = FactorUse::by_size;
+};
+
+/// Small environments, empty ones, one without degrees of freedom and one that is a factor by its size.
+template <class Real>
+JacobianBatch<Real> random_batch(std::uint64_t seed, const Form& form) {
+  const Index block = form.mass_block;
+  JacobianBatch<Real> batch(seed % 2 == 0 ? Law::convex : Law::coulomb, form.mass, block);
+  const auto add = [&](const JacobianRecipe& recipe) {
+    JacobianEnvironment<double> env = random_jacobian(recipe);
+    if (form.sparse) thin_out(env);
+    batch.add(cast<Real>(env));
+  };
+  const auto small = static_cast<int>(seed % 4);
+  add({seed, 1 + small, 2, 12, block});
+  add({seed + 100, 0, 0, 6, block});
+  add({seed + 200, 25, 9, 18, block});
+  add({seed + 300, small, 3, 6, block});
+  add({seed + 400, 1, 1, 0, block});
+  add({seed + 500, 4, small, 24, block});
+  add({seed + 600, 0, 0, 6, block});
+  return batch;
+}
+
+template <class Real>
+SolverOptions some_iterations() {
+  SolverOptions options;
+  options.tolerance = 1e-5;
+  options.max_iterations = 24;
+  options.invalid = InvalidPolicy::isolate;
+  options.threads = 1;
+  return options;
+}
+
+template <class Real>
+struct Answer {
+  std::vector<Real> lambda, w, velocity;
+  std::vector<EnvStatus> status;
+
+  explicit Answer(const JacobianBatchView<Real>& room)
+      : lambda(static_cast<std::size_t>(room.row_count), kRubbish),
+        w(lambda),
+        velocity(static_cast<std::size_t>(room.dof_count), kRubbish),
+        status(static_cast<std::size_t>(room.env_count)) {}
+  JacobianSolutionView<Real> view() { return {lambda.data(), w.data(), velocity.data(), status.data()}; }
+  static constexpr Real kRubbish = Real(-77);
+};
+
+/// One environment's answer is that of the same environment of a packed batch.
+template <class Real>
+void expect_env(const JacobianBatchView<Real>& batch, const Answer<Real>& answer, Offset env,
+                const JacobianBatchView<Real>& packed, const JacobianSolution<Real>& expected) {
+  SCOPED_TRACE("env " + std::to_string(env));
+  const auto part = [](const std::vector<Real>& all, Offset first, Offset count) {
+    return std::span<const Real>(all).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(count));
+  };
+  const Offset rows = packed.env_rows(env), row = expected.env_row_offsets[static_cast<std::size_t>(env)];
+  const Offset own = batch.env_row_offsets[env];
+  EXPECT_TRUE(same_bits(part(expected.contact.lambda, row, rows), part(answer.lambda, own, rows)));
+  EXPECT_TRUE(same_bits(part(expected.contact.w, row, rows), part(answer.w, own, rows)));
+  EXPECT_TRUE(same_bits(part(expected.velocity, packed.env_dof_offsets[env], packed.env_dofs(env)),
+                        part(answer.velocity, batch.env_dof_offsets[env], packed.env_dofs(env))));
+  const auto place = static_cast<std::size_t>(env);
+  EXPECT_TRUE(
+      same_bits(std::span(expected.contact.status).subspan(place, 1), std::span(answer.status).subspan(place, 1)));
+}
+
+template <class Real>
+void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer, const JacobianBatchView<Real>& packed,
+                const JacobianSolution<Real>& expected) {
+  for (Offset env = 0; env < packed.env_count; ++env) expect_env(batch, answer, env, packed, expected);
+}
+
+/// What JacobianSolver is made of, on a device of the test's.
+template <class Real>
+struct Machine {
+  Machine(const std::shared_ptr<cuda::HostDevice>& device, const JacobianCapacity& capacity, FactorUse use)
+      : backend(device), jacobian(device, capacity, use) {
+    backend.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
+                     Offset{capacity.env_rows} * capacity.env_rows, capacity.env_dofs, Precision::f64},
+                    SolverKind::npgs);
+  }
+  void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
+    const ContactBatchView<Real> contact = jacobian.assemble(batch, stream);
+    backend.solve(SolveRequest<Real>{nullptr,
+                                     contact,
+                                     {solution.lambda, solution.w, solution.status},
+                                     nullptr,
+                                     contact.law,
+                                     some_iterations<Real>(),
+                                     stream});
+    jacobian.velocities(batch, solution, stream);
+  }
+
+  cuda::DeviceBackend backend;
+  cuda::DeviceJacobian<Real> jacobian;
+};
+
+template <class Real>
+void expect_the_cpus_bits(const Form& form, const cuda::HostDeviceOptions& options) {
+  const auto batch = random_batch<Real>(options.seed + 1, form);
+  const auto packed = batch.view();
+  const auto expected = solve(packed, some_iterations<Real>(), Device::cpu(), {}, form.use);
+  for (const Index room : {0, 90}) {
+    SCOPED_TRACE(room == 0 ? "packed" : "padded");
+    const RoomyJacobians<Real> arrays(packed, room, 5);
+    const auto view = arrays.view(MemorySpace::cuda);
+    const auto device = std::make_shared<cuda::HostDevice>(options);
+    const cuda::Stream stream(*device);
+    JacobianCapacity capacity = JacobianCapacity::of(packed, form.use);
+    capacity.rows = view.row_count;
+    capacity.cones = view.cone_count;
+    Machine<Real> machine(device, capacity, form.use);
+    Answer<Real> answer(view);
+    for (int again = 0; again < 2; ++again) machine.solve(view, answer.view(), StreamRef(stream.get()));
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
+}
+
+TEST(DeviceJacobian, has_the_cpus_bits_in_every_form) {
+  for (const FactorUse use : {FactorUse::never, FactorUse::by_size, FactorUse::always})
+    for (const bool sparse : {false, true})
+      for (const Index block : use == FactorUse::by_size ? std::vector<Index>{0, 6, 1} : std::vector<Index>{6})
+        for (const MassForm mass : {MassForm::matrix, MassForm::factor}) {
+          SCOPED_TRACE("use " + std::to_string(static_cast<int>(use)) + ", sparse " + std::to_string(sparse) +
+                       ", block " + std::to_string(block));
+          expect_the_cpus_bits<double>({mass, block, sparse, use}, {2, 3, static_cast<std::uint64_t>(block)});
+        }
+}
+
+TEST(DeviceJacobian, has_the_cpus_bits_on_any_lanes_and_teams) {
+  for (const int lanes : {1, 3, 5})
+    for (const std::uint64_t seed : {0, 1, 2}) {
+      SCOPED_TRACE(std::to_string(lanes) + " lanes, seed " + std::to_string(seed));
+      expect_the_cpus_bits<float>({}, {lanes, 1 + static_cast<Offset>(seed), seed});
+    }
+}
+
+TEST(DeviceJacobian, the_object_on_the_cpu_answers_as_the_function_does) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    JacobianSolver<float> solver(Device::cpu(), some_iterations<float>(), {});
+    for (const bool sparse : {false, true})
+      for (const Index room : {0, 90}) {
+        const auto batch = random_batch<float>(seed + 10U * sparse, {MassForm::matrix, 6, sparse});
+        const auto expected = solve(batch, some_iterations<float>());
+        const RoomyJacobians<float> arrays(batch.view(), room, 0);
+        const auto view = arrays.view(MemorySpace::host);
+        Answer<float> answer(view);
+        solver.solve(view, answer.view());
+        expect_all(view, answer, batch.view(), expected);
+      }
+  }
+}
+
+TEST(DeviceJacobian, a_bad_mass_stays_in_its_environment) {
+  const auto batch = random_batch<double>(3, {});
+  for (const FactorUse use : {FactorUse::never, FactorUse::always}) {
+    RoomyJacobians<double> arrays(batch.view(), 0, 0);
+    arrays.M[static_cast<std::size_t>(arrays.env_mass_offsets[3])] = -1.0;
+    const auto bad = arrays.view(MemorySpace::host);
+    const auto expected = solve(bad, some_iterations<double>(), Device::cpu(), {}, use);
+    ASSERT_EQ(expected.contact.status[3].code, EnvCode::invalid_input);
+    const auto device = std::make_shared<cuda::HostDevice>();
+    Machine<double> machine(device, JacobianCapacity::of(bad, use), use);
+    Answer<double> answer(bad);
+    // What an earlier batch left in the matrices must not reach a flag.
+    RoomyJacobians<double> poisoned(batch.view(), 0, 0);
+    poisoned.J.assign(poisoned.J.size(), std::numeric_limits<double>::quiet_NaN());
+    machine.solve(poisoned.view(MemorySpace::cuda), answer.view(), StreamRef::default_stream());
+    machine.solve(arrays.view(MemorySpace::cuda), answer.view(), StreamRef::default_stream());
+    device->synchronize(nullptr);
+    expect_all(bad, answer, bad, expected);
+    for (Index k = 0; k < bad.env_dofs(3); ++k)
+      EXPECT_EQ(answer.velocity[static_cast<std::size_t>(bad.env_dof_offsets[3] + k)],
+                bad.v_free[bad.env_dof_offsets[3] + k]);
+  }
+}
+
+/// Solves with less room than the batch needs; which environments are flagged so is returned, the others are right.
+std::vector<Offset> flagged(const JacobianBatch<double>& batch, const JacobianCapacity& capacity) {
+  const auto packed = batch.view();
+  const auto expected = solve(packed, some_iterations<double>());
+  const RoomyJacobians<double> arrays(packed, 0, 0);
+  const auto view = arrays.view(MemorySpace::cuda);
+  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5});
+  Machine<double> machine(device, capacity, FactorUse::by_size);
+  Answer<double> answer(view);
+  machine.solve(view, answer.view(), StreamRef::default_stream());
+  device->synchronize(nullptr);
+  std::vector<Offset> found;
+  for (Offset env = 0; env < view.env_count; ++env) {
+    const EnvStatus& status = answer.status[static_cast<std::size_t>(env)];
+    if ((status.flags & kFlagNoRoom) == 0) {
+      expect_env(view, answer, env, packed, expected);
+      continue;
+    }
+    found.push_back(env);
+    for (Offset row = view.env_row_offsets[env]; row < view.env_row_offsets[env + 1]; ++row)
+      EXPECT_EQ(answer.lambda[static_cast<std::size_t>(row)], 0.0);
+    for (Offset k = view.env_dof_offsets[env]; k < view.env_dof_offsets[env + 1]; ++k)
+      EXPECT_EQ(answer.velocity[static_cast<std::size_t>(k)], view.v_free[k]);
+  }
+  return found;
+}
+
+TEST(DeviceJacobian, what_does_not_fit_is_flagged_and_leaves_the_others_alone) {
+  const auto batch = random_batch<double>(2, {});
+  const JacobianCapacity enough = JacobianCapacity::of(batch.view());
+  EXPECT_EQ(flagged(batch, enough), std::vector<Offset>{});
+  JacobianCapacity capacity = enough;
+  capacity.matrix -= 1;
+  EXPECT_EQ(flagged(batch, capacity), std::vector<Offset>{5}) << "the last that has rows and a matrix";
+  capacity.matrix = 0;
+  EXPECT_EQ(flagged(batch, capacity), (std::vector<Offset>{0, 3, 4, 5}));
+  capacity = enough;
+  capacity.factor -= 1;
+  EXPECT_EQ(flagged(batch, capacity), std::vector<Offset>{2}) << "the only factor";
+  capacity = enough;
+  capacity.env_rows = 80;
+  EXPECT_EQ(flagged(batch, capacity), std::vector<Offset>{2});
+  capacity = enough;
+  capacity.env_dofs = 12;
+  EXPECT_EQ(flagged(batch, capacity), (std::vector<Offset>{2, 5}));
+}
+
+/// Damages a copy of the arrays; environment `env` is flagged, the others are right.
+template <class Damage>
+void expect_broken(const Form& form, Index room, Offset env, const Damage& damage) {
+  const auto batch = random_batch<double>(1, form);
+  const auto packed = batch.view();
+  const auto expected = solve(packed, some_iterations<double>());
+  RoomyJacobians<double> arrays(packed, room, 3);
+  JacobianCapacity capacity = JacobianCapacity::of(packed);
+  capacity.rows = arrays.view(MemorySpace::cuda).row_count;
+  capacity.cones = arrays.view(MemorySpace::cuda).cone_count;
+  damage(arrays);
+  const auto view = arrays.view(MemorySpace::cuda);
+  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 3});
+  Machine<double> machine(device, capacity, FactorUse::by_size);
+  Answer<double> answer(view);
+  machine.solve(view, answer.view(), StreamRef::default_stream());
+  device->synchronize(nullptr);
+  for (Offset other = 0; other < packed.env_count; ++other) {
+    const std::uint32_t flags = answer.status[static_cast<std::size_t>(other)].flags;
+    EXPECT_EQ((flags & kFlagBadStructure) != 0, other == env) << "env " << other;
+    if (other != env) expect_env(view, answer, other, packed, expected);
+  }
+}
+
+TEST(DeviceJacobian, broken_integers_are_found_where_they_are) {
+  expect_broken({}, 90, 2, [](auto& arrays) { arrays.env_row_counts[2] = 91; });
+  expect_broken({}, 90, 2, [](auto& arrays) { arrays.env_row_counts[2] = -1; });
+  expect_broken({}, 90, 3, [](auto& arrays) { arrays.env_cone_counts[3] += 1; });
+  expect_broken({MassForm::matrix, 0, true}, 0, 2, [](auto& arrays) {
+    arrays.column[static_cast<std::size_t>(arrays.row_offsets[static_cast<std::size_t>(arrays.env_row_offsets[2])])] =
+        18;
+  });
+  expect_broken({MassForm::matrix, 0, true}, 90, 0, [](auto& arrays) { arrays.column[0] = -1; });
+  expect_broken({}, 0, 5,
+                [](auto& arrays) { arrays.cone_kind[arrays.cone_kind.size() - 4] = static_cast<ConeKind>(7); });
+}
+
+TEST(DeviceJacobian, a_captured_solve_is_replayed_with_other_numbers_and_counts) {
+  for (const Index room : {0, 90}) {
+    for (const std::uint64_t seed : {0, 6}) {
+      const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, seed});
+      const cuda::Stream stream(*device);
+      RoomyJacobians<float> arrays(random_batch<float>(3, {}).view(), room, 200);
+      // Where a batch is shorter the arrays keep their room.
+      const auto view = arrays.view(MemorySpace::cuda);
+      JacobianCapacity capacity = JacobianCapacity::of_largest(view.env_count, 90, 40, 24);
+      capacity.rows = view.row_count;
+      capacity.cones = view.cone_count;
+      Machine<float> machine(device, capacity, FactorUse::by_size);
+      Answer<float> answer(view);
+      const StreamRef own(stream.get());
+      device->begin_capture(stream.get());
+      machine.solve(view, answer.view(), own);
+      const auto graph = device->end_capture(stream.get());
+      for (const std::uint64_t step : {3, 4, 7, 2, 1}) {
+        SCOPED_TRACE("step " + std::to_string(step));
+        const auto batch = random_batch<float>(step, {});
+        // The law is part of what is captured, as options are.
+        auto packed = batch.view();
+        packed.law = view.law;
+        const auto expected = solve(packed, some_iterations<float>());
+        arrays.refill(packed, room);
+        const int allocations = device->calls(cuda::DeviceCall::allocate);
+        device->launch(graph, stream.get());
+        device->synchronize(stream.get());
+        EXPECT_EQ(device->calls(cuda::DeviceCall::allocate), allocations);
+        expect_all(view, answer, packed, expected);
+      }
+    }
+  }
+}
+
+TEST(DeviceJacobian, no_environments_are_fine) {
+  for (const Device device : {Device::cpu(), Device::emulated()}) {
+    JacobianSolver<double> solver(device, {}, {});
+    const JacobianBatch<double> batch;
+    auto view = batch.view();
+    view.space = device.kind == DeviceKind::cpu ? MemorySpace::host : MemorySpace::cuda;
+    EXPECT_NO_THROW(solver.solve(view, {}));
+    solver.synchronize();
+  }
+}
+
+TEST(DeviceJacobian, a_failing_device_leaves_nothing_behind) {
+  const auto batch = random_batch<float>(1, {});
+  const RoomyJacobians<float> arrays(batch.view(), 0, 0);
+  const auto view = arrays.view(MemorySpace::cuda);
+  const auto expected = solve(batch, some_iterations<float>());
+  for (const auto call : {cuda::DeviceCall::allocate, cuda::DeviceCall::create, cuda::DeviceCall::copy,
+                          cuda::DeviceCall::launch, cuda::DeviceCall::synchronize}) {
+    const auto run = [&](const std::shared_ptr<cuda::HostDevice>& device, Answer<float>& answer) {
+      Machine<float> machine(device, JacobianCapacity::of(batch.view()), FactorUse::by_size);
+      machine.solve(view, answer.view(), StreamRef::default_stream());
+      device->synchronize(nullptr);
+    };
+    const auto sound = std::make_shared<cuda::HostDevice>();
+    Answer<float> fresh(view);
+    run(sound, fresh);
+    const int calls = sound->calls(call);
+    int failures = 0;
+    for (int n = 0; n < calls; ++n) {
+      const auto device = std::make_shared<cuda::HostDevice>();
+      device->fail_call(call, n);
+      Answer<float> answer(view);
+      try {
+        run(device, answer);
+        expect_all(view, answer, batch.view(), expected);
+      } catch (const Error&) {
+        ++failures;
+      }
+      EXPECT_EQ(device->live_allocations(), 0U);
+      EXPECT_EQ(device->live_handles(), 0U);
+    }
+    EXPECT_GT(failures, 0) << "call " << static_cast<int>(call);
+  }
+}
+
+TEST(DeviceJacobian, the_public_solver_works_on_the_emulated_device) {
+  const auto batch = random_batch<double>(2, {});
+  const RoomyJacobians<double> arrays(batch.view(), 90, 0);
+  const auto here = arrays.view(MemorySpace::host), there = arrays.view(MemorySpace::cuda);
+  JacobianSolver<double> on_cpu(Device::cpu(), some_iterations<double>(), {});
+  JacobianSolver<double> on_device(Device::emulated(), some_iterations<double>(),
+                                   JacobianCapacity::of_largest(here.env_count, 90, 90, 24));
+  Answer<double> expected(here), answer(here);
+  const std::vector<double> warm_start(expected.lambda.size(), 0.125);
+  on_cpu.solve(here, expected.view(), warm_start.data());
+  on_device.solve(there, answer.view(), warm_start.data());
+  on_device.synchronize();
+  EXPECT_TRUE(same_bits(std::span<const double>(expected.lambda), std::span<const double>(answer.lambda)));
+  EXPECT_TRUE(same_bits(std::span<const double>(expected.w), std::span<const double>(answer.w)));
+  EXPECT_TRUE(same_bits(std::span<const double>(expected.velocity), std::span<const double>(answer.velocity)));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(answer.status)));
+
+  JacobianSolutionView<double> only_reactions{answer.lambda.data(), nullptr, nullptr, answer.status.data()};
+  EXPECT_NO_THROW(on_device.solve(there, only_reactions));
+  on_device.synchronize();
+  EXPECT_THROW(on_device.solve(here, answer.view()), Error) << "memory of the host";
+  EXPECT_THROW(on_cpu.solve(there, answer.view()), Error) << "memory of a device";
+  EXPECT_THROW(on_device.solve(there, {answer.lambda.data(), nullptr, nullptr, nullptr}), Error) << "no status";
+  JacobianSolver<double> too_small(Device::emulated(), {},
+                                   JacobianCapacity::of_largest(here.env_count - 1, 90, 90, 24));
+  EXPECT_THROW(too_small.solve(there, answer.view()), Error);
+  JacobianCapacity negative;
+  negative.factor = -1;
+  EXPECT_THROW(JacobianSolver<double>(Device::cpu(), {}, negative), Error);
+}
+
+}  // namespace
+}  // namespace stiction::test
