@@ -18,6 +18,7 @@
 #include "bench/csv.hpp"
 #include "bench/machine.hpp"
 #include "bench/scenes/body_scenes.hpp"
+#include "bench/table_main.hpp"
 #include "stiction/stiction.hpp"
 
 namespace stiction::bench {
@@ -127,6 +128,8 @@ void run_scene(Index wanted, const Arguments& arguments, Csv* csv) {
     }
 }
 
+}  // namespace
+
 int run(int argc, char** argv) {
   const Arguments arguments = parse(argc, argv);
   std::unique_ptr<Csv> csv;
@@ -141,15 +144,4 @@ int run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
-
 }  // namespace stiction::bench
-
-int main(int argc, char** argv) {
-  try {
-    return stiction::bench::run(argc, argv);
-  } catch (const stiction::Error& error) {
-    std::fprintf(stderr, "bench_bodies: %s\n", error.what());
-    return 2;
-  }
-}

@@ -22,6 +22,7 @@
 #include "bench/lane_share.hpp"
 #include "bench/machine.hpp"
 #include "bench/scenes/scenes.hpp"
+#include "bench/table_main.hpp"
 #include "stiction/io.hpp"
 #include "stiction/stiction.hpp"
 
@@ -347,6 +348,8 @@ void run_lanes(const Setting& setting) {
     count_lanes(setting, scene + " (generated)", scene_batch(scene, std::min<Offset>(512, setting.most_envs), 0));
 }
 
+}  // namespace
+
 int run(int argc, char** argv) {
   std::map<std::string, std::string> arguments{
       {"--device", "cpu"},
@@ -389,15 +392,4 @@ int run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
-
 }  // namespace stiction::bench
-
-int main(int argc, char** argv) {
-  try {
-    return stiction::bench::run(argc, argv);
-  } catch (const stiction::Error& error) {
-    std::fprintf(stderr, "bench_classes: %s\n", error.what());
-    return 2;
-  }
-}

@@ -14,6 +14,7 @@
 #include "bench/csv.hpp"
 #include "bench/grid.hpp"
 #include "bench/machine.hpp"
+#include "bench/table_main.hpp"
 
 namespace stiction::bench {
 
@@ -193,6 +194,8 @@ void compete(const std::string& family, Index contacts, Offset envs, int repeats
   std::fflush(stdout);
 }
 
+}  // namespace
+
 int run(int argc, char** argv) {
   const Arguments arguments = parse(argc, argv);
   // As many numbers as that many environments of 8 contacts have: larger ones are fewer.
@@ -217,15 +220,4 @@ int run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
-
 }  // namespace stiction::bench
-
-int main(int argc, char** argv) {
-  try {
-    return stiction::bench::run(argc, argv);
-  } catch (const stiction::Error& error) {
-    std::fprintf(stderr, "bench_ratio: %s\n", error.what());
-    return 2;
-  }
-}

@@ -13,6 +13,7 @@
 
 #include "bench/csv.hpp"
 #include "bench/machine.hpp"
+#include "bench/table_main.hpp"
 #include "stiction/io.hpp"
 #include "stiction/stiction.hpp"
 
@@ -137,6 +138,8 @@ double quantile(std::vector<double> values, std::size_t percent) {
   return values[(percent * values.size() + 99) / 100 - 1];
 }
 
+}  // namespace
+
 int run(int argc, char** argv) {
   const auto arguments = parse(argc, argv);
   const Trajectory trajectory = load(arguments.at("--batch"));
@@ -184,15 +187,4 @@ int run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
-
 }  // namespace stiction::bench
-
-int main(int argc, char** argv) {
-  try {
-    return stiction::bench::run(argc, argv);
-  } catch (const stiction::Error& error) {
-    std::fprintf(stderr, "bench_warm_start: %s\n", error.what());
-    return 2;
-  }
-}
