@@ -5,8 +5,9 @@ if(NOT STICTION_ENABLE_CUDA STREQUAL "OFF")
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
     if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-      # Machine code for A100 and H100/H200, PTX for what comes after.
-      set(CMAKE_CUDA_ARCHITECTURES 80-real 90-real 90-virtual)
+      # Machine code for H100/H200, PTX for A100 (which its driver translates once) and for what comes after. Machine
+      # code for an architecture more costs as much time as the rest of the build.
+      set(CMAKE_CUDA_ARCHITECTURES 80-virtual 90-real 90-virtual)
     endif()
     enable_language(CUDA)
     # CMake before 3.25.2 does not know that nvcc 12 and later speak C++20 and would silently use C++17.

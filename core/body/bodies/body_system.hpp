@@ -60,7 +60,7 @@ struct BodySystem {
   double* exact;              ///< twists under the returned impulses                           (6 * (bodies + 1))
 
   /// Numbers of Real an environment needs.
-  static constexpr Offset elements(Offset contacts, Offset bodies, bool momentum) {
+  static STICTION_HD constexpr Offset elements(Offset contacts, Offset bodies, bool momentum) {
     const Offset tiles = (contacts + kTileContacts - 1) / kTileContacts * kTileContacts;
     return tiles * (kContactFields<kLaw> + (momentum ? 10 : 7)) + kBodyRow * (bodies + 1) * (momentum ? 4 : 3);
   }
