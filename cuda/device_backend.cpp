@@ -36,8 +36,8 @@ bool same_owner(const std::weak_ptr<const PlanData>& a, const std::weak_ptr<cons
 
 }  // namespace
 
-DeviceBackend::DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes)
-    : api_(std::move(api)), engine_(*api_), staging_(*api_, engine_, piece_bytes) {}
+DeviceBackend::DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes, SizeClass finest)
+    : api_(std::move(api)), engine_(*api_, finest), staging_(*api_, engine_, piece_bytes) {}
 
 void DeviceBackend::reserve(const Capacity& capacity, SolverKind solver) {
   const std::lock_guard lock(mutex_);
@@ -87,10 +87,10 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
     engine_.reserve(need, request.options.solver, kPrecisionOf<Real>);
   }
   // A plan that nobody shares can change or vanish unseen. What is captured must plan for the data it will be replayed
-  // with.
+  // with, and a graph that is launched between two solves leaves its own plan behind.
   const std::weak_ptr<const PlanData> owner =
       request.plan == nullptr ? std::weak_ptr<const PlanData>() : request.plan->weak_from_this();
-  const bool planned = !capturing && !owner.expired() && same_owner(owner, planned_);
+  const bool planned = !engine_.captured() && !capturing && !owner.expired() && same_owner(owner, planned_);
   planned_.reset();
   engine_.solve(EngineRequest<Real>{batch, request.solution, request.warm_start, request.law, request.options, planned,
                                     request.stream.handle()});

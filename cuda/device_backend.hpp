@@ -13,7 +13,8 @@ namespace stiction::cuda {
 /// threads; they are queued one after the other.
 class DeviceBackend final : public Backend {
  public:
-  explicit DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes = kPieceBytes);
+  explicit DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes = kPieceBytes,
+                         SizeClass finest = SizeClass::bundle_four);
 
   void solve(const SolveRequest<float>& request) override;
   void solve(const SolveRequest<double>& request) override;

@@ -116,7 +116,7 @@ constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f3
 
 }  // namespace
 
-Engine::Engine(DeviceApi& api) : api_(api), timer_(api), plan_{} {
+Engine::Engine(DeviceApi& api, SizeClass finest) : api_(api), finest_(finest), timer_(api), plan_{} {
   for (int k = 0; k < kBranches; ++k) {
     branch_[static_cast<std::size_t>(k)] = std::make_unique<Stream>(api_);
     joined_[static_cast<std::size_t>(k)] = std::make_unique<Event>(api_);
@@ -169,8 +169,9 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
         FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs, room.method_vectors);
     per_processor = 16;
   } else {
+    if (size_class > finest_) return {};
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
-    if (capacity.env_rows <= class_rows(smaller)) return {};
+    if (capacity.env_rows <= (size_class == finest_ ? 0 : class_rows(smaller))) return {};
     const Offset rows = std::min(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
     elements = SystemArrays<float, 1>::elements(rows, rows, room.method_vectors) + rows * rows;
@@ -207,6 +208,10 @@ bool Engine::has_room(const Capacity& capacity, SolverKind solver, Precision pre
 
 void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
   if (has_room(capacity, solver, precision)) return;
+  if (captured_)
+    throw Error(ErrorCode::invalid_argument,
+                "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
+                "Solver for this batch, or construct this one with the Capacity of all batches to come");
   Room room;
   room.capacity = joined(room_.capacity, capacity);
   room.method_vectors = at_least(room_.method_vectors, api_.kernels().solvers[static_cast<int>(solver)].method_vectors);
@@ -252,8 +257,8 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
 
 template <class Real>
 void Engine::queue_plan(const EngineRequest<Real>& request) {
-  const PlanArgs args{structure_view(request.batch), plan_, room_.capacity.env_rows, room_.capacity.env_dofs,
-                      room_.capacity.env_nonzeros};
+  const PlanArgs args{structure_view(request.batch), plan_,  room_.capacity.env_rows, room_.capacity.env_dofs,
+                      room_.capacity.env_nonzeros,   finest_};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream;
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -291,6 +296,7 @@ template <class Real>
 void Engine::queue_solve(const EngineRequest<Real>& request) {
   const StreamHandle stream = request.stream;
   const bool capturing = api_.capturing(stream);
+  captured_ = captured_ || capturing;
   // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
   // by whoever launches the graph.
   if (!capturing) api_.wait(stream, done_->get());
@@ -338,6 +344,7 @@ void Engine::solve(const EngineRequest<Real>& request) {
 void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream) {
   if (batch.env_count == 0) return;
   const bool capturing = api_.capturing(stream);
+  captured_ = captured_ || capturing;
   if (!capturing) api_.wait(stream, done_->get());
   const IslandArgs args{
       batch,           island, count, room_.capacity.env_rows, room_.capacity.env_nonzeros, plan_.graph_scratch,

@@ -32,14 +32,19 @@ struct EngineRequest {
 /// of environments.
 class Engine {
  public:
-  explicit Engine(DeviceApi& api);
+  /// Dense environments go to `finest` or a class of larger ones, however small they are: for measuring, and for tests
+  /// that a class changes no bit.
+  explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::bundle_four);
   ~Engine();
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
   /// Makes room, if there is not enough: for batches within `capacity`, solved by `solver`, in either precision or f32
-  /// alone. Waits for what is running. \throws Error(out_of_memory); the room there was is kept.
+  /// alone. Waits for what is running. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is
+  /// has been captured into graphs, which would be left without it; the room there was is kept.
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
+  /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
+  [[nodiscard]] bool captured() const noexcept { return captured_; }
   [[nodiscard]] bool has_room(const Capacity& capacity, SolverKind solver, Precision precision) const;
 
   template <class Real>
@@ -84,8 +89,10 @@ class Engine {
   void finish(StreamHandle stream) noexcept;
 
   DeviceApi& api_;
+  SizeClass finest_;
   StreamTimer timer_;
   Room room_;
+  bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
   std::array<ClassShape, kSizeClasses> shapes_;

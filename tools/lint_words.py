@@ -67,7 +67,7 @@ def self_test():
         ("a.cpp", f"int x; // {later} later\n", 1),
         ("a.py", "x = 1  # place" + "holder\n", 1),
         ("a.md", "see /wo" + "rk/main/core\n", 1),
-        ("a.sh", "x=$HOME/work/core\n", 0),
+        ("a.sh", "x=$HOME/wo" + "rk/core\n", 0),
         ("a.hpp", "#define MIN(a) a\n", 1),
         ("a.hpp", "#define STICTION_HD inline\n", 0),
         ("a.cpp", "int x; \n", 1),

@@ -5,20 +5,10 @@
 #include <string>
 #include <utility>
 
-#include "stiction/error.hpp"
+#include "core/runtime/expect.hpp"
 
 namespace stiction {
 namespace {
-
-[[noreturn]] void refuse(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
-void expect_length(const char* name, std::size_t got, std::size_t expected, const char* because) {
-  if (got == expected) return;
-  refuse(std::string(name) + " has " + std::to_string(got) + " entries, expected " + std::to_string(expected) + " (" +
-         because + ")");
-}
 
 /// R, mu, lo and hi of one environment may be left out.
 void expect_length_or_empty(const char* name, std::size_t got, std::size_t rows) {

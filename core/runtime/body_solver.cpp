@@ -4,23 +4,19 @@
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
-#include "stiction/error.hpp"
+#include "core/runtime/expect.hpp"
 
 namespace stiction {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
 void reject(const std::vector<Defect>& defects) {
-  if (!defects.empty()) fail(defects.front().message);
+  if (!defects.empty()) refuse(defects.front().message);
 }
 
 void check_stepping(const TimeStepping& stepping) {
   const auto at_least = [](const char* name, double value, bool holds, const char* rule) {
-    if (!holds || !std::isfinite(value)) fail(std::string(name) + " = " + shortest_text(value) + ": must be " + rule);
+    if (!holds || !std::isfinite(value)) refuse(std::string(name) + " = " + shortest_text(value) + ": must be " + rule);
   };
   at_least("dt", stepping.dt, stepping.dt > 0, "finite and > 0");
   at_least("erp", stepping.erp, stepping.erp >= 0 && stepping.erp <= 1, "in [0, 1]");
@@ -39,21 +35,22 @@ void check_body_options(const BodySolverOptions& options) {
   common.omega = options.omega;
   common.threads = options.threads;
   check_options(common);
-  if (options.iterations < 0) fail("iterations = " + std::to_string(options.iterations) + ": must be >= 0");
+  if (options.iterations < 0) refuse("iterations = " + std::to_string(options.iterations) + ": must be >= 0");
   if (options.substeps < 1)
-    fail("substeps = " + std::to_string(options.substeps) + ": must be >= 1 (1 takes the step in one piece)");
+    refuse("substeps = " + std::to_string(options.substeps) + ": must be >= 1 (1 takes the step in one piece)");
   if (Offset{options.substeps} * options.iterations > kMostSweeps)
-    fail("substeps * iterations = " + std::to_string(Offset{options.substeps} * options.iterations) +
-         ": must be at most " + std::to_string(kMostSweeps) + ", which a status can count");
+    refuse("substeps * iterations = " + std::to_string(Offset{options.substeps} * options.iterations) +
+           ": must be at most " + std::to_string(kMostSweeps) + ", which a status can count");
   if (options.max_contacts_per_env < 0)
-    fail("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
+    refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
 }
 
 template <class Real>
 void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) {
   const auto need = [](bool present, Offset count, const char* name, const char* what) {
     if (count > 0 && !present)
-      fail(std::string("solution.") + name + " is null: give it room for " + what + " (" + std::to_string(count) + ")");
+      refuse(std::string("solution.") + name + " is null: give it room for " + what + " (" + std::to_string(count) +
+             ")");
   };
   need(solution.status != nullptr, batch.env_count, "status", "one EnvStatus per environment");
   need(solution.impulse != nullptr, 3 * batch.contact_count, "impulse", "three numbers per contact");
@@ -99,7 +96,8 @@ class HostBodies {
 
 Index BodyPlan::color_count(Offset env) const {
   if (env < 0 || env >= data_->env_count())
-    fail("env = " + std::to_string(env) + ": expected an environment in 0.." + std::to_string(data_->env_count() - 1));
+    refuse("env = " + std::to_string(env) + ": expected an environment in 0.." +
+           std::to_string(data_->env_count() - 1));
   return data_->color_count[static_cast<std::size_t>(env)];
 }
 
@@ -116,7 +114,7 @@ BodySolver& BodySolver::operator=(BodySolver&&) noexcept = default;
 template <class Real>
 void BodySolver::check_space(const BodyBatchView<Real>& batch) const {
   if (batch.space != MemorySpace::host && device_.kind == DeviceKind::cpu)
-    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+    refuse("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
 }
 
 template <class Real>
@@ -139,7 +137,7 @@ void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
                                                         : data->env_count() == batch.env_count &&
                                                               data->env_body_offsets.back() == batch.body_count &&
                                                               data->env_contact_offsets.back() == batch.contact_count;
-  if (!fitting) fail("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
+  if (!fitting) refuse("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
   check_solution(batch, solution);
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
   machine_->solve(BodyRequest<Real>{data, batch, solution, warm_start, stepping_, options_, stream});
@@ -150,8 +148,8 @@ BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping
                                 const BodySolverOptions& options, Device device, std::span<const Real> warm_start) {
   const auto contacts = static_cast<std::size_t>(batch.contact_count());
   if (!warm_start.empty() && warm_start.size() != 3 * contacts)
-    fail("warm_start has " + std::to_string(warm_start.size()) + " numbers, the batch has " + std::to_string(contacts) +
-         " contacts: give three numbers per contact, or none");
+    refuse("warm_start has " + std::to_string(warm_start.size()) + " numbers, the batch has " +
+           std::to_string(contacts) + " contacts: give three numbers per contact, or none");
   const BodySolver solver(device, stepping, options);
   BodySolution<Real> solution{
       std::vector<Real>(3 * contacts), std::vector<Real>(6 * static_cast<std::size_t>(batch.body_count())),

@@ -5,23 +5,13 @@
 #include <utility>
 
 #include "core/runtime/defects.hpp"
+#include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
-#include "stiction/error.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {
 
 namespace {
-
-[[noreturn]] void refuse(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
-void expect_length(const char* name, std::size_t got, std::size_t expected, const char* because) {
-  if (got == expected) return;
-  refuse(std::string(name) + " has " + std::to_string(got) + " entries, expected " + std::to_string(expected) + " (" +
-         because + ")");
-}
 
 template <class T>
 void append(std::vector<T>& to, const std::vector<T>& from) {

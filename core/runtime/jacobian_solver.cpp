@@ -4,19 +4,15 @@
 #include <exception>
 #include <string>
 
+#include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
-#include "stiction/error.hpp"
 
 namespace stiction {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
 void check_room(const char* what, Offset room) {
-  if (room < 0) fail("capacity." + std::string(what) + " = " + std::to_string(room) + ": must be >= 0");
+  if (room < 0) refuse("capacity." + std::string(what) + " = " + std::to_string(room) + ": must be >= 0");
 }
 
 const JacobianCapacity& checked(const JacobianCapacity& capacity) {
@@ -67,14 +63,14 @@ std::unique_ptr<JacobianMachine<Real>> make_machine(Device device, const Jacobia
 
 void check_array(const char* name, const void* array, Offset length) {
   if (length > 0 && array == nullptr)
-    fail(std::string(name) + " is null: give it room for " + std::to_string(length) + " entries");
+    refuse(std::string(name) + " is null: give it room for " + std::to_string(length) + " entries");
 }
 
 void check_count(const char* name, Offset count, Offset room) {
-  if (count < 0) fail("batch." + std::string(name) + " = " + std::to_string(count) + ": counts must be >= 0");
+  if (count < 0) refuse("batch." + std::string(name) + " = " + std::to_string(count) + ": counts must be >= 0");
   if (count > room)
-    fail("batch." + std::string(name) + " = " + std::to_string(count) + ", the solver has room for " +
-         std::to_string(room) + ": construct it with the JacobianCapacity of the largest batch");
+    refuse("batch." + std::string(name) + " = " + std::to_string(count) + ", the solver has room for " +
+           std::to_string(room) + ": construct it with the JacobianCapacity of the largest batch");
 }
 
 /// What can be said about a batch whose arrays are out of sight.
@@ -84,7 +80,7 @@ void check_view(const JacobianBatchView<Real>& batch, const JacobianCapacity& ca
   check_count("row_count", batch.row_count, capacity.rows);
   check_count("cone_count", batch.cone_count, capacity.cones);
   for (const Offset count : {batch.dof_count, batch.entry_count, batch.mass_count, Offset{batch.mass_block}})
-    if (count < 0) fail("a count of the batch is " + std::to_string(count) + ": counts must be >= 0");
+    if (count < 0) refuse("a count of the batch is " + std::to_string(count) + ": counts must be >= 0");
   check_array("env_row_offsets", batch.env_row_offsets, batch.env_count);
   check_array("env_cone_offsets", batch.env_cone_offsets, batch.env_count);
   check_array("env_dof_offsets", batch.env_dof_offsets, batch.env_count);
@@ -152,7 +148,7 @@ void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
                                  const JacobianSolutionView<Real>& solution) const {
   const bool on_host = solver_.device().kind == DeviceKind::cpu;
   if (batch.space != (on_host ? MemorySpace::host : MemorySpace::cuda))
-    fail("batch.space is not the solver's: a JacobianSolver on the CPU reads host memory, one on a device its own");
+    refuse("batch.space is not the solver's: a JacobianSolver on the CPU reads host memory, one on a device its own");
   if (on_host)
     check_structure(batch);
   else

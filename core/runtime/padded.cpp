@@ -3,18 +3,10 @@
 #include <algorithm>
 #include <string>
 
-#include "stiction/error.hpp"
+#include "core/runtime/expect.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {
-
-namespace {
-
-[[noreturn]] void refuse(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
-}  // namespace
 
 template <class Real>
 void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overflowed, Offset first_mu) {

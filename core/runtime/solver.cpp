@@ -6,28 +6,24 @@
 #include "core/runtime/backend.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
+#include "core/runtime/expect.hpp"
 #include "core/runtime/host_structure.hpp"
 #include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
 #include "core/schedule/structure_view.hpp"
-#include "stiction/error.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
 void reject(const std::vector<Defect>& defects) {
-  if (!defects.empty()) fail(defects.front().message);
+  if (!defects.empty()) refuse(defects.front().message);
 }
 
 void check_space(MemorySpace space, Device device) {
   if (space == MemorySpace::cuda && device.kind == DeviceKind::cpu)
-    fail("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
+    refuse("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
 }
 
 std::unique_ptr<Backend> make_backend(Device device) {
@@ -39,16 +35,16 @@ std::unique_ptr<Backend> make_backend(Device device) {
     case DeviceKind::emulated:
       return make_emulated_backend();
   }
-  fail("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
+  refuse("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
 
 template <class Real>
 void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) {
   if (batch.env_count > 0 && solution.status == nullptr)
-    fail("solution.status is null: give it room for one EnvStatus per environment (" + std::to_string(batch.env_count) +
-         ")");
+    refuse("solution.status is null: give it room for one EnvStatus per environment (" +
+           std::to_string(batch.env_count) + ")");
   if (batch.row_count > 0 && solution.lambda == nullptr)
-    fail("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+    refuse("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
 }
 
 /// A device batch is queued now and solved later.
@@ -123,12 +119,12 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
   const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
                          data.row_count == batch.row_count && data.nonzero_count == batch.nonzero_count;
   if (!same_size)
-    fail("plan was made for " + std::to_string(data.env_count) + " environments, " + std::to_string(data.row_count) +
-         " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
-         std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
-         std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
+    refuse("plan was made for " + std::to_string(data.env_count) + " environments, " + std::to_string(data.row_count) +
+           " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
+           std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
+           std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
   if (batch.space == MemorySpace::host && !fits(data, batch))
-    fail(
+    refuse(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution);
@@ -155,7 +151,7 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
 
 template <class Real>
 std::shared_ptr<Real> Solver::make_array(Offset count) const {
-  if (count < 0) fail("count = " + std::to_string(count) + ": give a number of elements >= 0");
+  if (count < 0) refuse("count = " + std::to_string(count) + ": give a number of elements >= 0");
   const std::shared_ptr<Backend> backend = backend_;
   void* const memory = backend->allocate(static_cast<std::size_t>(std::max<Offset>(count, 1)) * sizeof(Real));
   return {static_cast<Real*>(memory), [backend](Real* array) { backend->release(array); }};
@@ -164,9 +160,9 @@ std::shared_ptr<Real> Solver::make_array(Offset count) const {
 template <class Real>
 void Solver::islands(const ContactBatchView<Real>& batch, Index* island, Index* count, StreamRef stream) const {
   if (batch.env_count > 0 && count == nullptr)
-    fail("count is null: give it room for one number per environment (" + std::to_string(batch.env_count) + ")");
+    refuse("count is null: give it room for one number per environment (" + std::to_string(batch.env_count) + ")");
   if (batch.cone_count > 0 && island == nullptr)
-    fail("island is null: give it room for one number per cone (" + std::to_string(batch.cone_count) + ")");
+    refuse("island is null: give it room for one number per cone (" + std::to_string(batch.cone_count) + ")");
   if (batch.space == MemorySpace::cuda) {
     check_space(batch.space, device_);
     backend_->islands(structure_view(batch), island, count, stream);
@@ -195,8 +191,8 @@ Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& optio
                      std::span<const Real> warm_start) {
   const auto rows = static_cast<std::size_t>(batch.row_count());
   if (!warm_start.empty() && warm_start.size() != rows)
-    fail("warm_start has " + std::to_string(warm_start.size()) + " numbers, the batch has " + std::to_string(rows) +
-         " rows: give one number per row, or none");
+    refuse("warm_start has " + std::to_string(warm_start.size()) + " numbers, the batch has " + std::to_string(rows) +
+           " rows: give one number per row, or none");
   const Solver solver(device, options);
   Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows),
                           std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};

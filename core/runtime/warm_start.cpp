@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "core/runtime/expect.hpp"
 #include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 
@@ -11,22 +12,19 @@ namespace stiction {
 
 namespace {
 
-[[noreturn]] void fail(const std::string& message) {
-  throw Error(ErrorCode::invalid_argument, message);
-}
-
 void check_capacity(const char* what, Offset room) {
-  if (room < 0) fail("capacity." + std::string(what) + " = " + std::to_string(room) + ": must be >= 0");
+  if (room < 0) refuse("capacity." + std::string(what) + " = " + std::to_string(room) + ": must be >= 0");
 }
 
 void check_options(const WarmStartOptions& options) {
   if (!(options.beta > 0.0 && options.beta <= 1.0))
-    fail("beta = " + std::to_string(options.beta) + ": must be in (0, 1]; 0.8 to 1 is usual");
+    refuse("beta = " + std::to_string(options.beta) + ": must be in (0, 1]; 0.8 to 1 is usual");
   if (options.scaling != StepScaling::capped && options.scaling != StepScaling::none &&
       options.scaling != StepScaling::proportional)
-    fail("scaling = " + std::to_string(static_cast<int>(options.scaling)) +
-         ": choose capped, none or proportional of StepScaling");
-  if (options.threads < 0) fail("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
+    refuse("scaling = " + std::to_string(static_cast<int>(options.scaling)) +
+           ": choose capped, none or proportional of StepScaling");
+  if (options.threads < 0)
+    refuse("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
 }
 
 template <class Real>
@@ -65,14 +63,14 @@ template <class Real>
 void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt) const {
   const MemorySpace own = device_.kind == DeviceKind::cpu ? MemorySpace::host : MemorySpace::cuda;
   if (batch.space != own)
-    fail("batch.space is not the store's: a store remembers where it was made, on the CPU or on a CUDA device");
+    refuse("batch.space is not the store's: a store remembers where it was made, on the CPU or on a CUDA device");
   if (batch.env_count > capacity_.envs)
-    fail("the batch has " + std::to_string(batch.env_count) + " environments, the store has room for " +
-         std::to_string(capacity_.envs) + ": make it with capacity.envs of the largest batch");
+    refuse("the batch has " + std::to_string(batch.env_count) + " environments, the store has room for " +
+           std::to_string(capacity_.envs) + ": make it with capacity.envs of the largest batch");
   if (batch.cone_count > 0 && cone_id == nullptr)
-    fail("cone_id is null: give one 64-bit number per cone (" + std::to_string(batch.cone_count) + ")");
+    refuse("cone_id is null: give one 64-bit number per cone (" + std::to_string(batch.cone_count) + ")");
   if (!(dt > 0.0) || !std::isfinite(dt))
-    fail("dt = " + std::to_string(dt) + ": must be the finite, positive length of this step");
+    refuse("dt = " + std::to_string(dt) + ": must be the finite, positive length of this step");
 }
 
 template <class Real>
@@ -80,7 +78,7 @@ void WarmStartStore<Real>::recall(const ContactBatchView<Real>& batch, const std
                                   Real* guess, StreamRef stream) {
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && guess == nullptr)
-    fail("guess is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
+    refuse("guess is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
   machine_->recall(RecallJob<Real>{{}, batch, cone_id, guess, dt, options_.beta, options_.scaling}, stream);
 }
 
@@ -89,9 +87,9 @@ void WarmStartStore<Real>::remember(const ContactBatchView<Real>& batch, const s
                                     const SolutionView<Real>& solution, double dt, StreamRef stream) {
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && solution.lambda == nullptr)
-    fail("solution.lambda is null: give the reactions to remember");
+    refuse("solution.lambda is null: give the reactions to remember");
   if (batch.env_count > 0 && solution.status == nullptr)
-    fail("solution.status is null: without it a failed environment could not be told from a solved one");
+    refuse("solution.status is null: without it a failed environment could not be told from a solved one");
   machine_->remember(RememberJob<Real>{{}, batch, cone_id, solution.lambda, solution.status, dt}, stream);
 }
 
@@ -99,16 +97,16 @@ template <class Real>
 void WarmStartStore<Real>::reset(std::span<const Offset> envs, StreamRef stream) {
   for (const Offset env : envs)
     if (env < 0 || env >= capacity_.envs)
-      fail("environment " + std::to_string(env) + " cannot be reset: the store has environments 0 to " +
-           std::to_string(capacity_.envs - 1));
+      refuse("environment " + std::to_string(env) + " cannot be reset: the store has environments 0 to " +
+             std::to_string(capacity_.envs - 1));
   machine_->reset(envs, stream);
 }
 
 template <class Real>
 void WarmStartStore<Real>::reset_where(const std::uint8_t* mask, StreamRef stream) {
   if (mask == nullptr && capacity_.envs > 0)
-    fail("mask is null: give one byte per environment of the capacity (" + std::to_string(capacity_.envs) +
-         "), or call reset_all");
+    refuse("mask is null: give one byte per environment of the capacity (" + std::to_string(capacity_.envs) +
+           "), or call reset_all");
   machine_->reset_where(mask, stream);
 }
 
@@ -120,8 +118,8 @@ void WarmStartStore<Real>::reset_all(StreamRef stream) {
 template <class Real>
 void WarmStartStore<Real>::records(std::span<WarmStartRecord> out, StreamRef stream) const {
   if (out.size() > static_cast<std::size_t>(capacity_.envs))
-    fail(std::to_string(out.size()) + " records were asked for, the store has " + std::to_string(capacity_.envs) +
-         " environments");
+    refuse(std::to_string(out.size()) + " records were asked for, the store has " + std::to_string(capacity_.envs) +
+           " environments");
   machine_->records(out, stream);
 }
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <limits>
+#include <memory>
 #include <numeric>
 #include <string>
 #include <tuple>
@@ -11,6 +11,10 @@
 #include "tests/support/cuda_device.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
+#if defined(STICTION_HAS_CUDA)
+#include "cuda/device_backend.hpp"
+#include "cuda/runtime/cuda_api.hpp"
+#endif
 
 /// The same bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
 namespace stiction::test {
@@ -33,18 +37,6 @@ SolverOptions twin_options(SolverKind solver, Law law) {
   result.threads = 0;
   return result;
 }
-
-/// Sets an environment variable for a scope.
-class ScopedVariable {
- public:
-  ScopedVariable(const char* name, const char* value) : name_(name) { setenv(name, value, 1); }
-  ~ScopedVariable() { unsetenv(name_); }
-  ScopedVariable(const ScopedVariable&) = delete;
-  ScopedVariable& operator=(const ScopedVariable&) = delete;
-
- private:
-  const char* name_;
-};
 
 class CudaTwin : public ::testing::Test {
  protected:
@@ -93,15 +85,28 @@ TEST_P(CudaTwinOf, a_thousand_contacts_in_one_environment_have_the_same_bits) {
   expect_twins(batch, few);
 }
 
+#if defined(STICTION_HAS_CUDA)
 TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
   const auto [solver, law] = GetParam();
   const ContactBatch<float> batch = convert<float>(everything());
-  for (const char* rows : {"0", "8", "64"}) {
-    SCOPED_TRACE(std::string("environments of up to ") + rows + " rows by one thread");
-    const ScopedVariable variable("STICTION_CUDA_THREAD_ROWS", rows);
-    expect_twins(batch, twin_options(solver, law));
+  const SolverOptions options = twin_options(solver, law);
+  const auto expected = env_hashes(batch, solve(batch, options));
+  for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
+                                 SizeClass::dense_tile, SizeClass::bundle_six}) {
+    cuda::DeviceBackend backend(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes, finest);
+    Solution<float> answer = solve(batch, options);
+    for (float& value : answer.lambda) value = -1.0F;
+    backend.solve(SolveRequest<float>{nullptr,
+                                      batch.view(),
+                                      {answer.lambda.data(), answer.w.data(), answer.status.data()},
+                                      nullptr,
+                                      law,
+                                      options,
+                                      StreamRef::default_stream()});
+    EXPECT_EQ(env_hashes(batch, answer), expected) << "dense environments in class " << static_cast<int>(finest);
   }
 }
+#endif
 
 INSTANTIATE_TEST_SUITE_P(every_solver_and_law, CudaTwinOf,
                          ::testing::Combine(::testing::ValuesIn(kAllSolvers), ::testing::ValuesIn(kBothLaws)),

@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
 #include "cuda/device/host_device.hpp"
+#include "cuda/device_backend.hpp"
 #include "cuda/engine.hpp"
+#include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 
 /// The GPU's host code and kernels on the host device: what it queues, in any order the streams allow, gives the CPU's
@@ -20,9 +22,9 @@ SolverOptions quick(SolverKind solver) {
 
 template <class Real>
 std::vector<std::uint64_t> on_engine(cuda::HostDevice& device, const ContactBatch<Real>& batch,
-                                     const SolverOptions& options) {
+                                     const SolverOptions& options, SizeClass finest = SizeClass::bundle_four) {
   const Capacity need = Capacity::of(batch.view());
-  cuda::Engine engine(device);
+  cuda::Engine engine(device, finest);
   engine.reserve(need, options.solver, need.precision);
   const cuda::Stream stream(device);
   DeviceBatch<Real> there(device, need);
@@ -54,6 +56,67 @@ TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
       cuda::HostDevice device({lanes, 1 + lanes, seed});
       EXPECT_EQ(on_engine(device, batch, options), expected) << lanes << " lanes, seed " << seed;
     }
+}
+
+TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
+  const ContactBatch<float> batch = convert<float>(ragged_batch(2, 6));
+  const SolverOptions options = quick(SolverKind::npgs);
+  const auto expected = solve_hashes(batch, options);
+  for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
+                                 SizeClass::dense_tile, SizeClass::bundle_six}) {
+    cuda::HostDevice device({2, 3, 4});
+    EXPECT_EQ(on_engine(device, batch, options, finest), expected) << static_cast<int>(finest);
+  }
+}
+
+TEST(DeviceEngine, room_that_graphs_use_is_not_taken_from_them) {
+  const ContactBatch<float> small = convert<float>(ragged_batch(1, 1)), large = convert<float>(ragged_batch(4, 1));
+  const SolverOptions options = quick(SolverKind::npgs);
+  cuda::HostDevice device;
+  cuda::Engine engine(device);
+  engine.reserve(Capacity::of(small.view()), options.solver, Precision::f32);
+  const cuda::Stream stream(device);
+  DeviceBatch<float> there(device, Capacity::of(small.view()));
+  there.fill(small, stream.get());
+  device.begin_capture(stream.get());
+  engine.solve(
+      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
+  const auto graph = device.end_capture(stream.get());
+  EXPECT_THROW(engine.reserve(Capacity::of(large.view()), options.solver, Precision::f32), Error);
+  device.launch(graph, stream.get());
+  EXPECT_EQ(env_hashes(small, there.fetch(small, stream.get())), solve_hashes(small, options));
+}
+
+TEST(DeviceEngine, a_plan_is_made_again_once_graphs_may_have_written_over_it) {
+  const ContactBatch<float> one = convert<float>(scene_batch("mixed", 20, 1)),
+                            two = convert<float>(scene_batch("mixed", 20, 2));
+  const SolverOptions options = quick(SolverKind::npgs);
+  const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
+  const auto device = std::make_shared<cuda::HostDevice>();
+  cuda::DeviceBackend backend(device);
+  backend.reserve(room, options.solver);
+  const cuda::Stream stream(*device);
+  DeviceBatch<float> there_one(*device, room), there_two(*device, room);
+  there_one.fill(one, stream.get());
+  there_two.fill(two, stream.get());
+  const auto plan = std::make_shared<const PlanData>(make_plan(one.view()));
+  ContactBatchView<float> exact = there_one.view();
+  exact.row_count = one.row_count();
+  exact.cone_count = one.view().cone_count;
+  exact.nonzero_count = one.view().nonzero_count;
+  const auto solve_planned = [&] {
+    backend.solve(SolveRequest<float>{plan.get(), exact, there_one.solution(), nullptr, one.law(), options,
+                                      StreamRef(stream.get())});
+  };
+  device->begin_capture(stream.get());
+  backend.solve(SolveRequest<float>{nullptr, there_two.view(), there_two.solution(), nullptr, two.law(), options,
+                                    StreamRef(stream.get())});
+  const auto graph = device->end_capture(stream.get());
+  solve_planned();
+  device->launch(graph, stream.get());
+  solve_planned();
+  EXPECT_EQ(env_hashes(one, there_one.fetch(one, stream.get())), solve_hashes(one, options));
+  EXPECT_EQ(env_hashes(two, there_two.fetch(two, stream.get())), solve_hashes(two, options));
 }
 
 TEST(DeviceEngine, a_whole_device_works_on_one_large_environment) {

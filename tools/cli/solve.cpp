@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <numeric>
 #include <optional>
 #include <thread>
@@ -182,8 +183,12 @@ void record(const SolveArguments& arguments, const Solver& solver, const Work<Re
   recorder.take(solver, work.batch.view(), {solution.lambda.data(), solution.w.data(), solution.status.data()},
                 work.warm_start.empty() ? nullptr : work.warm_start.data());
   if (arguments.quiet || (arguments.json && *arguments.json == "-")) return;
-  fmt::print("{}: {} environments recorded, {} left out\n", arguments.record->string(), recorder.recorded(),
-             recorder.left_out());
+  if (recorder.recorded() > 0)
+    fmt::print("{}: {} environments recorded, {} left out\n", arguments.record->string(), recorder.recorded(),
+               recorder.left_out());
+  else
+    fmt::print("{}: nothing to record, {}\n", arguments.record->string(),
+               std::filesystem::exists(*arguments.record) ? "left as an earlier run wrote it" : "not written");
 }
 
 template <class Real>

@@ -141,7 +141,7 @@ class Solver {
 
   /// The same without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
   /// nothing waits and nothing is allocated: what is queued can be captured into a CUDA graph and replayed after the
-  /// batch's numbers, contacts and counts have changed in place (docs/gpu_runtime.md). Its view's totals are then the
+  /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the
   /// room of its arrays. An environment beyond the capacity is flagged kFlagNoRoom, one whose offsets are out of order
   /// kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU.
   /// \throws Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is
@@ -152,9 +152,9 @@ class Solver {
 
   /// Islands of every environment: which of its cones act on one another, however indirectly (by a stored entry, either
   /// way round and whatever its value, or as neighbours of one group). `island` gets each cone's, numbered 0, 1, ... by
-  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken (env_count). A batch
-  /// in device memory is searched there, within the solver's capacity, asynchronously on `stream`. \throws
-  /// Error(invalid_argument) as solve() does.
+  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken or there is no room
+  /// (env_count). A batch in device memory is searched there, within the solver's capacity, asynchronously on `stream`.
+  /// \throws Error(invalid_argument) as solve() does.
   template <class Real>
   void islands(const ContactBatchView<Real>& batch, Index* island, Index* count,
                StreamRef stream = StreamRef::default_stream()) const;
