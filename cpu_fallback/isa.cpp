@@ -6,28 +6,19 @@
 namespace stiction {
 
 namespace isa_baseline {
-cpu::KernelSet pgs_kernels();
-cpu::KernelSet npgs_kernels();
-cpu::KernelSet jacobi_kernels();
-cpu::KernelSet apgd_kernels();
+cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 }  // namespace isa_baseline
 
 #if defined(STICTION_HAS_X86_ISAS)
 namespace isa_avx2 {
-cpu::KernelSet pgs_kernels();
-cpu::KernelSet npgs_kernels();
-cpu::KernelSet jacobi_kernels();
-cpu::KernelSet apgd_kernels();
+cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 }  // namespace isa_avx2
 namespace isa_avx512 {
-cpu::KernelSet pgs_kernels();
-cpu::KernelSet npgs_kernels();
-cpu::KernelSet jacobi_kernels();
-cpu::KernelSet apgd_kernels();
+cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 }  // namespace isa_avx512
@@ -37,23 +28,6 @@ namespace cpu {
 
 namespace {
 
-using MakeKernels = KernelSet (*)();
-
-template <MakeKernels kPgs, MakeKernels kNpgs, MakeKernels kJacobi, MakeKernels kApgd>
-KernelSet choose(SolverKind solver) {
-  switch (solver) {
-    case SolverKind::pgs:
-      return kPgs();
-    case SolverKind::npgs:
-      return kNpgs();
-    case SolverKind::jacobi:
-      return kJacobi();
-    case SolverKind::apgd:
-      return kApgd();
-  }
-  return kNpgs();
-}
-
 // Widest first; the last one runs anywhere.
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_X86_ISAS)
@@ -62,16 +36,12 @@ const Isa kIsas[] = {
        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
               __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("fma");
      },
-     choose<isa_avx512::pgs_kernels, isa_avx512::npgs_kernels, isa_avx512::jacobi_kernels, isa_avx512::apgd_kernels>,
-     isa_avx512::si_kernels, isa_avx512::jacobian_kernels},
-    {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); },
-     choose<isa_avx2::pgs_kernels, isa_avx2::npgs_kernels, isa_avx2::jacobi_kernels, isa_avx2::apgd_kernels>,
+     isa_avx512::solver_kernels, isa_avx512::si_kernels, isa_avx512::jacobian_kernels},
+    {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
      isa_avx2::si_kernels, isa_avx2::jacobian_kernels},
 #endif
-    {"baseline", [] { return true; },
-     choose<isa_baseline::pgs_kernels, isa_baseline::npgs_kernels, isa_baseline::jacobi_kernels,
-            isa_baseline::apgd_kernels>,
-     isa_baseline::si_kernels, isa_baseline::jacobian_kernels},
+    {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
+     isa_baseline::jacobian_kernels},
 };
 
 const Isa& choose_isa() {

@@ -29,7 +29,7 @@ EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
-  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kVectors);
+  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kRoom);
 }
 
 /// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
@@ -42,7 +42,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
   const MethodParams<Real> params{job.omega};
   SerialBlock block;
-  DenseSystem<Lanes> pack(slots, Method::kVectors, reinterpret_cast<Lanes*>(scratch));
+  DenseSystem<Lanes> pack(slots, Method::kRoom, reinterpret_cast<Lanes*>(scratch));
 
   struct Lane {
     EnvView<Real> env;
@@ -54,7 +54,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   int busy = 0;
   // An environment is loaded where its numbers lie together and then moved into its lane, together with all others that
   // enter at the same time: in a lane every number has a cache line of its own, and each line is visited once.
-  const Offset elements = DenseSystem<Real>::elements(slots, Method::kVectors);
+  const Offset elements = DenseSystem<Real>::elements(slots, Method::kRoom);
   Real* const staging = scratch + kWidth * elements;
   // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
   for (Offset i = 0; i < 2 * kWidth * elements; ++i) scratch[i] = Real(0);
@@ -64,12 +64,12 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
     int entering_count = 0;
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes[l];
-      const DenseSystem<Real, kWidth> system(slots, Method::kVectors, scratch + l);
+      const DenseSystem<Real, kWidth> system(slots, Method::kRoom, scratch + l);
       if (lane.busy && settle<Method>(block, lane.env, system, rule, lane.progress)) {
         lane.busy = false;
         --busy;
       }
-      DenseSystem<Real> staged(slots, Method::kVectors, staging + l * elements);
+      DenseSystem<Real> staged(slots, Method::kRoom, staging + l * elements);
       while (!lane.busy && next < count) {
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
@@ -109,10 +109,10 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
 template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kVectors);
+  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kRoom);
   if (job.plan.path[env] == EnvPath::factor)
-    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::kVectors);
-  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::kVectors);
+    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::kRoom);
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::kRoom);
 }
 
 template <class Method, Law kLaw, class Real>
@@ -124,13 +124,13 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   if (job.plan.path[env] == EnvPath::empty) {
     answer_empty(block, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
-    DenseSystem<Real> system(view.counts, Method::kVectors, scratch);
+    DenseSystem<Real> system(view.counts, Method::kRoom, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
-    FactorSystem<Real> system(view, Method::kVectors, scratch);
+    FactorSystem<Real> system(view, Method::kRoom, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else {
-    SparseSystem<Real> system(view, Method::kVectors, scratch);
+    SparseSystem<Real> system(view, Method::kRoom, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   }
 }
@@ -138,7 +138,7 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
   cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
-  if constexpr (kPackWidth < Real >> 1) {
+  if constexpr (kPackWidth < Real >> 1 && !Method::kRoom.is_direct()) {
     table.pack_width = kPackWidth<Real>;
     table.pack_elements = pack_elements<Method, kLaw, Real>;
     table.solve_pack = solve_pack<Method, kLaw, Real>;

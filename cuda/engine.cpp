@@ -21,6 +21,8 @@ namespace {
 /// Most device memory that the systems of one class may take, unless a single one needs more.
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 constexpr int kSortLanes = 256;
+/// Smallest class of a method that factorises.
+constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
 constexpr int kPlanLanes = 32;
 
 Offset at_least(Offset a, Offset b) {
@@ -159,22 +161,23 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   if (is_sparse(size_class)) {
     if (!may_be_sparse(capacity)) return {};
     if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
-    elements =
-        SparseSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros, room.method_vectors);
+    elements = SparseSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros, room.method);
     shape.launch.whole_device = size_class == SizeClass::sparse_device;
     shape.shared = false;
   } else if (size_class == SizeClass::factor_warp) {
     if (capacity.env_dofs == 0) return {};
-    elements =
-        FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs, room.method_vectors);
+    elements = FactorSystem<float>::elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs, room.method);
     per_processor = 16;
   } else {
     if (size_class > finest_) return {};
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
-    if (capacity.env_rows <= (size_class == finest_ ? 0 : class_rows(smaller))) return {};
+    // A method that factorises never takes a bundle: what would be one is a tile.
+    const bool is_finest = size_class == finest_ || (room.method.is_direct() && size_class == kFinestDirect);
+    if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
     const Offset rows = std::min(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
-    elements = SystemArrays<float, 1>::elements(rows, rows, room.method_vectors) + rows * rows;
+    const MethodRoom method = is_bundle(size_class) ? MethodRoom{room.method.vectors} : room.method;
+    elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows;
   }
   // Even, so that doubles in it are aligned.
   elements += elements % 2;
@@ -200,9 +203,14 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   return shape;
 }
 
+SizeClass Engine::finest_for(SolverKind solver) const {
+  const bool direct = api_.kernels().solvers[static_cast<std::size_t>(solver)].room.is_direct();
+  return direct ? std::min(finest_, kFinestDirect) : finest_;
+}
+
 bool Engine::has_room(const Capacity& capacity, SolverKind solver, Precision precision) const {
   return within(capacity, room_.capacity) &&
-         api_.kernels().solvers[static_cast<int>(solver)].method_vectors <= room_.method_vectors &&
+         api_.kernels().solvers[static_cast<int>(solver)].room.joined(room_.method) == room_.method &&
          (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= room_.scalar_bytes;
 }
 
@@ -214,7 +222,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
                 "Solver for this batch, or construct this one with the Capacity of all batches to come");
   Room room;
   room.capacity = joined(room_.capacity, capacity);
-  room.method_vectors = at_least(room_.method_vectors, api_.kernels().solvers[static_cast<int>(solver)].method_vectors);
+  room.method = api_.kernels().solvers[static_cast<int>(solver)].room.joined(room_.method);
   room.scalar_bytes = std::max(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
 
   std::array<ClassShape, kSizeClasses> shapes;
@@ -257,8 +265,9 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
 
 template <class Real>
 void Engine::queue_plan(const EngineRequest<Real>& request) {
-  const PlanArgs args{structure_view(request.batch), plan_,  room_.capacity.env_rows, room_.capacity.env_dofs,
-                      room_.capacity.env_nonzeros,   finest_};
+  const PlanArgs args{structure_view(request.batch), plan_,
+                      room_.capacity.env_rows,       room_.capacity.env_dofs,
+                      room_.capacity.env_nonzeros,   finest_for(request.options.solver)};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream;
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -317,6 +326,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   int next = 0;
   for (int k = 0; k < kSizeClasses; ++k) {
     if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
+    if (is_bundle(static_cast<SizeClass>(k)) && static_cast<SizeClass>(k) > finest_for(options.solver)) continue;
     const int lane = next++ % (kBranches + 1);
     queue_class(request, job, static_cast<SizeClass>(k), lane,
                 lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get());

@@ -73,10 +73,11 @@ class Engine {
 
   struct Room {
     Capacity capacity;
-    Offset method_vectors = 0;
+    MethodRoom method;
     std::size_t scalar_bytes = 0;
   };
 
+  [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Room& room) const;
   template <class Real>
   void queue_solve(const EngineRequest<Real>& request);

@@ -23,14 +23,14 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   Index cones = 0;           ///< cones laid out
   Strided<Real, kStride> A;  ///< A + diag R in the solver's coordinates, column-major  (n * n)
 
-  static Offset elements(const ConeCounts& counts, Offset method_vectors) {
+  static Offset elements(const ConeCounts& counts, const MethodRoom& room) {
     const Offset rows = row_count(counts);
-    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), method_vectors) + rows * rows;
+    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), room) + rows * rows;
   }
 
-  STICTION_HD DenseSystem(const ConeCounts& layout, Offset method_vectors, Real* memory)
+  STICTION_HD DenseSystem(const ConeCounts& layout, const MethodRoom& room, Real* memory)
       : counts(layout), n(row_count(layout)), cones(cone_count(layout)) {
-    A = this->carve({memory}, n, cones, method_vectors);
+    A = this->carve({this->carve_wide(memory, n, room)}, n, cones, room);
   }
 
   /// Entry (i, j) of the block of the cone at `row`.

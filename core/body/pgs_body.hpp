@@ -14,7 +14,7 @@ struct MethodParams {
 /// form).
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
-  static constexpr Index kVectors = 0;
+  static constexpr MethodRoom kRoom{};
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
   template <class System>

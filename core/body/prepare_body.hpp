@@ -250,7 +250,16 @@ STICTION_HD_OUTLINE std::uint32_t load_system(B& block, const EnvView<Real>& env
     s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
     s.scalar[kScaleA] = scale_a;
     s.scalar[kScaleB] = scale_b;
+    s.scalar[kOutcome] = Real(kRunning);
   });
+  return flags;
+}
+
+/// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
+template <class Method, class System>
+STICTION_HD std::uint32_t unsupported_flags(const System& s) {
+  std::uint32_t flags = Method::kRoom.matrices > 0 && s.n > kDirectRows ? kFlagNoRoom : 0U;
+  if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }
 
@@ -271,7 +280,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Both, for machines that do all in one go. Returns the flags.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw));
+  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw)) | unsupported_flags<Method>(s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(block, s);
   return flags;
 }

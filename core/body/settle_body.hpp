@@ -34,7 +34,7 @@ STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, 
 /// could carry the very NaN; for an unsupported system w = b.
 template <Block B, class Real>
 STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
-  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom)) == 0;
+  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom | kFlagUnsupportedCone)) == 0;
   for_each(block, env.n, [&](Index i) {
     env.lambda[i] = 0;
     if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);
@@ -78,8 +78,11 @@ STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System
   }
   const bool broken = !finite_(last);
   const bool stalled = rule.stall_window > 0 && progress.iterations - progress.best_at >= rule.stall_window;
-  const bool ended = broken || stalled || progress.iterations >= rule.max_iterations;
+  const Real outcome = s.scalar[kOutcome];
+  const bool stopped = outcome != Real(kRunning);
+  const bool ended = broken || stalled || stopped || progress.iterations >= rule.max_iterations;
   const bool nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
+  if (outcome == Real(kRayDetected)) progress.flags |= kFlagRay;
   // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
   block.sync();
   if (!nominated && !ended) return false;
@@ -95,10 +98,10 @@ STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
   if (!solved && !ended) return false;
-  const EnvCode code = solved    ? EnvCode::solved
-                       : broken  ? EnvCode::numerical
-                       : stalled ? EnvCode::stalled
-                                 : EnvCode::max_iterations;
+  const EnvCode code = solved               ? EnvCode::solved
+                       : broken             ? EnvCode::numerical
+                       : stalled || stopped ? EnvCode::stalled
+                                            : EnvCode::max_iterations;
   write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
   return true;
 }

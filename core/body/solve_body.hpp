@@ -9,16 +9,28 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
-/// kChunk iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in `left`,
-/// those they still have: a lane that runs out inside the chunk is recorded at its last iteration and ignored from then
-/// on.
+/// The same for one method: an iteration of a method that factorises costs so much more than a look that it is looked
+/// at after every one, unless it says otherwise.
+template <class Method>
+STICTION_HD constexpr Index chunk_of() {
+  if constexpr (requires { Method::kChunk; }) {
+    return Method::kChunk;
+  } else {
+    return Method::kRoom.is_direct() ? 1 : kChunk;
+  }
+}
+
+/// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in
+/// `left`, those they still have: a lane that runs out inside the chunk is recorded at its last iteration and ignored
+/// from then on.
 template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
                          typename System::Real phase, typename System::Real left) {
   using Real = typename System::Real;
-  const auto stale = phase == Real(kRefreshInterval - kChunk);
-  for (Index k = 0; k < kChunk; ++k) {
-    const bool chunk_ends = k + 1 == kChunk;
+  constexpr Index kSteps = chunk_of<Method>();
+  const auto stale = phase == Real(kRefreshInterval - kSteps);
+  for (Index k = 0; k < kSteps; ++k) {
+    const bool chunk_ends = k + 1 == kSteps;
     Method::template iterate<kLaw>(block, s, params);
     if (chunk_ends && any(stale)) Method::refresh(block, s, stale);
     left = left - Real(1);
@@ -34,7 +46,7 @@ STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& pa
   const Index left = rule.max_iterations - progress.iterations;
   advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
                         static_cast<Real>(left));
-  progress.iterations += left < kChunk ? left : kChunk;
+  progress.iterations += left < chunk_of<Method>() ? left : chunk_of<Method>();
 }
 
 /// One environment whose system is loaded, `flags` being what load_system() returned.
@@ -55,7 +67,7 @@ STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, con
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
-  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw));
+  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw)) | unsupported_flags<Method>(s);
   solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
 }
 

@@ -12,13 +12,13 @@ struct SparseSystem : FileOrderSystem<RealType> {
 
   Strided<Real, 1> value;  ///< CSR values in the solver's coordinates, without R  (entry span)
 
-  static Offset elements(Offset rows, Offset cone_total, Offset nonzeros, Offset method_vectors) {
-    return FileOrderSystem<Real>::elements(rows, cone_total, method_vectors) + nonzeros;
+  static Offset elements(Offset rows, Offset cone_total, Offset nonzeros, const MethodRoom& room) {
+    return FileOrderSystem<Real>::elements(rows, cone_total, room) + nonzeros;
   }
 
-  STICTION_HD SparseSystem(const EnvView<Real>& environment, Offset method_vectors, Real* memory)
+  STICTION_HD SparseSystem(const EnvView<Real>& environment, const MethodRoom& room, Real* memory)
       : FileOrderSystem<Real>(environment) {
-    value = this->carve_all(memory, method_vectors);
+    value = this->carve_all(memory, room);
   }
 
   /// start + row i of A times in, over four interleaved partial sums in stored order.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/method_room.hpp"
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
 
@@ -16,7 +17,16 @@ enum StateScalar : Index {
   kTheta,             ///< momentum: Nesterov's theta
   kProgress,          ///< momentum: size of the last change, in units of w
   kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
+  kOutcome,           ///< Outcome of a method that ends by itself, and what it must remember of how
   kStateScalars
+};
+
+/// How far a method that ends by itself has come; kept in kOutcome.
+enum Outcome : int {
+  kRunning = 0,
+  kFinished,     ///< further iterations change nothing
+  kGaveUp,       ///< the same, and there is no answer to be expected
+  kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and says so by a flag
 };
 
 /// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
@@ -35,13 +45,23 @@ struct SystemArrays {
   Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
   Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
   Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
+  double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (MethodRoom::doubles)
 
-  static constexpr Offset elements(Offset n, Offset cones, Offset method_vectors) {
-    return (4 + method_vectors) * n + 6 * cones + kStateScalars;
+  static constexpr Offset elements(Offset n, Offset cones, const MethodRoom& room) {
+    return (4 + room.vectors) * n + 6 * cones + kStateScalars + room.double_elements<Real>(n);
+  }
+  /// The method's vector k of doubles; its matrices follow the last.
+  [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
+
+  /// Takes the method's doubles from the beginning of the memory, where it is aligned for them; returns what is behind.
+  STICTION_HD Real* carve_wide(Real* memory, Offset n, const MethodRoom& room) {
+    if (!room.is_direct()) return memory;
+    wide = reinterpret_cast<double*>(memory);
+    return memory + room.double_elements<Real>(n);
   }
   /// Lays the arrays out one after the other from `memory`; returns the first element behind them.
   STICTION_HD Strided<Real, kStride> carve(Strided<Real, kStride> memory, Offset n, Offset cones,
-                                           Offset method_vectors) {
+                                           const MethodRoom& room) {
     const auto take = [&memory](Offset count) {
       const Strided<Real, kStride> part = memory;
       memory = memory.from(count);
@@ -51,7 +71,7 @@ struct SystemArrays {
     x = take(n);
     y = take(n);
     best = take(n);
-    extra = take(method_vectors * n);
+    extra = take(room.vectors * n);
     trace = take(cones);
     inv_n = take(cones);
     inv_t = take(cones);

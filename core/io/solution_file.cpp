@@ -6,7 +6,6 @@ namespace stiction::io {
 namespace {
 
 constexpr const char* kFormat = "contact-solution";
-constexpr int kSolverCount = static_cast<int>(SolverKind::apgd) + 1;
 
 void require_length(const char* what, std::size_t found, std::size_t expected) {
   if (found == 0 || found == expected) return;
@@ -59,7 +58,7 @@ std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
   }
   if (file.has("answered_by")) {
     const auto solvers = file.integers<std::uint8_t>("answered_by", envs);
-    check_codes(file, "answered_by", solvers, kSolverCount);
+    check_codes(file, "answered_by", solvers, kSolverKindCount);
     fill(solvers, &EnvStatus::solver);
   }
   return status;

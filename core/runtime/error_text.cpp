@@ -1,4 +1,3 @@
-#include <array>
 #include <string>
 
 #include "stiction/error.hpp"
@@ -6,8 +5,6 @@
 
 namespace stiction {
 namespace {
-
-constexpr std::array kSolvers = {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd};
 
 /// What is printed for a value that no enumerator has: a record read back from a damaged file, say.
 constexpr const char* kUnknown = "unknown";
@@ -56,6 +53,10 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "no_room";
     case kFlagBadStructure:
       return "bad_structure";
+    case kFlagUnsupportedCone:
+      return "unsupported_cone";
+    case kFlagRay:
+      return "ray";
   }
   return kUnknown;
 }
@@ -70,6 +71,16 @@ const char* to_string(SolverKind solver) noexcept {
       return "jacobi";
     case SolverKind::apgd:
       return "apgd";
+    case SolverKind::nsgs:
+      return "nsgs";
+    case SolverKind::admm:
+      return "admm";
+    case SolverKind::newton:
+      return "newton";
+    case SolverKind::lemke:
+      return "lemke";
+    case SolverKind::ipm:
+      return "ipm";
   }
   return kUnknown;
 }
@@ -110,7 +121,8 @@ const char* to_string(ConeKind kind) noexcept {
 
 SolverKind solver_from_string(const std::string& name) {
   std::string names;
-  for (const SolverKind solver : kSolvers) {
+  for (int kind = 0; kind < kSolverKindCount; ++kind) {
+    const auto solver = static_cast<SolverKind>(kind);
     if (name == to_string(solver)) return solver;
     names += names.empty() ? "" : ", ";
     names += to_string(solver);

@@ -14,8 +14,17 @@
 namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
+KernelRef bundles_kernel() {
+  if constexpr (Method::kRoom.is_direct()) {
+    return {};
+  } else {
+    return Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles");
+  }
+}
+
+template <class Make, class Method, Law kLaw, class Real>
 SolveKernels solve_kernels() {
-  return {Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles"),
+  return {bundles_kernel<Make, Method, kLaw, Real>(),
           Make::template kernel<SolveTeams<Method, kLaw, EnvPath::dense, Real>>("solve_dense"),
           Make::template kernel<SolveTeams<Method, kLaw, EnvPath::sparse, Real>>("solve_sparse"),
           Make::template kernel<SolveTeams<Method, kLaw, EnvPath::factor, Real>>("solve_factor")};
@@ -25,7 +34,7 @@ template <class Make, class Method>
 SolverKernels solver_kernels() {
   return {{{solve_kernels<Make, Method, Law::convex, float>(), solve_kernels<Make, Method, Law::coulomb, float>()},
            {solve_kernels<Make, Method, Law::convex, double>(), solve_kernels<Make, Method, Law::coulomb, double>()}},
-          Method::kVectors};
+          Method::kRoom};
 }
 
 template <class Make>

@@ -2,13 +2,15 @@
 
 #include <cstddef>
 
+#include "core/base/method_room.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {
 
 /// One solver, precision and law.
 struct SolveKernels {
-  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_bundles.hpp)
+  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_bundles.hpp); none
+                      ///< if the method factorises
   KernelRef dense;    ///< one team per environment, dense system                  (programs/solve_teams.hpp)
   KernelRef sparse;   ///< one team per environment, sparse system
   KernelRef factor;   ///< one team per environment, factor and velocity
@@ -17,7 +19,7 @@ struct SolveKernels {
 /// A solver's kernels by precision (Precision) and law (Law).
 struct SolverKernels {
   SolveKernels by_precision_and_law[2][2];
-  Offset method_vectors;  ///< vectors of n numbers the method keeps beside the system
+  MethodRoom room;  ///< what the method keeps beside the system
 };
 
 /// The scheduler's kernels; they read integers only.
@@ -51,8 +53,8 @@ struct JacobianKernels {
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
-  SolverKernels solvers[4];  ///< by SolverKind
-  KernelRef settled[2];      ///< by Precision                                  (programs/settled_program.hpp)
+  SolverKernels solvers[kSolverKindCount];  ///< by SolverKind
+  KernelRef settled[2];  ///< by Precision                                  (programs/settled_program.hpp)
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision
   BodyKernels bodies;

@@ -85,7 +85,7 @@ struct SolveBundles {
                                                               const EnvView<Real>& env) {
     // 32 slots interleave their numbers, so that lanes in lock-step touch neighbouring addresses.
     Real* const memory = workspace + slot / cuda::kWarp * (cuda::kWarp * args.slot_elements) + slot % cuda::kWarp;
-    return DenseSystem<Real, cuda::kWarp>(env.counts, Method::kVectors, memory);
+    return DenseSystem<Real, cuda::kWarp>(env.counts, Method::kRoom, memory);
   }
 
   static STICTION_HD StopRule rule_of(const Args& args) {

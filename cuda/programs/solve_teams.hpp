@@ -32,13 +32,13 @@ struct SolveTeams {
       const MethodParams<Real> params{job.omega};
       const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
       if constexpr (kPath == EnvPath::dense) {
-        DenseSystem<Real> system(env.counts, Method::kVectors, memory);
+        DenseSystem<Real> system(env.counts, Method::kRoom, memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else if constexpr (kPath == EnvPath::factor) {
-        FactorSystem<Real> system(env, Method::kVectors, memory);
+        FactorSystem<Real> system(env, Method::kRoom, memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else {
-        SparseSystem<Real> system(env, Method::kVectors, memory);
+        SparseSystem<Real> system(env, Method::kRoom, memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       }
     }

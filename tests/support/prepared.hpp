@@ -46,16 +46,16 @@ class Prepared {
 
   [[nodiscard]] Offset size() const {
     if constexpr (kDense) {
-      return System::elements(env.counts, Method::kVectors);
+      return System::elements(env.counts, Method::kRoom);
     } else {
-      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::kVectors);
+      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::kRoom);
     }
   }
   System make() {
     if constexpr (kDense) {
-      return System(env.counts, Method::kVectors, memory_.data());
+      return System(env.counts, Method::kRoom, memory_.data());
     } else {
-      return System(env, Method::kVectors, memory_.data());
+      return System(env, Method::kRoom, memory_.data());
     }
   }
 

@@ -40,9 +40,9 @@ class TortureCase {
   /// The environment on a dense system of that stride, solved on `width` lanes that make(team, rank) gives.
   template <int kStride, class Make>
   void expect_same_dense(Index width, const Make& make, const std::string& label) const {
-    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::kVectors) * kStride,
+    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::kRoom) * kStride,
         [](const EnvView<Real>& env, Real* memory) {
-          return DenseSystem<Real, kStride>(env.counts, Method::kVectors, memory);
+          return DenseSystem<Real, kStride>(env.counts, Method::kRoom, memory);
         });
   }
 
@@ -51,8 +51,8 @@ class TortureCase {
     const auto view = batch_.view();
     run(width, make, label,
         SparseSystem<Real>::elements(static_cast<Index>(view.row_count), static_cast<Index>(view.cone_count),
-                                     view.nonzero_count, Method::kVectors),
-        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::kVectors, memory); });
+                                     view.nonzero_count, Method::kRoom),
+        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::kRoom, memory); });
   }
 
  private:

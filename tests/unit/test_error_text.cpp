@@ -16,9 +16,10 @@ TEST(ErrorText, EveryCodeAndFlagHasANameOfItsOwn) {
   for (int bit = 0; bit < kEnvFlagCount; ++bit) flags.insert(flag_name(static_cast<EnvFlag>(1U << bit)));
   EXPECT_EQ(codes, (std::set<std::string>{"solved", "max_iterations", "stalled", "numerical", "invalid_input",
                                           "unsupported"}));
-  EXPECT_EQ(flags, (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds",
-                                          "negative_compliance", "bad_diagonal", "warm_start_rejected", "asymmetric",
-                                          "capacity", "bad_mass", "no_room", "bad_structure"}));
+  EXPECT_EQ(flags,
+            (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance",
+                                   "bad_diagonal", "warm_start_rejected", "asymmetric", "capacity", "bad_mass",
+                                   "no_room", "bad_structure", "unsupported_cone", "ray"}));
 }
 
 TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {
@@ -39,7 +40,8 @@ TEST(ErrorText, ValuesThatNoEnumeratorHasArePrintedAsUnknown) {
 }
 
 TEST(ErrorText, SolversAreFoundByTheNameTheyPrint) {
-  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd}) {
+  for (int kind = 0; kind < kSolverKindCount; ++kind) {
+    const auto solver = static_cast<SolverKind>(kind);
     EXPECT_EQ(solver_from_string(to_string(solver)), solver);
   }
 }
@@ -50,7 +52,8 @@ TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
     FAIL() << "accepted";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
-    EXPECT_STREQ(error.what(), "solver 'magic' is not known; use one of: pgs, npgs, jacobi, apgd");
+    EXPECT_STREQ(error.what(),
+                 "solver 'magic' is not known; use one of: pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
   }
 }
 

@@ -11,7 +11,8 @@ namespace stiction {
 enum class EnvCode : std::uint8_t {
   solved = 0,          ///< residual finite and at most the tolerance
   max_iterations = 1,  ///< iteration limit reached; the best iterate seen is returned
-  stalled = 2,         ///< no progress within the stall window; the best iterate seen is returned
+  stalled = 2,         ///< no progress within the stall window, or the solver ended by itself short of the
+                       ///< tolerance; the best iterate seen is returned
   numerical = 3,       ///< the iteration left the finite numbers; the best finite iterate is returned
   invalid_input = 4,   ///< see the flags; lambda = 0 and w = 0 are returned
   unsupported = 5,     ///< the solver cannot treat this system (see the flags); lambda = 0, w = b
@@ -34,10 +35,12 @@ enum EnvFlag : std::uint32_t {
   kFlagNoRoom = 1U << 9,              ///< larger than the solver's capacity allows; not solved (lambda = 0, w = b)
   kFlagBadStructure = 1U << 10,       ///< offsets, cones or columns out of order or range, found on the device; of
                                       ///< this environment nothing but the status is written
+  kFlagUnsupportedCone = 1U << 11,    ///< a cone that the solver cannot treat: lemke and friction; not solved
+  kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none
 };
 
 /// Number of EnvFlag bits in use.
-inline constexpr int kEnvFlagCount = 11;
+inline constexpr int kEnvFlagCount = 13;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// Largest environment for which a method may keep a matrix of its own.
+inline constexpr Index kDirectRows = 1024;
+
+/// What a method keeps beside the system. Vectors and matrices of double are for methods that factorise: whatever the
+/// solve's precision, an elimination of hundreds of rows is done in double. Such a method takes environments one at a
+/// time, never in packs or bundles.
+struct MethodRoom {
+  Index vectors = 0;   ///< of n numbers of Real
+  Index wide = 0;      ///< of n doubles
+  Index matrices = 0;  ///< of n x n doubles, for environments of at most kDirectRows rows
+
+  /// Doubles for an environment of n rows.
+  [[nodiscard]] STICTION_HD constexpr Offset doubles(Offset n) const {
+    return wide * n + (n <= kDirectRows ? matrices * n * n : 0);
+  }
+  /// The same in numbers of Real.
+  template <class Real>
+  [[nodiscard]] STICTION_HD constexpr Offset double_elements(Offset n) const {
+    return doubles(n) * static_cast<Offset>((sizeof(double) + sizeof(Real) - 1) / sizeof(Real));
+  }
+  /// Whether the method factorises.
+  [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return wide > 0 || matrices > 0; }
+  /// What is enough for either of two methods.
+  [[nodiscard]] STICTION_HD constexpr MethodRoom joined(const MethodRoom& other) const {
+    return {vectors > other.vectors ? vectors : other.vectors, wide > other.wide ? wide : other.wide,
+            matrices > other.matrices ? matrices : other.matrices};
+  }
+  friend constexpr bool operator==(const MethodRoom&, const MethodRoom&) = default;
+};
+
+}  // namespace stiction

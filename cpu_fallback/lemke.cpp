@@ -1,0 +1,11 @@
+#include "core/body/lemke_body.hpp"
+
+#include "cpu_fallback/pack_driver.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+cpu::KernelSet lemke_kernels() {
+  return kernel_set<Lemke>();
+}
+
+}  // namespace stiction::inline STICTION_ISA

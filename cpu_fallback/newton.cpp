@@ -1,0 +1,11 @@
+#include "core/body/newton_body.hpp"
+
+#include "cpu_fallback/pack_driver.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+cpu::KernelSet newton_kernels() {
+  return kernel_set<Newton>();
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,10 @@
+#include "core/body/admm_body.hpp"
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_admm_kernels() {
+  return solver_kernels<MakeHostKernel, Admm>();
+}
+
+}  // namespace stiction::cuda

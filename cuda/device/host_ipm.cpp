@@ -1,0 +1,10 @@
+#include "core/body/ipm_body.hpp"
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_ipm_kernels() {
+  return solver_kernels<MakeHostKernel, Ipm>();
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,10 @@
+#include "core/body/nsgs_body.hpp"
+#include "cuda/device/host_make.hpp"
+
+namespace stiction::cuda {
+
+SolverKernels host_nsgs_kernels() {
+  return solver_kernels<MakeHostKernel, Nsgs>();
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,11 @@
+#include "core/body/admm_body.hpp"
+
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+SolverKernels cuda_admm_kernels() {
+  return solver_kernels<MakeCudaKernel, Admm>();
+}
+
+}  // namespace stiction::cuda

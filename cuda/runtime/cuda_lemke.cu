@@ -1,0 +1,11 @@
+#include "core/body/lemke_body.hpp"
+
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+SolverKernels cuda_lemke_kernels() {
+  return solver_kernels<MakeCudaKernel, Lemke>();
+}
+
+}  // namespace stiction::cuda
