@@ -39,13 +39,13 @@ template <class Method, Law kLaw, class Real>
 void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
   constexpr int kWidth = kPackWidth<Real>;
   using Lanes = Pack<Real, kWidth>;
-  const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
   const MethodParams<Real> params{job.omega};
   SerialBlock block;
   DenseSystem<Lanes> pack(slots, Method::kRoom, reinterpret_cast<Lanes*>(scratch));
 
   struct Lane {
     EnvView<Real> env;
+    StopRule rule;
     EnvProgress<Real> progress;
     bool busy = false;
   };
@@ -65,18 +65,19 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes[l];
       const DenseSystem<Real, kWidth> system(slots, Method::kRoom, scratch + l);
-      if (lane.busy && settle<Method>(block, lane.env, system, rule, lane.progress)) {
+      if (lane.busy && settle<Method>(block, lane.env, system, lane.rule, lane.progress)) {
         lane.busy = false;
         --busy;
       }
       DenseSystem<Real> staged(slots, Method::kRoom, staging + l * elements);
       while (!lane.busy && next < count) {
+        lane.rule = stop_rule(job, envs[next]);
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
         if (!is_solvable(lane.progress.flags)) {
           refuse(block, lane.env, Method::kKind, lane.progress.flags);
-        } else if (!settle<Method>(block, lane.env, staged, rule, lane.progress)) {
+        } else if (!settle<Method>(block, lane.env, staged, lane.rule, lane.progress)) {
           lane.busy = true;
           ++busy;
           entering[entering_count++] = l;
@@ -95,12 +96,12 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
     for (int l = 0; l < kWidth; ++l) {
       if (!lanes[l].busy) continue;
       phase.v[l] = static_cast<Real>(lanes[l].progress.iterations % kRefreshInterval);
-      left.v[l] = static_cast<Real>(job.max_iterations - lanes[l].progress.iterations);
+      left.v[l] = static_cast<Real>(lanes[l].rule.max_iterations - lanes[l].progress.iterations);
     }
     advance<Method, kLaw>(block, pack, params, phase, left);
     for (Lane& lane : lanes)
       if (lane.busy) {
-        const Index remaining = job.max_iterations - lane.progress.iterations;
+        const Index remaining = lane.rule.max_iterations - lane.progress.iterations;
         lane.progress.iterations += remaining < kChunk ? remaining : kChunk;
       }
   }
@@ -117,7 +118,7 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
-  const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+  const StopRule rule = stop_rule(job, env);
   const MethodParams<Real> params{job.omega};
   const EnvView<Real> view = slice(job, env);
   SerialBlock block;
@@ -138,7 +139,8 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
   cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
-  if constexpr (kPackWidth < Real >> 1 && !Method::kRoom.is_direct()) {
+  constexpr bool kPacks = 1 < kPackWidth<Real> && !Method::kRoom.is_direct();
+  if constexpr (kPacks) {
     table.pack_width = kPackWidth<Real>;
     table.pack_elements = pack_elements<Method, kLaw, Real>;
     table.solve_pack = solve_pack<Method, kLaw, Real>;

@@ -31,6 +31,8 @@ class Piece {
     add_optional(view.env_row_counts, all.env_row_counts, first, envs);
     add_optional(view.env_cone_counts, all.env_cone_counts, first, envs);
     add_optional(view.env_flags, all.env_flags, first, envs);
+    add_optional(view.env_tolerance, all.env_tolerance, first, envs);
+    add_optional(view.env_max_iterations, all.env_max_iterations, first, envs);
     add(view.cone_kind, all.cone_kind + cone, cones);
     add(view.cone_row_offsets, all.cone_row_offsets + cone, cones + 1, row);
     add_optional(view.cone_group, all.cone_group, cone, cones);

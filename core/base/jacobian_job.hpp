@@ -68,6 +68,8 @@ ContactBatchView<Real> contact_view(const JacobianBatchView<Real>& batch, const 
   view.env_row_counts = batch.env_row_counts;
   view.env_cone_counts = batch.env_cone_counts;
   view.env_flags = arrays.flags;
+  view.env_tolerance = batch.env_tolerance;
+  view.env_max_iterations = batch.env_max_iterations;
   view.cone_kind = batch.cone_kind;
   view.cone_row_offsets = batch.cone_row_offsets;
   view.cone_group = batch.cone_group;

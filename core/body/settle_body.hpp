@@ -2,15 +2,9 @@
 
 #include "core/body/prepare_body.hpp"
 #include "core/body/residual_body.hpp"
+#include "core/body/stop_rule.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-/// When to stop; the same for every environment of a solve.
-struct StopRule {
-  double tolerance;      ///< on the relative residual [-]
-  Index max_iterations;  ///< per environment
-  Index stall_window;    ///< iterations without a better residual before giving up; 0: never
-};
 
 /// What an environment remembers between two looks at it. Lanes of a block hold equal copies.
 template <class Real>

@@ -111,6 +111,9 @@ Recording read_contact_batch(const InputFile& file) {
   check_offsets(file, "env_cone_ptr", arrays.env_cone_offsets, kinds.size());
   if (file.has("env_flags"))
     arrays.env_flags = file.integers<std::uint32_t>("env_flags", arrays.env_row_offsets.size() - 1);
+  if (file.has("env_tolerance")) arrays.env_tolerance = file.reals("env_tolerance", arrays.env_row_offsets.size() - 1);
+  if (file.has("env_max_iterations"))
+    arrays.env_max_iterations = file.integers<Index>("env_max_iterations", arrays.env_row_offsets.size() - 1);
   if (!file.has("A")) file.refuse("group 'A' is missing");
   Csr A = read_csr(file, "A", rows);
   arrays.row_offsets = std::move(A.ptr);

@@ -120,6 +120,8 @@ void write_batch(const std::filesystem::path& path, const Recording& recording) 
   file.array("cone_row_ptr", arrays.cone_row_offsets);
   write_optional(file, "cone_group", arrays.cone_group);
   write_optional(file, "env_flags", arrays.env_flags);
+  write_optional(file, "env_tolerance", arrays.env_tolerance);
+  write_optional(file, "env_max_iterations", arrays.env_max_iterations);
   const RowParameters rows = row_parameters(arrays);
   file.array("row_param", rows.param);
   if (rows.asymmetric) {

@@ -42,6 +42,9 @@ ContactBatch<double> joined(const ContactBatch<double>& first, const ContactBatc
   extend_optional(all.cone_group, all.cone_kind.size(), more.cone_group, more.cone_kind.size(), Index{-1});
   extend_optional(all.env_flags, all.env_row_offsets.size() - 1, more.env_flags, more.env_row_offsets.size() - 1,
                   std::uint32_t{0});
+  const std::size_t envs = all.env_row_offsets.size() - 1, added = more.env_row_offsets.size() - 1;
+  extend_optional(all.env_tolerance, envs, more.env_tolerance, added, -1.0);
+  extend_optional(all.env_max_iterations, envs, more.env_max_iterations, added, Index{-1});
   for (auto member : {&ContactBatch<double>::Arrays::env_row_offsets, &ContactBatch<double>::Arrays::env_cone_offsets,
                       &ContactBatch<double>::Arrays::cone_row_offsets, &ContactBatch<double>::Arrays::row_offsets})
     extend_offsets(all.*member, more.*member);

@@ -151,6 +151,14 @@ ContactBatch<Real> ContactBatch<Real>::from_arrays(Law law, Arrays arrays) {
     expect_length("env_flags", arrays.env_flags.size(), arrays.env_row_offsets.size() - 1,
                   "one per environment, or none at all");
   }
+  if (!arrays.env_tolerance.empty()) {
+    expect_length("env_tolerance", arrays.env_tolerance.size(), arrays.env_row_offsets.size() - 1,
+                  "one per environment, or none at all");
+  }
+  if (!arrays.env_max_iterations.empty()) {
+    expect_length("env_max_iterations", arrays.env_max_iterations.size(), arrays.env_row_offsets.size() - 1,
+                  "one per environment, or none at all");
+  }
   if (!arrays.factor_offsets.empty()) {
     expect_length("factor_offsets", arrays.factor_offsets.size(), arrays.env_row_offsets.size(),
                   "as many as env_row_offsets, or none at all");
@@ -186,6 +194,8 @@ void ContactBatch<Real>::add(const Environment<Real>& environment) {
   arrays_.env_row_offsets.push_back(static_cast<Offset>(arrays_.b.size()));
   arrays_.env_cone_offsets.push_back(static_cast<Offset>(arrays_.cone_kind.size()));
   if (!arrays_.env_flags.empty()) arrays_.env_flags.push_back(0);
+  if (!arrays_.env_tolerance.empty()) arrays_.env_tolerance.push_back(-1.0);
+  if (!arrays_.env_max_iterations.empty()) arrays_.env_max_iterations.push_back(-1);
   if (!arrays_.factor_offsets.empty()) arrays_.factor_offsets.push_back(arrays_.factor_offsets.back());
 }
 
@@ -199,6 +209,8 @@ ContactBatchView<Real> ContactBatch<Real>::view() const noexcept {
   view.env_row_offsets = arrays_.env_row_offsets.data();
   view.env_cone_offsets = arrays_.env_cone_offsets.data();
   view.env_flags = arrays_.env_flags.empty() ? nullptr : arrays_.env_flags.data();
+  view.env_tolerance = arrays_.env_tolerance.empty() ? nullptr : arrays_.env_tolerance.data();
+  view.env_max_iterations = arrays_.env_max_iterations.empty() ? nullptr : arrays_.env_max_iterations.data();
   view.cone_kind = arrays_.cone_kind.data();
   view.cone_row_offsets = arrays_.cone_row_offsets.data();
   view.cone_group = arrays_.cone_group.empty() ? nullptr : arrays_.cone_group.data();
@@ -236,6 +248,8 @@ ContactBatch<To> convert(const ContactBatch<From>& batch) {
   to.lo = rounded<To>(from.lo);
   to.hi = rounded<To>(from.hi);
   to.env_flags = from.env_flags;
+  to.env_tolerance = from.env_tolerance;
+  to.env_max_iterations = from.env_max_iterations;
   to.factor_offsets = from.factor_offsets;
   to.factor = rounded<To>(from.factor);
   return ContactBatch<To>::from_arrays(batch.law(), std::move(to));
@@ -283,7 +297,10 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
       append_range(to.factor, from.factor, factor.begin, factor.end);
       to.factor_offsets.push_back(static_cast<Offset>(to.factor.size()));
     }
-    if (!from.env_flags.empty()) to.env_flags.push_back(from.env_flags[static_cast<std::size_t>(env)]);
+    const auto e = static_cast<std::size_t>(env);
+    if (!from.env_flags.empty()) to.env_flags.push_back(from.env_flags[e]);
+    if (!from.env_tolerance.empty()) to.env_tolerance.push_back(from.env_tolerance[e]);
+    if (!from.env_max_iterations.empty()) to.env_max_iterations.push_back(from.env_max_iterations[e]);
   }
   return ContactBatch<Real>::from_arrays(batch.law(), std::move(to));
 }

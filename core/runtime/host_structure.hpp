@@ -29,6 +29,8 @@ class HostStructure {
     fetch(view_.column_offsets, column_offsets_, batch.row_count);
     fetch(view_.column, column_, batch.columns_stored());
     view_.env_flags = nullptr;
+    view_.env_tolerance = nullptr;
+    view_.env_max_iterations = nullptr;
     view_.A = view_.b = view_.R = view_.mu = view_.lo = view_.hi = nullptr;
     view_.space = MemorySpace::host;
   }

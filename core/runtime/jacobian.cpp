@@ -175,6 +175,8 @@ void copy_rows(const JacobianBatchView<Real>& batch, Offset env, typename Contac
   to.env_row_offsets.push_back(first + batch.env_rows(env));
   to.env_cone_offsets.push_back(static_cast<Offset>(to.cone_kind.size()));
   to.env_flags.push_back(batch.env_flags == nullptr ? 0U : batch.env_flags[env]);
+  if (batch.env_tolerance != nullptr) to.env_tolerance.push_back(batch.env_tolerance[env]);
+  if (batch.env_max_iterations != nullptr) to.env_max_iterations.push_back(batch.env_max_iterations[env]);
 }
 
 }  // namespace

@@ -50,6 +50,8 @@ ContactBatch<Real> packed(const ContactBatchView<Real>& batch) {
     to.env_cone_offsets.push_back(static_cast<Offset>(to.cone_kind.size()));
   }
   if (batch.env_flags != nullptr) append(to.env_flags, batch.env_flags, batch.env_count);
+  if (batch.env_tolerance != nullptr) append(to.env_tolerance, batch.env_tolerance, batch.env_count);
+  if (batch.env_max_iterations != nullptr) append(to.env_max_iterations, batch.env_max_iterations, batch.env_count);
   return ContactBatch<Real>::from_arrays(batch.law, std::move(to));
 }
 
@@ -58,6 +60,8 @@ template <class Real>
 struct HostNumbers {
   std::vector<Real> A, vectors[5];
   std::vector<std::uint32_t> flags;
+  std::vector<double> tolerance;
+  std::vector<Index> max_iterations;
 };
 
 }  // namespace
@@ -100,6 +104,10 @@ ContactBatch<Real> Solver::to_host(const ContactBatchView<Real>& batch, StreamRe
         &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
     host.*member = fetch(*storage++, batch.*member, batch.row_count);
   if (batch.env_flags != nullptr) host.env_flags = fetch(numbers.flags, batch.env_flags, batch.env_count);
+  if (batch.env_tolerance != nullptr)
+    host.env_tolerance = fetch(numbers.tolerance, batch.env_tolerance, batch.env_count);
+  if (batch.env_max_iterations != nullptr)
+    host.env_max_iterations = fetch(numbers.max_iterations, batch.env_max_iterations, batch.env_count);
   return packed(host);
 }
 

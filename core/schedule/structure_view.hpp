@@ -18,6 +18,8 @@ ContactBatchView<float> structure_view(const ContactBatchView<Real>& batch) {
   integers.env_row_counts = batch.env_row_counts;
   integers.env_cone_counts = batch.env_cone_counts;
   integers.env_flags = batch.env_flags;
+  integers.env_tolerance = batch.env_tolerance;
+  integers.env_max_iterations = batch.env_max_iterations;
   integers.cone_kind = batch.cone_kind;
   integers.cone_row_offsets = batch.cone_row_offsets;
   integers.cone_group = batch.cone_group;

@@ -88,10 +88,6 @@ struct SolveBundles {
     return DenseSystem<Real, cuda::kWarp>(env.counts, Method::kRoom, memory);
   }
 
-  static STICTION_HD StopRule rule_of(const Args& args) {
-    return {args.job.tolerance, args.job.max_iterations, args.job.stall_window};
-  }
-
   /// Loads an environment; whether there is anything left to do.
   static STICTION_HD unsigned char load(const Args& args, Real* workspace, Index index, typename Head::Slot& slot) {
     SerialBlock block;
@@ -103,7 +99,7 @@ struct SolveBundles {
       refuse(block, env, Method::kKind, slot.progress.flags);
       return 0;
     }
-    return settle<Method>(block, env, system, rule_of(args), slot.progress) ? 0 : 1;
+    return settle<Method>(block, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
   }
 
   /// One chunk; whether there is anything left to do.
@@ -111,7 +107,7 @@ struct SolveBundles {
     SerialBlock block;
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
-    const StopRule rule = rule_of(args);
+    const StopRule rule = stop_rule(args.job, slot.env);
     advance_chunk<Method, kLaw>(block, system, MethodParams<Real>{args.job.omega}, rule, slot.progress);
     return settle<Method>(block, env, system, rule, slot.progress) ? 0 : 1;
   }

@@ -28,9 +28,10 @@ struct SolveTeams {
     for (;;) {
       const Offset position = begin + team.fetch(args.queue.ticket + size_class);
       if (position >= end) return;
-      const EnvView<Real> env = slice(job, args.queue.order[position]);
+      const Offset index = args.queue.order[position];
+      const EnvView<Real> env = slice(job, index);
       const MethodParams<Real> params{job.omega};
-      const StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+      const StopRule rule = stop_rule(job, index);
       if constexpr (kPath == EnvPath::dense) {
         DenseSystem<Real> system(env.counts, Method::kRoom, memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);

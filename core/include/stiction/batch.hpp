@@ -30,22 +30,26 @@ struct ContactBatchView {
   Offset cone_count = 0;
   Offset row_count = 0;
   Offset nonzero_count = 0;
-  const Offset* env_row_offsets = nullptr;   ///< first row of each environment        (env_count + 1)
-  const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
-  const Index* env_row_counts = nullptr;     ///< rows in use; null: up to the next one's first   (env_count)
-  const Index* env_cone_counts = nullptr;    ///< cones in use; null: up to the next one's first  (env_count)
-  const std::uint32_t* env_flags = nullptr;  ///< EnvFlag bits found when the batch was made: they enter the status,
-                                             ///< and all but kFlagCapacity forbid a solve; null: none  (env_count)
-  const ConeKind* cone_kind = nullptr;       ///< kind                                  (cone_count)
-  const Offset* cone_row_offsets = nullptr;  ///< first row of each cone               (cone_count + 1)
-  const Index* cone_group = nullptr;         ///< manifold: neighbouring cones of one environment with equal
-                                             ///< non-negative id are coloured as one vertex; null: none  (cone_count)
-  const Offset* row_offsets = nullptr;       ///< CSR rows of A                        (row_count + 1)
-  const Index* row_counts = nullptr;         ///< entries in use of each row; null: up to the next row's (row_count)
-  const Index* column = nullptr;             ///< CSR columns, within the environment  (nonzero_count)
-  const Offset* column_offsets = nullptr;    ///< first column of each row, where rows share columns; null:
-                                             ///< row_offsets                           (row_count)
-  Offset column_count = 0;                   ///< length of column where column_offsets is given
+  const Offset* env_row_offsets = nullptr;    ///< first row of each environment        (env_count + 1)
+  const Offset* env_cone_offsets = nullptr;   ///< first cone of each environment       (env_count + 1)
+  const Index* env_row_counts = nullptr;      ///< rows in use; null: up to the next one's first   (env_count)
+  const Index* env_cone_counts = nullptr;     ///< cones in use; null: up to the next one's first  (env_count)
+  const std::uint32_t* env_flags = nullptr;   ///< EnvFlag bits found when the batch was made: they enter the status,
+                                              ///< and all but kFlagCapacity forbid a solve; null: none  (env_count)
+  const double* env_tolerance = nullptr;      ///< relative residual that will do for each, instead of the option; below
+                                              ///< zero or NaN: the option; null: for all [-]    (env_count)
+  const Index* env_max_iterations = nullptr;  ///< iterations for each, instead of the option; below zero: the option;
+                                              ///< null: for all                                (env_count)
+  const ConeKind* cone_kind = nullptr;        ///< kind                                  (cone_count)
+  const Offset* cone_row_offsets = nullptr;   ///< first row of each cone               (cone_count + 1)
+  const Index* cone_group = nullptr;          ///< manifold: neighbouring cones of one environment with equal
+                                              ///< non-negative id are coloured as one vertex; null: none  (cone_count)
+  const Offset* row_offsets = nullptr;        ///< CSR rows of A                        (row_count + 1)
+  const Index* row_counts = nullptr;          ///< entries in use of each row; null: up to the next row's (row_count)
+  const Index* column = nullptr;              ///< CSR columns, within the environment  (nonzero_count)
+  const Offset* column_offsets = nullptr;     ///< first column of each row, where rows share columns; null:
+                                              ///< row_offsets                           (row_count)
+  Offset column_count = 0;                    ///< length of column where column_offsets is given
   const Real* A = nullptr;  ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
   const Offset* factor_offsets = nullptr;  ///< first entry of Y of each environment; one that has any stores no A,
                                            ///< which is Y Y' then (docs/jacobian.md); null: none  (env_count + 1)
@@ -125,8 +129,8 @@ class ContactBatch {
   ContactBatch() = default;
   explicit ContactBatch(Law law) : law_(law) {}
 
-  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups, flags or factor_offsets
-  /// mean none).
+  /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups, flags, limits or
+  /// factor_offsets mean none).
   struct Arrays {
     std::vector<Offset> env_row_offsets, env_cone_offsets;
     std::vector<ConeKind> cone_kind;
@@ -136,6 +140,8 @@ class ContactBatch {
     std::vector<Index> column;
     std::vector<Real> A, b, R, mu, lo, hi;
     std::vector<std::uint32_t> env_flags;
+    std::vector<double> env_tolerance;
+    std::vector<Index> env_max_iterations;
     std::vector<Offset> factor_offsets;
     std::vector<Real> factor;
   };
@@ -156,7 +162,7 @@ class ContactBatch {
   void set_law(Law law) noexcept { law_ = law; }
 
  private:
-  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+  Arrays arrays_{{0}, {0}, {}, {0}, {}, {0}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   Law law_ = Law::convex;
 };
 

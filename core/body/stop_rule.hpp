@@ -1,0 +1,26 @@
+#pragma once
+
+#include "core/base/macros.hpp"
+#include "core/base/solve_job.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// When to stop one environment.
+struct StopRule {
+  double tolerance;      ///< on the relative residual [-]
+  Index max_iterations;  ///< at most
+  Index stall_window;    ///< iterations without a better residual before giving up; 0: never
+};
+
+/// The environment's own limits where the batch has them, else the solve's.
+template <class Real>
+STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
+  StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+  const double* const tolerance = job.batch.env_tolerance;
+  const Index* const iterations = job.batch.env_max_iterations;
+  if (tolerance != nullptr && tolerance[env] >= 0.0) rule.tolerance = tolerance[env];
+  if (iterations != nullptr && iterations[env] >= 0) rule.max_iterations = iterations[env];
+  return rule;
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,64 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "stiction/hash.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// Tolerance and iterations of its own for every environment: each gets what a solve with those options gives it.
+namespace stiction::test {
+namespace {
+
+constexpr double kTolerances[] = {1e-1, 1e-3, -1.0, 0.0, std::numeric_limits<double>::quiet_NaN()};
+constexpr Index kIterations[] = {3, 40, -1, 7};
+
+template <class Real>
+ContactBatch<Real> with_limits(const ContactBatch<Real>& batch) {
+  auto arrays = batch.arrays();
+  for (std::size_t env = 0; env + 1 < arrays.env_row_offsets.size(); ++env) {
+    arrays.env_tolerance.push_back(kTolerances[env % std::size(kTolerances)]);
+    arrays.env_max_iterations.push_back(kIterations[env % std::size(kIterations)]);
+  }
+  return ContactBatch<Real>::from_arrays(batch.law(), std::move(arrays));
+}
+
+template <class Real>
+void expect_own_limits(SolverKind solver, Device device) {
+  const ContactBatch<Real> batch = convert<Real>(ragged_batch(3, 4));
+  SolverOptions general = options(solver, 1e-2, 30);
+  const Solution<Real> together = solve(with_limits(batch), general, device);
+  const auto hashes = env_hashes(batch, together);
+  for (Offset env = 0; env < batch.env_count(); ++env) {
+    SolverOptions own = general;
+    const double tolerance = kTolerances[static_cast<std::size_t>(env) % std::size(kTolerances)];
+    const Index iterations = kIterations[static_cast<std::size_t>(env) % std::size(kIterations)];
+    if (tolerance >= 0.0) own.tolerance = tolerance;
+    if (iterations >= 0) own.max_iterations = iterations;
+    const ContactBatch<Real> alone = gather(batch, std::vector<Offset>{env});
+    EXPECT_EQ(env_hashes(alone, solve(alone, own))[0], hashes[static_cast<std::size_t>(env)]) << env;
+  }
+}
+
+TEST(EnvLimits, each_environment_stops_by_its_own_on_the_cpu) {
+  expect_own_limits<float>(SolverKind::npgs, Device::cpu());
+  expect_own_limits<double>(SolverKind::apgd, Device::cpu());
+}
+
+TEST(EnvLimits, each_environment_stops_by_its_own_on_a_device) {
+  expect_own_limits<float>(SolverKind::npgs, Device::emulated());
+}
+
+TEST(EnvLimits, they_travel_with_the_environment) {
+  const ContactBatch<double> batch = with_limits(scene_batch("mixed", 9, 1));
+  const std::vector<Offset> order = {8, 3, 3, 0};
+  const ContactBatch<double> gathered = gather(batch, order);
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    EXPECT_EQ(gathered.view().env_max_iterations[k], batch.view().env_max_iterations[order[k]]);
+    EXPECT_EQ(std::signbit(gathered.view().env_tolerance[k]), std::signbit(batch.view().env_tolerance[order[k]]));
+  }
+  EXPECT_EQ(convert<float>(batch).arrays().env_max_iterations, batch.arrays().env_max_iterations);
+}
+
+}  // namespace
+}  // namespace stiction::test
