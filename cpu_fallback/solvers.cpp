@@ -33,6 +33,8 @@ cpu::KernelSet solver_kernels(SolverKind solver) {
       return lemke_kernels();
     case SolverKind::ipm:
       return ipm_kernels();
+    case SolverKind::automatic:
+      break;
   }
   return npgs_kernels();
 }

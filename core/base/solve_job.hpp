@@ -18,6 +18,7 @@ struct SolveJob {
   double tolerance;
   Index max_iterations;
   Index stall_window;
+  SolverKind rung;  ///< automatic: whoever solves iterates as long as it may; else as long as that rung of the ladder
   Real omega;
   Law law;
 };

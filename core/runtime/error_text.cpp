@@ -81,6 +81,8 @@ const char* to_string(SolverKind solver) noexcept {
       return "lemke";
     case SolverKind::ipm:
       return "ipm";
+    case SolverKind::automatic:
+      return "auto";
   }
   return kUnknown;
 }
@@ -120,12 +122,12 @@ const char* to_string(ConeKind kind) noexcept {
 }
 
 SolverKind solver_from_string(const std::string& name) {
-  std::string names;
+  std::string names = to_string(SolverKind::automatic);
+  if (name == names) return SolverKind::automatic;
   for (int kind = 0; kind < kSolverKindCount; ++kind) {
     const auto solver = static_cast<SolverKind>(kind);
     if (name == to_string(solver)) return solver;
-    names += names.empty() ? "" : ", ";
-    names += to_string(solver);
+    names += std::string(", ") + to_string(solver);
   }
   throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
 }

@@ -46,6 +46,12 @@ TEST(ErrorText, SolversAreFoundByTheNameTheyPrint) {
   }
 }
 
+TEST(ErrorText, AutoIsASolverToAskForAndNotOneThatAnswers) {
+  EXPECT_EQ(solver_from_string("auto"), SolverKind::automatic);
+  EXPECT_STREQ(to_string(SolverKind::automatic), "auto");
+  EXPECT_GE(static_cast<int>(SolverKind::automatic), kSolverKindCount);
+}
+
 TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
   try {
     solver_from_string("magic");
@@ -53,7 +59,7 @@ TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
     EXPECT_STREQ(error.what(),
-                 "solver 'magic' is not known; use one of: pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
+                 "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
   }
 }
 

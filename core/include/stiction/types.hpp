@@ -41,7 +41,9 @@ enum class SolverKind : std::uint8_t {
   newton = 6,  ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
   lemke = 7,   ///< complementary pivoting, for problems without friction cones
   ipm = 8,     ///< predictor-corrector interior point
+  automatic = 255,  ///< "auto": per environment, from its own features; a status names the one that answered
 };
+/// Solvers that can answer.
 inline constexpr int kSolverKindCount = 9;
 
 }  // namespace stiction

@@ -1,0 +1,102 @@
+#pragma once
+
+#include "core/base/method_room.hpp"
+#include "core/body/residual_body.hpp"
+
+/// Which solver an environment gets under SolverKind::automatic, and which one next if that one falls short. A function
+/// of the environment alone; the table and where it comes from: docs/math/auto.md.
+namespace stiction::inline STICTION_ISA {
+
+/// What is looked at.
+struct EnvFeatures {
+  Index rows = 0;
+  Index friction_cones = 0;
+  bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
+  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
+  Law law = Law::convex;
+};
+
+/// Rungs of the ladder, in the order in which they are climbed. None is left out of the order for an environment that
+/// begins higher up.
+inline constexpr SolverKind kLadder[] = {SolverKind::npgs, SolverKind::admm, SolverKind::newton, SolverKind::ipm,
+                                         SolverKind::lemke};
+inline constexpr int kRungs = 5;
+
+template <Block B, class Real>
+STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
+  // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a block has.
+  double largest = 0.0, inverse = 0.0, rigid = 0.0;
+  Index friction_cones = 0;
+  for (Index cone = 0; cone < env.cone_count; ++cone)
+    if (env.kind[cone] == ConeKind::friction) ++friction_cones;
+  for (Index cone = block.rank(); cone < env.cone_count; cone += block.size()) {
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    const Index normal = env.row_of(first, size, 0);
+    double diagonal = static_cast<double>(env.R[normal]);
+    if (env.factor != nullptr) {
+      const FactorRows<Real> rows{&env, nullptr};
+      diagonal = rows.diagonal(normal, diagonal);
+    } else {
+      diagonal = row_diagonal(env, normal, diagonal);
+    }
+    if (diagonal > 0.0) {
+      largest = max_(diagonal, largest);
+      inverse = max_(div_(1.0, diagonal), inverse);
+    }
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k);
+      const bool carries = row_scale(env, env.kind[cone], k, i) > Real(0);
+      if (carries && !(env.R[i] > Real(0))) rigid = 1.0;
+    }
+  }
+  EnvFeatures seen;
+  seen.rows = env.n;
+  seen.friction_cones = friction_cones;
+  seen.spread = block.max(largest) * block.max(inverse);
+  seen.is_compliant = block.max(rigid) == 0.0;
+  seen.law = env.law;
+  return seen;
+}
+
+/// Whether a solver can treat such an environment at all.
+STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
+  if (solver == SolverKind::npgs) return true;
+  if (seen.rows > kDirectRows) return false;
+  return solver != SolverKind::lemke || seen.friction_cones == 0;
+}
+
+STICTION_HD SolverKind first_solver(const EnvFeatures& seen) {
+  constexpr double kSpreadForSplitting = 1e3;
+  if (seen.law == Law::convex && seen.is_compliant && can_treat(SolverKind::newton, seen)) return SolverKind::newton;
+  if (seen.spread > kSpreadForSplitting && can_treat(SolverKind::admm, seen)) return SolverKind::admm;
+  return SolverKind::npgs;
+}
+
+/// The rung after `tried` that can treat the environment, or `tried` itself if there is none.
+STICTION_HD SolverKind next_solver(SolverKind tried, const EnvFeatures& seen) {
+  bool reached = false;
+  for (int rung = 0; rung < kRungs; ++rung) {
+    if (reached && can_treat(kLadder[rung], seen)) return kLadder[rung];
+    if (kLadder[rung] == tried) reached = true;
+  }
+  return tried;
+}
+
+/// Iterations of a rung: what it needs when it works at all, so that a rung that does not work is left soon. Who may
+/// iterate less than that iterates less.
+STICTION_HD Index rung_iterations(SolverKind solver, Index allowed) {
+  Index limit = 512;
+  if (solver == SolverKind::admm) limit = 256;
+  if (solver == SolverKind::newton) limit = 64;
+  if (solver == SolverKind::ipm) limit = 128;
+  if (solver == SolverKind::lemke) limit = 4 * kDirectRows;
+  return limit < allowed ? limit : allowed;
+}
+
+/// Whether an answer leaves something to be wished for that another solver could give.
+STICTION_HD bool falls_short(const EnvStatus& status) {
+  return status.code == EnvCode::max_iterations || status.code == EnvCode::stalled || status.code == EnvCode::numerical;
+}
+
+}  // namespace stiction::inline STICTION_ISA
