@@ -20,11 +20,11 @@ struct SolveBodies {
       if (position >= args.end) return;
       const BodyEnv<Real> env = slice_bodies(args.job, args.order[position]);
       using System = BodySystem<Real, kLaw>;
-      const bool momentum = args.job.options.momentum;
+      const SiParams params = si_params(args.job.stepping, args.job.options);
       Real* const numbers = reinterpret_cast<Real*>(memory);
-      Real* const behind = numbers + System::elements(env.kept, env.bodies, momentum);
-      System system(env.kept, env.bodies, momentum, numbers, reinterpret_cast<double*>(behind));
-      solve_bodies(team, env, system, si_params(args.job.stepping, args.job.options));
+      Real* const behind = numbers + System::elements(env.kept, env.bodies, params.momentum);
+      const System system(env.kept, env.bodies, params, numbers, reinterpret_cast<double*>(behind));
+      solve_bodies(team, env, system, params);
     }
   }
 };
