@@ -10,8 +10,9 @@ namespace {
 template <class Real, Law kLaw, Block B>
 void solve_on(B& block, const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
   const BodyEnv<Real> view = slice_bodies(job, env);
-  BodySystem<Real, kLaw> system(view.kept, view.bodies, job.options.momentum, scratch, exact);
-  solve_bodies(block, view, system, si_params(job.stepping, job.options));
+  const SiParams params = si_params(job.stepping, job.options);
+  const BodySystem<Real, kLaw> system(view.kept, view.bodies, params, scratch, exact);
+  solve_bodies(block, view, system, params);
 }
 
 template <class Real, Law kLaw>

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <utility>
 
-#include "core/body/bodies/body_system.hpp"
+#include "cuda/body_classes.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/device/kernels.hpp"
 #include "stiction/error.hpp"
@@ -16,37 +16,9 @@ namespace cuda {
 
 namespace {
 
-/// Contacts from which a team of a class has enough to do, and its lanes; the last is the whole device.
-struct ClassRule {
-  Index least_contacts;
-  int lanes;
-  Offset teams_per_processor;
-};
-constexpr ClassRule kRules[] = {{0, 8, 64}, {33, 32, 32}, {513, 256, 4}, {16385, kMostLanes, 1}};
 /// Workspace of a class beyond which fewer teams take more environments each.
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 constexpr Offset kSlotAlignment = 256;
-
-int class_of(Index contacts) {
-  int result = 0;
-  while (result + 1 < static_cast<int>(std::size(kRules)) && contacts >= kRules[result + 1].least_contacts) ++result;
-  return result;
-}
-
-template <class Real>
-Offset bytes_of(const BodyRequest<Real>& request, Offset env) {
-  const BodyPlanData& plan = *request.plan;
-  const auto e = static_cast<std::size_t>(env);
-  const Offset bodies = plan.env_body_offsets[e + 1] - plan.env_body_offsets[e];
-  const bool momentum = request.options.momentum;
-  using Coulomb = BodySystem<Real, Law::coulomb>;
-  using Convex = BodySystem<Real, Law::convex>;
-  const Offset numbers = request.options.law == Law::coulomb ? Coulomb::elements(plan.kept[e], bodies, momentum)
-                                                             : Convex::elements(plan.kept[e], bodies, momentum);
-  const Offset wanted = numbers * static_cast<Offset>(sizeof(Real)) +
-                        Coulomb::exact_elements(bodies) * static_cast<Offset>(sizeof(double));
-  return (wanted + kSlotAlignment - 1) / kSlotAlignment * kSlotAlignment;
-}
 
 /// Copies to and from a device, of arrays that may be empty.
 class Mover {
@@ -117,35 +89,53 @@ void DeviceBodies::copy_to_host(void* target, const void* source, std::size_t by
 
 template <class Real>
 void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Offset>& order) {
+  static_assert(kClasses == kBodyClasses);
   const BodyPlanData& plan = *request.plan;
+  const BodyClassifier<Real> classifier(request.options, api_->facts());
   const auto contacts = [&](Offset env) { return plan.kept[static_cast<std::size_t>(env)]; };
+  const auto bodies = [&](Offset env) {
+    const auto e = static_cast<std::size_t>(env);
+    return plan.env_body_offsets[e + 1] - plan.env_body_offsets[e];
+  };
+  const auto class_of = [&](Offset env) { return classifier.class_of(contacts(env), bodies(env)); };
   order.resize(plan.kept.size());
   std::iota(order.begin(), order.end(), Offset{0});
   std::sort(order.begin(), order.end(), [&](Offset a, Offset b) {
-    const int class_a = class_of(contacts(a)), class_b = class_of(contacts(b));
+    const int class_a = class_of(a), class_b = class_of(b);
     if (class_a != class_b) return class_a < class_b;
     return contacts(a) != contacts(b) ? contacts(a) > contacts(b) : a < b;
   });
   Offset next = 0;
   for (int k = 0; k < kClasses; ++k) {
+    const bool bundled = k < kBundleClasses;
     Class& own = classes_[static_cast<std::size_t>(k)];
     own = Class{};
     own.begin = next;
+    BodyNeed most{0, 0};
     for (; next < static_cast<Offset>(order.size()); ++next) {
       const Offset env = order[static_cast<std::size_t>(next)];
-      if (class_of(contacts(env)) != k) break;
-      own.slot_bytes = std::max(own.slot_bytes, bytes_of(request, env));
+      if (class_of(env) != k) break;
+      const BodyNeed need = bundled ? need_of<Real, kWarp>(request.options, contacts(env), bodies(env))
+                                    : need_of<Real, 1>(request.options, contacts(env), bodies(env));
+      most = {std::max(most.elements, need.elements), std::max(most.exact, need.exact)};
+      own.slot_bytes = std::max(own.slot_bytes, need.bytes<Real>());
     }
     own.end = next;
     if (own.end == own.begin) continue;
-    const ClassRule& rule = kRules[k];
+    if (bundled) {
+      own.slot_elements = most.elements;
+      own.shape = {(own.end - own.begin + kWarp - 1) / kWarp, kWarp, bundle_bytes<Real>(most)};
+      continue;
+    }
+    const TeamRule& rule = kTeamRules[k - kBundleClasses];
+    own.slot_bytes = (own.slot_bytes + kSlotAlignment - 1) / kSlotAlignment * kSlotAlignment;
     own.shape.lanes = rule.lanes;
     own.shape.whole_device = k + 1 == kClasses;
     const Offset fitting = std::max<Offset>(1, kWorkspaceBytes / own.slot_bytes);
-    own.shape.teams =
-        own.shape.whole_device
-            ? 1
-            : std::min({own.end - own.begin, fitting, rule.teams_per_processor * api_->facts().processors});
+    own.shape.teams = own.shape.whole_device
+                          ? 1
+                          : std::min({own.end - own.begin, fitting, rule.per_processor * api_->facts().processors});
+    own.workspace_bytes = own.shape.teams * own.slot_bytes;
   }
 }
 
@@ -174,7 +164,7 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
   arrays.add(order_there, static_cast<Offset>(order.size()));
   arrays.add(ticket_, kClasses);
   ArraySet slots;
-  for (Class& own : classes_) slots.add(own.workspace, own.shape.teams * own.slot_bytes);
+  for (Class& own : classes_) slots.add(own.workspace, own.workspace_bytes);
 
   // What runs may still read what is about to be freed.
   api_->synchronize(request.stream.handle());
@@ -200,23 +190,24 @@ template <class Real>
 void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
   load(request);
   const StreamHandle stream = request.stream.handle();
-  const KernelRef& kernel =
+  const SolveBodyKernels& kernels =
       api_->kernels()
           .bodies.by_precision_and_law[sizeof(Real) == sizeof(float) ? 0 : 1][static_cast<int>(request.options.law)];
   if (request.batch.env_count == 0) return;
   api_->fill_zero(ticket_, kClasses * sizeof(Offset), stream);
+  const BodyJob<Real> job{request.batch,    plan_,          request.solution, request.warm_start,
+                          request.stepping, request.options};
   for (std::size_t k = 0; k < classes_.size(); ++k) {
     const Class& own = classes_[k];
     if (own.begin == own.end) continue;
-    const BodiesArgs<Real> args{
-        {request.batch, plan_, request.solution, request.warm_start, request.stepping, request.options},
-        order_,
-        own.begin,
-        own.end,
-        ticket_ + k,
-        own.workspace,
-        own.slot_bytes};
-    api_->launch(kernel, own.shape, &args, stream);
+    const BodyQueue queue{order_, own.begin, own.end, ticket_ + k};
+    if (own.slot_elements > 0) {
+      const BodyBundleArgs<Real> args{job, queue, own.slot_elements};
+      api_->launch(kernels.bundles, own.shape, &args, stream);
+    } else {
+      const BodiesArgs<Real> args{job, queue, own.workspace, own.slot_bytes};
+      api_->launch(kernels.teams, own.shape, &args, stream);
+    }
   }
 }
 

@@ -23,13 +23,15 @@ class DeviceBodies final : public BodyMachine {
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) override;
 
  private:
-  static constexpr int kClasses = 4;
+  static constexpr int kClasses = 6;
 
   /// Environments that are solved by one launch.
   struct Class {
     Offset begin = 0, end = 0;  ///< in order_
     LaunchShape shape;
-    Offset slot_bytes = 0;
+    Offset slot_elements = 0;  ///< of a bundle's lane; 0: teams work on the class
+    Offset slot_bytes = 0;     ///< of a team
+    Offset workspace_bytes = 0;
     std::byte* workspace = nullptr;
   };
   /// What room and copies were made for.

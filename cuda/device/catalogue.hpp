@@ -2,6 +2,7 @@
 
 #include "cuda/device/kernels.hpp"
 #include "cuda/programs/bodies_program.hpp"
+#include "cuda/programs/body_bundles.hpp"
 #include "cuda/programs/jacobian_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
@@ -59,12 +60,16 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<MoveJacobians<Real>>("jacobian_move")};
 }
 
+template <class Make, Law kLaw, class Real>
+SolveBodyKernels solve_body_kernels() {
+  return {Make::template kernel<SolveBodyBundles<kLaw, Real>>("body_bundles"),
+          Make::template kernel<SolveBodies<kLaw, Real>>("bodies")};
+}
+
 template <class Make>
 BodyKernels body_kernels() {
-  return {{{Make::template kernel<SolveBodies<Law::convex, float>>("bodies"),
-            Make::template kernel<SolveBodies<Law::coulomb, float>>("bodies")},
-           {Make::template kernel<SolveBodies<Law::convex, double>>("bodies"),
-            Make::template kernel<SolveBodies<Law::coulomb, double>>("bodies")}}};
+  return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>()},
+           {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>()}}};
 }
 
 }  // namespace stiction::cuda

@@ -33,7 +33,7 @@ std::shared_ptr<HostDevice> shared_host_device() {
 }
 
 HostDevice::HostDevice(const HostDeviceOptions& options) : options_(options), random_(options.seed) {
-  facts_ = {"emulated by the CPU", 4, std::size_t{227} << 10, std::size_t{228} << 10};
+  facts_ = {"emulated by the CPU", 4, options.shared_bytes, options.shared_bytes + 1024};
   streams_[nullptr] = std::make_unique<HostStream>();
 }
 

@@ -24,6 +24,7 @@ struct HostDeviceOptions {
   int lanes = 2;           ///< threads of a team, at most; a team that asks for fewer lanes gets fewer
   Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each
   std::uint64_t seed = 0;  ///< order of streams and teams; 0: as queued
+  std::size_t shared_bytes = std::size_t{227} << 10;  ///< fast memory of a team, at most
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done

@@ -81,8 +81,8 @@ class HostTeam {
     return reinterpret_cast<T*>(memory_->leaves);
   }
 
-  Offset fetch(Offset* counter) {
-    return broadcast([&] { return std::atomic_ref(*counter).fetch_add(1); });
+  Offset fetch(Offset* counter, Offset count = 1) {
+    return broadcast([&] { return std::atomic_ref(*counter).fetch_add(count); });
   }
 
  private:

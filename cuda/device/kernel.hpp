@@ -34,8 +34,8 @@ inline constexpr int kMostLanes = 256;  ///< of a team within one block
 ///   };
 ///
 /// whose run() is called once by every lane of every team, `team` being a Block (core/block/block.hpp) that also has
-/// `fetch(counter)`, the counter's value before it grew by one, and `total(integer)`, the sum over the lanes; both the
-/// same on every lane.
+/// `fetch(counter, count = 1)`, the counter's value before it grew by count, and `total(integer)`, the sum over the
+/// lanes; both the same on every lane.
 struct TeamId {
   Offset index;  ///< this team, 0 <= index < count
   Offset count;  ///< teams that run

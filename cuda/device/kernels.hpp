@@ -37,9 +37,15 @@ struct WarmStartKernels {
   KernelRef forget;    ///< a mask of environments
 };
 
-/// Bodies by precision (Precision) and law (Law)           (programs/bodies_program.hpp).
+/// Bodies, in one precision and law.
+struct SolveBodyKernels {
+  KernelRef bundles;  ///< one lane per environment             (programs/body_bundles.hpp)
+  KernelRef teams;    ///< one team per environment             (programs/bodies_program.hpp)
+};
+
+/// Bodies by precision (Precision) and law (Law).
 struct BodyKernels {
-  KernelRef by_precision_and_law[2][2];
+  SolveBodyKernels by_precision_and_law[2][2];
 };
 
 /// The Jacobian form, in one precision (programs/jacobian_program.hpp).

@@ -6,15 +6,28 @@
 
 namespace stiction::cuda {
 
-/// What a kernel that solves bodies is given: the job, and the environments it answers.
+/// The body environments that one launch answers.
+struct BodyQueue {
+  const Offset* order;  ///< environments by class, the largest first          (env_count)
+  Offset begin, end;    ///< this class in `order`
+  Offset* ticket;       ///< how many of them teams have taken
+};
+
+/// What a kernel that solves bodies by teams is given.
 template <class Real>
 struct BodiesArgs {
   BodyJob<Real> job;
-  const Offset* order;   ///< environments by class, the largest first          (env_count)
-  Offset begin, end;     ///< this class in `order`
-  Offset* ticket;        ///< how many of them teams have taken
+  BodyQueue queue;
   std::byte* workspace;  ///< a slot for each team
   Offset slot_bytes;
+};
+
+/// What a kernel that solves bodies by lanes is given.
+template <class Real>
+struct BodyBundleArgs {
+  BodyJob<Real> job;
+  BodyQueue queue;
+  Offset slot_elements;  ///< numbers of Real, those of double apart, that any environment of the class needs
 };
 
 }  // namespace stiction::cuda

@@ -15,16 +15,16 @@ struct SolveBodies {
   template <class Team>
   static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
     std::byte* const memory = args.workspace + id.index * args.slot_bytes;
+    const SiParams params = si_params(args.job.stepping, args.job.options);
     for (;;) {
-      const Offset position = args.begin + team.fetch(args.ticket);
-      if (position >= args.end) return;
-      const BodyEnv<Real> env = slice_bodies(args.job, args.order[position]);
+      const Offset position = args.queue.begin + team.fetch(args.queue.ticket);
+      if (position >= args.queue.end) return;
+      const BodyEnv<Real> env = slice_bodies(args.job, args.queue.order[position]);
       using System = BodySystem<Real, kLaw>;
-      const bool momentum = args.job.options.momentum;
       Real* const numbers = reinterpret_cast<Real*>(memory);
-      Real* const behind = numbers + System::elements(env.kept, env.bodies, momentum);
-      System system(env.kept, env.bodies, momentum, numbers, reinterpret_cast<double*>(behind));
-      solve_bodies(team, env, system, si_params(args.job.stepping, args.job.options));
+      Real* const behind = numbers + System::elements(env.kept, env.bodies, params.momentum);
+      const System system(env.kept, env.bodies, params, numbers, reinterpret_cast<double*>(behind));
+      solve_bodies(team, env, system, params);
     }
   }
 };

@@ -92,9 +92,11 @@ class CudaTeam {
     return reinterpret_cast<T*>(memory_->leaves);
   }
 
-  __device__ Offset fetch(Offset* counter) {
-    return broadcast(
-        [&] { return static_cast<Offset>(atomicAdd(reinterpret_cast<unsigned long long*>(counter), 1ULL)); });
+  __device__ Offset fetch(Offset* counter, Offset count = 1) {
+    return broadcast([&] {
+      return static_cast<Offset>(
+          atomicAdd(reinterpret_cast<unsigned long long*>(counter), static_cast<unsigned long long>(count)));
+    });
   }
 
  private:

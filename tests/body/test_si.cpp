@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <string>
 
 #include "bench/scenes/body_scenes.hpp"
 #include "core/body/bodies/si_body.hpp"
@@ -48,35 +50,29 @@ class SiCase {
 
   template <class Make>
   void expect_same(Index width, const Make& make) const {
-    const Index bodies = static_cast<Index>(batch_.body_count());
     using System = BodySystem<Real, kLaw>;
-    // What a body reads before it writes would show: no memory of a GPU is zero by itself.
-    const Real nan = std::numeric_limits<Real>::quiet_NaN();
-    std::vector<Real> memory(
-        static_cast<std::size_t>(System::elements(static_cast<Offset>(contacts()), bodies, options_.momentum)), nan);
-    std::vector<double> exact(static_cast<std::size_t>(System::exact_elements(bodies)),
-                              std::numeric_limits<double>::quiet_NaN());
-    BodySolution<Real> solution{std::vector<Real>(3 * contacts(), nan), std::vector<Real>(expected_.twist.size(), nan),
-                                std::vector<Real>(3 * contacts(), nan), std::vector<EnvStatus>(1)};
-    const BodyJob<Real> job{batch_.view(),
-                            plan_.view(),
-                            {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()},
-                            warm_.empty() ? nullptr : warm_.data(),
-                            TimeStepping{},
-                            options_};
-    const BodyEnv<Real> env = slice_bodies(job, 0);
+    std::vector<Real> memory = unwritten<Real>(System::elements(kept(), bodies(), options_.momentum));
+    std::vector<double> exact = unwritten<double>(System::exact_elements(bodies()));
+    Answer answer(*this);
     run_block(width, make, [&](auto& block) {
-      System system(env.kept, env.bodies, options_.momentum, memory.data(), exact.data());
-      solve_bodies(block, env, system, si_params(job.stepping, job.options));
+      const System system(answer.env.kept, answer.env.bodies, answer.params, memory.data(), exact.data());
+      solve_bodies(block, answer.env, system, answer.params);
     });
-    const auto same = [](const std::vector<Real>& a, const std::vector<Real>& b) {
-      return same_bits(std::span<const Real>(a), std::span<const Real>(b));
-    };
-    EXPECT_TRUE(same(expected_.impulse, solution.impulse)) << "width " << width;
-    EXPECT_TRUE(same(expected_.twist, solution.twist)) << "width " << width;
-    EXPECT_TRUE(same(expected_.w, solution.w)) << "width " << width;
-    EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected_.status), std::span<const EnvStatus>(solution.status)))
-        << "width " << width;
+    answer.expect_same("width " + std::to_string(width));
+  }
+
+  /// As the middle one of three systems that interleave their numbers, on one lane: the others' stay as they were.
+  void expect_same_with_a_stride() const {
+    constexpr int kStride = 3;
+    using System = BodySystem<Real, kLaw, kStride>;
+    std::vector<Real> memory = unwritten<Real>(kStride * System::elements(kept(), bodies(), options_.momentum));
+    std::vector<double> exact = unwritten<double>(kStride * System::exact_elements(bodies()));
+    Answer answer(*this);
+    SerialBlock block;
+    const System system(answer.env.kept, answer.env.bodies, answer.params, memory.data() + 1, exact.data() + 1);
+    solve_bodies(block, answer.env, system, answer.params);
+    answer.expect_same("stride 3");
+    EXPECT_TRUE(others_are_unwritten(memory, kStride, 1) && others_are_unwritten(exact, kStride, 1));
   }
 
   void expect_same_on_all_blocks() const {
@@ -86,10 +82,61 @@ class SiCase {
       expect_same(width, [](TortureTeam& team, Index rank) {
         return JitterBlock<TortureBlock<4>>(TortureBlock<4>(team, rank), 7);
       });
+    expect_same_with_a_stride();
   }
 
  private:
+  /// Memory of which nothing may be read before it is written: it would show, as no memory of a GPU is zero by itself.
+  template <class T>
+  static std::vector<T> unwritten(Offset count) {
+    return std::vector<T>(static_cast<std::size_t>(count), std::numeric_limits<T>::quiet_NaN());
+  }
+
+  template <class T>
+  static bool others_are_unwritten(const std::vector<T>& memory, int stride, int own) {
+    for (std::size_t i = 0; i < memory.size(); ++i)
+      if (static_cast<int>(i) % stride != own && !std::isnan(memory[i])) return false;
+    return true;
+  }
+
+  /// Where one solve writes, and what it is given.
+  struct Answer {
+    explicit Answer(const SiCase& owner)
+        : expected(owner.expected_),
+          impulse(unwritten<Real>(3 * owner.batch_.contact_count())),
+          twist(unwritten<Real>(6 * owner.batch_.body_count())),
+          w(unwritten<Real>(3 * owner.batch_.contact_count())),
+          job{owner.batch_.view(),
+              owner.plan_.view(),
+              {impulse.data(), twist.data(), w.data(), &status},
+              owner.warm_.empty() ? nullptr : owner.warm_.data(),
+              TimeStepping{},
+              owner.options_},
+          env(slice_bodies(job, 0)),
+          params(si_params(job.stepping, job.options)) {}
+
+    void expect_same(const std::string& where) const {
+      const auto same = [](const std::vector<Real>& a, const std::vector<Real>& b) {
+        return same_bits(std::span<const Real>(a), std::span<const Real>(b));
+      };
+      EXPECT_TRUE(same(expected.impulse, impulse)) << where;
+      EXPECT_TRUE(same(expected.twist, twist)) << where;
+      EXPECT_TRUE(same(expected.w, w)) << where;
+      EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(&status, 1)))
+          << where;
+    }
+
+    const BodySolution<Real>& expected;
+    std::vector<Real> impulse, twist, w;
+    EnvStatus status;
+    BodyJob<Real> job;
+    BodyEnv<Real> env;
+    SiParams params;
+  };
+
   [[nodiscard]] std::size_t contacts() const { return static_cast<std::size_t>(batch_.contact_count()); }
+  [[nodiscard]] Offset kept() const { return plan_.kept[0]; }
+  [[nodiscard]] Offset bodies() const { return batch_.body_count(); }
 
   BodyBatch<Real> batch_;
   BodySolverOptions options_;

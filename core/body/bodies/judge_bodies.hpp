@@ -8,15 +8,15 @@
 namespace stiction::inline STICTION_ISA {
 
 /// The impulse that is returned for row k of a contact: the very bits.
-template <class Real, Law kLaw>
-STICTION_HD Real best_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Index p, Index k) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD Real best_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p, Index k) {
   const Real x = s.best.at(k, p);
   return canonical_zero(k == 0 ? x : x * env.mu[env.contact_order[p]]);
 }
 
 /// Twists under the returned impulses, v_free + M^-1 J' lambda, into s.exact.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params) {
   for_each(block, s.bodies + 1, [&](Index body) {
     Twist<double> twist = free_twist(env, s, params, body);
@@ -31,13 +31,7 @@ STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySyst
                         static_cast<double>(best_impulse(env, s, p, 2)));
       });
     }
-    double* row = s.exact + 6 * static_cast<Offset>(body);
-    row[0] = twist.linear.x;
-    row[1] = twist.linear.y;
-    row[2] = twist.linear.z;
-    row[3] = twist.angular.x;
-    row[4] = twist.angular.y;
-    row[5] = twist.angular.z;
+    put_twist(s.exact_row(body), twist);
   });
 }
 
@@ -48,18 +42,16 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
 }
 
 /// Writes env.w and s.exact; returns the largest contact residual [w].
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                         const SiParams& params) {
   gather_exact(block, env, s, params);
   const double r = div_(params.cfm, params.step);
   double largest = 0.0;
   share_out(block, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
-    const double* a = s.exact + 6 * static_cast<Offset>(slot_of(contact.side_a));
-    const double* b = s.exact + 6 * static_cast<Offset>(slot_of(contact.side_b));
-    const Vector3<double> u = relative_velocity(Twist<double>{load3<double>(a), load3<double>(a + 3)}, contact.arm_a,
-                                                Twist<double>{load3<double>(b), load3<double>(b + 3)}, contact.arm_b);
+    const Vector3<double> u = relative_velocity(twist_at<double>(s.exact_row(slot_of(contact.side_a))), contact.arm_a,
+                                                twist_at<double>(s.exact_row(slot_of(contact.side_b))), contact.arm_b);
     const double along[3] = {dot(u, contact.frame.n) + bias_of(env, s, params, p, contact), dot(u, contact.frame.t1),
                              dot(u, contact.frame.t2)};
     ContactBlock<double> block_of{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
@@ -84,8 +76,8 @@ STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, cons
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
   share_out(block, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) {
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
@@ -93,10 +85,9 @@ STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, cons
     }
   });
   for_each(block, s.bodies, [&](Index body) {
-    for (Index k = 0; k < 6; ++k) {
-      const Offset place = 6 * static_cast<Offset>(body) + k;
-      env.twist_out[place] = canonical_zero(saturated<Real>(s.exact[place]));
-    }
+    const auto row = s.exact_row(body);
+    for (Index k = 0; k < 6; ++k)
+      env.twist_out[6 * static_cast<Offset>(body) + k] = canonical_zero(saturated<Real>(row[k]));
   });
 }
 

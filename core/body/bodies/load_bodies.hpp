@@ -44,25 +44,28 @@ STICTION_HD bool can_sweep(std::uint32_t flags) {
   return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected | kFlagCapacity)) == 0;
 }
 
-template <Block B, class Real, Law kLaw>
-STICTION_HD void load_masses(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void load_masses(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
   for_each(block, s.bodies + 1, [&](Index body) {
-    const Offset row = kBodyRow * static_cast<Offset>(body);
     const bool world = body == s.bodies;
     const bool pushed = !world && !env.is_kinematic(body);
-    s.mass[row] = pushed ? env.inv_mass[body] : Real(0);
+    const auto mass = s.mass_row(body);
+    const auto start = s.twist_row(s.start, body);
+    const auto motion = s.twist_row(s.motion, body);
+    mass[0] = pushed ? env.inv_mass[body] : Real(0);
     for (Index k = 0; k < 6; ++k) {
       const Offset place = 6 * static_cast<Offset>(body) + k;
-      s.mass[row + 1 + k] = pushed ? env.inv_inertia[place] : Real(0);
-      s.start[row + k] = s.motion[row + k] = world ? Real(0) : env.twist[place];
-      if (s.motion_before != nullptr) s.motion_before[row + k] = s.motion[row + k];
+      mass[1 + k] = pushed ? env.inv_inertia[place] : Real(0);
+      start[k] = motion[k] = world ? Real(0) : env.twist[place];
+      if (s.has_momentum()) s.twist_row(s.motion_before, body)[k] = motion[k];
     }
   });
 }
 
 /// The constants of a contact's local problem, and whether it can be solved.
-template <class Real, Law kLaw>
-STICTION_HD bool load_block(const BodySystem<Real, kLaw>& s, Index p, const ContactBlock<Real>& block, Real mu) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD bool load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block,
+                            Real mu) {
   const Real r = s.compliance;
   OneContact<Real> one;
   one.block[0][0] = block.nn + r;
@@ -91,9 +94,9 @@ STICTION_HD bool load_block(const BodySystem<Real, kLaw>& s, Index p, const Cont
 }
 
 /// A contact's first iterate: the share of one sub-step of its warm start, on its cone.
-template <class Real, Law kLaw>
-STICTION_HD void load_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, const SiParams& params,
-                              Index p, Index contact, Real mu, bool warm) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD void load_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              const SiParams& params, Index p, Index contact, Real mu, bool warm) {
   Real z[3] = {Real(0), Real(0), Real(0)};
   if (warm) {
     const Real share = static_cast<Real>(div_(1.0, static_cast<double>(params.substeps)));
@@ -106,12 +109,11 @@ STICTION_HD void load_impulse(const BodyEnv<Real>& env, const BodySystem<Real, k
 }
 
 /// Fills a system with everything but what a sub-step changes. Returns the flags.
-template <Block B, class Real, Law kLaw>
-STICTION_HD std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env, BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                       const SiParams& params) {
   std::uint32_t flags = inspect_bodies(block, env);
   if (!can_sweep(flags)) return flags;
-  s.compliance = static_cast<Real>(div_(params.cfm, params.step));
   const bool warm = env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0;
   load_masses(block, env, s);
   std::uint32_t bad = 0;
@@ -138,8 +140,8 @@ STICTION_HD std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env, BodySy
 }
 
 /// Sets out from the twists and depths a sub-step begins with: biases, and max|b| [w], which is returned.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE double begin_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE double begin_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                          const SiParams& params) {
   double largest = 0.0;
   share_out(block, s.contacts, [&](Index p) {

@@ -18,20 +18,17 @@ struct SiMomentum {
 };
 
 /// The iterate before the first sweep is the iterate.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void start_momentum(B& block, const BodySystem<Real, kLaw>& s) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void start_momentum(B& block, const BodySystem<Real, kLaw, kStride>& s) {
   share_out(block, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.before.at(k, p) = s.x.at(k, p);
   });
-  share_out(block, s.bodies, [&](Index body) {
-    const Offset row = kBodyRow * static_cast<Offset>(body);
-    for (Index k = 0; k < 6; ++k) s.motion_before[row + k] = s.motion[row + k];
-  });
+  share_out(block, s.bodies, [&](Index body) { s.set_twist(s.motion_before, body, s.twist(s.motion, body)); });
 }
 
 /// Extrapolates along the last change. Twists are affine in impulses, so the same numbers serve both.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void extrapolate(B& block, const BodySystem<Real, kLaw>& s, Real beta) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void extrapolate(B& block, const BodySystem<Real, kLaw, kStride>& s, Real beta) {
   const auto move = [beta](Real& now, Real& before) {
     const Real value = now;
     now = fma_(beta, value - before, value);
@@ -41,15 +38,16 @@ STICTION_HD void extrapolate(B& block, const BodySystem<Real, kLaw>& s, Real bet
     for (Index k = 0; k < 3; ++k) move(s.x.at(k, p), s.before.at(k, p));
   });
   share_out(block, s.bodies, [&](Index body) {
-    const Offset row = kBodyRow * static_cast<Offset>(body);
-    for (Index k = 0; k < 6; ++k) move(s.motion[row + k], s.motion_before[row + k]);
+    const auto now = s.twist_row(s.motion, body);
+    const auto before = s.twist_row(s.motion_before, body);
+    for (Index k = 0; k < 6; ++k) move(now[k], before[k]);
   });
 }
 
 /// One sweep with momentum, docs/math/npgs.md (1)-(4).
-template <Block B, class Real, Law kLaw>
-STICTION_HD void accelerated_sweep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Real omega,
-                                   SiMomentum<Real>& momentum) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void accelerated_sweep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                   Real omega, SiMomentum<Real>& momentum) {
   const Real square = momentum.theta * momentum.theta;
   const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
   const Real beta = div_(momentum.theta * (Real(1) - momentum.theta), square + next);
@@ -59,8 +57,8 @@ STICTION_HD void accelerated_sweep(B& block, const BodyEnv<Real>& env, const Bod
   momentum.progress = progress;
 }
 
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void run_sweeps(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void run_sweeps(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                     const SiParams& params, Index count, SiMomentum<Real>& momentum) {
   const Real omega = static_cast<Real>(params.omega);
   for (Index k = 0; k < count; ++k) {
@@ -73,19 +71,33 @@ STICTION_HD_OUTLINE void run_sweeps(B& block, const BodyEnv<Real>& env, const Bo
   refresh_bodies(block, env, s, params);
 }
 
-/// A sub-step that is not the last: a fixed number of sweeps; then its impulses are added up, its twists are those the
-/// next one begins with, and gaps have changed by the normal velocity.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void run_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                     const SiParams& params) {
-  begin_substep(block, env, s, params);
+/// Where a solve stands between two chunks of sweeps. Lanes of a block hold equal copies.
+template <class Real>
+struct SiProgress {
+  SiMomentum<Real> momentum;
+  double scale = 0.0;                                    ///< max|b| of this sub-step [w]
+  Real best = static_cast<Real>(__builtin_huge_valf());  ///< smallest residual estimate of the last sub-step [w]
+  Real verified = Real(-1);                              ///< that of the iterate that was last judged [w]
+  std::uint32_t flags = 0;
+  Index step = 0;  ///< sub-steps that have ended
+  Index done = 0;  ///< sweeps of this one
+};
+
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                               const SiParams& params, SiProgress<Real>& progress) {
+  progress.scale = max_(begin_substep(block, env, s, params), 1e-300);
   refresh_bodies(block, env, s, params);
   if (params.momentum) start_momentum(block, s);
-  SiMomentum<Real> momentum;
-  for (Index done = 0; done < params.iterations; done += kSiChunk) {
-    const Index left = params.iterations - done;
-    run_sweeps(block, env, s, params, left < kSiChunk ? left : kSiChunk, momentum);
-  }
+  progress.momentum = SiMomentum<Real>{};
+  progress.done = 0;
+}
+
+/// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
+/// gaps have changed by the normal velocity.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void leave_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                       const SiParams& params) {
   const Real step = static_cast<Real>(params.step);
   share_out(block, s.contacts, [&](Index p) {
     const Visit<Real> visit = visit_of(env, s, p);
@@ -101,8 +113,8 @@ STICTION_HD_OUTLINE void run_substep(B& block, const BodyEnv<Real>& env, const B
   share_out(block, s.bodies, [&](Index body) { s.set_twist(s.start, body, s.twist(s.motion, body)); });
 }
 
-template <Block B, class Real, Law kLaw>
-STICTION_HD void keep_best(B& block, const BodySystem<Real, kLaw>& s) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void keep_best(B& block, const BodySystem<Real, kLaw, kStride>& s) {
   share_out(block, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.best.at(k, p) = s.x.at(k, p);
   });
@@ -110,8 +122,8 @@ STICTION_HD void keep_best(B& block, const BodySystem<Real, kLaw>& s) {
 
 /// No reactions in the whole step: the answer that is finite when no iterate was. As if the first sub-step had been the
 /// only one.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE double fall_back(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE double fall_back(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                      SiParams& params) {
   params.step = params.step * static_cast<double>(params.substeps);
   params.substeps = 1;
@@ -124,63 +136,84 @@ STICTION_HD_OUTLINE double fall_back(B& block, const BodyEnv<Real>& env, const B
   return begin_substep(block, env, s, params);
 }
 
-/// The last sub-step: until its residual, computed in double from the bits that are returned, is at most the tolerance,
-/// or sweeps run out.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void finish_step(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, SiParams params,
-                             std::uint32_t flags) {
+/// Looks at the iterate of the last sub-step: the answer is published once its residual, computed in double from the
+/// bits that are returned, is at most the tolerance, or sweeps have run out. Whether it was.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                     SiParams params, SiProgress<Real>& progress) {
   const Index earlier = (params.substeps - 1) * params.iterations;
-  double scale = max_(begin_substep(block, env, s, params), 1e-300);
-  refresh_bodies(block, env, s, params);
-  if (params.momentum) start_momentum(block, s);
-  SiMomentum<Real> momentum;
-  Real best = static_cast<Real>(__builtin_huge_valf());
-  Real verified = Real(-1);
-  Index done = 0;
-  for (;;) {
-    const Real estimate = estimate_residual(block, env, s);
-    if (done == 0 || estimate < best) {
-      best = estimate;
-      keep_best(block, s);
-    }
-    const bool broken = !finite_(estimate);
-    const bool ended = broken || done >= params.iterations;
-    const bool nominated = static_cast<double>(best) <= params.tolerance * scale && best != verified;
-    if (nominated || ended) {
-      double absolute = judge_bodies(block, env, s, params);
-      if (ended && !finite_(div_(absolute, scale))) {
-        scale = max_(fall_back(block, env, s, params), 1e-300);
-        absolute = judge_bodies(block, env, s, params);
-      }
-      const double relative = div_(absolute, scale);
-      const bool solved = finite_(relative) && relative <= params.tolerance;
-      verified = best;
-      if (solved || ended) {
-        const EnvCode code = solved ? EnvCode::solved : broken ? EnvCode::numerical : EnvCode::max_iterations;
-        publish_bodies(block, env, s);
-        write_body_status(block, env, params, code, flags, earlier + done, relative, absolute);
-        return;
-      }
-    }
-    const Index left = params.iterations - done;
-    const Index count = left < kSiChunk ? left : kSiChunk;
-    run_sweeps(block, env, s, params, count, momentum);
-    done += count;
+  const Real estimate = estimate_residual(block, env, s);
+  if (progress.done == 0 || estimate < progress.best) {
+    progress.best = estimate;
+    keep_best(block, s);
   }
+  const bool broken = !finite_(estimate);
+  const bool ended = broken || progress.done >= params.iterations;
+  const bool nominated =
+      static_cast<double>(progress.best) <= params.tolerance * progress.scale && progress.best != progress.verified;
+  if (!nominated && !ended) return false;
+  double absolute = judge_bodies(block, env, s, params);
+  if (ended && !finite_(div_(absolute, progress.scale))) {
+    progress.scale = max_(fall_back(block, env, s, params), 1e-300);
+    absolute = judge_bodies(block, env, s, params);
+  }
+  const double relative = div_(absolute, progress.scale);
+  const bool solved = finite_(relative) && relative <= params.tolerance;
+  progress.verified = progress.best;
+  if (!solved && !ended) return false;
+  const EnvCode code = solved ? EnvCode::solved : broken ? EnvCode::numerical : EnvCode::max_iterations;
+  publish_bodies(block, env, s);
+  write_body_status(block, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
+  return true;
 }
 
-/// One environment from its numbers to its status: what a GPU thread, a GPU block, a CPU core and a team of CPU threads
-/// run.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void solve_bodies(B& block, const BodyEnv<Real>& env, BodySystem<Real, kLaw>& s, const SiParams& params) {
+/// Loads an environment. Whether there is anything to solve; if not, it is answered.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              const SiParams& params, SiProgress<Real>& progress) {
   clear_impulses(block, env);
-  const std::uint32_t flags = load_bodies(block, env, s, params);
-  if (!can_sweep(flags)) {
-    refuse_bodies(block, env, params, flags);
-    return;
+  progress = SiProgress<Real>{};
+  progress.flags = load_bodies(block, env, s, params);
+  if (!can_sweep(progress.flags)) {
+    refuse_bodies(block, env, params, progress.flags);
+    return false;
   }
-  for (Index step = 1; step < params.substeps; ++step) run_substep(block, env, s, params);
-  finish_step(block, env, s, params, flags);
+  enter_substep(block, env, s, params, progress);
+  return true;
+}
+
+/// Between two chunks: goes on to the next sub-step after a fixed number of sweeps. Whether the environment is
+/// answered.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                               const SiParams& params, SiProgress<Real>& progress) {
+  while (progress.step + 1 < params.substeps) {
+    if (progress.done < params.iterations) return false;
+    leave_substep(block, env, s, params);
+    ++progress.step;
+    enter_substep(block, env, s, params, progress);
+  }
+  return settle_last_substep(block, env, s, params, progress);
+}
+
+/// One chunk of sweeps.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void advance_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                const SiParams& params, SiProgress<Real>& progress) {
+  const Index left = params.iterations - progress.done;
+  const Index count = left < kSiChunk ? left : kSiChunk;
+  run_sweeps(block, env, s, params, count, progress.momentum);
+  progress.done += count;
+}
+
+/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A lane
+/// of its own takes the same three steps one by one.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void solve_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              const SiParams& params) {
+  SiProgress<Real> progress;
+  if (!start_bodies(block, env, s, params, progress)) return;
+  while (!settle_bodies(block, env, s, params, progress)) advance_bodies(block, env, s, params, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -30,8 +30,8 @@ struct Visit {
   Real mu;
 };
 
-template <class Real, Law kLaw>
-STICTION_HD Visit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Index p) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD Visit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
   return {env.sides[2 * static_cast<Offset>(p)],
           env.sides[2 * static_cast<Offset>(p) + 1],
           s.vector(kFieldArmA, p),
@@ -41,9 +41,9 @@ STICTION_HD Visit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real
 }
 
 /// Motion of a contact's rows in the solver's coordinates, y = mu (J v + bias + R lambda).
-template <class Real, Law kLaw>
-STICTION_HD void motion_of(const BodySystem<Real, kLaw>& s, const Visit<Real>& visit, Real bias, const Twist<Real>& a,
-                           const Twist<Real>& b, const Real (&x)[3], Real (&y)[3]) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD void motion_of(const BodySystem<Real, kLaw, kStride>& s, const Visit<Real>& visit, Real bias,
+                           const Twist<Real>& a, const Twist<Real>& b, const Real (&x)[3], Real (&y)[3]) {
   const Vector3<Real> u = relative_velocity(a, visit.arm_a, b, visit.arm_b);
   y[0] = fma_(s.compliance, x[0], dot(u, visit.frame.n) + bias);
   y[1] = visit.mu * fma_(s.compliance, visit.mu * x[1], dot(u, visit.frame.t1));
@@ -56,8 +56,8 @@ STICTION_HD Vector3<Real> impulse_of(const Visit<Real>& visit, const Real (&x)[3
 }
 
 /// Adds a contact's impulse to the twists of the bodies that it pushes.
-template <class Real, Law kLaw>
-STICTION_HD void push(const BodySystem<Real, kLaw>& s, const Visit<Real>& visit, const Twist<Real>& a,
+template <class Real, Law kLaw, int kStride>
+STICTION_HD void push(const BodySystem<Real, kLaw, kStride>& s, const Visit<Real>& visit, const Twist<Real>& a,
                       const Twist<Real>& b, const Vector3<Real>& impulse) {
   if (is_pushed(visit.side_b))
     s.set_twist(s.motion, visit.side_b, pushed(b, s.inverse_mass(visit.side_b), impulse, cross(visit.arm_b, impulse)));
@@ -68,8 +68,8 @@ STICTION_HD void push(const BodySystem<Real, kLaw>& s, const Visit<Real>& visit,
   }
 }
 
-template <class Real, Law kLaw>
-STICTION_HD OneContact<Real> local_problem(const BodySystem<Real, kLaw>& s, Index p) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD OneContact<Real> local_problem(const BodySystem<Real, kLaw, kStride>& s, Index p) {
   OneContact<Real> one;
   for (int k = 0; k < 3; ++k) one.x[k] = s.x.at(k, p);
   if constexpr (kLaw == Law::coulomb) {
@@ -87,8 +87,9 @@ STICTION_HD OneContact<Real> local_problem(const BodySystem<Real, kLaw>& s, Inde
 }
 
 /// One contact's step. Returns its size in units of w.
-template <class Real, Law kLaw>
-STICTION_HD Real visit_contact(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Index p, Real omega) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD Real visit_contact(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p,
+                               Real omega) {
   const Visit<Real> visit = visit_of(env, s, p);
   const Twist<Real> a = s.twist(s.motion, slot_of(visit.side_a));
   const Twist<Real> b = s.twist(s.motion, slot_of(visit.side_b));
@@ -105,16 +106,22 @@ STICTION_HD Real visit_contact(const BodyEnv<Real>& env, const BodySystem<Real, 
 }
 
 /// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
-/// of a vertex one after the other. Returns the largest step of this lane.
-template <Block B, class Real, Law kLaw>
-STICTION_HD Real sweep_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, Real omega) {
+/// of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD Real sweep_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              Real omega) {
   Real largest(0);
-  for (Index color = 0; color < env.color_count; ++color) {
-    const Index first = env.color_offsets[color];
-    share_out(block, env.color_offsets[color + 1] - first, [&](Index k) {
-      for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
-        largest = max_(visit_contact(env, s, p, omega), largest);
-    });
+  if constexpr (kStride > 1) {
+    // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
+    for (Index p = 0; p < s.contacts; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+  } else {
+    for (Index color = 0; color < env.color_count; ++color) {
+      const Index first = env.color_offsets[color];
+      share_out(block, env.color_offsets[color + 1] - first, [&](Index k) {
+        for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
+          largest = max_(visit_contact(env, s, p, omega), largest);
+      });
+    }
   }
   return largest;
 }
@@ -140,8 +147,8 @@ STICTION_HD Twist<T> gather_impulses(const BodyEnv<Real>& env, Index body, const
 
 /// Computes twists afresh from the impulses, so that rounding does not pile up in them; momentum's earlier twists get
 /// the same correction (docs/math/npgs.md, "Refreshing motion together with its history").
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                         const SiParams& params) {
   for_each(block, s.bodies, [&](Index body) {
     const Twist<double> free = free_twist(env, s, params, body);
@@ -155,7 +162,7 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
           const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
           return impulse_of(visit, x);
         });
-    if (s.motion_before != nullptr) {
+    if (s.has_momentum()) {
       const Twist<Real> stale = s.twist(s.motion, body);
       const Twist<Real> before = s.twist(s.motion_before, body);
       s.set_twist(s.motion_before, body,
@@ -167,8 +174,9 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
 }
 
 /// The largest natural-map residual over the contacts [w], for fresh twists.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE Real estimate_residual(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s) {
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE Real estimate_residual(B& block, const BodyEnv<Real>& env,
+                                           const BodySystem<Real, kLaw, kStride>& s) {
   Real largest(0);
   share_out(block, s.contacts, [&](Index p) {
     const Visit<Real> visit = visit_of(env, s, p);

@@ -15,10 +15,9 @@ STICTION_HD double target_velocity(const SiParams& params, double depth, double 
 }
 
 /// Twist in double at the beginning of a sub-step.
-template <class Real, Law kLaw>
-STICTION_HD Twist<double> start_twist(const BodySystem<Real, kLaw>& s, Index slot) {
-  const Real* row = s.start + static_cast<Offset>(slot) * kBodyRow;
-  return {load3<double>(row), load3<double>(row + 3)};
+template <class Real, Law kLaw, int kStride>
+STICTION_HD Twist<double> start_twist(const BodySystem<Real, kLaw, kStride>& s, Index slot) {
+  return twist_at<double>(s.twist_row(s.start, slot));
 }
 
 /// What forces change a body's twist by in one sub-step.
@@ -33,9 +32,9 @@ STICTION_HD Twist<double> change_of(const BodyEnv<Real>& env, const SiParams& pa
 }
 
 /// Twist in double after a sub-step without reactions.
-template <class Real, Law kLaw>
-STICTION_HD Twist<double> free_twist(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, const SiParams& params,
-                                     Index slot) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD Twist<double> free_twist(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                     const SiParams& params, Index slot) {
   const Twist<double> start = start_twist(s, slot);
   const Twist<double> change = change_of(env, params, slot);
   return {add_scaled(start.linear, 1.0, change.linear), add_scaled(start.angular, 1.0, change.angular)};
@@ -68,9 +67,9 @@ STICTION_HD Vector3<T> relative_velocity(const Twist<T>& a, const Vector3<T>& ar
 }
 
 /// The bias of a contact's normal row: minus its target velocity.
-template <class Real, Law kLaw>
-STICTION_HD double bias_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s, const SiParams& params, Index p,
-                           const ExactContact& contact) {
+template <class Real, Law kLaw, int kStride>
+STICTION_HD double bias_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
+                           Index p, const ExactContact& contact) {
   const Vector3<double> u = relative_velocity(start_twist(s, slot_of(contact.side_a)), contact.arm_a,
                                               start_twist(s, slot_of(contact.side_b)), contact.arm_b);
   return -target_velocity(params, static_cast<double>(s.depth.at(0, p)),

@@ -52,13 +52,13 @@ STICTION_HD Vector3<T> add_product(const Vector3<T>& base, const Symmetric3<T>& 
           fma_(m.zz, a.z, fma_(m.yz, a.y, fma_(m.xz, a.x, base.z)))};
 }
 
-/// Three numbers at `p`, of one precision, in another.
-template <class T, class Real>
-STICTION_HD Vector3<T> load3(const Real* p) {
+/// The first three numbers of an array, of one precision, in another.
+template <class T, class Array>
+STICTION_HD Vector3<T> load3(const Array& p) {
   return {static_cast<T>(p[0]), static_cast<T>(p[1]), static_cast<T>(p[2])};
 }
-template <class T, class Real>
-STICTION_HD Symmetric3<T> load6(const Real* p) {
+template <class T, class Array>
+STICTION_HD Symmetric3<T> load6(const Array& p) {
   return {static_cast<T>(p[0]), static_cast<T>(p[1]), static_cast<T>(p[2]),
           static_cast<T>(p[3]), static_cast<T>(p[4]), static_cast<T>(p[5])};
 }
