@@ -1,9 +1,12 @@
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <new>
 #include <string>
 
 #include "core/base/fp_env.hpp"
+#include "core/body/choose_body.hpp"
+#include "core/body/job_slice.hpp"
 #include "core/runtime/backend.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
@@ -77,8 +80,6 @@ class CpuBackend final : public Backend {
     // The options are rounded to Real below: that too must not see the caller's rounding mode.
     const ScopedFpEnv fp_env;
     const SolverOptions& options = request.options;
-    const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
-    const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const PlanData& plan = *request.plan;
     const cpu::Job<Real> job{
         request.batch,
@@ -92,9 +93,24 @@ class CpuBackend final : public Backend {
         options.max_iterations,
         options.stall_window,
         static_cast<Real>(options.omega),
-        request.law};
+        request.law,
+        options.solver == SolverKind::automatic};
+    if (options.solver == SolverKind::automatic)
+      climb(request, job);
+    else
+      solve_by(request, job, options.solver, [](Offset) { return true; });
+  }
+
+  /// Solves the environments that `takes` says.
+  template <class Real>
+  static void solve_by(const SolveRequest<Real>& request, const cpu::Job<Real>& job, SolverKind solver,
+                       const std::function<bool(Offset)>& takes) {
+    const SolverOptions& options = request.options;
+    const PlanData& plan = *request.plan;
+    const cpu::KernelSet set = cpu::best_isa().kernels(solver);
+    const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const int threads = cpu::thread_count(options.threads);
-    const auto items = cpu::partition(plan, kernels.pack_width, sizeof(Real), threads);
+    const auto items = cpu::partition(plan, takes, kernels.pack_width, sizeof(Real), threads);
     std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
@@ -109,6 +125,33 @@ class CpuBackend final : public Backend {
         for (const Offset env : item.envs) kernels.solve_one(job, env, memory.reserve(kernels.one_elements(job, env)));
       }
     });
+  }
+
+  /// Rung by rung, each from the answer so far, those environments that have come to it (docs/math/auto.md).
+  template <class Real>
+  static void climb(const SolveRequest<Real>& request, cpu::Job<Real> job) {
+    const Offset envs = request.batch.env_count;
+    const int threads = cpu::thread_count(request.options.threads);
+    std::vector<EnvFeatures> seen(static_cast<std::size_t>(envs));
+    std::vector<SolverKind> assigned(static_cast<std::size_t>(envs));
+    constexpr Offset kRun = 64;
+    cpu::parallel_for(threads, static_cast<int>((envs + kRun - 1) / kRun), [&](int run, int) {
+      SerialBlock block;
+      for (Offset env = run * kRun; env < envs && env < (run + 1) * kRun; ++env) {
+        const auto e = static_cast<std::size_t>(env);
+        const EnvView<Real> view = slice(job, env);
+        begin_climb(block, view);
+        seen[e] = features(block, view);
+        assigned[e] = first_solver(seen[e]);
+      }
+    });
+    job.warm_start = job.lambda;
+    for (int rung = 0; rung < kRungs; ++rung) {
+      const SolverKind solver = ladder_rung(rung);
+      solve_by(request, job, solver, [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == solver; });
+      for (std::size_t env = 0; env < assigned.size(); ++env)
+        if (assigned[env] == solver && falls_short(job.status[env])) assigned[env] = next_solver(solver, seen[env]);
+    }
   }
 };
 

@@ -39,7 +39,7 @@ template <class Method, Law kLaw, class Real>
 void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
   constexpr int kWidth = kPackWidth<Real>;
   using Lanes = Pack<Real, kWidth>;
-  const MethodParams<Real> params{job.omega};
+  const MethodParams<Real> params{job.omega, job.is_rung};
   SerialBlock block;
   DenseSystem<Lanes> pack(slots, Method::kRoom, reinterpret_cast<Lanes*>(scratch));
 
@@ -71,7 +71,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
       }
       DenseSystem<Real> staged(slots, Method::kRoom, staging + l * elements);
       while (!lane.busy && next < count) {
-        lane.rule = stop_rule(job, envs[next]);
+        lane.rule = stop_rule(job, Method::kKind, envs[next]);
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
@@ -118,8 +118,8 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
-  const StopRule rule = stop_rule(job, env);
-  const MethodParams<Real> params{job.omega};
+  const StopRule rule = stop_rule(job, Method::kKind, env);
+  const MethodParams<Real> params{job.omega, job.is_rung};
   const EnvView<Real> view = slice(job, env);
   SerialBlock block;
   if (job.plan.path[env] == EnvPath::empty) {

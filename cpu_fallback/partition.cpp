@@ -1,6 +1,7 @@
 #include "cpu_fallback/partition.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 namespace stiction::cpu {
 
@@ -28,7 +29,8 @@ Offset work(const ConeCounts& counts) {
 
 }  // namespace
 
-std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_t scalar_bytes, int threads) {
+std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
+                                std::size_t scalar_bytes, int threads) {
   std::vector<WorkItem> items;
   const auto one_by_one = [&](const std::vector<Offset>& envs) {
     constexpr std::size_t kRun = 8;
@@ -40,15 +42,17 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
            false});
     }
   };
-  for (const Offset env : plan.factor_order) items.push_back({{env}, {}, false});
-  for (const Offset env : plan.sparse_order) items.push_back({{env}, {}, false});
+  for (const auto* order : {&plan.factor_order, &plan.sparse_order})
+    for (const Offset env : *order)
+      if (takes(env)) items.push_back({{env}, {}, false});
 
   const auto packable = [&](const ConeCounts& counts) {
     const Offset rows = row_count(counts);
     return pack_width > 1 && rows * rows * pack_width * static_cast<Offset>(scalar_bytes) <= kLargestPackBytes;
   };
   const auto counts_of = [&](Offset env) -> const ConeCounts& { return plan.counts[static_cast<std::size_t>(env)]; };
-  const std::vector<Offset>& order = plan.dense_order;
+  std::vector<Offset> order;
+  std::copy_if(plan.dense_order.begin(), plan.dense_order.end(), std::back_inserter(order), takes);
   std::size_t begin = 0;
   while (begin < order.size()) {
     ConeCounts slots = counts_of(order[begin]);
@@ -79,7 +83,7 @@ std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_
   }
   std::vector<Offset> empty;
   for (Offset env = 0; env < plan.env_count; ++env)
-    if (plan.path[static_cast<std::size_t>(env)] == EnvPath::empty) empty.push_back(env);
+    if (plan.path[static_cast<std::size_t>(env)] == EnvPath::empty && takes(env)) empty.push_back(env);
   if (!empty.empty()) items.push_back({std::move(empty), {}, false});
   return items;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "core/schedule/plan.hpp"
@@ -13,8 +14,9 @@ struct WorkItem {
   bool packed = false;  ///< through the lanes of a pack, else one by one
 };
 
-/// Deals a plan's environments out to threads: runs of similar dense environments for packs, the rest one by one. Only
-/// speed depends on it.
-std::vector<WorkItem> partition(const PlanData& plan, int pack_width, std::size_t scalar_bytes, int threads);
+/// Deals those of a plan's environments that `takes` says out to threads: runs of similar dense environments for packs,
+/// the rest one by one. Only speed depends on it.
+std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
+                                std::size_t scalar_bytes, int threads);
 
 }  // namespace stiction::cpu

@@ -94,7 +94,8 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   planned_.reset();
   engine_.solve(EngineRequest<Real>{batch, request.solution, request.warm_start, request.law, request.options, planned,
                                     request.stream.handle()});
-  if (!capturing) planned_ = owner;
+  // The ladder sorts the environments anew for every rung.
+  if (!capturing && request.options.solver != SolverKind::automatic) planned_ = owner;
 }
 
 void DeviceBackend::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) {

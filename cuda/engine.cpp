@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "core/base/ladder.hpp"
 #include "core/body/count_sort_body.hpp"
 #include "core/body/dense_system.hpp"
 #include "core/body/factor_system.hpp"
@@ -10,6 +11,7 @@
 #include "core/body/plan_body.hpp"
 #include "core/body/sparse_system.hpp"
 #include "core/schedule/structure_view.hpp"
+#include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
 #include "stiction/error.hpp"
@@ -203,14 +205,23 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   return shape;
 }
 
+MethodRoom Engine::method_room(SolverKind solver) const {
+  const SolverKernels* const solvers = api_.kernels().solvers;
+  if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].room;
+  MethodRoom room;
+  for (int rung = 0; rung < kRungs; ++rung)
+    room = room.joined(solvers[static_cast<std::size_t>(ladder_rung(rung))].room);
+  return room;
+}
+
+/// Class of the smallest dense environments under a solver. The ladder's rungs sort anew.
 SizeClass Engine::finest_for(SolverKind solver) const {
-  const bool direct = api_.kernels().solvers[static_cast<std::size_t>(solver)].room.is_direct();
-  return direct ? std::min(finest_, kFinestDirect) : finest_;
+  return solver != SolverKind::automatic && method_room(solver).is_direct() ? std::min(finest_, kFinestDirect)
+                                                                            : finest_;
 }
 
 bool Engine::has_room(const Capacity& capacity, SolverKind solver, Precision precision) const {
-  return within(capacity, room_.capacity) &&
-         api_.kernels().solvers[static_cast<int>(solver)].room.joined(room_.method) == room_.method &&
+  return within(capacity, room_.capacity) && method_room(solver).joined(room_.method) == room_.method &&
          (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= room_.scalar_bytes;
 }
 
@@ -221,8 +232,9 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
                 "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
                 "Solver for this batch, or construct this one with the Capacity of all batches to come");
   Room room;
+  SolverKind* assigned = nullptr;
   room.capacity = joined(room_.capacity, capacity);
-  room.method = api_.kernels().solvers[static_cast<int>(solver)].room.joined(room_.method);
+  room.method = method_room(solver).joined(room_.method);
   room.scalar_bytes = std::max(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
 
   std::array<ClassShape, kSizeClasses> shapes;
@@ -244,6 +256,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   arrays.add(plan.color_count, envs);
   arrays.add(plan.flags, envs);
   arrays.add(plan.key, envs);
+  arrays.add(assigned, envs);
   arrays.add(plan.order, envs);
   arrays.add(plan.key_begin, kSortKeys + 1);
   arrays.add(plan.class_begin, kSizeClasses + 1);
@@ -259,6 +272,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   memory_ = std::move(memory);
   room_ = room;
   plan_ = plan;
+  assigned_ = assigned;
   shapes_ = shapes;
   graph_ = {graph_teams, graph_lanes(room.capacity)};
 }
@@ -276,20 +290,26 @@ void Engine::queue_plan(const EngineRequest<Real>& request) {
 }
 
 template <class Real>
-void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class, int lane,
-                         StreamHandle stream) {
+void Engine::queue_settled(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane,
+                           StreamHandle stream) {
+  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
+  // An environment that nobody has to solve is answered in the name of the first rung.
+  const SolverKind solver = request.options.solver == SolverKind::automatic ? ladder_rung(0) : request.options.solver;
+  const SettledArgs<Real> args{job, queue, plan_.flags, solver};
+  const KernelRef& kernel = api_.kernels().settled[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::settled)].launch;
+  timer_.time(name_of(SizeClass::settled), kernel.name, lane, stream,
+              [&] { api_.launch(kernel, shape, &args, stream); });
+}
+
+template <class Real>
+void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                         SizeClass size_class, int lane, StreamHandle stream) {
   const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
   const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
-  if (size_class == SizeClass::settled) {
-    const SettledArgs<Real> args{job, queue, plan_.flags, request.options.solver};
-    const KernelRef& kernel = api_.kernels().settled[precision];
-    timer_.time(name_of(size_class), kernel.name, lane, stream,
-                [&] { api_.launch(kernel, shape.launch, &args, stream); });
-    return;
-  }
   const SolveKernels& kernels = api_.kernels()
-                                    .solvers[static_cast<std::size_t>(request.options.solver)]
+                                    .solvers[static_cast<std::size_t>(solver)]
                                     .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
   const KernelRef& kernel = is_bundle(size_class)                  ? kernels.bundles
                             : is_sparse(size_class)                ? kernels.sparse
@@ -299,6 +319,54 @@ void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real
                              shape.slot_elements};
   timer_.time(name_of(size_class), kernel.name, lane, stream,
               [&] { api_.launch(kernel, shape.launch, &args, stream); });
+}
+
+/// Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
+template <class Real>
+void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                           bool with_settled) {
+  const StreamHandle stream = request.stream;
+  api_.record(forked_->get(), stream);
+  for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
+  int next = 0;
+  for (int k = 0; k < kSizeClasses; ++k) {
+    const auto size_class = static_cast<SizeClass>(k);
+    if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
+    if (is_bundle(size_class) && size_class > finest_for(solver)) continue;
+    if (size_class == SizeClass::settled && !with_settled) continue;
+    const int lane = next++ % (kBranches + 1);
+    const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
+    if (size_class == SizeClass::settled)
+      queue_settled(request, job, lane, own);
+    else
+      queue_class(request, job, solver, size_class, lane, own);
+  }
+  for (int k = 0; k < kBranches; ++k) {
+    const auto index = static_cast<std::size_t>(k);
+    api_.record(joined_[index]->get(), branch_[index]->get());
+    api_.wait(stream, joined_[index]->get());
+  }
+}
+
+/// Rung by rung, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they are
+/// is decided on the device.
+template <class Real>
+void Engine::queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job) {
+  const StreamHandle stream = request.stream;
+  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::settled};
+  const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  queue_settled(request, job, 0, stream);
+  for (int rung = 0; rung < kRungs; ++rung) {
+    const SolverKind solver = ladder_rung(rung);
+    const ChooseArgs<Real> args{job, plan_, assigned_, rung, finest_for(solver)};
+    timer_.time("choose", to_string(solver), 0, stream, [&] {
+      api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
+      api_.launch(api_.kernels().plan.sort, {1, kSortLanes}, &plan, stream);
+      api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
+    });
+    job.warm_start = job.lambda;
+    queue_classes(request, job, solver, false);
+  }
 }
 
 template <class Real>
@@ -314,28 +382,17 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   if (!request.planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
 
   const SolverOptions& options = request.options;
+  const bool is_ladder = options.solver == SolverKind::automatic;
   const SolveJob<Real> job{request.batch,        plan_.view(),
                            request.warm_start,   request.solution.lambda,
                            request.solution.w,   request.solution.status,
                            options.tolerance,    options.max_iterations,
                            options.stall_window, static_cast<Real>(options.omega),
-                           request.law};
-  // Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
-  api_.record(forked_->get(), stream);
-  for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
-  int next = 0;
-  for (int k = 0; k < kSizeClasses; ++k) {
-    if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
-    if (is_bundle(static_cast<SizeClass>(k)) && static_cast<SizeClass>(k) > finest_for(options.solver)) continue;
-    const int lane = next++ % (kBranches + 1);
-    queue_class(request, job, static_cast<SizeClass>(k), lane,
-                lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get());
-  }
-  for (int k = 0; k < kBranches; ++k) {
-    const auto index = static_cast<std::size_t>(k);
-    api_.record(joined_[index]->get(), branch_[index]->get());
-    api_.wait(stream, joined_[index]->get());
-  }
+                           request.law,          is_ladder};
+  if (is_ladder)
+    queue_ladder(request, job);
+  else
+    queue_classes(request, job, options.solver, true);
   if (!capturing) api_.record(done_->get(), stream);
 }
 

@@ -77,13 +77,21 @@ class Engine {
     std::size_t scalar_bytes = 0;
   };
 
+  [[nodiscard]] MethodRoom method_room(SolverKind solver) const;
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Room& room) const;
   template <class Real>
   void queue_solve(const EngineRequest<Real>& request);
   template <class Real>
-  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SizeClass size_class, int lane,
-                   StreamHandle stream);
+  void queue_settled(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
+  template <class Real>
+  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                   SizeClass size_class, int lane, StreamHandle stream);
+  template <class Real>
+  void queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                     bool with_settled);
+  template <class Real>
+  void queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job);
   template <class Real>
   void queue_plan(const EngineRequest<Real>& request);
   void wait_for_all();
@@ -96,6 +104,7 @@ class Engine {
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
+  SolverKind* assigned_ = nullptr;  ///< ladder: who is to solve each environment
   std::array<ClassShape, kSizeClasses> shapes_;
   LaunchShape graph_;  ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;

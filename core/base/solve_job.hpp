@@ -18,9 +18,9 @@ struct SolveJob {
   double tolerance;
   Index max_iterations;
   Index stall_window;
-  SolverKind rung;  ///< automatic: whoever solves iterates as long as it may; else as long as that rung of the ladder
   Real omega;
   Law law;
+  bool is_rung;  ///< of the ladder: iterations are those of a rung, and an answer that is there is not given up
 };
 
 }  // namespace stiction

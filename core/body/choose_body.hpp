@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/ladder.hpp"
 #include "core/base/method_room.hpp"
 #include "core/body/residual_body.hpp"
 
@@ -15,12 +16,6 @@ struct EnvFeatures {
   double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
   Law law = Law::convex;
 };
-
-/// Rungs of the ladder, in the order in which they are climbed. None is left out of the order for an environment that
-/// begins higher up.
-inline constexpr SolverKind kLadder[] = {SolverKind::npgs, SolverKind::admm, SolverKind::newton, SolverKind::ipm,
-                                         SolverKind::lemke};
-inline constexpr int kRungs = 5;
 
 template <Block B, class Real>
 STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
@@ -59,6 +54,12 @@ STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
   return seen;
 }
 
+/// The first guess becomes the answer so far, from which every rung starts.
+template <Block B, class Real>
+STICTION_HD void begin_climb(B& block, const EnvView<Real>& env) {
+  for_each(block, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
+}
+
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (solver == SolverKind::npgs) return true;
@@ -77,21 +78,10 @@ STICTION_HD SolverKind first_solver(const EnvFeatures& seen) {
 STICTION_HD SolverKind next_solver(SolverKind tried, const EnvFeatures& seen) {
   bool reached = false;
   for (int rung = 0; rung < kRungs; ++rung) {
-    if (reached && can_treat(kLadder[rung], seen)) return kLadder[rung];
-    if (kLadder[rung] == tried) reached = true;
+    if (reached && can_treat(ladder_rung(rung), seen)) return ladder_rung(rung);
+    if (ladder_rung(rung) == tried) reached = true;
   }
   return tried;
-}
-
-/// Iterations of a rung: what it needs when it works at all, so that a rung that does not work is left soon. Who may
-/// iterate less than that iterates less.
-STICTION_HD Index rung_iterations(SolverKind solver, Index allowed) {
-  Index limit = 512;
-  if (solver == SolverKind::admm) limit = 256;
-  if (solver == SolverKind::newton) limit = 64;
-  if (solver == SolverKind::ipm) limit = 128;
-  if (solver == SolverKind::lemke) limit = 4 * kDirectRows;
-  return limit < allowed ? limit : allowed;
 }
 
 /// Whether an answer leaves something to be wished for that another solver could give.

@@ -8,6 +8,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 struct MethodParams {
   Real omega;
+  bool is_rung = false;  ///< of the ladder: what cannot be treated well is tried all the same, from the answer there is
 };
 
 /// Projected Gauss-Seidel by cones, relaxed by omega (docs/math/pgs.md; Jourdan, Alart, Jean 1998 for the Coulomb

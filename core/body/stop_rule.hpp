@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/ladder.hpp"
 #include "core/base/macros.hpp"
 #include "core/base/solve_job.hpp"
 
@@ -12,14 +13,15 @@ struct StopRule {
   Index stall_window;    ///< iterations without a better residual before giving up; 0: never
 };
 
-/// The environment's own limits where the batch has them, else the solve's.
+/// The environment's own limits where the batch has them, else the solve's; a rung of the ladder has its own besides.
 template <class Real>
-STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
+STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, SolverKind solver, Offset env) {
   StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
   const double* const tolerance = job.batch.env_tolerance;
   const Index* const iterations = job.batch.env_max_iterations;
   if (tolerance != nullptr && tolerance[env] >= 0.0) rule.tolerance = tolerance[env];
   if (iterations != nullptr && iterations[env] >= 0) rule.max_iterations = iterations[env];
+  if (job.is_rung) rule.max_iterations = rung_iterations(solver, rule.max_iterations);
   return rule;
 }
 

@@ -20,6 +20,7 @@ const KernelCatalogue& host_kernels() {
       {host_pgs_kernels(), host_npgs_kernels(), host_jacobi_kernels(), host_apgd_kernels(), host_nsgs_kernels(),
        host_admm_kernels(), host_newton_kernels(), host_lemke_kernels(), host_ipm_kernels()},
       {host_kernel<AnswerSettled<float>>("answer_settled"), host_kernel<AnswerSettled<double>>("answer_settled")},
+      {host_kernel<ChooseEnvironments<float>>("choose"), host_kernel<ChooseEnvironments<double>>("choose")},
       plan_kernels<MakeHostKernel>(),
       {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()},
       host_body_kernels(),

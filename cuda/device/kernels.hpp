@@ -61,6 +61,7 @@ struct JacobianKernels {
 struct KernelCatalogue {
   SolverKernels solvers[kSolverKindCount];  ///< by SolverKind
   KernelRef settled[2];  ///< by Precision                                  (programs/settled_program.hpp)
+  KernelRef choose[2];   ///< by Precision                                  (programs/choose_program.hpp)
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision
   BodyKernels bodies;

@@ -99,7 +99,7 @@ struct SolveBundles {
       refuse(block, env, Method::kKind, slot.progress.flags);
       return 0;
     }
-    return settle<Method>(block, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
+    return settle<Method>(block, env, system, stop_rule(args.job, Method::kKind, slot.env), slot.progress) ? 0 : 1;
   }
 
   /// One chunk; whether there is anything left to do.
@@ -107,8 +107,9 @@ struct SolveBundles {
     SerialBlock block;
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
-    const StopRule rule = stop_rule(args.job, slot.env);
-    advance_chunk<Method, kLaw>(block, system, MethodParams<Real>{args.job.omega}, rule, slot.progress);
+    const StopRule rule = stop_rule(args.job, Method::kKind, slot.env);
+    advance_chunk<Method, kLaw>(block, system, MethodParams<Real>{args.job.omega, args.job.is_rung}, rule,
+                                slot.progress);
     return settle<Method>(block, env, system, rule, slot.progress) ? 0 : 1;
   }
 

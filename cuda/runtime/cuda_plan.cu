@@ -12,6 +12,11 @@ KernelRef cuda_settled_kernel(Precision precision) {
                                      : MakeCudaKernel::kernel<AnswerSettled<double>>("answer_settled");
 }
 
+KernelRef cuda_choose_kernel(Precision precision) {
+  return precision == Precision::f32 ? MakeCudaKernel::kernel<ChooseEnvironments<float>>("choose")
+                                     : MakeCudaKernel::kernel<ChooseEnvironments<double>>("choose");
+}
+
 namespace {
 
 __global__ void probe() {}

@@ -32,15 +32,15 @@ enum class Precision : std::uint8_t { f32 = 0, f64 = 1 };
 
 /// A solver by its command-line name (docs/cli.md).
 enum class SolverKind : std::uint8_t {
-  pgs = 0,     ///< projected Gauss-Seidel by cones
-  npgs = 1,    ///< the same with momentum and restarts
-  jacobi = 2,  ///< damped projected Jacobi
-  apgd = 3,    ///< accelerated projected gradient descent
-  nsgs = 4,    ///< Gauss-Seidel with the exact one-contact Coulomb solve
-  admm = 5,    ///< operator splitting with a cached factor
-  newton = 6,  ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
-  lemke = 7,   ///< complementary pivoting, for problems without friction cones
-  ipm = 8,     ///< predictor-corrector interior point
+  pgs = 0,          ///< projected Gauss-Seidel by cones
+  npgs = 1,         ///< the same with momentum and restarts
+  jacobi = 2,       ///< damped projected Jacobi
+  apgd = 3,         ///< accelerated projected gradient descent
+  nsgs = 4,         ///< Gauss-Seidel with the exact one-contact Coulomb solve
+  admm = 5,         ///< operator splitting with a cached factor
+  newton = 6,       ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
+  lemke = 7,        ///< complementary pivoting, for problems without friction cones
+  ipm = 8,          ///< predictor-corrector interior point
   automatic = 255,  ///< "auto": per environment, from its own features; a status names the one that answered
 };
 /// Solvers that can answer.
