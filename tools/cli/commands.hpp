@@ -41,12 +41,12 @@ struct InspectArguments {
 
 struct SolveArguments {
   std::filesystem::path batch;
-  std::string solver = "npgs";
+  std::optional<std::string> solver, preset;  ///< without either: npgs
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
-  double tolerance = 1e-4;
-  Index max_iterations = 1000;
+  std::optional<double> tolerance;
+  std::optional<Index> max_iterations;
   double omega = 1.0;
   int threads = 0;
   bool isolate = false;

@@ -52,12 +52,14 @@ void declare_inspect(CLI::App& app, InspectArguments& a) {
 
 void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
-  app.add_option("--solver", a.solver, "Solver")->capture_default_str();
+  app.add_option("--solver", a.solver, "Solver, or auto [npgs]");
+  app.add_option("--preset", a.preset,
+                 "navigation, locomotion, grasping or assembly: solver, tolerance and iterations");
   app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
-  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
-  app.add_option("--max-iterations", a.max_iterations, "Per environment")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
+  app.add_option("--max-iterations", a.max_iterations, "Per environment [1000]");
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
   app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")

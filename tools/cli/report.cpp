@@ -35,6 +35,15 @@ std::string flags_text(const SolveReport& report) {
   return counts_text("none", counts);
 }
 
+std::string answered_text(const SolveReport& report) {
+  std::vector<std::string> counts;
+  for (std::size_t kind = 0; kind < report.answered.size(); ++kind) {
+    if (report.answered[kind] != 0)
+      counts.push_back(fmt::format("{} {}", report.answered[kind], to_string(static_cast<SolverKind>(kind))));
+  }
+  return counts_text("-", counts);
+}
+
 std::string rate_text(const SolveReport& report) {
   if (report.seconds.solve <= 0) return "-";
   return fmt::format("{:.4g}", static_cast<double>(report.environments) / report.seconds.solve);
@@ -52,6 +61,7 @@ void SolveReport::count(std::span<const EnvStatus> status) {
     residuals.push_back(env.residual);
     ++codes[static_cast<std::size_t>(env.code)];
     for (std::size_t bit = 0; bit < flags.size(); ++bit) flags[bit] += (env.flags & flag_of(bit)) != 0 ? 1 : 0;
+    ++answered[static_cast<std::size_t>(env.solver)];
     unconverged += env.code != EnvCode::solved ? 1 : 0;
   }
   iterations = quantiles(std::move(iteration_counts));
@@ -61,6 +71,9 @@ void SolveReport::count(std::span<const EnvStatus> status) {
 std::string to_json(const SolveReport& report) {
   Json flags = Json::object();
   for (std::size_t bit = 0; bit < report.flags.size(); ++bit) flags[flag_name(flag_of(bit))] = report.flags[bit];
+  Json answered = Json::object();
+  for (std::size_t kind = 0; kind < report.answered.size(); ++kind)
+    if (report.answered[kind] != 0) answered[to_string(static_cast<SolverKind>(kind))] = report.answered[kind];
   return dump(
       {{"schema_version", kReportSchemaVersion},
        {"device", report.device},
@@ -74,6 +87,7 @@ std::string to_json(const SolveReport& report) {
        {"iterations", json_of(report.iterations)},
        {"residual", json_of(report.residual)},
        {"flags", flags},
+       {"answered", answered},
        {"unconverged", report.unconverged},
        {"hash", hex(report.hash)},
        {"epoch", kNumericsEpoch}});
@@ -99,6 +113,7 @@ std::string to_text(const SolveReport& report) {
   line("residual", quantile_text(report.residual));
   line("ended", codes_text(report));
   line("flags", flags_text(report));
+  if (report.options.solver == SolverKind::automatic) line("answered by", answered_text(report));
   line("unconverged", fmt::format("{}", report.unconverged));
   line("hash", fmt::format("{} (numerics epoch {})", hex(report.hash), kNumericsEpoch));
   return text;

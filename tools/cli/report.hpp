@@ -29,10 +29,11 @@ struct SolveReport {
   std::optional<Quantiles<double>> residual;
   std::array<Offset, kEnvCodeCount> codes{};
   std::array<Offset, kEnvFlagCount> flags{};
+  std::array<Offset, kSolverKindCount> answered{};  ///< by SolverKind
   Offset unconverged = 0;
   std::uint64_t hash = 0;
 
-  /// Fills iterations, residual, codes, flags and unconverged.
+  /// Fills iterations, residual, codes, flags, answered and unconverged.
   void count(std::span<const EnvStatus> status);
 };
 

@@ -10,6 +10,7 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
+#include "stiction/preset.hpp"
 #include "stiction/recorder.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/trace.hpp"
@@ -42,10 +43,10 @@ Precision precision_from_option(const std::string& text) {
 }
 
 SolverOptions solver_options(const SolveArguments& arguments) {
-  SolverOptions options;
-  options.solver = solver_from_string(arguments.solver);
-  options.tolerance = arguments.tolerance;
-  options.max_iterations = arguments.max_iterations;
+  SolverOptions options = arguments.preset ? options_for(preset_from_string(*arguments.preset)) : SolverOptions{};
+  if (arguments.solver) options.solver = solver_from_string(*arguments.solver);
+  options.tolerance = arguments.tolerance.value_or(options.tolerance);
+  options.max_iterations = arguments.max_iterations.value_or(options.max_iterations);
   options.omega = arguments.omega;
   options.threads = arguments.threads;
   options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;

@@ -1,0 +1,97 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <numeric>
+
+#include "core/base/ladder.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// SolverKind::automatic: a choice for each environment alone, the same on every machine, and an answer at least as
+/// good as the first solver's.
+namespace stiction::test {
+namespace {
+
+SolverOptions automatic(double tolerance, Index max_iterations) {
+  return options(SolverKind::automatic, tolerance, max_iterations);
+}
+
+/// Ragged environments, one with a NaN among them, and one without rows.
+ContactBatch<double> mixed_lot() {
+  ContactBatch<double> batch = ragged_batch(2, 9);
+  auto arrays = batch.arrays();
+  arrays.b[static_cast<std::size_t>(arrays.env_row_offsets[3])] = std::numeric_limits<double>::quiet_NaN();
+  batch = ContactBatch<double>::from_arrays(batch.law(), std::move(arrays));
+  batch.add(Environment<double>{});
+  return batch;
+}
+
+TEST(Ladder, names_an_answerer_that_there_is) {
+  const Solution<double> answer = solve(mixed_lot(), automatic(1e-6, 400));
+  for (const EnvStatus& status : answer.status) EXPECT_LT(static_cast<int>(status.solver), kSolverKindCount);
+}
+
+TEST(Ladder, threads_neighbours_and_order_change_nothing) {
+  const ContactBatch<double> batch = mixed_lot();
+  SolverOptions chosen = automatic(1e-6, 200);
+  chosen.invalid = InvalidPolicy::isolate;
+  const auto expected = solve_hashes(batch, chosen);
+  chosen.threads = 3;
+  EXPECT_EQ(solve_hashes(batch, chosen), expected);
+  std::vector<Offset> order(static_cast<std::size_t>(batch.env_count()));
+  std::iota(order.rbegin(), order.rend(), Offset{0});
+  const auto backwards = solve_hashes(gather(batch, order), chosen);
+  for (std::size_t k = 0; k < order.size(); ++k)
+    EXPECT_EQ(backwards[k], expected[static_cast<std::size_t>(order[k])]) << order[k];
+}
+
+template <class Real>
+void expect_device_twin(double tolerance, Index max_iterations) {
+  const ContactBatch<Real> batch = convert<Real>(mixed_lot());
+  SolverOptions chosen = automatic(tolerance, max_iterations);
+  chosen.invalid = InvalidPolicy::isolate;
+  const Solution<Real> here = solve(batch, chosen);
+  const Solution<Real> there = solve(batch, chosen, Device::emulated());
+  EXPECT_EQ(env_hashes(batch, there), env_hashes(batch, here));
+  for (std::size_t env = 0; env < here.status.size(); ++env)
+    EXPECT_EQ(there.status[env].solver, here.status[env].solver) << env;
+}
+
+TEST(Ladder, a_device_climbs_as_the_cpu_does) {
+  expect_device_twin<float>(1e-5, 24);
+  expect_device_twin<double>(1e-7, 24);
+}
+
+TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
+  const ContactBatch<double> batch = ragged_batch(3, 2);
+  const Index enough = rung_iterations(SolverKind::npgs, std::numeric_limits<Index>::max());
+  const Solution<double> first = solve(batch, options(SolverKind::npgs, 1e-4, enough));
+  const Solution<double> answer = solve(batch, automatic(1e-4, enough));
+  for (std::size_t env = 0; env < first.status.size(); ++env)
+    if (first.status[env].code == EnvCode::solved) {
+      EXPECT_EQ(answer.status[env].code, EnvCode::solved) << env;
+    }
+}
+
+TEST(Ladder, climbs_where_the_first_solver_falls_short) {
+  // So few sweeps do not solve these; the rungs above have as many iterations each.
+  const ContactBatch<double> batch = scene_batch("stack", 6, 3);
+  const SolverOptions few = automatic(1e-8, 12);
+  const Solution<double> answer = solve(batch, few), sweeps = solve(batch, options(SolverKind::npgs, 1e-8, 12));
+  for (std::size_t env = 0; env < answer.status.size(); ++env) {
+    EXPECT_NE(sweeps.status[env].code, EnvCode::solved);
+    EXPECT_NE(answer.status[env].solver, SolverKind::npgs);
+    EXPECT_LE(answer.status[env].residual, sweeps.status[env].residual);
+  }
+}
+
+TEST(Ladder, starts_from_a_warm_start) {
+  const ContactBatch<double> batch = scene_batch("walker", 6, 3);
+  const Solution<double> cold = solve(batch, automatic(1e-8, 2000));
+  const Solution<double> warm =
+      solve(batch, automatic(1e-6, 2000), Device::cpu(), std::span<const double>(cold.lambda));
+  for (const EnvStatus& status : warm.status) EXPECT_EQ(status.iterations, 0);
+}
+
+}  // namespace
+}  // namespace stiction::test
