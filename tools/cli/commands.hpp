@@ -45,6 +45,7 @@ struct SolveArguments {
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
+  std::string islands = "together";
   double tolerance = 1e-4;
   Index max_iterations = 1000;
   double omega = 1.0;
