@@ -5,12 +5,12 @@
 #include <limits>
 #include <numeric>
 
+#include "bench/scenes/merge.hpp"
 #include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/merged_systems.hpp"
 #include "tests/support/random_structures.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -21,6 +21,8 @@ namespace {
 
 using namespace stiction;
 using namespace stiction::test;
+using scenes::merge;
+using scenes::Merged;
 
 std::size_t at(Offset i) {
   return static_cast<std::size_t>(i);

@@ -6,7 +6,7 @@
 #include "stiction/batch.hpp"
 
 /// Systems that know nothing of one another, in one environment.
-namespace stiction::test {
+namespace stiction::scenes {
 
 struct Merged {
   Environment<double> system;
@@ -27,7 +27,7 @@ inline Merged merge(const std::vector<Environment<double>>& systems, std::uint64
   std::vector<std::size_t> next(count, 0), left;
   for (std::size_t s = 0; s < count; ++s)
     if (!systems[s].cones.empty()) left.push_back(s);
-  scenes::Rng rng(seed);
+  Rng rng(seed);
   while (!left.empty()) {
     const auto pick = static_cast<std::size_t>(rng.below(static_cast<int>(left.size())));
     const std::size_t s = left[pick];
@@ -59,4 +59,4 @@ inline Merged merge(const std::vector<Environment<double>>& systems, std::uint64
   return merged;
 }
 
-}  // namespace stiction::test
+}  // namespace stiction::scenes
