@@ -1,7 +1,7 @@
 // What taking the islands of one large environment apart is worth: many systems that know nothing of one another in one
 // environment, solved with IslandMode::together and with IslandMode::apart. Wall clock, for it is about threads.
 //
-//   bench_islands [--scene stack] [--islands 400] [--sizes 12] [--seed 7] [--solver npgs] [--tolerance 1e-4]
+//   bench_islands [--scene stack] [--islands 200] [--sizes 6] [--seed 7] [--solver npgs] [--tolerance 1e-3]
 //                 [--threads 1,2] [--repeats 7] [--csv PATH]
 
 #include <algorithm>
@@ -26,8 +26,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 std::map<std::string, std::string> parse(int argc, char** argv) {
-  std::map<std::string, std::string> arguments{{"--scene", "stack"}, {"--islands", "400"}, {"--sizes", "12"},
-                                               {"--seed", "7"},      {"--solver", "npgs"}, {"--tolerance", "1e-4"},
+  std::map<std::string, std::string> arguments{{"--scene", "stack"}, {"--islands", "200"}, {"--sizes", "6"},
+                                               {"--seed", "7"},      {"--solver", "npgs"}, {"--tolerance", "1e-3"},
                                                {"--threads", "1,2"}, {"--repeats", "7"},   {"--csv", ""}};
   for (int i = 1; i < argc; i += 2) {
     const auto known = arguments.find(argv[i]);
