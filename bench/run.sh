@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every benchmark, into bench/results/<machine>/: headline.csv (8 contacts, 4096 environments against a naive loop),
-# bodies.csv, warm_start.csv, ratio.csv (the same over sizes), solvers.csv, baselines.csv, each with the command in line 1 and the machine below it. About four minutes on two idle cores.
+# bodies.csv, islands.csv, warm_start.csv, ratio.csv (the same over sizes), solvers.csv, baselines.csv, each with the command in line 1 and the machine below it. About four minutes on two idle cores.
 #
 #   bench/run.sh [BUILD]                 BUILD: build folder, default build-bench (configured and built if needed)
 #   MACHINE=my-laptop bench/run.sh       the name of the results' folder, default: processor and cores
@@ -12,7 +12,7 @@ if [ ! -f "$build/CMakeCache.txt" ]; then
   cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TESTS=OFF \
     -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_BENCH=ON
 fi
-cmake --build "$build" --target bench_bodies bench_ratio bench_solvers bench_baselines
+cmake --build "$build" --target bench_bodies bench_islands bench_ratio bench_solvers bench_baselines
 
 model=$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)
 number=$(sed -n 's/^model[[:space:]]*: //p' /proc/cpuinfo | head -n 1)
@@ -34,6 +34,7 @@ if cmake --build "$build" --target help | grep -q bench_warm_start; then  # not 
   "$build/bench/bench_classes" --csv "$results/classes.csv"
 fi
 "$build/bench/bench_bodies" --csv "$results/bodies.csv"
+"$build/bench/bench_islands" --csv "$results/islands.csv"
 "$build/bench/bench_ratio" --csv "$results/ratio.csv"
 "$build/bench/bench_solvers" --csv="$results/solvers.csv" --benchmark_min_time=0.05
 "$build/bench/bench_baselines" --csv="$results/baselines.csv" --benchmark_min_time=0.05

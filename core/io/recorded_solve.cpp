@@ -25,12 +25,24 @@ SolverKind read_solver(const InputFile& file) {
   }
 }
 
+/// Files written before there was a choice say nothing, and so do those of the mode there was.
+IslandMode read_islands(const InputFile& file) {
+  if (!file.has("solve/islands")) return IslandMode::together;
+  const std::string name = file.strings("solve/islands", 1).front();
+  try {
+    return island_mode_from_string(name);
+  } catch (const Error& error) {
+    file.refuse_dataset("solve/islands", std::string("names no mode: ") + error.what());
+  }
+}
+
 }  // namespace
 
 std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::size_t rows) {
   if (!file.has("solve")) return std::nullopt;
   RecordedSolve solve;
   solve.solver = read_solver(file);
+  solve.islands = read_islands(file);
   solve.lambda = file.reals("solve/lambda", rows);
   solve.precision = file.is_single("solve/lambda") ? Precision::f32 : Precision::f64;
   if (file.has("solve/warm_start")) solve.warm_start = file.reals("solve/warm_start", rows);
@@ -56,6 +68,7 @@ void check_recorded_solve(const RecordedSolve& solve, std::size_t rows) {
 void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   file.group("solve");
   file.strings("solve/solver", {to_string(solve.solver)});
+  if (solve.islands != IslandMode::together) file.strings("solve/islands", {to_string(solve.islands)});
   write_reals(file, "solve/lambda", solve.lambda, solve.precision);
   if (!solve.warm_start.empty()) write_reals(file, "solve/warm_start", solve.warm_start, solve.precision);
   const auto number = [&](const char* path, auto value) {

@@ -16,6 +16,25 @@ void check_options(const SolverOptions& options) {
   if (!(options.omega > 0.0 && options.omega < 2.0))
     fail("omega = " + std::to_string(options.omega) + ": relaxation converges only for 0 < omega < 2");
   if (options.threads < 0) fail("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
+  if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
+    fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
+         ": no such mode; use IslandMode::together or apart");
+}
+
+const char* to_string(IslandMode mode) noexcept {
+  switch (mode) {
+    case IslandMode::together:
+      return "together";
+    case IslandMode::apart:
+      return "apart";
+  }
+  return "unknown";
+}
+
+IslandMode island_mode_from_string(const std::string& name) {
+  for (const IslandMode mode : {IslandMode::together, IslandMode::apart})
+    if (name == to_string(mode)) return mode;
+  throw Error(ErrorCode::invalid_argument, "island mode '" + name + "' is not known; use one of: together, apart");
 }
 
 Device Device::from_string(const std::string& text) {

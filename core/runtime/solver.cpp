@@ -8,6 +8,7 @@
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/host_structure.hpp"
+#include "core/runtime/island_split.hpp"
 #include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
 #include "core/schedule/structure_view.hpp"
@@ -128,8 +129,10 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution);
-  backend_->solve(
-      SolveRequest<Real>{&data, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
+  // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
+  if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
+    reject(validate_structure(batch, 1));
+  hand_over(&data, batch, solution, warm_start, stream);
 }
 
 template <class Real>
@@ -137,10 +140,37 @@ void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>
                    StreamRef stream) const {
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   check(batch, solution);
-  const std::optional<PlanData> data =
-      device_.kind == DeviceKind::cpu ? std::optional<PlanData>(traced_plan(batch, options_.tracer)) : std::nullopt;
-  backend_->solve(SolveRequest<Real>{data ? &*data : nullptr, batch, solution, warm_start,
-                                     options_.law.value_or(batch.law), options_, stream});
+  hand_over(nullptr, batch, solution, warm_start, stream);
+}
+
+/// Solves a batch that was checked: as it is, or every island by itself.
+template <class Real>
+void Solver::hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                       const Real* warm_start, StreamRef stream) const {
+  if (options_.islands == IslandMode::together) {
+    run(plan, batch, solution, warm_start, stream);
+    return;
+  }
+  std::optional<ScopedSpan> span(std::in_place, options_.tracer, "split", nullptr, 0, batch.env_count);
+  IslandSplit<Real> split(batch, warm_start, solution.w != nullptr);
+  span.reset();
+  if (!split.needed()) {
+    run(plan, batch, solution, warm_start, stream);
+    return;
+  }
+  run(nullptr, split.pieces(), split.answer(), split.warm_start(), stream);
+  span.emplace(options_.tracer, "join", nullptr, 0, batch.env_count);
+  split.join(solution);
+}
+
+/// What a machine is to solve goes to it. A device plans by itself where there is no plan.
+template <class Real>
+void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                 const Real* warm_start, StreamRef stream) const {
+  std::optional<PlanData> made;
+  if (plan == nullptr && device_.kind == DeviceKind::cpu) plan = &made.emplace(traced_plan(batch, options_.tracer));
+  backend_->solve(
+      SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
 }
 
 template <class Real>
@@ -183,6 +213,10 @@ template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
   check_solution(batch, solution);
   check_space(batch.space, device_);
+  if (options_.islands == IslandMode::apart && batch.space == MemorySpace::cuda)
+    throw Error(ErrorCode::unsupported,
+                "options.islands is apart and the batch is in device memory, but islands are taken apart on the host: "
+                "copy the batch with Solver::to_host, or solve with IslandMode::together");
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
 }
 

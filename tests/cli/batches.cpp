@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "bench/scenes/merge.hpp"
+
 namespace stiction::test {
 
 namespace {
@@ -32,6 +34,14 @@ io::Recording chain_recording(int count) {
   io::Recording recording;
   recording.batch = ContactBatch<double>(Law::convex);
   for (int i = 0; i < count; ++i) recording.batch.add(chain(i));
+  recording.source = "a test";
+  return recording;
+}
+
+io::Recording island_recording(int count) {
+  io::Recording recording;
+  for (int i = 0; i < count; ++i)
+    recording.batch.add(scenes::merge({chain(i), chain(2 * i + 2)}, static_cast<std::uint64_t>(i)).system);
   recording.source = "a test";
   return recording;
 }

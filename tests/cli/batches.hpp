@@ -10,6 +10,9 @@ namespace stiction::test {
 /// own right-hand side: every solver solves them.
 io::Recording chain_recording(int count);
 
+/// `count` environments, each of two such chains that do not act on one another.
+io::Recording island_recording(int count);
+
 /// The arrays of a batch, to be spoilt and put back by with_arrays().
 io::Recording with_arrays(const io::Recording& recording, ContactBatch<double>::Arrays arrays);
 

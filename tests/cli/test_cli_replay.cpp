@@ -41,6 +41,16 @@ TEST_F(Replay, WhatIsRecordedHasTheSameBitsAgainOnEveryDevice) {
   }
 }
 
+TEST_F(Replay, IslandsSolvedApartAreReplayedApart) {
+  batch_ = write_batch(folder_ / "islands.h5", island_recording(6));
+  record({"--record-when", "always", "--islands", "apart", "--tolerance", "1e-6"});
+  EXPECT_EQ(run_stiction({"replay", file_}).status, 0);
+  io::Recording recording = io::read_batch(file_);
+  recording.solve->islands = IslandMode::together;
+  io::write_batch(file_, recording);
+  EXPECT_EQ(run_stiction({"replay", file_}).status, 1) << "the mode is part of what is replayed";
+}
+
 TEST_F(Replay, OnlyWhatFailedIsRecordedUnlessAskedFor) {
   EXPECT_EQ(record({}).status, 0);
   EXPECT_FALSE(std::filesystem::exists(file_));

@@ -216,6 +216,30 @@ TEST_F(Solve, TheTraceIsAChromeTraceOfTheSolve) {
   }
 }
 
+TEST(SolveIslands, ApartIsSaidAndIsAnotherIteration) {
+  const Folder folder;
+  const std::string batch = write_batch(folder / "islands.h5", island_recording(12));
+  const auto solve = [&](const Words& more) {
+    Words words{"solve", batch};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_stiction(words);
+  };
+  const Json apart = Json::parse(solve({"--islands", "apart", "--json", "-", "--tolerance", "1e-6"}).out);
+  const Json together = Json::parse(solve({"--islands", "together", "--json", "-", "--tolerance", "1e-6"}).out);
+  EXPECT_EQ(apart["islands"], "apart");
+  EXPECT_FALSE(together.contains("islands"));
+  EXPECT_NE(apart["hash"], together["hash"]);
+  EXPECT_EQ(apart["unconverged"], 0);
+  const Finished finished =
+      solve({"--islands", "apart", "--tolerance", "1e-6", "-o", folder / "s.h5", "--permute", "3"});
+  EXPECT_EQ(field(finished.out, "islands"), "apart");
+  EXPECT_EQ(field(finished.out, "hash").substr(0, 16), apart["hash"].get<std::string>());
+  EXPECT_EQ(run_stiction({"verify", batch, folder / "s.h5", "--tolerance", "1.000001e-6"}).status, 0);
+  EXPECT_EQ(Json::parse(run_stiction({"inspect", batch, "--json"}).out)["islands"]["min"], 2);
+  EXPECT_EQ(solve({"--islands", "adrift"}).status, 2);
+  EXPECT_NE(solve({"--islands", "adrift"}).err.find("together, apart"), std::string::npos);
+}
+
 TEST(SolveEdge, ABatchWithoutEnvironmentsIsSolved) {
   const Folder folder;
   const std::string batch = write_batch(folder / "none.h5", chain_recording(0));

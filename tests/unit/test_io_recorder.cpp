@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "bench/scenes/merge.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/padded.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -28,6 +29,7 @@ std::vector<Real> replayed(const Recording& recording) {
   o.omega = solve.omega;
   o.max_iterations = solve.max_iterations;
   o.stall_window = solve.stall_window;
+  o.islands = solve.islands;
   o.invalid = InvalidPolicy::isolate;
   o.threads = 1;
   const std::vector<Real> warm(solve.warm_start.begin(), solve.warm_start.end());
@@ -154,6 +156,37 @@ TEST_F(RecorderTest, BrokenNumbersAndFlagsReplayToo) {
   recorder.take(solver, batch.view(), solved.view());
   EXPECT_EQ(read_batch(at("r.h5")).batch.arrays().env_flags[3], kFlagBadMass);
   expect_replays<float>(at("r.h5"));
+}
+
+TEST_F(RecorderTest, IslandsSolvedApartReplayApart) {
+  ContactBatch<double> batch = ragged_batch(1, 5);
+  batch.add(scenes::merge({scenes::make("stack", 1, 0, 2).system, scenes::make("stack", 1, 1, 3).system}, 1).system);
+  SolverOptions o = options(SolverKind::npgs, 1e-5, 13);
+  const Solver together(Device::cpu(), o);
+  o.islands = IslandMode::apart;
+  const Solver apart(Device::cpu(), o);
+  Solved<double> solved(apart, batch.view()), before(together, batch.view());
+  Recorder recorder(at("r.h5"), {RecordWhen::always, 1000, {}}), old(at("o.h5"), {RecordWhen::always, 1000, {}});
+  recorder.take(apart, batch.view(), solved.view());
+  old.take(together, batch.view(), before.view());
+  EXPECT_EQ(read_batch(at("r.h5")).solve->islands, IslandMode::apart);
+  expect_replays<double>(at("r.h5"));
+  EXPECT_NE(before.lambda, solved.lambda) << "the mode matters here";
+  message_of(ErrorCode::invalid_argument, [&] { recorder.take(together, batch.view(), before.view()); });
+  // Where the file says nothing, as old files do, islands were together.
+  EXPECT_EQ(bytes_of(at("o.h5")).find("islands"), std::string::npos);
+  expect_replays<double>(at("o.h5"));
+  Spoiler(at("r.h5")).remove("solve/islands");
+  EXPECT_EQ(read_batch(at("r.h5")).solve->islands, IslandMode::together);
+  const char adrift[] = "adrift";
+  {
+    const hid_t text = H5Tcopy(H5T_C_S1);
+    H5Tset_size(text, sizeof(adrift));
+    Spoiler(at("r.h5")).put("solve/islands", text, {1}, adrift);
+    H5Tclose(text);
+  }
+  const std::string said = message_of(ErrorCode::bad_file, [&] { read_batch(at("r.h5")); });
+  EXPECT_NE(said.find("adrift"), std::string::npos) << said;
 }
 
 TEST_F(RecorderTest, DeviceMemoryIsFetched) {

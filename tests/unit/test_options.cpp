@@ -53,6 +53,20 @@ TEST(Options, EveryNumberOutOfRangeIsNamedWithItsValueAndTheRemedy) {
     EXPECT_NE(complaint([bad](SolverOptions& o) { o.omega = bad; }).find("0 < omega < 2"), std::string::npos) << bad;
 }
 
+TEST(Options, IslandModesAreFoundByTheirNamesAndNoOthersAreTaken) {
+  for (const IslandMode mode : {IslandMode::together, IslandMode::apart})
+    EXPECT_EQ(island_mode_from_string(to_string(mode)), mode);
+  try {
+    island_mode_from_string("adrift");
+    FAIL() << "an unknown name was accepted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
+    EXPECT_STREQ(error.what(), "island mode 'adrift' is not known; use one of: together, apart");
+  }
+  EXPECT_EQ(complaint([](SolverOptions& o) { o.islands = static_cast<IslandMode>(7); }),
+            "islands = 7: no such mode; use IslandMode::together or apart");
+}
+
 TEST(Options, SolversAreFoundByTheirNames) {
   for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd})
     EXPECT_EQ(solver_from_string(to_string(solver)), solver);

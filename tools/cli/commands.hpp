@@ -45,6 +45,7 @@ struct SolveArguments {
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
+  std::string islands = "together";
   std::optional<double> tolerance;
   std::optional<Index> max_iterations;
   double omega = 1.0;

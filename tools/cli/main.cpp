@@ -58,6 +58,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
+  app.add_option("--islands", a.islands, "together, or apart: every island iterates and stops by itself")
+      ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
   app.add_option("--max-iterations", a.max_iterations, "Per environment [1000]");
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();

@@ -74,23 +74,24 @@ std::string to_json(const SolveReport& report) {
   Json answered = Json::object();
   for (std::size_t kind = 0; kind < report.answered.size(); ++kind)
     if (report.answered[kind] != 0) answered[to_string(static_cast<SolverKind>(kind))] = report.answered[kind];
-  return dump(
-      {{"schema_version", kReportSchemaVersion},
-       {"device", report.device},
-       {"solver", to_string(report.options.solver)},
-       {"precision", to_string(report.precision)},
-       {"law", to_string(report.law)},
-       {"environments", report.environments},
-       {"rows", report.rows},
-       {"cones", report.cones},
-       {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
-       {"iterations", json_of(report.iterations)},
-       {"residual", json_of(report.residual)},
-       {"flags", flags},
-       {"answered", answered},
-       {"unconverged", report.unconverged},
-       {"hash", hex(report.hash)},
-       {"epoch", kNumericsEpoch}});
+  Json json = {
+      {"schema_version", kReportSchemaVersion},
+      {"device", report.device},
+      {"solver", to_string(report.options.solver)},
+      {"precision", to_string(report.precision)},
+      {"law", to_string(report.law)},
+      {"environments", report.environments},
+      {"rows", report.rows},
+      {"cones", report.cones},
+      {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
+      {"iterations", json_of(report.iterations)},
+      {"residual", json_of(report.residual)},
+      {"flags", flags},
+      {"unconverged", report.unconverged},
+      {"hash", hex(report.hash)},
+      {"epoch", kNumericsEpoch}};
+  if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
+  return dump(json);
 }
 
 std::string to_text(const SolveReport& report) {
@@ -102,6 +103,7 @@ std::string to_text(const SolveReport& report) {
   line("cones", fmt::format("{}", report.cones));
   line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", to_string(report.options.solver),
                              report.options.tolerance, report.options.max_iterations));
+  if (report.options.islands != IslandMode::together) line("islands", to_string(report.options.islands));
   line("law", to_string(report.law));
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));

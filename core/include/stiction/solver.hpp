@@ -63,6 +63,16 @@ enum class InvalidPolicy : std::uint8_t {
   isolate,  ///< that environment is flagged and gets zeros; no other environment's bits change
 };
 
+/// How the islands of an environment (groups of cones that do not act on one another, Solver::islands) are iterated.
+enum class IslandMode : std::uint8_t {
+  together = 0,  ///< as one system: one scaling, one momentum, one residual, one stop
+  apart = 1,     ///< each as an environment of its own would be, and its record is made of theirs (docs/islands.md)
+};
+/// Name of a mode, as reports print it ("together", "apart").
+const char* to_string(IslandMode mode) noexcept;
+/// The mode of that name. \throws Error(invalid_argument) that lists the names there are.
+IslandMode island_mode_from_string(const std::string& name);
+
 class Tracer;
 
 struct SolverOptions {
@@ -74,6 +84,7 @@ struct SolverOptions {
   double omega = 1.0;           ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
   int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
+  IslandMode islands = IslandMode::together;  ///< apart: batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: nobody
 };
 
@@ -133,8 +144,10 @@ class Solver {
   [[nodiscard]] Plan plan(const ContactBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero. Batch and solution
-  /// in device memory: asynchronous on `stream`; in host memory: complete on return.
-  /// \throws Error before anything is written; numerical trouble is in solution.status.
+  /// in device memory: asynchronous on `stream`; in host memory: complete on return. With IslandMode::apart the plan
+  /// serves batches none of whose environments has several islands; others are planned anew, island by island.
+  /// \throws Error before anything is written, Error(unsupported) for IslandMode::apart and a batch in device memory;
+  /// numerical trouble is in solution.status.
   template <class Real>
   void solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
@@ -191,6 +204,12 @@ class Solver {
  private:
   template <class Real>
   void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
+  template <class Real>
+  void hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                 const Real* warm_start, StreamRef stream) const;
+  template <class Real>
+  void run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+           const Real* warm_start, StreamRef stream) const;
   void copy_to_host(void* target, const void* source, std::size_t bytes, MemorySpace space, StreamRef stream) const;
 
   Device device_;

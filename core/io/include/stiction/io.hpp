@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "stiction/batch.hpp"
+#include "stiction/solver.hpp"
 #include "stiction/status.hpp"
 
 /// Problems and solutions in HDF5 files (docs/file_formats.md). Every function may be called from any thread; calls
@@ -26,6 +27,7 @@ struct RecordedSolve {
   SolverKind solver = SolverKind::npgs;
   Precision precision = Precision::f64;  ///< of the solve; f32 numbers are widened exactly in memory
   double tolerance = 0, omega = 1;
+  IslandMode islands = IslandMode::together;
   Index max_iterations = 0, stall_window = 0;
   int numerics_epoch = 0;          ///< bits are promised within one epoch
   std::vector<double> warm_start;  ///< empty: from zero                          (rows)
