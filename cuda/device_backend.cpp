@@ -16,6 +16,7 @@ namespace {
 template <class Real>
 constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
 
+/// The least room for the environments of a plan.
 Capacity capacity_of(const PlanData& plan) {
   Capacity need;
   need.envs = plan.env_count;
@@ -24,8 +25,6 @@ Capacity capacity_of(const PlanData& plan) {
   need.nonzeros = plan.nonzero_count;
   for (const ConeCounts& counts : plan.counts) need.env_rows = std::max(need.env_rows, row_count(counts));
   for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = std::max(need.env_nonzeros, entries);
-  // Dense environments are not more than full.
-  need.env_nonzeros = std::max(need.env_nonzeros, std::min(plan.nonzero_count, Offset{1024} * 1024));
   need.env_dofs = plan.most_dofs;
   return need;
 }
@@ -84,7 +83,10 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
                       std::to_string(batch.nonzero_count) +
                       " entries, more than the solver has room for (or its precision is wider): construct the Solver "
                       "with that Capacity, or solve once with a plan before capturing");
-    engine_.reserve(need, request.options.solver, kPrecisionOf<Real>);
+    // With the entries of dense environments, which are not more than full: finding islands looks at those too.
+    Capacity wanted = need;
+    wanted.env_nonzeros = std::max(need.env_nonzeros, std::min(need.nonzeros, Offset{1024} * 1024));
+    engine_.reserve(wanted, request.options.solver, kPrecisionOf<Real>);
   }
   // A plan that nobody shares can change or vanish unseen. What is captured must plan for the data it will be replayed
   // with, and a graph that is launched between two solves leaves its own plan behind.

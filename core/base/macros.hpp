@@ -5,3 +5,11 @@
 #ifndef STICTION_ISA
 #define STICTION_ISA isa_baseline
 #endif
+
+/// Before a loop whose bound is a constant: on the device its body is repeated, so that every index in it is a constant
+/// and the arrays it reads can be registers. Host compilers need no such promise.
+#if defined(__CUDA_ARCH__)
+#define STICTION_UNROLL _Pragma("unroll")
+#else
+#define STICTION_UNROLL
+#endif

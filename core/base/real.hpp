@@ -115,13 +115,29 @@ STICTION_HD Mask<T> finite_(T x) {
   return (x - x) == T(0);
 }
 
-/// The power of two s for which s * x lies in [1, 2), for finite positive normal x; 1 for anything else. Multiplying
-/// by it is exact, so a system can be brought to unit scale without a rounding.
-STICTION_HD float unit_scale(float x) {
+/// A number as its bits: tells -0 from +0, and a NaN equals itself.
+STICTION_HD std::uint32_t bits_of(float x) {
   union {
     float f;
     std::uint32_t u;
   } bits{x};
+  return bits.u;
+}
+STICTION_HD std::uint64_t bits_of(double x) {
+  union {
+    double f;
+    std::uint64_t u;
+  } bits{x};
+  return bits.u;
+}
+
+/// The power of two s for which s * x lies in [1, 2), for finite positive normal x; 1 for anything else. Multiplying
+/// by it is exact, so a system can be brought to unit scale without a rounding.
+STICTION_HD float unit_scale(float x) {
+  union {
+    std::uint32_t u;
+    float f;
+  } bits{bits_of(x)};
   const std::uint32_t exponent = (bits.u >> 23) & 0xffU;
   if (!(x > 0.0F) || exponent < 1U || exponent > 253U) return 1.0F;
   bits.u = (254U - exponent) << 23;
@@ -129,9 +145,9 @@ STICTION_HD float unit_scale(float x) {
 }
 STICTION_HD double unit_scale(double x) {
   union {
-    double f;
     std::uint64_t u;
-  } bits{x};
+    double f;
+  } bits{bits_of(x)};
   const std::uint64_t exponent = (bits.u >> 52) & 0x7ffU;
   if (!(x > 0.0) || exponent < 1U || exponent > 2045U) return 1.0;
   bits.u = (2046U - exponent) << 52;

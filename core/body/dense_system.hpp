@@ -48,6 +48,14 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
     block.sync();
   }
 
+  /// f(shape, cone, row) for every cone, on every lane, in canonical order.
+  template <class F>
+  STICTION_HD void for_each_in_order(F&& f) const {
+    for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+      for (Index k = 0; k < count; ++k) f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
+    });
+  }
+
   /// The sum of f(shape, cone, row) over all cones. Leaves are dealt out within each kind, so padding adds zeros to a
   /// leaf and never moves a term to another.
   template <Block B, class F>

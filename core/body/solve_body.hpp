@@ -20,6 +20,16 @@ STICTION_HD constexpr Index chunk_of() {
   }
 }
 
+/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, and the iterate
+/// recorded in the lanes of `due`.
+template <class Method, Law kLaw, Block B, class System>
+STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
+  if (any(stale)) Method::refresh(block, s, stale);
+  if (any(due)) record<Method, kLaw>(block, s, due);
+}
+
 /// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in
 /// `left`, those they still have: a lane that runs out inside the chunk is recorded at its last iteration and ignored
 /// from then on.
@@ -27,16 +37,14 @@ template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
                          typename System::Real phase, typename System::Real left) {
   using Real = typename System::Real;
-  constexpr Index kSteps = chunk_of<Method>();
-  const auto stale = phase == Real(kRefreshInterval - kSteps);
-  for (Index k = 0; k < kSteps; ++k) {
-    const bool chunk_ends = k + 1 == kSteps;
+  for (Index k = 1;; ++k) {
     Method::template iterate<kLaw>(block, s, params);
-    if (chunk_ends && any(stale)) Method::refresh(block, s, stale);
     left = left - Real(1);
-    const auto due = chunk_ends ? left >= Real(0) : left == Real(0);
+    if (k == chunk_of<Method>()) break;
+    const auto due = left == Real(0);
     if (any(due)) record<Method, kLaw>(block, s, due);
   }
+  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0));
 }
 
 /// The next chunk of one environment, of which `progress` says how far it is.

@@ -17,27 +17,23 @@ STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
 
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
-template <Law kLaw, Block B, class RealType, int kStride>
-STICTION_HD RealType sweep(B& block, DenseSystem<RealType, kStride>& s, RealType omega) {
-  using Real = RealType;
+template <Law kLaw, Block B, class System>
+requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, typename System::Real omega) {
+  using Real = typename System::Real;
   Real largest(0);
-  for_each_segment(s.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+  s.for_each_in_order([&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
-    for (Index k = 0; k < count; ++k) {
-      const Index cone = first_cone + k;
-      const Index row = first_row + k * kRows;
-      const ConeStep<Real, kRows> step = block.broadcast([&] {
-        Real y[kRows];
-        for (int r = 0; r < kRows; ++r) y[r] = s.y[row + r];
-        const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
-        for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
-        return local;
-      });
-      const Real size = step_size(step, s.trace[cone]);
-      // A cone that does not move, an open contact above all, pushes nothing.
-      if (any(size != Real(0))) s.push(block, row, step.d);
-      largest = max_(size, largest);
-    }
+    const ConeStep<Real, kRows> step = block.broadcast([&] {
+      Real y[kRows];
+      for (int r = 0; r < kRows; ++r) y[r] = s.y[row + r];
+      const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
+      for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
+      return local;
+    });
+    const Real size = step_size(step, s.trace[cone]);
+    // A cone that does not move, an open contact above all, pushes nothing.
+    if (any(size != Real(0))) s.push(block, row, step.d);
+    largest = max_(size, largest);
   });
   return largest;
 }

@@ -30,6 +30,7 @@ inline constexpr int kMostLanes = 256;  ///< of a team within one block
 ///   struct P {
 ///     using Args = ...;                                                  // trivially copyable, at most 4 kB
 ///     static constexpr bool kSerial = ...;                               // lanes == 1 always
+///     static constexpr int kLanes = ...;                                 // if there: lanes of every team, one a block
 ///     template <class Team> static STICTION_HD void run(Team& team, const TeamId& id, const Args& args);
 ///   };
 ///

@@ -2,7 +2,7 @@
 
 #include "core/body/dense_system.hpp"
 #include "core/body/job_slice.hpp"
-#include "core/body/solve_body.hpp"
+#include "core/body/window_body.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/solve_args.hpp"
 
@@ -23,6 +23,7 @@ template <class Real>
 struct BundleHead {
   struct Slot {
     EnvProgress<Real> progress;
+    unsigned char window;  ///< of registers that its iterations fit into, as window_of() says
     Offset env;
   };
   Slot slot[cuda::kBundle];
@@ -38,6 +39,7 @@ struct SolveBundles {
   using Args = cuda::SolveArgs<Real>;
   using Head = BundleHead<Real>;
   static constexpr bool kSerial = false;
+  static constexpr int kLanes = cuda::kBundle;
 
   template <class Team>
   static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
@@ -99,6 +101,7 @@ struct SolveBundles {
       refuse(block, env, Method::kKind, slot.progress.flags);
       return 0;
     }
+    if constexpr (kHasWindows<Method, Real>) slot.window = static_cast<unsigned char>(window_of(system));
     return settle<Method>(block, env, system, stop_rule(args.job, Method::kKind, slot.env), slot.progress) ? 0 : 1;
   }
 
@@ -108,8 +111,12 @@ struct SolveBundles {
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
     const StopRule rule = stop_rule(args.job, Method::kKind, slot.env);
-    advance_chunk<Method, kLaw>(block, system, MethodParams<Real>{args.job.omega, args.job.is_rung}, rule,
-                                slot.progress);
+    const MethodParams<Real> params{args.job.omega, args.job.is_rung};
+    if constexpr (kHasWindows<Method, Real>) {
+      advance_chunk<Method, kLaw>(block, system, params, rule, slot.progress, slot.window);
+    } else {
+      advance_chunk<Method, kLaw>(block, system, params, rule, slot.progress);
+    }
     return settle<Method>(block, env, system, rule, slot.progress) ? 0 : 1;
   }
 

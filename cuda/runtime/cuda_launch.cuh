@@ -15,8 +15,15 @@ __device__ __noinline__ void run_as(CudaTeam& team, const cuda::TeamId& id, cons
   Program::run(team, id, args);
 }
 
+/// Most threads of a block of this program. The fewer, the more registers a thread may have.
 template <class Program>
-__global__ void __launch_bounds__(cuda::kMostLanes)
+constexpr int most_threads() {
+  if constexpr (requires { Program::kLanes; }) return Program::kLanes;
+  return cuda::kMostLanes;
+}
+
+template <class Program>
+__global__ void __launch_bounds__(most_threads<Program>())
     run_teams(const __grid_constant__ typename Program::Args args, const __grid_constant__ cuda::CudaShape shape) {
   if constexpr (Program::kSerial) {
     SerialBlock team;

@@ -21,6 +21,7 @@ struct Recipe {
   double compliance = 0.01;  ///< R over the row's diagonal
   double mu_max = 1.0;
   bool unilateral_only = false;
+  Index friction_rows = 0;  ///< of every friction cone; 0: 2 to 6, as chance has it
 };
 
 namespace detail {
@@ -31,7 +32,7 @@ inline void add_cones(const Recipe& recipe, scenes::Rng& rng, Environment<double
       const int kind = recipe.unilateral_only ? 1 : rng.below(3);
       env.cones.push_back({static_cast<ConeKind>(kind), 1, -1});
     } else {
-      const Index rows = 2 + rng.below(5);
+      const Index rows = recipe.friction_rows > 0 ? recipe.friction_rows : 2 + rng.below(5);
       env.cones.push_back({ConeKind::friction, rows, -1});
     }
   }

@@ -1,0 +1,186 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/body/npgs_body.hpp"
+#include "core/body/window_body.hpp"
+#include "cuda/device/host_device.hpp"
+#include "cuda/engine.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/device_batch.hpp"
+#include "tests/support/prepared.hpp"
+#include "tests/support/random_systems.hpp"
+
+/// Small environments whose chunks run with the system in registers: who does, and that nobody can tell from the bits.
+namespace stiction::test {
+namespace {
+
+Environment<double> contacts(int count, std::uint64_t seed, Index rows = 3) {
+  Recipe recipe;
+  recipe.seed = seed;
+  recipe.contacts = count;
+  recipe.others = 0;
+  recipe.friction_rows = rows;
+  return random_contacts(recipe);
+}
+
+template <class Method, Law kLaw>
+using Ready = Prepared<Method, kLaw, Dense, float>;
+
+Index window_for(const Environment<double>& environment) {
+  Ready<Pgs, Law::coulomb> ready(environment);
+  return window_of(ready.system());
+}
+
+TEST(DeviceRegisters, up_to_six_contacts_of_three_rows_fit_into_a_window) {
+  for (const auto& [count, window] :
+       {std::pair{1, 4}, std::pair{3, 4}, std::pair{4, 4}, std::pair{5, 6}, std::pair{6, 6}, std::pair{7, 0}})
+    EXPECT_EQ(window_for(contacts(count, 5)), window) << count;
+}
+
+TEST(DeviceRegisters, other_cones_do_not_fit) {
+  EXPECT_EQ(window_for(contacts(3, 5, 2)), 0);
+  EXPECT_EQ(window_for(contacts(3, 5, 4)), 0);
+  Environment<double> mixed = system({friction(3), unilateral()}, diagonal({1, 1, 1, 1}), {-1, 0, 0, -1});
+  mixed.mu = {0, 0.5, 0.5, 0};
+  EXPECT_EQ(window_for(mixed), 0);
+}
+
+TEST(DeviceRegisters, a_matrix_that_is_not_its_transpose_to_the_bit_does_not_fit) {
+  Ready<Npgs, Law::convex> ready(contacts(2, 6));
+  auto& s = ready.system();
+  ASSERT_EQ(window_of(s), 4);
+  const float entry = s.A[1];
+  s.A[1] = std::nextafter(entry, 2.0F);
+  EXPECT_EQ(window_of(s), 0);
+  s.A[1] = entry;
+  ASSERT_EQ(window_of(s), 4);
+  // Signs of zero count: they are where equal algorithms differ first.
+  s.A[5 * s.n] = 0.0F;
+  s.A[5] = -0.0F;
+  EXPECT_EQ(window_of(s), 0);
+}
+
+/// Everything iterations change, as bits.
+template <class System>
+std::vector<std::uint32_t> state_of(const System& s, Index vectors) {
+  std::vector<std::uint32_t> state;
+  for (Index i = 0; i < s.n; ++i) {
+    state.push_back(bits_of(s.x[i]));
+    state.push_back(bits_of(s.y[i]));
+    state.push_back(bits_of(s.best[i]));
+    for (Index k = 0; k < vectors; ++k) state.push_back(bits_of(s.vector(k)[i]));
+  }
+  for (Index k = 0; k < kStateScalars; ++k) state.push_back(bits_of(s.scalar[k]));
+  return state;
+}
+
+/// Chunk after chunk of the same environment with and without a window, past two refreshes and a chunk cut short.
+template <class Method, Law kLaw>
+void expect_equal_chunks(int count) {
+  const Environment<double> environment = contacts(count, static_cast<std::uint64_t>(40 + count));
+  Ready<Method, kLaw> plain(environment), windowed(environment);
+  const Index window = window_of(windowed.system());
+  ASSERT_GT(window, 0);
+  const StopRule rule{0.0, 38, 0};
+  const MethodParams<float> params{1.1F};
+  EnvProgress<float> progress, progress_windowed;
+  while (progress.iterations < rule.max_iterations) {
+    advance_chunk<Method, kLaw>(plain.block, plain.system(), params, rule, progress);
+    advance_chunk<Method, kLaw>(windowed.block, windowed.system(), params, rule, progress_windowed, window);
+    ASSERT_EQ(progress.iterations, progress_windowed.iterations);
+    ASSERT_EQ(state_of(plain.system(), Method::kRoom.vectors), state_of(windowed.system(), Method::kRoom.vectors))
+        << count << " contacts, " << progress.iterations << " iterations";
+  }
+}
+
+TEST(DeviceRegisters, every_chunk_leaves_the_bits_of_the_dense_system) {
+  for (int count = 1; count <= 6; ++count) {
+    expect_equal_chunks<Pgs, Law::convex>(count);
+    expect_equal_chunks<Pgs, Law::coulomb>(count);
+    expect_equal_chunks<Npgs, Law::convex>(count);
+    expect_equal_chunks<Npgs, Law::coulomb>(count);
+  }
+}
+
+/// x after one chunk of an environment of which everything below the diagonal was overwritten, which a window does not
+/// read and the dense system does.
+std::vector<std::uint32_t> one_chunk_without_lower_half(Index max_iterations, bool with_window, bool overwritten) {
+  Ready<Npgs, Law::coulomb> ready(contacts(5, 9));
+  auto& s = ready.system();
+  const Index window = with_window ? window_of(s) : 0;
+  if (overwritten)
+    for (Index j = 0; j < s.n; ++j)
+      for (Index i = j + 1; i < s.n; ++i) s.A[i + s.n * j] = 0.25F;
+  EnvProgress<float> progress;
+  advance_chunk<Npgs, Law::coulomb>(ready.block, s, MethodParams<float>{1.0F}, StopRule{0.0, max_iterations, 0},
+                                    progress, window);
+  std::vector<std::uint32_t> x;
+  for (Index i = 0; i < s.n; ++i) x.push_back(bits_of(s.x[i]));
+  return x;
+}
+
+TEST(DeviceRegisters, whole_chunks_run_in_the_window_and_no_others) {
+  const auto intact = one_chunk_without_lower_half(8, false, false);
+  EXPECT_EQ(one_chunk_without_lower_half(8, true, true), intact);
+  EXPECT_NE(one_chunk_without_lower_half(8, false, true), intact);
+  EXPECT_EQ(one_chunk_without_lower_half(3, true, true), one_chunk_without_lower_half(3, false, true));
+  EXPECT_NE(one_chunk_without_lower_half(3, true, true), one_chunk_without_lower_half(3, true, false));
+}
+
+/// Environments of one to six contacts, two of which stay dense (the last bit of A, a unilateral row), one whose
+/// iterates grow until they overflow, one with a NaN, one without rows.
+ContactBatch<float> small_batch() {
+  ContactBatch<double> well(Law::coulomb);
+  for (std::uint64_t seed = 0; seed < 8; ++seed)
+    for (int count = 1; count <= 6; ++count) well.add(contacts(count, 10 * seed + static_cast<std::uint64_t>(count)));
+  Environment<double> growing = contacts(3, 1);
+  for (std::size_t i = 0; i < 9; ++i) {
+    growing.b[i] = -1;
+    for (std::size_t j = 0; j < 9; ++j) growing.A[9 * i + j] = i == j ? 1 : -4;
+  }
+  well.add(growing);
+  well.add(system({unilateral()}, {1}, {-1}));
+  well.add(Environment<double>{});
+  const ContactBatch<float> rounded = convert<float>(well);
+  ContactBatch<float> batch(Law::coulomb);
+  for (Offset e = 0; e < rounded.env_count(); ++e) {
+    batch.add(environment_of(rounded.view(), e));
+    if (e != 4 && e != 11) continue;
+    Environment<float> odd = environment_of(rounded.view(), e);
+    odd.A[1] = std::nextafter(odd.A[1], 2.0F);
+    batch.add(odd);
+    odd.A[1] = std::numeric_limits<float>::quiet_NaN();
+    batch.add(odd);
+  }
+  return batch;
+}
+
+TEST(DeviceRegisters, batches_of_small_environments_have_the_cpus_bits) {
+  const ContactBatch<float> batch = small_batch();
+  const Capacity need = Capacity::of(batch.view());
+  bool overflowed = false;
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs})
+    for (const Law law : kBothLaws)
+      for (const Index limit : {1, 3, 4, 6, 90}) {
+        SolverOptions wanted = options(solver, limit == 90 ? 1e-6 : 0, limit);
+        wanted.law = law;
+        wanted.invalid = InvalidPolicy::isolate;
+        cuda::HostDevice device({2, 3, static_cast<std::uint64_t>(limit)});
+        cuda::Engine engine(device);
+        engine.reserve(need, solver, Precision::f32);
+        const cuda::Stream stream(device);
+        DeviceBatch<float> there(device, need);
+        there.fill(batch, stream.get());
+        engine.solve(
+            cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, law, wanted, false, stream.get()});
+        const Solution<float> answer = there.fetch(batch, stream.get());
+        EXPECT_EQ(env_hashes(batch, answer), solve_hashes(batch, wanted)) << label(solver, law) << ", " << limit;
+        for (const EnvStatus& status : answer.status) overflowed |= status.code == EnvCode::numerical;
+      }
+  EXPECT_TRUE(overflowed);
+}
+
+}  // namespace
+}  // namespace stiction::test
