@@ -15,9 +15,18 @@ STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
   return largest * weight;
 }
 
+/// What a sweep does at a cone unless it is told otherwise: the step of docs/math/local_solve.md.
+struct UsualStep {
+  template <Law kLaw, class Shape, class System>
+  static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
+                             const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
+    return local_step<kLaw>(shape, s, cone, row, y, omega);
+  }
+};
+
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
-template <Law kLaw, Block B, class System>
+template <Law kLaw, class Local = UsualStep, Block B, class System>
 requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
@@ -26,7 +35,7 @@ requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, ty
     const ConeStep<Real, kRows> step = block.broadcast([&] {
       Real y[kRows];
       for (int r = 0; r < kRows; ++r) y[r] = s.y[row + r];
-      const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
+      const auto local = Local::template of<kLaw>(shape, s, cone, row, y, omega);
       for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
       return local;
     });
@@ -40,7 +49,7 @@ requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, ty
 
 /// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
 /// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
-template <Law kLaw, Block B, class RealType>
+template <Law kLaw, class Local = UsualStep, Block B, class RealType>
 STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;
@@ -55,7 +64,7 @@ STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) 
           constexpr int kRows = decltype(shape)::kRows;
           Real y[kRows];
           for (int r = 0; r < kRows; ++r) y[r] = s.gather(row + r, s.x, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
-          const auto step = local_step<kLaw>(shape, s, cone, row, y, omega);
+          const auto step = Local::template of<kLaw>(shape, s, cone, row, y, omega);
           for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
           largest = max_(step_size(step, s.trace[cone]), largest);
         });
@@ -68,7 +77,7 @@ STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) 
 /// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
 /// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
 /// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
-template <Law kLaw, Block B, class RealType>
+template <Law kLaw, class Local = UsualStep, Block B, class RealType>
 STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;
@@ -91,7 +100,7 @@ STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) 
         Real y[kRows];
         for (int r = 0; r < kRows; ++r)
           y[r] = s.fold(part + r * kRowParts, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
-        const auto local = local_step<kLaw>(shape, s, cone, row, y, omega);
+        const auto local = Local::template of<kLaw>(shape, s, cone, row, y, omega);
         for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
         return local;
       });

@@ -17,6 +17,11 @@ enum StateScalar : Index {
   kTheta,             ///< momentum: Nesterov's theta
   kProgress,          ///< momentum: size of the last change, in units of w
   kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
+  kRung,              ///< ladder of penalties: the rung
+  kSwitches,          ///< how often it has changed
+  kAge,               ///< iterations since it was last looked at
+  kHistory,           ///< steps that an acceleration remembers
+  kAsymmetry,         ///< largest difference between an entry of A and its mirror image
   kOutcome,           ///< Outcome of a method that ends by itself, and what it must remember of how
   kStateScalars
 };
