@@ -17,13 +17,15 @@ struct Lemke {
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;
   static constexpr double kRays = 2.0;
+  static constexpr double kLongPath = 3.0;
+  static constexpr double kGoldenRatio = 0.61803398874989485;
   static constexpr double kFeasible = 1e-11;
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
   /// What is remembered between pivots.
-  enum State : Index { kEntering, kPathsBegun, kRaysMet };
+  enum State : Index { kEntering, kPathsBegun, kRaysMet, kPivots };
 
   template <class System>
   static STICTION_HD std::uint32_t unsupported(const System& s) {
@@ -36,7 +38,7 @@ struct Lemke {
   template <Law kLaw, Block B, class System>
   static STICTION_HD void start(B& block, System& s) {
     const Tableau t(s);
-    single(block, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = 0.0; });
+    single(block, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = t.state[kPivots] = 0.0; });
     // Boxes start at the bound that b pushes them to, equalities are solved for.
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       constexpr ConeKind kConeKind = decltype(shape)::kKind;
@@ -99,10 +101,13 @@ struct Lemke {
       exchange(block, t, row, y, div_(bound - value, t.T(row, t.column_of(y))));
       single(block, [&] { t.side[x] = value < t.lo[x] ? 1.0 : -1.0; });
     }
+    const double paths = t.state[kPathsBegun];
     for_each(block, t.n, [&](Index i) {
       const bool lower = finite_(t.lower(t.variable_of(i)));
       const bool upper = finite_(t.upper(t.variable_of(i)));
-      t.T(i, 1) = lower == upper ? 0.0 : lower ? 1.0 : -1.0;
+      const double turns = paths * static_cast<double>(i + 1) * kGoldenRatio;
+      const double weight = 1.0 + (turns - static_cast<double>(static_cast<Index>(turns)));
+      t.T(i, 1) = lower == upper ? 0.0 : lower ? weight : 0.0 - weight;
     });
     single(block, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
   }
@@ -151,7 +156,10 @@ struct Lemke {
       const bool at_lower = t.T(worst.row, 1) > 0.0;
       exchange(block, t, worst.row, t.artificial(), 0.0 - worst.step);
       note_side(block, t, leaving, at_lower);
-      single(block, [&] { t.state[kPathsBegun] = paths + 1.0; });
+      single(block, [&] {
+        t.state[kPathsBegun] = paths + 1.0;
+        t.state[kPivots] = 0.0;
+      });
       enter_next(block, t, leaving);
     }
   }
@@ -169,12 +177,15 @@ struct Lemke {
       enter_next(block, t, entering);
       return;
     }
+    const double pivots = t.state[kPivots] + 1.0;
+    const bool is_long = pivots > kLongPath * static_cast<double>(t.n) && t.state[kPathsBegun] < kPaths;
     Index leaving = Blocking::kNothing;
     if (next.row != Blocking::kNothing) {
       leaving = t.variable_of(next.row);
       const bool at_lower = direction * t.T(next.row, c) < 0.0;
       exchange(block, t, next.row, entering, direction * next.step);
-      if (leaving != t.artificial()) {
+      single(block, [&] { t.state[kPivots] = pivots; });
+      if (leaving != t.artificial() && !is_long) {
         note_side(block, t, leaving, at_lower);
         enter_next(block, t, leaving);
         return;

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. Of a pair x_j, y_j the one that is not
 /// basic rests: y_j at 0, x_j at the bound that side[j] names.
 struct Tableau {
-  static constexpr Index kVectors = 14;  ///< of n doubles before the n x n entries
+  static constexpr Index kVectors = 15;  ///< of n doubles before the n x n entries
   static constexpr double kRelativePivot = 1e-10;
 
   Index n;
@@ -23,7 +23,7 @@ struct Tableau {
   double* place;   ///< where x_j, y_j are: row r >= 0, or -1 - c for column c                     (2n)
   double* column;  ///< the pivot's column                                                         (n)
   double* ratio;   ///< step at which each row blocks; before that which x_j are wanted            (n)
-  double* state;   ///< what the method remembers                                                  (3)
+  double* state;   ///< what the method remembers                                                  (4)
   DenseMatrix T;   ///< values of the basic variables, z0's column, the pairs' columns             (n * (n + 2))
 
   template <class System>
