@@ -263,12 +263,14 @@ STICTION_HD std::uint32_t unsupported_flags(const System& s) {
   return flags;
 }
 
-/// Records the first iterate of a loaded system and starts the method.
-template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void begin_method(B& block, System& s) {
+/// Records the first iterate of a loaded system and starts the method, which may first take from the environment what
+/// the system does not keep.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void begin_method(B& block, const EnvView<Real>& env, System& s) {
   refresh_motion(block, s);
   for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
   record<Method, kLaw>(block, s, true);
+  if constexpr (requires { Method::load(block, env, s); }) Method::load(block, env, s);
   Method::template start<kLaw>(block, s);
 }
 
@@ -281,7 +283,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
   const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw)) | unsupported_flags<Method>(s);
-  if (is_solvable(flags)) begin_method<Method, kLaw>(block, s);
+  if (is_solvable(flags)) begin_method<Method, kLaw>(block, env, s);
   return flags;
 }
 

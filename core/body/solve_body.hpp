@@ -65,7 +65,7 @@ STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, con
     refuse(block, env, Method::kKind, flags);
     return;
   }
-  begin_method<Method, kLaw>(block, s);
+  begin_method<Method, kLaw>(block, env, s);
   EnvProgress<Real> progress;
   progress.flags = flags;
   while (!settle<Method>(block, env, s, rule, progress)) advance_chunk<Method, kLaw>(block, s, params, rule, progress);

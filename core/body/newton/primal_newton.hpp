@@ -1,0 +1,255 @@
+#pragma once
+
+#include "core/body/newton/compliant_cone.hpp"
+#include "core/body/newton/newton_room.hpp"
+
+/// Newton's method for the convex law with compliance on every row: minimise phi(zeta) = zeta'A zeta / 2 + psi(A zeta +
+/// b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the iterates of
+/// Newton's method on the velocity, v = v_free + M^-1 J' zeta, as MuJoCo and SAP have it, but A is all it needs.
+namespace stiction::inline STICTION_ISA {
+
+/// Trials of the line search, each O(n): what cones slide makes phi' curved.
+inline constexpr int kLineTrials = 24;
+/// Part of the slope at the beginning of a line that may be left where it ends.
+inline constexpr double kSlopeLeft = 1e-3;
+
+template <class Shape, class System>
+STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, Index cone, Index row,
+                                                  const double (&u)[Shape::kRows], double (&R)[Shape::kRows]) {
+  read_cone(newton_room(s).vector(kCompliance), row, R);
+  double lo = 0.0;
+  double hi = 0.0;
+  if constexpr (Shape::kKind == ConeKind::box) {
+    lo = static_cast<double>(s.lo[cone]);
+    hi = static_cast<double>(s.hi[cone]);
+  }
+  return compliant_point(shape, u, R, lo, hi);
+}
+
+/// u = A zeta + b.
+template <Block B, class System>
+STICTION_HD void renew_motion(B& block, System& s) {
+  const NewtonRoom room = newton_room(s);
+  double* const u = room.vector(kMotion);
+  multiply_dense(
+      block, room.matrix(0), room.vector(kPoint), [&](Index i) { return static_cast<double>(s.b[i]); },
+      [&](Index i, double value) { u[i] = value; });
+}
+
+/// Takes the compliance from A + R, and s.x as the first point.
+template <Block B, class System>
+STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
+  const NewtonRoom room = newton_room(s);
+  const DenseMatrix A = room.matrix(0);
+  double* const R = room.vector(kCompliance);
+  fill_matrix(block, s, A);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int k = 0; k < kRows; ++k) {
+      A(row + k, row + k) = A(row + k, row + k) - R[row + k];
+      // An axis without friction has no motion here either, and any compliance keeps its reaction at zero.
+      if (!(R[row + k] > 0.0)) R[row + k] = R[row];
+      room.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
+    }
+    room.vector(kZones)[cone] = -1.0;
+  });
+  renew_motion(block, s);
+}
+
+/// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
+template <Block B, class System>
+STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
+  const NewtonRoom room = newton_room(s);
+  double changed = 0.0;
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double R[kRows];
+    double C[kRows][kRows];
+    read_cone(room.vector(kMotion), row, u);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    compliance_factor(shape, point, R, C);
+    for (int k = 0; k < kRows; ++k) {
+      room.vector(kGap)[row + k] = room.vector(kPoint)[row + k] - point.x[k];
+      for (int j = 0; j < kRows; ++j) room.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
+    }
+    double& zone = room.vector(kZones)[cone];
+    const auto now = static_cast<double>(point.zone);
+    if (zone != now || point.zone == kSlides) changed = 1.0;
+    zone = now;
+  });
+  return block.max(changed) > 0.0;
+}
+
+/// The second matrix becomes the factors of I + C'AC.
+template <Block B, class System>
+STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  const DenseMatrix A = room.matrix(0);
+  const DenseMatrix K = room.matrix(1);
+  const double* const C = room.vector(kFactor);
+  for_each(block, s.n, [&](Index i) {
+    SerialBlock alone;
+    s.for_each_cone(alone, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      for (int j = 0; j < kRows; ++j) {
+        double sum = 0.0;
+        for (int k = 0; k < kRows; ++k) sum = fma_(A(i, row + k), C[Offset{6} * (row + k) + j], sum);
+        K(i, row + j) = sum;
+      }
+    });
+  });
+  for_each(block, s.n, [&](Index j) {
+    SerialBlock alone;
+    s.for_each_cone(alone, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      double sum[kRows];
+      for (int i = 0; i < kRows; ++i) {
+        sum[i] = row + i == j ? 1.0 : 0.0;
+        for (int k = 0; k < kRows; ++k) sum[i] = fma_(C[Offset{6} * (row + k) + i], K(row + k, j), sum[i]);
+      }
+      for (int i = 0; i < kRows; ++i) K(row + i, j) = sum[i];
+    });
+  });
+  factor_ldl(block, K, 0.0);
+}
+
+/// d = -r + C t with (I + C'AC) t = C'A r, and A d.
+template <Block B, class System>
+STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  double* const image = room.vector(kImage);
+  double* const t = room.vector(kUnknown);
+  const double* const C = room.vector(kFactor);
+  const auto zero = [](Index) { return 0.0; };
+  const auto into_image = [&](Index i, double value) { image[i] = value; };
+  multiply_dense(block, room.matrix(0), room.vector(kGap), zero, into_image);
+  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int j = 0; j < kRows; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < kRows; ++k) sum = fma_(C[Offset{6} * (row + k) + j], image[row + k], sum);
+      t[row + j] = sum;
+    }
+  });
+  solve_ldl(block, room.matrix(1), t);
+  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int k = 0; k < kRows; ++k) {
+      double sum = 0.0 - room.vector(kGap)[row + k];
+      for (int j = 0; j < kRows; ++j) sum = fma_(C[Offset{6} * (row + k) + j], t[row + j], sum);
+      room.vector(kStep)[row + k] = sum;
+    }
+  });
+  multiply_dense(block, room.matrix(0), room.vector(kStep), zero, into_image);
+}
+
+/// phi' and phi'' on the line, at zeta + alpha d.
+struct LinePoint {
+  double slope;
+  double curvature;
+};
+template <Block B, class System>
+STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha) {
+  const NewtonRoom room = newton_room(s);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double d[kRows];
+    double image[kRows];
+    double zeta[kRows];
+    double R[kRows];
+    double C[kRows][kRows];
+    read_cone(room.vector(kStep), row, d);
+    read_cone(room.vector(kImage), row, image);
+    read_cone(room.vector(kPoint), row, zeta);
+    read_cone(room.vector(kMotion), row, u);
+    for (int k = 0; k < kRows; ++k) u[k] = fma_(alpha, image[k], u[k]);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    compliance_factor(shape, point, R, C);
+    double slope = 0.0;
+    double curvature = 0.0;
+    for (int k = 0; k < kRows; ++k) {
+      slope = fma_(image[k], fma_(alpha, d[k], zeta[k]) - point.x[k], slope);
+      curvature = fma_(image[k], d[k], curvature);
+    }
+    for (int j = 0; j < kRows; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < kRows; ++k) sum = fma_(C[k][j], image[k], sum);
+      curvature = fma_(sum, sum, curvature);
+    }
+    room.vector(kOfCone)[cone] = slope;
+    room.vector(kOfConeToo)[cone] = curvature;
+  });
+  const double slope = sum_terms(block, room.vector(kOfCone), s.cones);
+  return {slope, sum_terms(block, room.vector(kOfConeToo), s.cones)};
+}
+
+/// The step at which phi is smallest on the line, by Newton's method inside a bracket. `noise` is what rounding makes
+/// of a slope that is zero.
+template <Block B, class System>
+STICTION_HD_OUTLINE double search_line(B& block, const System& s, double slope, double noise) {
+  double before = 0.0;
+  double beyond = __builtin_huge_val();
+  double alpha = 1.0;
+  const double enough = max_(kSlopeLeft * abs_(slope), noise);
+  for (int trial = 0; trial < kLineTrials; ++trial) {
+    const LinePoint there = look_along(block, s, alpha);
+    if (!(abs_(there.slope) > enough)) break;
+    if (there.slope < 0.0) {
+      before = alpha;
+    } else {
+      beyond = alpha;
+    }
+    const double newton = alpha - div_(there.slope, there.curvature);
+    const double inside = finite_(beyond) ? 0.5 * (before + beyond) : 4.0 * before;
+    alpha = newton > before && newton < min_(beyond, 16.0 * max_(before, 1.0)) ? newton : inside;
+  }
+  return alpha;
+}
+
+/// What rounding makes of a slope: eps times the sum of the magnitudes it is made of. A stiff row answers to the
+/// rounding of its motion as it does to motion.
+template <Block B, class System>
+STICTION_HD double slope_noise(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  const DenseMatrix A = room.matrix(0);
+  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < s.n; i += kReduceLeaves) {
+      const double reaction = abs_(room.vector(kPoint)[i]);
+      const double motion = fma_(A(i, i), reaction, abs_(room.vector(kMotion)[i]));
+      const double answer = reaction + div_(motion, room.vector(kCompliance)[i]);
+      sum = fma_(abs_(room.vector(kImage)[i]), answer, sum);
+    }
+    return sum;
+  });
+  return 0x1p-50 * terms;
+}
+
+/// One iteration. Returns whether there was nothing left to gain but rounding, on every lane.
+template <Block B, class System>
+STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
+  using Real = typename System::Real;
+  const NewtonRoom room = newton_room(s);
+  if (linearise(block, s)) factor_curvature(block, s);
+  find_direction(block, s);
+  const double noise = slope_noise(block, s);
+  const LinePoint here = look_along(block, s, 0.0);
+  const bool is_exhausted = !(here.slope < 0.0 - noise);
+  const double alpha = is_exhausted ? 1.0 : search_line(block, s, here.slope, noise);
+  for_each(block, s.n,
+           [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
+  renew_motion(block, s);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double R[kRows];
+    read_cone(room.vector(kMotion), row, u);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    for (int k = 0; k < kRows; ++k) s.x[row + k] = static_cast<Real>(point.x[k]);
+  });
+  return is_exhausted;
+}
+
+}  // namespace stiction::inline STICTION_ISA
