@@ -1,0 +1,106 @@
+#pragma once
+
+#include "core/body/ipm/ipm_space.hpp"
+
+/// The linear algebra of an interior point's step: one matrix, factored once, solved for predictor and corrector.
+namespace stiction::inline STICTION_ISA {
+
+/// A fixed row's place on the diagonal of K: no step.
+inline constexpr double kHeldRow = 0x1p+512;
+/// What is added to the diagonal of K, relative to A's: directions of which neither A nor a barrier knows anything any
+/// more are left alone instead of taking what rounding says.
+inline constexpr double kRegularisation = 0x1p-46;
+
+/// Entry k of D at a cone's first row: W^-2 in the frame, or both bounds' multiplier over slack.
+template <class Shape>
+STICTION_HD double barrier_diagonal(Shape, const IpmSpace& p, Index row, int k) {
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    return p.template scaling<Shape::kRows>(row).diagonal(k);
+  } else {
+    return div_(p.z[row], p.slack[row]) + div_(p.upper_z[row], p.upper_slack[row]);
+  }
+}
+
+/// The cones' scalings at the current point.
+template <Block B, class System>
+STICTION_HD void scale_cones(B& block, const System& s, const IpmSpace& p) {
+  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    using Shape = decltype(shape);
+    if constexpr (Shape::kKind == ConeKind::friction) {
+      double x[Shape::kRows];
+      double z[Shape::kRows];
+      load(p.x, row, x);
+      load(p.z, row, z);
+      const ConeScaling<Shape::kRows> scaling = scale_cone<Shape::kRows>(x, z);
+      store(scaling.lambda, p.lambda, row);
+      store(scaling.stretch, p.stretch, row);
+      store(scaling.mirror, p.mirror, row);
+    }
+  });
+}
+
+/// K = Q' (A + diag R) Q + D, factored.
+template <Block B, class System>
+STICTION_HD void factor_step(B& block, const System& s, const IpmSpace& p) {
+  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    using Shape = decltype(shape);
+    for (Index i = 0; i < p.n; ++i) {
+      double entry[Shape::kRows];
+      for (int k = 0; k < Shape::kRows; ++k) entry[k] = 0.5 * (p.A(i, row + k) + p.A(row + k, i));
+      if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).to_frame(entry);
+      for (int k = 0; k < Shape::kRows; ++k) p.K(i, row + k) = entry[k];
+    }
+  });
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    using Shape = decltype(shape);
+    if constexpr (Shape::kKind == ConeKind::friction) {
+      const ConeScaling<Shape::kRows> scaling = p.template scaling<Shape::kRows>(row);
+      for (Index j = 0; j < p.n; ++j) {
+        double entry[Shape::kRows];
+        for (int k = 0; k < Shape::kRows; ++k) entry[k] = p.K(row + k, j);
+        scaling.to_frame(entry);
+        for (int k = 0; k < Shape::kRows; ++k) p.K(row + k, j) = entry[k];
+      }
+    }
+    for (int k = 0; k < Shape::kRows; ++k) {
+      double& entry = p.K(row + k, row + k);
+      entry = entry + (abs_(entry) * kRegularisation + barrier_diagonal(shape, p, row, k));
+      if constexpr (Shape::kKind != ConeKind::friction)
+        if (row_bounds(shape, s, cone).is_fixed()) entry = kHeldRow;
+    }
+  });
+  factor_ldl(block, p.K, 0.0);
+}
+
+/// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back.
+template <Block B, class System>
+STICTION_HD void solve_step(B& block, const System& s, const IpmSpace& p) {
+  constexpr int kRefinements = 2;
+  for_each(block, p.n, [&](Index i) { p.step[i] = p.force[i]; });
+  solve_ldl(block, p.K, p.step);
+  for (int pass = 0; pass < kRefinements; ++pass) {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      using Shape = decltype(shape);
+      double v[Shape::kRows];
+      load(p.step, row, v);
+      if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).from_frame(v);
+      store(v, p.work, row);
+    });
+    multiply_wide(block, p.A, p.work, [&](Index i, double value) { p.dual_step[i] = value; });
+    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+      using Shape = decltype(shape);
+      double v[Shape::kRows];
+      load(p.dual_step, row, v);
+      if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).to_frame(v);
+      for (int k = 0; k < Shape::kRows; ++k)
+        v[k] = (p.force[row + k] - v[k]) - barrier_diagonal(shape, p, row, k) * p.step[row + k];
+      if constexpr (Shape::kKind != ConeKind::friction)
+        if (row_bounds(shape, s, cone).is_fixed()) v[0] = 0.0;
+      store(v, p.work, row);
+    });
+    solve_ldl(block, p.K, p.work);
+    for_each(block, p.n, [&](Index i) { p.step[i] = p.step[i] + p.work[i]; });
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA
