@@ -61,22 +61,24 @@ void SolveReport::count(std::span<const EnvStatus> status) {
 std::string to_json(const SolveReport& report) {
   Json flags = Json::object();
   for (std::size_t bit = 0; bit < report.flags.size(); ++bit) flags[flag_name(flag_of(bit))] = report.flags[bit];
-  return dump(
-      {{"schema_version", kReportSchemaVersion},
-       {"device", report.device},
-       {"solver", to_string(report.options.solver)},
-       {"precision", to_string(report.precision)},
-       {"law", to_string(report.law)},
-       {"environments", report.environments},
-       {"rows", report.rows},
-       {"cones", report.cones},
-       {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
-       {"iterations", json_of(report.iterations)},
-       {"residual", json_of(report.residual)},
-       {"flags", flags},
-       {"unconverged", report.unconverged},
-       {"hash", hex(report.hash)},
-       {"epoch", kNumericsEpoch}});
+  Json json = {
+      {"schema_version", kReportSchemaVersion},
+      {"device", report.device},
+      {"solver", to_string(report.options.solver)},
+      {"precision", to_string(report.precision)},
+      {"law", to_string(report.law)},
+      {"environments", report.environments},
+      {"rows", report.rows},
+      {"cones", report.cones},
+      {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
+      {"iterations", json_of(report.iterations)},
+      {"residual", json_of(report.residual)},
+      {"flags", flags},
+      {"unconverged", report.unconverged},
+      {"hash", hex(report.hash)},
+      {"epoch", kNumericsEpoch}};
+  if (report.pyramid > 0) json["pyramid"] = report.pyramid;
+  return dump(json);
 }
 
 std::string to_text(const SolveReport& report) {
@@ -89,6 +91,8 @@ std::string to_text(const SolveReport& report) {
   line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", to_string(report.options.solver),
                              report.options.tolerance, report.options.max_iterations));
   line("law", to_string(report.law));
+  if (report.pyramid > 0)
+    line("pyramid", fmt::format("{} sides; residuals are those of the pyramids, whose law is convex", report.pyramid));
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", report.threads == 0 ? "-" : fmt::format("{}", report.threads));

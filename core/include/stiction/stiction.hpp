@@ -9,6 +9,7 @@
 #include "stiction/jacobian.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/padded.hpp"
+#include "stiction/pyramid.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
