@@ -8,6 +8,10 @@ if(NOT STICTION_ENABLE_CUDA STREQUAL "OFF")
       # Machine code for H100/H200, PTX for A100 (which its driver translates once) and for what comes after. Machine
       # code for an architecture more costs as much time as the rest of the build.
       set(CMAKE_CUDA_ARCHITECTURES 80-virtual 90-real 90-virtual)
+      # Methods that factorise, of which there are many: one PTX that every driver translates.
+      set(STICTION_CUDA_DIRECT_ARCHITECTURES 80-virtual)
+    else()
+      set(STICTION_CUDA_DIRECT_ARCHITECTURES ${CMAKE_CUDA_ARCHITECTURES})
     endif()
     enable_language(CUDA)
     # CMake before 3.25.2 does not know that nvcc 12 and later speak C++20 and would silently use C++17.

@@ -1,12 +1,12 @@
 # What the objects of a CUDA target must show, read from the objects themselves (tools/fatbin.py): nothing is compiled
 # a second time. Needs Python and no GPU.
 
-# stiction_keep_ptx(target): the target's objects hold, next to the machine code of each architecture, the PTX it was
-# made from, and hold it as text. nvcc writes that PTX anyway. For builds with tests; others do without.
+# stiction_keep_ptx(target architectures...): the target's objects hold, next to the machine code of each architecture,
+# the PTX it was made from, and hold it as text. nvcc writes that PTX anyway. For builds with tests; others do without.
 function(stiction_keep_ptx target)
   set(real)
   set(virtual)
-  foreach(arch IN LISTS CMAKE_CUDA_ARCHITECTURES)
+  foreach(arch IN LISTS ARGN)
     if(NOT arch MATCHES "^([0-9]+)(-real|-virtual)?$")
       return()
     endif()
@@ -26,9 +26,9 @@ function(stiction_keep_ptx target)
   target_compile_options(${target} PRIVATE "$<$<COMPILE_LANGUAGE:CUDA>:--no-compress>")
 endfunction()
 
-# stiction_add_object_gates(target): two tests over the target's objects. ptx_gate reads the PTX of every architecture
-# (tools/check_ptx.py), ptxas_gate the machine code (tools/check_ptxas.py, cuda/runtime/kernel_budget.csv).
-function(stiction_add_object_gates target)
+# stiction_add_object_gates(target suffix): two tests over the target's objects. ptx_gate reads the PTX of every
+# architecture (tools/check_ptx.py), ptxas_gate the machine code (tools/check_ptxas.py, cuda/runtime/kernel_budget.csv).
+function(stiction_add_object_gates target suffix)
   find_package(Python3 QUIET COMPONENTS Interpreter)
   get_target_property(ptx ${target} STICTION_PTX_ARCHS)
   get_target_property(real ${target} STICTION_REAL_ARCHS)
@@ -40,12 +40,16 @@ function(stiction_add_object_gates target)
   set(objects "$<FILTER:$<TARGET_OBJECTS:${target}>,INCLUDE,[.]cu[.]o>")
   list(TRANSFORM ptx PREPEND "--arch=")
   list(TRANSFORM real PREPEND "--arch=")
-  add_test(NAME ptx_gate COMMAND_EXPAND_LISTS
+  add_test(NAME ptx_gate${suffix} COMMAND_EXPAND_LISTS
            COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptx.py" ${ptx}
                    --compile-commands "${CMAKE_BINARY_DIR}/compile_commands.json" "${objects}")
-  add_test(NAME ptxas_gate COMMAND_EXPAND_LISTS
+  set_tests_properties(ptx_gate${suffix} PROPERTIES LABELS "ptx" TIMEOUT 300 SKIP_RETURN_CODE 77)
+  if(NOT real)
+    return()
+  endif()
+  add_test(NAME ptxas_gate${suffix} COMMAND_EXPAND_LISTS
            COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptxas.py" ${real}
                    --budget "${PROJECT_SOURCE_DIR}/cuda/runtime/kernel_budget.csv"
                    --compiler "${CMAKE_CUDA_COMPILER_VERSION}" "${objects}")
-  set_tests_properties(ptx_gate ptxas_gate PROPERTIES LABELS "ptx" TIMEOUT 300 SKIP_RETURN_CODE 77)
+  set_tests_properties(ptxas_gate${suffix} PROPERTIES LABELS "ptx" TIMEOUT 300 SKIP_RETURN_CODE 77)
 endfunction()

@@ -240,6 +240,30 @@ TEST(SolveIslands, ApartIsSaidAndIsAnotherIteration) {
   EXPECT_NE(solve({"--islands", "adrift"}).err.find("together, apart"), std::string::npos);
 }
 
+TEST_F(Solve, PyramidsAreSolvedByPivotingAndWrittenInTheRowsOfTheCones) {
+  double before = std::numeric_limits<double>::infinity();
+  for (const char* sides : {"4", "8", "16"}) {
+    const Json json = report({"--solver", "lemke", "--pyramid", sides, "--tolerance", "1e-10", "-o", folder_ / "s.h5"});
+    EXPECT_EQ(json["pyramid"], std::stoi(sides));
+    EXPECT_EQ(json["law"], "convex");
+    EXPECT_EQ(json["rows"], recording_.batch.row_count());
+    EXPECT_EQ(json["unconverged"], 0);
+    EXPECT_LE(json["residual"]["max"].get<double>(), 1e-10);
+    const Json verdict = Json::parse(run_stiction({"verify", batch_, folder_ / "s.h5", "--json"}).out);
+    const double off = verdict["residual"]["max"].get<double>();
+    EXPECT_GT(off, 1e-10) << "the cones are not the pyramids";
+    EXPECT_LT(off, 0.6 * before) << "and the pyramids come closer";
+    before = off;
+  }
+  EXPECT_EQ(report({"--solver", "lemke"})["flags"]["unsupported_cone"], 40);
+}
+
+TEST_F(Solve, PyramidsOfACoulombFileAreSolvedUnderTheConvexLawAndSaySo) {
+  const Finished finished = solve({"--law", "coulomb", "--pyramid", "8", "--tolerance", "1e-3"});
+  EXPECT_EQ(field(finished.out, "law"), "convex");
+  EXPECT_NE(field(finished.out, "pyramid").find("8 sides"), std::string::npos);
+}
+
 TEST(SolveEdge, ABatchWithoutEnvironmentsIsSolved) {
   const Folder folder;
   const std::string batch = write_batch(folder / "none.h5", chain_recording(0));

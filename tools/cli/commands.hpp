@@ -50,6 +50,7 @@ struct SolveArguments {
   std::optional<Index> max_iterations;
   double omega = 1.0;
   int threads = 0;
+  int pyramid = 0;  ///< sides of the pyramids that replace friction cones; 0: cones stay
   bool isolate = false;
   bool quiet = false;
   std::optional<std::uint64_t> permute;

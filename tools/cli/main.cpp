@@ -64,6 +64,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--max-iterations", a.max_iterations, "Per environment [1000]");
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
+  app.add_option("--pyramid", a.pyramid, "Replace friction cones by pyramids of 4, 8 or 16 sides, law convex")
+      ->check(CLI::IsMember({4, 8, 16}));
   app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");

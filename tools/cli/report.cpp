@@ -91,6 +91,7 @@ std::string to_json(const SolveReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
+  if (report.pyramid > 0) json["pyramid"] = report.pyramid;
   return dump(json);
 }
 
@@ -105,6 +106,8 @@ std::string to_text(const SolveReport& report) {
                              report.options.tolerance, report.options.max_iterations));
   if (report.options.islands != IslandMode::together) line("islands", to_string(report.options.islands));
   line("law", to_string(report.law));
+  if (report.pyramid > 0)
+    line("pyramid", fmt::format("{} sides; residuals are those of the pyramids, whose law is convex", report.pyramid));
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", report.threads == 0 ? "-" : fmt::format("{}", report.threads));

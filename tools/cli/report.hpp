@@ -23,6 +23,7 @@ struct SolveReport {
   Law law = Law::convex;
   Precision precision = Precision::f64;
   int threads = 0;  ///< 0: not a matter of CPU threads
+  int pyramid = 0;  ///< sides of the pyramids that were solved; 0: the cones themselves
   Offset environments = 0, rows = 0, cones = 0;
   Seconds seconds;
   std::optional<Quantiles<std::int32_t>> iterations;

@@ -11,6 +11,7 @@
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
 #include "stiction/preset.hpp"
+#include "stiction/pyramid.hpp"
 #include "stiction/recorder.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/trace.hpp"
@@ -74,6 +75,14 @@ void check_outputs(const SolveArguments& arguments) {
   }
 }
 
+/// Reactions of a cone are many sums of its pyramid's edges, so a warm start of cones has no single one of edges; and
+/// what is solved is not what a recording is for.
+void check_pyramid(const SolveArguments& arguments) {
+  if (arguments.pyramid == 0 || (!arguments.warm_start && !arguments.record)) return;
+  throw Error(ErrorCode::invalid_argument, fmt::format("--pyramid and {} exclude one another: leave one of them out",
+                                                       arguments.warm_start ? "--warm-start" : "--record"));
+}
+
 std::string name_of(Device device) {
   for (const DeviceReport& report : devices()) {
     if (report.device.kind == device.kind && report.device.ordinal == device.ordinal) return report.name;
@@ -124,6 +133,15 @@ Solution<Real> to_file_order(const Solution<Real>& solution, std::span<const Off
   sorted.status.resize(solution.status.size());
   for (std::size_t i = 0; i < order.size(); ++i) sorted.status[static_cast<std::size_t>(order[i])] = solution.status[i];
   return sorted;
+}
+
+/// Reactions and motions of pyramids in the rows of the file's cones; the status records stay the pyramids'.
+template <class Real>
+Solution<Real> to_cones(const PyramidBatch<double>& pyramids, const ContactBatch<double>& file_batch,
+                        const Solution<Real>& solution) {
+  const auto f = convert_values<double>(solution.lambda);
+  const auto back = reactions(pyramids, file_batch, std::span<const double>(f));
+  return {convert_values<Real>(back.lambda), convert_values<Real>(back.w), solution.status};
 }
 
 io::SolutionFile solution_file(const SolveReport& report, std::vector<double> lambda, std::vector<double> w,
@@ -199,15 +217,18 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::optional<ScopedSpan> loading(std::in_place, report.options.tracer, "load");
   const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;
   const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy);
-  const ContactBatch<double>& batch = loaded.recording.batch;
+  const ContactBatch<double>& file_batch = loaded.recording.batch;
+  std::optional<PyramidBatch<double>> pyramids;
+  if (arguments.pyramid > 0) pyramids = linearise(file_batch, arguments.pyramid);
+  const ContactBatch<double>& batch = pyramids ? pyramids->batch : file_batch;
   std::vector<double> warm_start;
   if (arguments.warm_start) warm_start = load_solution(*arguments.warm_start, batch).lambda;
   std::vector<Offset> order;
   if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
   const Work<Real> work = prepare<Real>(batch, warm_start, order);
   report.environments = batch.env_count();
-  report.rows = batch.row_count();
-  report.cones = batch.view().cone_count;
+  report.rows = file_batch.row_count();
+  report.cones = file_batch.view().cone_count;
   report.law = batch.law();
   report.seconds.load = seconds_since(start);
   loading.reset();
@@ -222,17 +243,17 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   Solution<Real> solution = solve_work(solver, plan, work);
   report.seconds.solve = seconds_since(start);
 
-  const std::vector<Offset>& env_row_offsets = batch.arrays().env_row_offsets;
-  if (!order.empty()) solution = to_file_order(solution, env_row_offsets, order);
+  if (!order.empty()) solution = to_file_order(solution, batch.arrays().env_row_offsets, order);
+  if (pyramids) solution = to_cones(*pyramids, file_batch, solution);
   report.count(solution.status);
   report.hash = hash_bits(std::span<const Real>(solution.lambda));
 
   stage->relabel("writing");
   if (arguments.output) {
     const ScopedSpan writing(report.options.tracer, "write");
-    io::write_solution(*arguments.output,
-                       solution_file(report, convert_values<double>(solution.lambda),
-                                     convert_values<double>(solution.w), solution.status, env_row_offsets));
+    io::write_solution(*arguments.output, solution_file(report, convert_values<double>(solution.lambda),
+                                                        convert_values<double>(solution.w), solution.status,
+                                                        file_batch.arrays().env_row_offsets));
   }
   if (arguments.record) {
     if (order.empty())
@@ -256,8 +277,10 @@ int run_solve(const SolveArguments& arguments) {
   SolveReport report;
   report.file = arguments.batch.string();
   report.options = solver_options(arguments);
+  report.pyramid = arguments.pyramid;
   report.precision = precision_from_option(arguments.precision);
   record_when(arguments.record_when);
+  check_pyramid(arguments);
   check_outputs(arguments);
   const Device device = Device::from_string(arguments.device);
   std::optional<Tracer> tracer;

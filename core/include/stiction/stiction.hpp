@@ -10,6 +10,7 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/padded.hpp"
 #include "stiction/preset.hpp"
+#include "stiction/pyramid.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
