@@ -15,11 +15,11 @@ struct Lemke {
   static constexpr MethodRoom kRoom{0, Tableau::kVectors, 1};
   /// A pivot costs as much as a look at the residual.
   static constexpr Index kChunk = 8;
-  static constexpr double kPaths = 4.0;
-  static constexpr double kRays = 2.0;
-  static constexpr double kLongPath = 3.0;
+  static constexpr double kPaths = 4.0;     ///< begun at most
+  static constexpr double kRays = 2.0;      ///< met before one is believed
+  static constexpr double kLongPath = 3.0;  ///< pivots for each row before a path is begun anew
   static constexpr double kGoldenRatio = 0.61803398874989485;
-  static constexpr double kFeasible = 1e-11;
+  static constexpr double kFeasible = 1e-11;  ///< of the largest value
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
@@ -83,9 +83,9 @@ struct Lemke {
     }
   }
 
-  /// The dictionary in which the x_j with t.ratio[j] = 1 are basic, and z0's column: 1 where a basic variable has a
-  /// lower bound only, -1 where it has an upper one only, so that a large z0 makes every row feasible. A variable
-  /// between two bounds has no entry: if it has left them it goes to rest at the one it passed.
+  /// The dictionary in which the x_j with t.ratio[j] = 1 are basic, and z0's column: positive where a basic variable
+  /// has a lower bound only, negative where it has an upper one only, so that a large z0 makes every row feasible. A
+  /// variable between two bounds has no entry: if it has left them it goes to rest at the one it passed.
   template <Block B, class System>
   static STICTION_HD_OUTLINE void begin_path(B& block, const System& s, const Tableau& t) {
     write_dictionary(block, s, t);
