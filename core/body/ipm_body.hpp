@@ -31,8 +31,8 @@ struct Ipm {
     const double terms = start_interior(block, s, p);
     single(block, [&] {
       s.scalar[kTheta] = static_cast<Real>(terms);
-      s.scalar[kProgress] = 0;
-      s.scalar[kLipschitz] = s.scalar[kBestResidual];
+      s.scalar[kProgress] = -1;
+      s.scalar[kLipschitz] = static_cast<Real>(__builtin_huge_valf());
     });
   }
 
@@ -103,16 +103,21 @@ struct Ipm {
     });
   }
 
-  /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before.
+  /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before; the first iteration's
+  /// was not an interior point.
   template <Law kLaw, Block B, class System>
   static STICTION_HD void watch(B& block, System& s) {
     using Real = typename System::Real;
     single(block, [&] {
-      const bool improved = s.scalar[kBestResidual] < Real(0.9F) * s.scalar[kLipschitz];
-      if (improved) s.scalar[kLipschitz] = s.scalar[kBestResidual];
-      s.scalar[kProgress] = improved ? Real(0) : s.scalar[kProgress] + Real(1);
-      if (s.scalar[kProgress] >= Real(patience(kLaw))) s.scalar[kOutcome] = Real(kFinished);
-      if (s.scalar[kLastResidual] > Real(kLost) * s.scalar[kBestResidual]) s.scalar[kOutcome] = Real(kGaveUp);
+      Real& smallest = s.scalar[kLipschitz];
+      Real& waited = s.scalar[kProgress];
+      const Real last = s.scalar[kLastResidual];
+      const bool is_first = waited < Real(0);
+      const bool improved = !is_first && last < Real(0.9F) * smallest;
+      if (improved) smallest = last;
+      waited = is_first || improved ? Real(0) : waited + Real(1);
+      if (waited >= Real(patience(kLaw))) s.scalar[kOutcome] = Real(kFinished);
+      if (!is_first && last > Real(kLost) * smallest) s.scalar[kOutcome] = Real(kGaveUp);
     });
   }
 };

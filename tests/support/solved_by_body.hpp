@@ -1,0 +1,43 @@
+#pragma once
+
+#include <vector>
+
+#include "core/body/solve_body.hpp"
+#include "core/schedule/plan.hpp"
+#include "tests/support/plan_views.hpp"
+#include "tests/support/small_systems.hpp"
+
+namespace stiction::test {
+
+/// What a body makes of one environment on a block of one, dense or sparse as asked: no solver, no machine.
+template <class Method, Law kLaw, class Real, template <class> class SystemOf>
+Solution<Real> solved_by_body(const Environment<double>& environment, double tolerance, Index max_iterations) {
+  const ContactBatch<Real> batch = convert<Real>(batch_of({environment}, kLaw));
+  const auto view = batch.view();
+  const PlanData plan = make_plan(view);
+  const auto rows = static_cast<std::size_t>(view.row_count);
+  Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows), std::vector<EnvStatus>(1)};
+  const EnvView<Real> env = slice(view, view_of(plan), kLaw, static_cast<const Real*>(nullptr), solution.lambda.data(),
+                                  solution.w.data(), solution.status.data(), Offset{0});
+  using System = SystemOf<Real>;
+  const auto solve_on = [&](Offset elements, const auto& make) {
+    std::vector<Real> memory(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
+    System system = make(memory.data());
+    SerialBlock block;
+    solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{Real(1)},
+                                    StopRule{tolerance, max_iterations, 0});
+  };
+  if constexpr (System::kMaintainsMotion) {
+    solve_on(System::elements(env.counts, Method::kRoom),
+             [&](Real* memory) { return System(env.counts, Method::kRoom, memory); });
+  } else {
+    solve_on(System::elements(env.n, env.cone_count, view.nonzero_count, Method::kRoom),
+             [&](Real* memory) { return System(env, Method::kRoom, memory); });
+  }
+  return solution;
+}
+
+template <class Real>
+using OnDense = DenseSystem<Real>;
+
+}  // namespace stiction::test
