@@ -49,17 +49,17 @@ struct Admm {
   static constexpr SolverKind kKind = SolverKind::admm;
   static constexpr MethodRoom kRoom{0, AdmmState::kVectors, 1};
   static constexpr Index kChunk = 4;
-  static STICTION_HD constexpr bool needs_symmetry(Law) { return true; }
+  static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
   static constexpr double kRelaxation = 1.6;
   static constexpr double kFreeShare = 1e-4;  ///< rho of free rows, which nothing splits, over rho of the others
-  static constexpr double kGrowth = 1.0;      ///< of the plain step's length beyond which a guess is taken back
-  static constexpr double kImbalance = 5.0;   ///< of primal and dual residual beyond which rho changes
+  static constexpr double kGrowth = 2.0;      ///< of the plain step's length beyond which a guess is taken back
+  static constexpr double kImbalance = 10.0;  ///< of primal and dual residual beyond which rho changes
   static constexpr Index kCheckInterval = 12;
   static_assert(kCheckInterval % kChunk == 0);
-  static constexpr Index kMostSwitches = 10;
+  static constexpr Index kMostSwitches = 4;
   static constexpr Index kRungs = 6;
   static constexpr Index kFirstRung = 2;
   static STICTION_HD double rung(Index k) {

@@ -99,6 +99,7 @@ void torture_dense(const Environment<double>& environment, bool warm) {
   ASSERT_EQ(one.path(), EnvPath::dense);
   one.template expect_same_dense<1>(1, kSerial, "serial, stride 1");
 <<<<<<< HEAD
+<<<<<<< HEAD
   // A method that factorises takes environments one at a time: its doubles have no stride.
   if constexpr (!Method::kRoom.is_direct()) one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
   for (const Index width : kWidths) {
@@ -117,6 +118,13 @@ void torture_dense(const Environment<double>& environment, bool warm) {
     one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
     for (const Index width : kWidths) one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
 >>>>>>> h6
+=======
+  for (const Index width : kWidths) one.template expect_same_dense<1>(width, kTorture<1>, "tile 1, stride 1");
+  // Methods that factorise take environments one at a time.
+  if constexpr (!Method::kRoom.is_direct()) {
+    one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
+    for (const Index width : kWidths) one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
+>>>>>>> h7
   }
 }
 
