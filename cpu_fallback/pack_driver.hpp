@@ -29,7 +29,7 @@ EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
-  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::kRoom);
+  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::room());
 }
 
 /// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
@@ -41,7 +41,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   using Lanes = Pack<Real, kWidth>;
   const MethodParams<Real> params{job.omega, job.is_rung};
   SerialBlock block;
-  DenseSystem<Lanes> pack(slots, Method::kRoom, reinterpret_cast<Lanes*>(scratch));
+  DenseSystem<Lanes> pack(slots, Method::room(), reinterpret_cast<Lanes*>(scratch));
 
   struct Lane {
     EnvView<Real> env;
@@ -54,7 +54,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   int busy = 0;
   // An environment is loaded where its numbers lie together and then moved into its lane, together with all others that
   // enter at the same time: in a lane every number has a cache line of its own, and each line is visited once.
-  const Offset elements = DenseSystem<Real>::elements(slots, Method::kRoom);
+  const Offset elements = DenseSystem<Real>::elements(slots, Method::room());
   Real* const staging = scratch + kWidth * elements;
   // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
   for (Offset i = 0; i < 2 * kWidth * elements; ++i) scratch[i] = Real(0);
@@ -64,12 +64,12 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
     int entering_count = 0;
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes[l];
-      const DenseSystem<Real, kWidth> system(slots, Method::kRoom, scratch + l);
+      const DenseSystem<Real, kWidth> system(slots, Method::room(), scratch + l);
       if (lane.busy && settle<Method>(block, lane.env, system, lane.rule, lane.progress)) {
         lane.busy = false;
         --busy;
       }
-      DenseSystem<Real> staged(slots, Method::kRoom, staging + l * elements);
+      DenseSystem<Real> staged(slots, Method::room(), staging + l * elements);
       while (!lane.busy && next < count) {
         lane.rule = stop_rule(job, Method::kKind, envs[next]);
         lane.env = slice(job, envs[next++]);
@@ -110,10 +110,10 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
 template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::kRoom);
+  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::room());
   if (job.plan.path[env] == EnvPath::factor)
-    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::kRoom);
-  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::kRoom);
+    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::room());
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::room());
 }
 
 template <class Method, Law kLaw, class Real>
@@ -125,13 +125,13 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   if (job.plan.path[env] == EnvPath::empty) {
     answer_empty(block, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
-    DenseSystem<Real> system(view.counts, Method::kRoom, scratch);
+    DenseSystem<Real> system(view.counts, Method::room(), scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
-    FactorSystem<Real> system(view, Method::kRoom, scratch);
+    FactorSystem<Real> system(view, Method::room(), scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else {
-    SparseSystem<Real> system(view, Method::kRoom, scratch);
+    SparseSystem<Real> system(view, Method::room(), scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   }
 }
@@ -139,7 +139,7 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
   cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
-  constexpr bool kPacks = 1 < kPackWidth<Real> && !Method::kRoom.is_direct();
+  constexpr bool kPacks = 1 < kPackWidth<Real> && !Method::room().is_direct();
   if constexpr (kPacks) {
     table.pack_width = kPackWidth<Real>;
     table.pack_elements = pack_elements<Method, kLaw, Real>;

@@ -47,7 +47,7 @@ struct AdmmState {
 /// of rho.
 struct Admm {
   static constexpr SolverKind kKind = SolverKind::admm;
-  static constexpr MethodRoom kRoom{0, AdmmState::kVectors, 1};
+  static STICTION_HD constexpr MethodRoom room() { return {0, AdmmState::kVectors, 1}; }
   static constexpr Index kChunk = 4;
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
@@ -68,7 +68,7 @@ struct Admm {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  static STICTION_HD_OUTLINE void start(B& block, System& s) {
     using Real = typename System::Real;
     const AdmmState a = AdmmState::of(s);
     s.for_each_cone(block, [&](auto shape, Index, Index row) {
@@ -106,7 +106,7 @@ struct Admm {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
     const AdmmState a = AdmmState::of(s);
     const double rho = penalty(s);
@@ -172,7 +172,7 @@ struct Admm {
 
   /// K = scale (A + R) scale, symmetrised. Returns the largest difference that this took.
   template <Block B, class System>
-  static STICTION_HD double fill_scaled(B& block, const System& s, const AdmmState& a) {
+  static STICTION_HD_OUTLINE double fill_scaled(B& block, const System& s, const AdmmState& a) {
     const DenseMatrix& K = a.factor;
     fill_matrix(block, s, K);
     double difference = 0.0;
@@ -188,7 +188,7 @@ struct Admm {
   /// What the factor does not know of an A that is not symmetric, from the motion that was recorded with x: the motion
   /// less load, less K + rho as the factor has it, plus rho. Once in a chunk is often enough, since it is small.
   template <Block B, class System>
-  static STICTION_HD void find_skew(B& block, const System& s, const AdmmState& a) {
+  static STICTION_HD_OUTLINE void find_skew(B& block, const System& s, const AdmmState& a) {
     const DenseMatrix& L = a.factor;
     const double rho = penalty(s);
     for_each(block, a.n, [&](Index j) {
@@ -208,7 +208,7 @@ struct Admm {
 
   /// The largest eigenvalue of K, from below: a few steps of the power method from a start that is the same for all.
   template <Block B>
-  static STICTION_HD double largest_eigenvalue(B& block, const AdmmState& a) {
+  static STICTION_HD_OUTLINE double largest_eigenvalue(B& block, const AdmmState& a) {
     constexpr int kSteps = 8;
     const DenseMatrix& K = a.factor;
     const auto length = [&](const double* v) {
@@ -236,7 +236,7 @@ struct Admm {
   }
 
   template <Block B, class System>
-  static STICTION_HD void factorise(B& block, const System& s, const AdmmState& a) {
+  static STICTION_HD_OUTLINE void factorise(B& block, const System& s, const AdmmState& a) {
     constexpr double kFloor = 0x1p-48;
     const double rho = penalty(s);
     s.for_each_cone(block, [&](auto shape, Index, Index row) {
@@ -273,7 +273,7 @@ struct Admm {
   }
 
   template <Block B, class System>
-  static STICTION_HD void forget(B& block, System& s) {
+  static STICTION_HD_OUTLINE void forget(B& block, System& s) {
     using Real = typename System::Real;
     single(block, [&] {
       s.scalar[kHistory] = Real(-1);
@@ -284,7 +284,7 @@ struct Admm {
   /// g to the next iterate: accelerated, unless the last guess made the plain step longer; then to where a plain step
   /// from the iterate before would have led.
   template <Block B, class System>
-  static STICTION_HD void move(B& block, System& s, const AdmmState& a) {
+  static STICTION_HD_OUTLINE void move(B& block, System& s, const AdmmState& a) {
     using Real = typename System::Real;
     const double square = sum_leaves<double>(block, [&](Index leaf) {
       double sum = 0.0;
@@ -327,7 +327,7 @@ struct Admm {
 
   /// A rung up or down the ladder where one residual outweighs the other, and a new factor.
   template <Block B, class System>
-  static STICTION_HD void balance(B& block, System& s, const AdmmState& a, double primal, double dual) {
+  static STICTION_HD_OUTLINE void balance(B& block, System& s, const AdmmState& a, double primal, double dual) {
     using Real = typename System::Real;
     const Index at = static_cast<Index>(s.scalar[kRung]);
     const Index switches = static_cast<Index>(s.scalar[kSwitches]);

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// may not fall faster than the shift comes to rest.
 struct Ipm {
   static constexpr SolverKind kKind = SolverKind::ipm;
-  static constexpr MethodRoom kRoom{0, IpmSpace::kVectors, IpmSpace::kMatrices};
+  static STICTION_HD constexpr MethodRoom room() { return {0, IpmSpace::kVectors, IpmSpace::kMatrices}; }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
@@ -25,7 +25,7 @@ struct Ipm {
   static constexpr double kShiftGuard = 0.1;
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  static STICTION_HD_OUTLINE void start(B& block, System& s) {
     using Real = typename System::Real;
     const IpmSpace p(s);
     const double terms = start_interior(block, s, p);
@@ -37,7 +37,7 @@ struct Ipm {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     const IpmSpace p(s);
     const auto terms = static_cast<double>(s.scalar[kTheta]);
     const double drift = refresh_motion_wide<kLaw>(block, s, p);
@@ -65,7 +65,7 @@ struct Ipm {
  private:
   /// motion = A x + b + shift, the shift being norm(y_t) of this very motion. Returns the work of the shift's change.
   template <Law kLaw, Block B, class System>
-  static STICTION_HD double refresh_motion_wide(B& block, const System& s, const IpmSpace& p) {
+  static STICTION_HD_OUTLINE double refresh_motion_wide(B& block, const System& s, const IpmSpace& p) {
     multiply_wide(block, p.A, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
     if constexpr (kLaw == Law::convex) {
       return 0.0;
@@ -88,7 +88,7 @@ struct Ipm {
 
   /// The point as the solve's numbers, inside the cones to the last bit.
   template <Block B, class System>
-  static STICTION_HD void publish_point(B& block, System& s, const IpmSpace& p) {
+  static STICTION_HD_OUTLINE void publish_point(B& block, System& s, const IpmSpace& p) {
     using Real = typename System::Real;
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);
@@ -106,7 +106,7 @@ struct Ipm {
   /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before; the first iteration's
   /// was not an interior point.
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void watch(B& block, System& s) {
+  static STICTION_HD_OUTLINE void watch(B& block, System& s) {
     using Real = typename System::Real;
     single(block, [&] {
       Real& smallest = s.scalar[kLipschitz];

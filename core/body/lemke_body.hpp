@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 /// beginning of another path.
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
-  static constexpr MethodRoom kRoom{0, Tableau::kVectors, 1};
+  static STICTION_HD constexpr MethodRoom room() { return {0, Tableau::kVectors, 1}; }
   /// A pivot costs as much as a look at the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most
@@ -36,7 +36,7 @@ struct Lemke {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  static STICTION_HD_OUTLINE void start(B& block, System& s) {
     const Tableau t(s);
     single(block, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = t.state[kPivots] = 0.0; });
     // Boxes start at the bound that b pushes them to, equalities are solved for.
@@ -58,7 +58,7 @@ struct Lemke {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     if (s.scalar[kOutcome] != static_cast<typename System::Real>(kRunning)) return;
     const Tableau t(s);
     const auto entering = static_cast<Index>(t.state[kEntering]);
@@ -113,19 +113,19 @@ struct Lemke {
   }
 
   template <Block B, class System>
-  static STICTION_HD void end(B& block, System& s, Outcome outcome) {
+  static STICTION_HD_OUTLINE void end(B& block, System& s, Outcome outcome) {
     single(block, [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(outcome); });
   }
 
   /// The complement of what leaves the basis enters next.
   template <Block B>
-  static STICTION_HD void enter_next(B& block, const Tableau& t, Index leaving) {
+  static STICTION_HD_OUTLINE void enter_next(B& block, const Tableau& t, Index leaving) {
     single(block, [&] { t.state[kEntering] = static_cast<double>(leaving < t.n ? leaving + t.n : leaving - t.n); });
   }
 
   /// Where x goes to rest when it leaves the basis.
   template <Block B>
-  static STICTION_HD void note_side(B& block, const Tableau& t, Index leaving, bool at_lower) {
+  static STICTION_HD_OUTLINE void note_side(B& block, const Tableau& t, Index leaving, bool at_lower) {
     single(block, [&] {
       if (leaving < t.n) t.side[leaving] = at_lower ? 1.0 : -1.0;
     });
@@ -200,7 +200,7 @@ struct Lemke {
 
   /// The dictionary's own solution, clipped to the bounds.
   template <Block B, class System>
-  static STICTION_HD void write_iterate(B& block, System& s, const Tableau& t) {
+  static STICTION_HD_OUTLINE void write_iterate(B& block, System& s, const Tableau& t) {
     using Real = typename System::Real;
     for_each(block, t.n, [&](Index j) {
       const double x = t.is_basic(j) ? clamp_(t.value(t.row_of(j)), t.lo[j], t.hi[j]) : t.rest(j);

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// search. Anything else: semismooth Newton on the natural map with a proximal term, in alternation with sweeps.
 struct Newton {
   static constexpr SolverKind kKind = SolverKind::newton;
-  static constexpr MethodRoom kRoom{Npgs::kRoom.vectors, kNewtonVectors, kNewtonMatrices};
+  static STICTION_HD constexpr MethodRoom room() { return {Npgs::room().vectors, kNewtonVectors, kNewtonMatrices}; }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
@@ -37,7 +37,7 @@ struct Newton {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  static STICTION_HD_OUTLINE void start(B& block, System& s) {
     using Real = typename System::Real;
     if (kLaw == Law::convex && is_compliant(block, s)) {
       single(block, [&] {
@@ -51,7 +51,8 @@ struct Newton {
   }
 
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+  static STICTION_HD_OUTLINE void iterate(B& block, System& s,
+                                          const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
     const bool is_primal = s.scalar[kLipschitz] == Real(0);
     block.sync();

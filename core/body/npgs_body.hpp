@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// decision does not depend on an order of summation).
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
-  static constexpr MethodRoom kRoom{2};
+  static STICTION_HD constexpr MethodRoom room() { return {2}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;

@@ -15,7 +15,7 @@ struct MethodParams {
 /// form).
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
-  static constexpr MethodRoom kRoom{};
+  static STICTION_HD constexpr MethodRoom room() { return {}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
   template <class System>

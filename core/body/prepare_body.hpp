@@ -258,7 +258,7 @@ STICTION_HD_OUTLINE std::uint32_t load_system(B& block, const EnvView<Real>& env
 /// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
 template <class Method, class System>
 STICTION_HD std::uint32_t unsupported_flags(const System& s) {
-  std::uint32_t flags = Method::kRoom.matrices > 0 && s.n > kDirectRows ? kFlagNoRoom : 0U;
+  std::uint32_t flags = Method::room().matrices > 0 && s.n > kDirectRows ? kFlagNoRoom : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }

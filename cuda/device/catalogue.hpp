@@ -17,7 +17,7 @@ namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
 KernelRef bundles_kernel() {
-  if constexpr (Method::kRoom.is_direct()) {
+  if constexpr (Method::room().is_direct()) {
     return {};
   } else {
     return Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles");
@@ -36,7 +36,7 @@ template <class Make, class Method>
 SolverKernels solver_kernels() {
   return {{{solve_kernels<Make, Method, Law::convex, float>(), solve_kernels<Make, Method, Law::coulomb, float>()},
            {solve_kernels<Make, Method, Law::convex, double>(), solve_kernels<Make, Method, Law::coulomb, double>()}},
-          Method::kRoom};
+          Method::room()};
 }
 
 template <class Make>

@@ -33,13 +33,13 @@ struct SolveTeams {
       const MethodParams<Real> params{job.omega, job.is_rung};
       const StopRule rule = stop_rule(job, Method::kKind, index);
       if constexpr (kPath == EnvPath::dense) {
-        DenseSystem<Real> system(env.counts, Method::kRoom, memory);
+        DenseSystem<Real> system(env.counts, Method::room(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else if constexpr (kPath == EnvPath::factor) {
-        FactorSystem<Real> system(env, Method::kRoom, memory);
+        FactorSystem<Real> system(env, Method::room(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else {
-        SparseSystem<Real> system(env, Method::kRoom, memory);
+        SparseSystem<Real> system(env, Method::room(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       }
     }

@@ -30,10 +30,10 @@ void torture_factor() {
     const EnvView<Real> env = slice(batch.view(), view_of(plan), kLaw, static_cast<const Real*>(warm.data()),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
     std::vector<Real> memory(
-        static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::kRoom)),
+        static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::room())),
         static_cast<Real>(__builtin_nan("")));
     run_block(width, kTorture<1>, [&](auto& block) {
-      FactorSystem<Real> system(env, Method::kRoom, memory.data());
+      FactorSystem<Real> system(env, Method::room(), memory.data());
       solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{Real(o.omega)},
                                       StopRule{o.tolerance, o.max_iterations, o.stall_window});
     });

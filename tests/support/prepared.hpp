@@ -46,16 +46,16 @@ class Prepared {
 
   [[nodiscard]] Offset size() const {
     if constexpr (kDense) {
-      return System::elements(env.counts, Method::kRoom);
+      return System::elements(env.counts, Method::room());
     } else {
-      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::kRoom);
+      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::room());
     }
   }
   System make() {
     if constexpr (kDense) {
-      return System(env.counts, Method::kRoom, memory_.data());
+      return System(env.counts, Method::room(), memory_.data());
     } else {
-      return System(env, Method::kRoom, memory_.data());
+      return System(env, Method::room(), memory_.data());
     }
   }
 

@@ -33,7 +33,7 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
       solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{static_cast<Real>(options.omega)}, rule);
     });
   };
-  constexpr MethodRoom kRoom = Method::kRoom;
+  constexpr MethodRoom kRoom = Method::room();
   switch (plan.path[static_cast<std::size_t>(environment)]) {
     case EnvPath::dense:
       solve_with(DenseSystem<Real>(env.counts, kRoom, room(DenseSystem<Real>::elements(env.counts, kRoom))));

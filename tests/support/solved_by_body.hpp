@@ -28,11 +28,11 @@ Solution<Real> solved_by_body(const Environment<double>& environment, double tol
                                     StopRule{tolerance, max_iterations, 0});
   };
   if constexpr (System::kMaintainsMotion) {
-    solve_on(System::elements(env.counts, Method::kRoom),
-             [&](Real* memory) { return System(env.counts, Method::kRoom, memory); });
+    solve_on(System::elements(env.counts, Method::room()),
+             [&](Real* memory) { return System(env.counts, Method::room(), memory); });
   } else {
-    solve_on(System::elements(env.n, env.cone_count, view.nonzero_count, Method::kRoom),
-             [&](Real* memory) { return System(env, Method::kRoom, memory); });
+    solve_on(System::elements(env.n, env.cone_count, view.nonzero_count, Method::room()),
+             [&](Real* memory) { return System(env, Method::room(), memory); });
   }
   return solution;
 }

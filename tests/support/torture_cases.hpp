@@ -40,9 +40,9 @@ class TortureCase {
   /// The environment on a dense system of that stride, solved on `width` lanes that make(team, rank) gives.
   template <int kStride, class Make>
   void expect_same_dense(Index width, const Make& make, const std::string& label) const {
-    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::kRoom) * kStride,
+    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::room()) * kStride,
         [](const EnvView<Real>& env, Real* memory) {
-          return DenseSystem<Real, kStride>(env.counts, Method::kRoom, memory);
+          return DenseSystem<Real, kStride>(env.counts, Method::room(), memory);
         });
   }
 
@@ -51,8 +51,8 @@ class TortureCase {
     const auto view = batch_.view();
     run(width, make, label,
         SparseSystem<Real>::elements(static_cast<Index>(view.row_count), static_cast<Index>(view.cone_count),
-                                     view.nonzero_count, Method::kRoom),
-        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::kRoom, memory); });
+                                     view.nonzero_count, Method::room()),
+        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::room(), memory); });
   }
 
  private:
@@ -98,33 +98,13 @@ void torture_dense(const Environment<double>& environment, bool warm) {
   const TortureCase<Method, kLaw, Real> one(environment, warm);
   ASSERT_EQ(one.path(), EnvPath::dense);
   one.template expect_same_dense<1>(1, kSerial, "serial, stride 1");
-<<<<<<< HEAD
-<<<<<<< HEAD
-  // A method that factorises takes environments one at a time: its doubles have no stride.
-  if constexpr (!Method::kRoom.is_direct()) one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
-  for (const Index width : kWidths) {
-    one.template expect_same_dense<1>(width, kTorture<1>, "tile 1, stride 1");
-    if constexpr (Method::kRoom.is_direct()) {
-      one.template expect_same_dense<1>(width, kTorture<8>, "tile 8, stride 1");
-    } else {
-      one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
-    }
-=======
   for (const Index width : kWidths) one.template expect_same_dense<1>(width, kTorture<1>, "tile 1, stride 1");
-  if constexpr (Method::kRoom.is_direct()) {
+  if constexpr (Method::room().is_direct()) {
     // A method that factorises has an environment to itself.
     for (const Index width : kWidths) one.template expect_same_dense<1>(width, kTorture<8>, "tile 8, stride 1");
   } else {
     one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
     for (const Index width : kWidths) one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
->>>>>>> h6
-=======
-  for (const Index width : kWidths) one.template expect_same_dense<1>(width, kTorture<1>, "tile 1, stride 1");
-  // Methods that factorise take environments one at a time.
-  if constexpr (!Method::kRoom.is_direct()) {
-    one.template expect_same_dense<32>(1, kSerial, "serial, stride 32");
-    for (const Index width : kWidths) one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
->>>>>>> h7
   }
 }
 

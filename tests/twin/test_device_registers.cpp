@@ -90,7 +90,7 @@ void expect_equal_chunks(int count) {
     advance_chunk<Method, kLaw>(plain.block, plain.system(), params, rule, progress);
     advance_chunk<Method, kLaw>(windowed.block, windowed.system(), params, rule, progress_windowed, window);
     ASSERT_EQ(progress.iterations, progress_windowed.iterations);
-    ASSERT_EQ(state_of(plain.system(), Method::kRoom.vectors), state_of(windowed.system(), Method::kRoom.vectors))
+    ASSERT_EQ(state_of(plain.system(), Method::room().vectors), state_of(windowed.system(), Method::room().vectors))
         << count << " contacts, " << progress.iterations << " iterations";
   }
 }

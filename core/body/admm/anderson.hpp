@@ -51,7 +51,7 @@ STICTION_HD AndersonWeights anderson_weights(const double* gram, Index count) {
 /// The weights for a residual f and `count` remembered changes of it, change(j) being a vector of n. Each inner product
 /// is summed by one lane from the left.
 template <Block B, class Change>
-STICTION_HD AndersonWeights anderson(B& block, Index n, const double* f, Index count, Change&& change) {
+STICTION_HD_OUTLINE AndersonWeights anderson(B& block, Index n, const double* f, Index count, Change&& change) {
   double own[kGramEntries];
   double* gram = own;
   const auto fill = [&](Index i, Index j) {

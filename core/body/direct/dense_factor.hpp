@@ -18,7 +18,7 @@ struct DenseMatrix {
 /// neighbours. A pivot that is not above `floor` belongs to a direction that K does not see: it is replaced by a number
 /// so large that the solution has no part along it. Returns how many were, on every lane.
 template <Block B>
-STICTION_HD Index factor_ldl(B& block, const DenseMatrix& K, double floor) {
+STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floor) {
   constexpr double kOutOfReach = 0x1p+512;
   const Index n = K.n;
   Index replaced = 0;
@@ -54,7 +54,7 @@ STICTION_HD Index factor_ldl(B& block, const DenseMatrix& K, double floor) {
 
 /// v = K^-1 v by the factor.
 template <Block B>
-STICTION_HD void solve_ldl(B& block, const DenseMatrix& K, double* v) {
+STICTION_HD_OUTLINE void solve_ldl(B& block, const DenseMatrix& K, double* v) {
   const Index n = K.n;
   for (Index j = 0; j + 1 < n; ++j) {
     const double known = v[j];

@@ -10,13 +10,13 @@
 namespace stiction::inline STICTION_ISA {
 
 template <Block B, class Real>
-STICTION_HD void fill_matrix(B& block, const DenseSystem<Real, 1>& s, const DenseMatrix& K) {
+STICTION_HD_OUTLINE void fill_matrix(B& block, const DenseSystem<Real, 1>& s, const DenseMatrix& K) {
   for_each(block, s.n * s.n, [&](Index k) { K.data[k] = static_cast<double>(s.A[k]); });
 }
 
 /// Stored entries of one place add up in stored order.
 template <Block B, class Real>
-STICTION_HD void fill_matrix(B& block, const SparseSystem<Real>& s, const DenseMatrix& K) {
+STICTION_HD_OUTLINE void fill_matrix(B& block, const SparseSystem<Real>& s, const DenseMatrix& K) {
   const EnvView<Real>& env = *s.env;
   for_each(block, s.n, [&](Index i) {
     for (Index j = 0; j < s.n; ++j) K(i, j) = 0.0;
@@ -30,7 +30,7 @@ STICTION_HD void fill_matrix(B& block, const SparseSystem<Real>& s, const DenseM
 }
 
 template <Block B, class Real>
-STICTION_HD void fill_matrix(B& block, const FactorSystem<Real>& s, const DenseMatrix& K) {
+STICTION_HD_OUTLINE void fill_matrix(B& block, const FactorSystem<Real>& s, const DenseMatrix& K) {
   for_each(block, s.n, [&](Index i) {
     for (Index j = 0; j < s.n; ++j) {
       double sum = i == j ? static_cast<double>(s.R[i]) : 0.0;

@@ -70,7 +70,7 @@ struct ConeScaling {
 
 /// The scaling of x and z, both inside the cone (Vandenberghe 2010, section 4.2).
 template <int M>
-STICTION_HD ConeScaling<M> scale_cone(const double (&x)[M], const double (&z)[M]) {
+STICTION_HD_OUTLINE ConeScaling<M> scale_cone(const double (&x)[M], const double (&z)[M]) {
   const double size_x = sqrt_(cone_determinant<M>(x));
   const double size_z = sqrt_(cone_determinant<M>(z));
   const double cosine = div_(careful_dot<M>(x, z, 1.0), size_x * size_z);
@@ -126,7 +126,7 @@ STICTION_HD void subtract_jordan_product(double (&d)[M], const double (&u)[M], c
 /// The reciprocal of the largest t for which lambda + t d is in the cone; zero where it always is (Vandenberghe 2010,
 /// section 8.3).
 template <int M>
-STICTION_HD double reciprocal_step(const double (&lambda)[M], const double (&d)[M]) {
+STICTION_HD_OUTLINE double reciprocal_step(const double (&lambda)[M], const double (&d)[M]) {
   const double size = sqrt_(cone_determinant<M>(lambda));
   const double first = div_(careful_dot<M>(lambda, d, -1.0), size);
   const double factor = div_(first + d[0], lambda[0] + size);

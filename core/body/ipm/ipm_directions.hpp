@@ -13,7 +13,7 @@ inline constexpr double kThinnestMargin = 0x1p-48;
 
 /// The sum of all products of slacks and multipliers.
 template <Block B, class System>
-STICTION_HD double complementarity(B& block, const System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE double complementarity(B& block, const System& s, const IpmSpace& p) {
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
@@ -33,7 +33,7 @@ STICTION_HD double step_length(double reciprocal, double part) {
 /// The step towards complementarity zero. Leaves it in p.affine and returns how much of the complementarity the
 /// corrector may aim at: (gap that it would leave / gap)^3.
 template <Block B, class System>
-STICTION_HD double predict(B& block, const System& s, const IpmSpace& p, double gap) {
+STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p, double gap) {
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     double v[Shape::kRows];
@@ -97,7 +97,7 @@ STICTION_HD void scaled_step(const ConeScaling<M>& scaling, const IpmSpace& p, I
 
 /// The step to complementarity `target` with the predictor's second-order term, taken as far as the cones allow.
 template <Block B, class System>
-STICTION_HD void correct(B& block, const System& s, const IpmSpace& p, double target) {
+STICTION_HD_OUTLINE void correct(B& block, const System& s, const IpmSpace& p, double target) {
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     constexpr int kRows = Shape::kRows;

@@ -118,7 +118,7 @@ STICTION_HD RowBounds row_bounds(Shape, const System& s, Index cone) {
 
 /// The sum of the entries, fixed tree.
 template <Block B>
-STICTION_HD double sum_entries(B& block, const double* v, Index n) {
+STICTION_HD_OUTLINE double sum_entries(B& block, const double* v, Index n) {
   return sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < n; i += kReduceLeaves) sum = sum + v[i];
@@ -128,7 +128,7 @@ STICTION_HD double sum_entries(B& block, const double* v, Index n) {
 
 /// store(i, row i of A times v), each row summed over columns from the left.
 template <Block B, class Store>
-STICTION_HD void multiply_wide(B& block, const DenseMatrix& A, const double* v, Store&& store) {
+STICTION_HD_OUTLINE void multiply_wide(B& block, const DenseMatrix& A, const double* v, Store&& store) {
   constexpr Index kTile = B::kRowTile;
   for_each(block, (A.n + kTile - 1) / kTile, [&](Index tile) {
     const Index first = tile * kTile;

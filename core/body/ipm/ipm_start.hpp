@@ -21,8 +21,8 @@ STICTION_HD void start_bound(bool present, double room, double gap, double& slac
 }
 
 /// A row's first point: `wish`, pushed at least `margin` inside its bounds or to the middle between them.
-STICTION_HD void start_row(const IpmSpace& p, Index row, const RowBounds& bounds, double wish, double margin,
-                           double gap) {
+STICTION_HD_OUTLINE void start_row(const IpmSpace& p, Index row, const RowBounds& bounds, double wish, double margin,
+                                   double gap) {
   double lower = margin;
   double upper = margin;
   p.x[row] = wish;
@@ -47,7 +47,7 @@ STICTION_HD void start_row(const IpmSpace& p, Index row, const RowBounds& bounds
 
 /// The same for a friction cone: moved up its axis, and z = gap times the inverse of x in the cone's algebra.
 template <int M>
-STICTION_HD void start_cone(const IpmSpace& p, Index row, double (&wish)[M], double margin, double gap) {
+STICTION_HD_OUTLINE void start_cone(const IpmSpace& p, Index row, double (&wish)[M], double margin, double gap) {
   double sum = 0.0;
   for (int k = 1; k < M; ++k) sum = fma_(wish[k], wish[k], sum);
   wish[0] = max_(wish[0], sqrt_(sum)) + margin;
@@ -61,7 +61,7 @@ STICTION_HD void start_cone(const IpmSpace& p, Index row, double (&wish)[M], dou
 /// Fills the space and returns the number of barrier terms. The point is the minimiser of the problem without cones
 /// but with each cone's own mean diagonal added, pushed inside; its size gives all cones one complementarity.
 template <Block B, class System>
-STICTION_HD double start_interior(B& block, System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p) {
   fill_matrix(block, s, p.A);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);

@@ -23,7 +23,7 @@ STICTION_HD double barrier_diagonal(Shape, const IpmSpace& p, Index row, int k) 
 
 /// The cones' scalings at the current point.
 template <Block B, class System>
-STICTION_HD void scale_cones(B& block, const System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE void scale_cones(B& block, const System& s, const IpmSpace& p) {
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
@@ -41,7 +41,7 @@ STICTION_HD void scale_cones(B& block, const System& s, const IpmSpace& p) {
 
 /// K = Q' (A + diag R) Q + D, factored.
 template <Block B, class System>
-STICTION_HD void factor_step(B& block, const System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& p) {
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     for (Index i = 0; i < p.n; ++i) {
@@ -74,7 +74,7 @@ STICTION_HD void factor_step(B& block, const System& s, const IpmSpace& p) {
 
 /// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back.
 template <Block B, class System>
-STICTION_HD void solve_step(B& block, const System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p) {
   constexpr int kRefinements = 2;
   for_each(block, p.n, [&](Index i) { p.step[i] = p.force[i]; });
   solve_ldl(block, p.K, p.step);

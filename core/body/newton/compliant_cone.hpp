@@ -32,7 +32,7 @@ inline constexpr int kSlidingSteps = 12;
 /// inverse of norm(s) is concave and increasing in tau, so Newton's method on it never passes the root; it is a
 /// straight line if all R_i are equal.
 template <int M>
-STICTION_HD void slide(CompliantPoint<M>& point, const double (&u)[M], const double (&R)[M]) {
+STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], const double (&R)[M]) {
   double tau = max_(div_(0.0 - u[0], R[0]), 0.0);
   for (int k = 1; k < M; ++k) tau = max_(div_(abs_(u[k]) - u[0], R[k] + R[0]), tau);
   double eta = 0.0;
@@ -63,7 +63,8 @@ STICTION_HD void slide(CompliantPoint<M>& point, const double (&u)[M], const dou
 
 /// x(u). R > 0; a friction axis without friction has u = 0 and any R > 0.
 template <class Shape, int M>
-STICTION_HD CompliantPoint<M> compliant_point(Shape, const double (&u)[M], const double (&R)[M], double lo, double hi) {
+STICTION_HD_OUTLINE CompliantPoint<M> compliant_point(Shape, const double (&u)[M], const double (&R)[M], double lo,
+                                                      double hi) {
   CompliantPoint<M> point{};
   for (int k = 0; k < M; ++k) {
     point.x[k] = div_(0.0 - u[k], R[k]);
@@ -95,7 +96,8 @@ STICTION_HD CompliantPoint<M> compliant_point(Shape, const double (&u)[M], const
 /// tangent space T of the cone, spanned by (1, s) and the w orthogonal to s, and W = T (T'HT)^-1 T' with H = R and on
 /// the w also eta / tau, the curvature of the boundary: C = T L^-T with L L' = T'HT, positive definite.
 template <class Shape, int M>
-STICTION_HD void compliance_factor(Shape, const CompliantPoint<M>& point, const double (&R)[M], double (&C)[M][M]) {
+STICTION_HD_OUTLINE void compliance_factor(Shape, const CompliantPoint<M>& point, const double (&R)[M],
+                                           double (&C)[M][M]) {
   for (int i = 0; i < M; ++i)
     for (int j = 0; j < M; ++j) C[i][j] = 0.0;
   if (point.zone == kHeld)

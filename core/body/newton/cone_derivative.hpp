@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// An element of the generalised derivative of a cone's projection at z (docs/math/newton.md, (9)): of the circular
 /// unit cone, the half line, the interval [lo, hi] or the line.
 template <class Shape, int M>
-STICTION_HD void projection_derivative(Shape, const double (&z)[M], double lo, double hi, double (&P)[M][M]) {
+STICTION_HD_OUTLINE void projection_derivative(Shape, const double (&z)[M], double lo, double hi, double (&P)[M][M]) {
   double inside = 1.0;
   if constexpr (Shape::kKind == ConeKind::unilateral) inside = z[0] > 0.0 ? 1.0 : 0.0;
   if constexpr (Shape::kKind == ConeKind::box) inside = z[0] > lo && z[0] < hi ? 1.0 : 0.0;

@@ -51,7 +51,7 @@ STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
 
 /// The sum of what every cone left in `terms`.
 template <Block B>
-STICTION_HD double sum_terms(B& block, const double* terms, Index count) {
+STICTION_HD_OUTLINE double sum_terms(B& block, const double* terms, Index count) {
   return sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index c = leaf; c < count; c += kReduceLeaves) sum = sum + terms[c];

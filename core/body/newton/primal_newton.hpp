@@ -28,7 +28,7 @@ STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, 
 
 /// u = A zeta + b.
 template <Block B, class System>
-STICTION_HD void renew_motion(B& block, System& s) {
+STICTION_HD_OUTLINE void renew_motion(B& block, System& s) {
   const NewtonRoom room = newton_room(s);
   double* const u = room.vector(kMotion);
   multiply_dense(
@@ -211,7 +211,7 @@ STICTION_HD_OUTLINE double search_line(B& block, const System& s, double slope, 
 /// What rounding makes of a slope: eps times the sum of the magnitudes it is made of. A stiff row answers to the
 /// rounding of its motion as it does to motion.
 template <Block B, class System>
-STICTION_HD double slope_noise(B& block, const System& s) {
+STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   const double terms = sum_leaves<double>(block, [&](Index leaf) {

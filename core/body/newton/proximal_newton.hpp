@@ -28,8 +28,8 @@ struct ProximalPoint {
 };
 
 template <Law kLaw, class Shape, class System, int M>
-STICTION_HD ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index cone, const double (&x)[M],
-                                          const double (&y)[M], const double (&centre)[M], double pull) {
+STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index cone, const double (&x)[M],
+                                                  const double (&y)[M], const double (&centre)[M], double pull) {
   ProximalPoint<M> point;
   const auto inverse = static_cast<double>(s.inv_cone[cone]);
   const double D = inverse > 0.0 ? inverse : 1.0;
@@ -55,7 +55,7 @@ STICTION_HD ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index co
 
 /// y = (A + R) x + b.
 template <Block B, class System>
-STICTION_HD void renew_motion(B& block, const System& s, Index point, Index motion) {
+STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
   const NewtonRoom room = newton_room(s);
   double* const y = room.vector(motion);
   multiply_dense(
@@ -188,7 +188,7 @@ STICTION_HD_OUTLINE void try_step(B& block, const System& s, double length) {
 
 /// The natural map that rounding leaves of a solution, squared.
 template <Block B, class System>
-STICTION_HD double merit_noise(B& block, const System& s) {
+STICTION_HD_OUTLINE double merit_noise(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   const double terms = sum_leaves<double>(block, [&](Index leaf) {
