@@ -74,7 +74,7 @@ STICTION_HD_OUTLINE ConeScaling<M> scale_cone(const double (&x)[M], const double
   const double size_x = sqrt_(cone_determinant<M>(x));
   const double size_z = sqrt_(cone_determinant<M>(z));
   const double cosine = div_(careful_dot<M>(x, z, 1.0), size_x * size_z);
-  const double gamma = sqrt_(0.5 * (1.0 + max_(cosine, 1.0)));
+  const double gamma = sqrt_(fma_(0.5, max_(cosine - 1.0, 0.0), 1.0));
   const double x_0 = div_(x[0], size_x);
   const double z_0 = div_(z[0], size_z);
   const double inverse = div_(0.5, gamma);

@@ -84,7 +84,7 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
     }
   });
   const double left = max_(sum_entries(block, p.work, p.n), 0.0);
-  const double ratio = gap > 0.0 ? min_(div_(left, gap), 1.0) : 0.0;
+  const double ratio = left < gap ? div_(left, gap) : (gap > 0.0 ? 1.0 : 0.0);
   return ratio * ratio * ratio;
 }
 
