@@ -1,6 +1,7 @@
 #include "core/body/apgd_body.hpp"
 #include "core/body/jacobi_body.hpp"
 #include "core/body/jacobian_body.hpp"
+#include "core/body/newton_body.hpp"
 #include "core/body/npgs_body.hpp"
 
 #include "tests/support/jacobian_systems.hpp"
@@ -54,6 +55,7 @@ TEST(torture, factors_have_the_same_bits_on_blocks_of_every_width) {
   torture_both_laws<Npgs>();
   torture_both_laws<Jacobi>();
   torture_both_laws<Apgd>();
+  torture_both_laws<Newton>();
 }
 
 TEST(torture, assembling_and_velocities_have_the_same_bits_on_blocks_of_every_width) {

@@ -53,7 +53,7 @@ STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], c
   const double inverse = div_(1.0, sqrt_(squares));
   point.zone = kSlides;
   point.normal = tau;
-  point.stiffness = min_(div_(eta, tau), 0x1p+400);
+  point.stiffness = tau > eta * 0x1p-400 ? div_(eta, tau) : 0x1p+400;
   point.x[0] = tau;
   for (int k = 1; k < M; ++k) {
     point.s[k] = point.s[k] * inverse;
