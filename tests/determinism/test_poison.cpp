@@ -117,7 +117,7 @@ TYPED_TEST_SUITE(Poisoned, Precisions);
 
 TYPED_TEST(Poisoned, OneEnvironmentIsFlaggedAndNoOtherChangesABit) {
   using Real = TypeParam;
-  for (const SolverKind solver : kAllSolvers) {
+  for (const SolverKind solver : kEverySolver) {
     SolverOptions o = options(solver, 1e-3, 24);
     o.invalid = InvalidPolicy::isolate;
     const auto sound = solve_hashes(this->batch, o);

@@ -12,7 +12,7 @@ using namespace stiction;
 using namespace stiction::test;
 
 TEST(Ragged, ABatchWithoutEnvironmentsIsSolvedByDoingNothing) {
-  for (const SolverKind solver : kAllSolvers) {
+  for (const SolverKind solver : kEverySolver) {
     const Solution<double> solution = solve(ContactBatch<double>(), options(solver, 1e-6, 10));
     EXPECT_TRUE(solution.lambda.empty());
     EXPECT_TRUE(solution.status.empty());
@@ -21,7 +21,7 @@ TEST(Ragged, ABatchWithoutEnvironmentsIsSolvedByDoingNothing) {
 
 TEST(Ragged, EnvironmentsWithoutRowsAreSolvedAtOnce) {
   const auto batch = batch_of(std::vector<Environment<double>>(37));
-  for (const SolverKind solver : kAllSolvers) {
+  for (const SolverKind solver : kEverySolver) {
     const Solution<double> solution = solve(batch, options(solver, 1e-6, 10));
     ASSERT_EQ(solution.status.size(), 37U);
     for (const EnvStatus& status : solution.status) {

@@ -15,7 +15,7 @@ TYPED_TEST_SUITE(Threads, Precisions);
 
 TYPED_TEST(Threads, TheNumberOfThreadsReachesNoBitOfAnyEnvironment) {
   const ContactBatch<TypeParam> batch = convert<TypeParam>(ragged_batch(5, 3));
-  for (const SolverKind solver : kAllSolvers) {
+  for (const SolverKind solver : kEverySolver) {
     SCOPED_TRACE(to_string(solver));
     SolverOptions o = options(solver, 1e-3, 40);
     const auto alone = solve_hashes(batch, o);

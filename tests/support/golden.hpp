@@ -6,6 +6,7 @@
 
 #include "stiction/types.hpp"
 #include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
 
 /// The golden hashes: what every build, compiler and machine must answer within one numerics epoch.
 namespace stiction::test {
@@ -59,7 +60,7 @@ inline std::vector<Golden> compute_goldens(Device device = Device::cpu()) {
   std::vector<Golden> result;
   for (const GoldenScene& golden : kGoldenScenes) {
     const ContactBatch<double> scene = scene_batch(golden.scene, golden.envs, kGoldenSeed, golden.size);
-    for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd})
+    for (const SolverKind solver : kEverySolver)
       for (const Law law : {Law::convex, Law::coulomb}) {
         result.push_back({golden.scene, solver, Precision::f32, law, batch_hash<float>(scene, solver, law, device)});
         result.push_back({golden.scene, solver, Precision::f64, law, batch_hash<double>(scene, solver, law, device)});

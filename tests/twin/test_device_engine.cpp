@@ -5,6 +5,7 @@
 #include "cuda/engine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
+#include "tests/support/small_systems.hpp"
 
 /// The GPU's host code and kernels on the host device: what it queues, in any order the streams allow, gives the CPU's
 /// bits.
@@ -38,7 +39,7 @@ TEST(DeviceEngine, every_solver_law_and_precision_gives_the_cpus_bits) {
   const ContactBatch<double> batch = ragged_batch(2, 7);
   const ContactBatch<float> single = convert<float>(batch);
   cuda::HostDevice device({2, 3, 11});
-  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd})
+  for (const SolverKind solver : kEverySolver)
     for (const Law law : {Law::convex, Law::coulomb}) {
       SolverOptions options = quick(solver);
       options.law = law;
