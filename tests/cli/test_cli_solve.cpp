@@ -46,8 +46,9 @@ Words keys(const Json& json) {
 
 TEST_F(Solve, TheReportHasTheAgreedKeys) {
   const Json json = report({});
-  EXPECT_EQ(keys(json), (Words{"schema_version", "device", "solver", "precision", "law", "environments", "rows",
-                               "cones", "seconds", "iterations", "residual", "flags", "answered", "unconverged", "hash", "epoch"}));
+  EXPECT_EQ(keys(json),
+            (Words{"schema_version", "device", "solver", "precision", "law", "environments", "rows", "cones", "seconds",
+                   "iterations", "residual", "flags", "answered", "unconverged", "hash", "epoch"}));
   EXPECT_EQ(keys(json["seconds"]), (Words{"load", "plan", "solve"}));
   for (const char* spread : {"iterations", "residual"}) {
     EXPECT_EQ(keys(json[spread]), (Words{"min", "median", "p90", "max"}));

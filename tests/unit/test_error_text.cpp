@@ -58,8 +58,9 @@ TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
     FAIL() << "accepted";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
-    EXPECT_STREQ(error.what(),
-                 "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
+    EXPECT_STREQ(
+        error.what(),
+        "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
   }
 }
 
