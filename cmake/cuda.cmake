@@ -4,14 +4,15 @@ if(NOT STICTION_ENABLE_CUDA STREQUAL "OFF")
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
-    if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES)
-      # Machine code for H100/H200, PTX for A100 (which its driver translates once) and for what comes after. Machine
-      # code for an architecture more costs as much time as the rest of the build.
-      set(CMAKE_CUDA_ARCHITECTURES 80-virtual 90-real 90-virtual)
-      # Methods that factorise, of which there are many: one PTX that every driver translates.
-      set(STICTION_CUDA_DIRECT_ARCHITECTURES 80-virtual)
+    # By default one PTX, for A100 and whatever comes after. From that same PTX comes machine code for H100/H200, but only
+    # of what all solvers share: the solvers' own would take most of the build, an hour on some machines. The driver
+    # translates them at first use, and keeps the result. Where solves are to start at once, name the architectures:
+    # -DCMAKE_CUDA_ARCHITECTURES=90-real.
+    if(DEFINED CMAKE_CUDA_ARCHITECTURES)
+      set(STICTION_CUDA_BY_DEFAULT OFF)
     else()
-      set(STICTION_CUDA_DIRECT_ARCHITECTURES ${CMAKE_CUDA_ARCHITECTURES})
+      set(STICTION_CUDA_BY_DEFAULT ON)
+      set(CMAKE_CUDA_ARCHITECTURES 80-virtual)
     endif()
     enable_language(CUDA)
     # CMake before 3.25.2 does not know that nvcc 12 and later speak C++20 and would silently use C++17.

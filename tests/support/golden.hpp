@@ -55,6 +55,11 @@ std::uint64_t batch_hash(const ContactBatch<double>& scene, SolverKind solver, L
   return hash;
 }
 
+/// Scenes have friction cones, which lemke refuses; under the convex law nsgs takes the steps of pgs.
+inline bool answers_in_its_own_way(SolverKind solver, Law law) {
+  return solver != SolverKind::lemke && !(solver == SolverKind::nsgs && law == Law::convex);
+}
+
 /// The whole table, computed here and now; the order is that of golden.inc.
 inline std::vector<Golden> compute_goldens(Device device = Device::cpu()) {
   std::vector<Golden> result;
@@ -62,6 +67,7 @@ inline std::vector<Golden> compute_goldens(Device device = Device::cpu()) {
     const ContactBatch<double> scene = scene_batch(golden.scene, golden.envs, kGoldenSeed, golden.size);
     for (const SolverKind solver : kEverySolver)
       for (const Law law : {Law::convex, Law::coulomb}) {
+        if (!answers_in_its_own_way(solver, law)) continue;
         result.push_back({golden.scene, solver, Precision::f32, law, batch_hash<float>(scene, solver, law, device)});
         result.push_back({golden.scene, solver, Precision::f64, law, batch_hash<double>(scene, solver, law, device)});
       }
