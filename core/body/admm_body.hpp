@@ -144,12 +144,13 @@ struct Admm {
       double before[kRows];
       for (int k = 0; k < kRows; ++k) before[k] = a.z[row + k];
       project(s, a, shape, cone, row);
-      if constexpr (decltype(shape)::kKind != ConeKind::free)
+      if constexpr (decltype(shape)::kKind != ConeKind::free) {
         for (int k = 0; k < kRows; ++k) {
           moved = max_(abs_(a.z[row + k] - before[k]), moved);
           largest_z = max_(abs_(a.z[row + k]), largest_z);
           largest_u = max_(abs_(a.g[row + k] - a.z[row + k]), largest_u);
         }
+      }
     });
     block.sync();
     single(block, [&] { s.scalar[kAge] = static_cast<Real>((age + 1) % kCheckInterval); });

@@ -39,7 +39,7 @@ TEST(DeviceEngine, every_solver_law_and_precision_gives_the_cpus_bits) {
   const ContactBatch<double> batch = ragged_batch(2, 7);
   const ContactBatch<float> single = convert<float>(batch);
   cuda::HostDevice device({2, 3, 11});
-  for (const SolverKind solver : kEverySolver)
+  for (const SolverKind solver : kAllSolvers)
     for (const Law law : {Law::convex, Law::coulomb}) {
       SolverOptions options = quick(solver);
       options.law = law;
