@@ -96,7 +96,9 @@ STICTION_HD void sliding_reaction(Sliding<N, Real>& slide, Real smallest, Real l
     }
     const Real pull = div_(sqrt_(square), slide.normal);
     coupling = sqrt_(coupling);
-    const Real high = max_(min_(pull * fma_(Real(1.0625), coupling, Real(1.0625)), Real(0x1p60)), smallest);
+    // Not min_: of a minimum with a literal nvcc makes an instruction that the PTX gate refuses.
+    const Real wide = pull * fma_(Real(1.0625), coupling, Real(1.0625));
+    const Real high = max_(select(Real(0x1p60) < wide, Real(0x1p60), wide), smallest);
     const Real low = fma_(pull, Real(1) - coupling, smallest - largest);
     slide.gap(sliding_root(slide, smallest, high, min_(max_(low, smallest), high)));
   }
