@@ -38,7 +38,7 @@ using Precisions = testing::Types<float, double>;
 TYPED_TEST_SUITE(EnvOrder, Precisions);
 
 TYPED_TEST(EnvOrder, PermutedEnvironmentsKeepTheirBits) {
-  for (const SolverKind solver : kEverySolver) {
+  for (const SolverKind solver : kAllSolvers) {
     SCOPED_TRACE(to_string(solver));
     const SolverOptions o = options(solver, 1e-3, 40);
     const auto whole = solve_hashes(this->batch, o);
