@@ -87,6 +87,7 @@ std::string to_json(const SolveReport& report) {
       {"iterations", json_of(report.iterations)},
       {"residual", json_of(report.residual)},
       {"flags", flags},
+      {"answered", answered},
       {"unconverged", report.unconverged},
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
