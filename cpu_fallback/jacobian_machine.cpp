@@ -58,7 +58,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
     Index largest = 0;
     for (Offset env = 0; env < batch.env_count; ++env) {
       count_env(block, JacobianBatchJob<Real>{batch, arrays_}, env);
-      largest = std::max(largest, batch.env_rows(env));
+      if (batch.env_rows(env) > largest) largest = batch.env_rows(env);
     }
     arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
     arrays_.factor_room = std::accumulate(arrays_.factor, arrays_.factor + envs, Offset{0});

@@ -18,7 +18,7 @@ namespace {
 class Call {
  public:
   Call(int threads, int items, const ItemWork& work)
-      : open_seats(std::min(threads, items) - 1), items_(items), work_(work) {}
+      : open_seats((threads < items ? threads : items) - 1), items_(items), work_(work) {}
 
   void run(int worker) {
     const ScopedFpEnv fp_env;

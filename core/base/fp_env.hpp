@@ -9,8 +9,8 @@
 namespace stiction {
 
 /// The floating-point environment the bodies assume: round to nearest, subnormals kept. A process may have lost it
-/// without asking (loading a library built with -ffast-math sets flush-to-zero), so every solving thread sets it and
-/// puts back what it found.
+/// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every solving thread sets it
+/// and puts back what it found.
 class ScopedFpEnv {
  public:
   ScopedFpEnv() {

@@ -6,12 +6,12 @@
 #include "stiction/config.hpp"
 
 #ifdef __FAST_MATH__
-#error "stiction promises the same bits everywhere; -ffast-math breaks that promise. Remove it."
+#error "stiction promises the same bits everywhere; relaxed floating-point flags break that promise. Remove them."
 #endif
 
 /// Every rounding of the bodies goes through these functions (docs/numerics.md). Plain + - * are written as such;
 /// with contraction off each is one IEEE-754 rounding on every machine. Comparisons with NaN are false, and the
-/// selects below therefore have one meaning everywhere, unlike fmin, fmax, std::min and std::max.
+/// selects below therefore have one meaning everywhere, unlike the libraries' minima and maxima.
 namespace stiction::inline STICTION_ISA {
 
 /// The scalar type of one lane, and the type of a comparison of T.

@@ -30,6 +30,16 @@ STICTION_HD T sum_leaves(B& block, F&& leaf) {
   return block.broadcast([&] { return fold_leaves(shared); });
 }
 
+/// The sum of n numbers, on every lane.
+template <class T, Block B>
+STICTION_HD_OUTLINE T sum_values(B& block, const T* values, Index n) {
+  return sum_leaves<T>(block, [&](Index leaf) {
+    T sum(0);
+    for (Index i = leaf; i < n; i += kReduceLeaves) sum = sum + values[i];
+    return sum;
+  });
+}
+
 /// The largest of zero and f(i), i in [0, n); on every lane.
 template <class T, Block B, class F>
 STICTION_HD T max_over(B& block, Index n, F&& f) {

@@ -82,7 +82,7 @@ struct Ipm {
           p.motion[row] = p.motion[row] + fresh;
         }
       });
-      return sum_entries(block, p.work, p.n);
+      return sum_values(block, p.work, p.n);
     }
   }
 

@@ -2,11 +2,7 @@
 
 #include "stiction/error.hpp"
 #include "tests/support/hand_answers.hpp"
-#include "tests/support/random_checks.hpp"
-
-#if defined(STICTION_TEST_HAS_RAPIDCHECK)
-#include <rapidcheck/gtest.h>
-#endif
+#include "tests/support/small_systems.hpp"
 
 namespace {
 
@@ -47,49 +43,5 @@ TEST(Jacobi, UnitsOfDifferentBodiesDoNotSlowEachOtherDown) {
   EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
   EXPECT_NEAR(solution.lambda[1], 1e6, 1e-3);
 }
-
-#if defined(STICTION_TEST_HAS_RAPIDCHECK)
-
-Recipe any_recipe() {
-  Recipe recipe;
-  recipe.seed = *rc::gen::arbitrary<std::uint64_t>();
-  recipe.contacts = *rc::gen::inRange(0, 4);
-  recipe.others = *rc::gen::inRange(recipe.contacts == 0 ? 1 : 0, 4);
-  return recipe;
-}
-
-RC_GTEST_PROP(JacobiRandom, PositiveDefiniteSystemsHaveTheOraclesMotion, ()) {
-  Recipe recipe = any_recipe();
-  recipe.mass_ratio = *rc::gen::element(1.0, 10.0, 100.0);
-  const std::string violation = convex_violation(random_contacts(recipe), options(kSolver, 1e-8, 5000));
-  if (!violation.empty()) RC_FAIL(violation);
-}
-
-RC_GTEST_PROP(JacobiRandom, SingularSystemsWithComplianceHaveTheOraclesMotion, ()) {
-  Recipe recipe = any_recipe();
-  recipe.rank = 0.6;
-  const std::string violation = convex_violation(random_contacts(recipe), options(kSolver, 1e-8, 5000));
-  if (!violation.empty()) RC_FAIL(violation);
-}
-
-RC_GTEST_PROP(JacobiRandom, SingularSystemsAreAnsweredHonestly, ()) {
-  Recipe recipe = any_recipe();
-  recipe.rank = 0.5;
-  recipe.compliance = 0;
-  for (const Law law : kBothLaws) {
-    Solution<double> solution;
-    const std::string violation = answer_violation(random_contacts(recipe), law, options(kSolver, 1e-6, 300), solution);
-    if (!violation.empty()) RC_FAIL(label(kSolver, law) + ": " + violation);
-  }
-}
-
-RC_GTEST_PROP(JacobiRandom, WhereCoulombsSolutionIsUniqueItIsTheOracles, ()) {
-  Recipe recipe = any_recipe();
-  recipe.mu_max = 0.3;
-  const std::string violation = coulomb_violation(random_conditioned(recipe, 9.0), options(kSolver, 1e-10, 5000));
-  if (!violation.empty()) RC_FAIL(violation);
-}
-
-#endif
 
 }  // namespace

@@ -7,11 +7,8 @@
 #include "core/base/pack.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/one_cone.hpp"
-#include "tests/support/random_checks.hpp"
-
-#if defined(STICTION_TEST_HAS_RAPIDCHECK)
-#include <rapidcheck/gtest.h>
-#endif
+#include "tests/support/random_systems.hpp"
+#include "tests/support/small_systems.hpp"
 
 namespace {
 
@@ -216,36 +213,5 @@ TEST(Nsgs, UnderTheConvexLawItIsPgs) {
   const auto batch = batch_of({random_contacts(recipe)}, Law::convex);
   EXPECT_EQ(solve(batch, options(kSolver, 0, 9)).lambda, solve(batch, options(SolverKind::pgs, 0, 9)).lambda);
 }
-
-#if defined(STICTION_TEST_HAS_RAPIDCHECK)
-
-RC_GTEST_PROP(NsgsRandom, SingularSystemsAreAnsweredHonestly, ()) {
-  Recipe recipe;
-  recipe.seed = *rc::gen::arbitrary<std::uint64_t>();
-  recipe.contacts = *rc::gen::inRange(1, 4);
-  recipe.others = *rc::gen::inRange(0, 4);
-  recipe.rank = 0.5;
-  recipe.compliance = 0;
-  for (const Law law : kBothLaws) {
-    Solution<double> solution;
-    const std::string violation = answer_violation(random_contacts(recipe), law, options(kSolver, 1e-6, 300), solution);
-    if (!violation.empty()) RC_FAIL(label(kSolver, law) + ": " + violation);
-  }
-}
-
-RC_GTEST_PROP(NsgsRandom, WhereCoulombsSolutionIsUniqueItIsTheOracles, ()) {
-  Recipe recipe;
-  recipe.seed = *rc::gen::arbitrary<std::uint64_t>();
-  recipe.contacts = *rc::gen::inRange(1, 4);
-  recipe.others = *rc::gen::inRange(0, 4);
-  recipe.mu_max = 0.3;
-  // Relaxed, so that it comes near gradually: unrelaxed the residual may be 0, and the oracle's own rounding shows.
-  SolverOptions relaxed = options(kSolver, 1e-10, 5000);
-  relaxed.omega = 0.8;
-  const std::string violation = coulomb_violation(random_conditioned(recipe, 9.0), relaxed);
-  if (!violation.empty()) RC_FAIL(violation);
-}
-
-#endif
 
 }  // namespace

@@ -22,7 +22,7 @@ STICTION_HD_OUTLINE double complementarity(B& block, const System& s, const IpmS
       p.work[row] = fma_(p.slack[row], p.z[row], p.upper_slack[row] * p.upper_z[row]);
     }
   });
-  return sum_entries(block, p.work, p.n);
+  return sum_values(block, p.work, p.n);
 }
 
 /// The part of a step to the boundary of which the largest reciprocal is known.
@@ -83,7 +83,7 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
       p.work[row] = fma_(t, d, p.slack[row]) * lower + fma_(t, 0.0 - d, p.upper_slack[row]) * upper;
     }
   });
-  const double left = max_(sum_entries(block, p.work, p.n), 0.0);
+  const double left = max_(sum_values(block, p.work, p.n), 0.0);
   const double ratio = left < gap ? div_(left, gap) : (gap > 0.0 ? 1.0 : 0.0);
   return ratio * ratio * ratio;
 }

@@ -116,16 +116,6 @@ STICTION_HD RowBounds row_bounds(Shape, const System& s, Index cone) {
   }
 }
 
-/// The sum of the entries, fixed tree.
-template <Block B>
-STICTION_HD_OUTLINE double sum_entries(B& block, const double* v, Index n) {
-  return sum_leaves<double>(block, [&](Index leaf) {
-    double sum = 0.0;
-    for (Index i = leaf; i < n; i += kReduceLeaves) sum = sum + v[i];
-    return sum;
-  });
-}
-
 /// store(i, row i of A times v), each row summed over columns from the left.
 template <Block B, class Store>
 STICTION_HD_OUTLINE void multiply_wide(B& block, const DenseMatrix& A, const double* v, Store&& store) {

@@ -80,7 +80,7 @@ STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p
       if (bounds.has_hi) p.x[row] = min_(p.x[row], bounds.hi);
     }
   });
-  const double terms = sum_entries(block, p.work, p.n);
+  const double terms = sum_values(block, p.work, p.n);
   multiply_wide(block, p.A, p.x, [&](Index i, double value) {
     p.motion[i] = value + static_cast<double>(s.b[i]);
     p.step[i] = 0.0 - p.motion[i];
@@ -93,7 +93,7 @@ STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p
   factor_ldl(block, p.K, 0.0);
   solve_ldl(block, p.K, p.step);
   for_each(block, p.n, [&](Index i) { p.work[i] = 0.0 - p.step[i] * p.motion[i]; });
-  const double energy = sum_entries(block, p.work, p.n);
+  const double energy = sum_values(block, p.work, p.n);
   const double gap = terms > 0.0 ? div_(energy, terms) : 0.0;
   // Without energy the point nearest to zero is the answer: the first iteration finds no complementarity and ends.
   if (gap > 0.0)

@@ -49,14 +49,14 @@ STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
   for (int k = 0; k < M; ++k) to[k] = static_cast<double>(from[row + k]);
 }
 
-/// The sum of what every cone left in `terms`.
-template <Block B>
-STICTION_HD_OUTLINE double sum_terms(B& block, const double* terms, Index count) {
-  return sum_leaves<double>(block, [&](Index leaf) {
-    double sum = 0.0;
-    for (Index c = leaf; c < count; c += kReduceLeaves) sum = sum + terms[c];
-    return sum;
-  });
+/// Matrix 0 times one vector, plus b, into another.
+template <Block B, class System>
+STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
+  const NewtonRoom room = newton_room(s);
+  double* const y = room.vector(motion);
+  multiply_dense(
+      block, room.matrix(0), room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
+      [&](Index i, double value) { y[i] = value; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -26,16 +26,6 @@ STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, 
   return compliant_point(shape, u, R, lo, hi);
 }
 
-/// u = A zeta + b.
-template <Block B, class System>
-STICTION_HD_OUTLINE void renew_motion(B& block, System& s) {
-  const NewtonRoom room = newton_room(s);
-  double* const u = room.vector(kMotion);
-  multiply_dense(
-      block, room.matrix(0), room.vector(kPoint), [&](Index i) { return static_cast<double>(s.b[i]); },
-      [&](Index i, double value) { u[i] = value; });
-}
-
 /// Takes the compliance from A + R, and s.x as the first point.
 template <Block B, class System>
 STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
@@ -53,7 +43,7 @@ STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
     }
     room.vector(kZones)[cone] = -1.0;
   });
-  renew_motion(block, s);
+  renew_motion(block, s, kPoint, kMotion);
 }
 
 /// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
@@ -181,8 +171,8 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
     room.vector(kOfCone)[cone] = slope;
     room.vector(kOfConeToo)[cone] = curvature;
   });
-  const double slope = sum_terms(block, room.vector(kOfCone), s.cones);
-  return {slope, sum_terms(block, room.vector(kOfConeToo), s.cones)};
+  const double slope = sum_values(block, room.vector(kOfCone), s.cones);
+  return {slope, sum_values(block, room.vector(kOfConeToo), s.cones)};
 }
 
 /// The step at which phi is smallest on the line, by Newton's method inside a bracket. `noise` is what rounding makes
@@ -240,7 +230,7 @@ STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
   const double alpha = is_exhausted ? 1.0 : search_line(block, s, here.slope, noise);
   for_each(block, s.n,
            [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
-  renew_motion(block, s);
+  renew_motion(block, s, kPoint, kMotion);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];

@@ -53,16 +53,6 @@ STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, 
   return point;
 }
 
-/// y = (A + R) x + b.
-template <Block B, class System>
-STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
-  const NewtonRoom room = newton_room(s);
-  double* const y = room.vector(motion);
-  multiply_dense(
-      block, room.matrix(0), room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
-      [&](Index i, double value) { y[i] = value; });
-}
-
 /// Squared length of the natural map, in units of w, without and with the proximal term.
 struct Merit {
   double natural;
@@ -88,8 +78,8 @@ STICTION_HD_OUTLINE Merit merit_at(B& block, const System& s, Index point, Index
     room.vector(kOfCone)[cone] = squares(0.0);
     room.vector(kOfConeToo)[cone] = squares(pull);
   });
-  const double natural = sum_terms(block, room.vector(kOfCone), s.cones);
-  return {natural, sum_terms(block, room.vector(kOfConeToo), s.cones)};
+  const double natural = sum_values(block, room.vector(kOfCone), s.cones);
+  return {natural, sum_values(block, room.vector(kOfConeToo), s.cones)};
 }
 
 /// Gap and derivative of the proximal natural map: the second matrix becomes I - P' + P' D (S (A + R) + pull I), where

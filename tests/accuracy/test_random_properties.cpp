@@ -1,0 +1,110 @@
+#include <gtest/gtest.h>
+
+#if defined(STICTION_TEST_HAS_RAPIDCHECK)
+#include <rapidcheck.h>
+
+#include "tests/support/random_checks.hpp"
+
+/// What holds for every system that a random recipe makes, for each solver that promises it.
+namespace stiction::test {
+namespace {
+
+/// What is asked of a solver beside its law.
+struct Subject {
+  SolverKind solver;
+  double most_mass_ratio;  ///< up to which 5000 iterations are enough for 1e-8
+  double omega;            ///< below 1 the residual falls gradually: at 0 the oracle's own rounding would show
+};
+
+std::string name_of(const testing::TestParamInfo<Subject>& subject) {
+  return to_string(subject.param.solver);
+}
+
+SolverOptions asked_of(const Subject& subject, double tolerance, Index iterations) {
+  SolverOptions asked = options(subject.solver, tolerance, iterations);
+  asked.omega = subject.omega;
+  return asked;
+}
+
+Recipe any_recipe() {
+  Recipe recipe;
+  recipe.seed = *rc::gen::arbitrary<std::uint64_t>();
+  recipe.contacts = *rc::gen::inRange(0, 4);
+  recipe.others = *rc::gen::inRange(recipe.contacts == 0 ? 1 : 0, 4);
+  return recipe;
+}
+
+/// Runs a property that returns what was violated.
+template <class Property>
+void expect_always(Property&& property) {
+  EXPECT_TRUE(rc::check([&] {
+    const std::string violation = property();
+    if (!violation.empty()) RC_FAIL(violation);
+  }));
+}
+
+using ConvexSolvers = testing::TestWithParam<Subject>;
+using Solvers = testing::TestWithParam<Subject>;
+using CoulombSolvers = testing::TestWithParam<Subject>;
+
+TEST_P(ConvexSolvers, PositiveDefiniteSystemsHaveTheOraclesMotion) {
+  expect_always([&] {
+    Recipe recipe = any_recipe();
+    recipe.mass_ratio = *rc::gen::element(1.0, 10.0, GetParam().most_mass_ratio);
+    return convex_violation(random_contacts(recipe), asked_of(GetParam(), 1e-8, 5000));
+  });
+}
+
+TEST_P(ConvexSolvers, SingularSystemsWithComplianceHaveTheOraclesMotion) {
+  expect_always([&] {
+    Recipe recipe = any_recipe();
+    recipe.rank = 0.6;
+    return convex_violation(random_contacts(recipe), asked_of(GetParam(), 1e-8, 5000));
+  });
+}
+
+TEST_P(Solvers, SingularSystemsAreAnsweredHonestly) {
+  expect_always([&] {
+    Recipe recipe = any_recipe();
+    recipe.rank = 0.5;
+    recipe.compliance = 0;
+    std::string violations;
+    for (const Law law : kBothLaws) {
+      Solution<double> solution;
+      const std::string violation =
+          answer_violation(random_contacts(recipe), law, asked_of(GetParam(), 1e-6, 300), solution);
+      if (!violation.empty()) violations += std::string(to_string(law)) + ": " + violation;
+    }
+    return violations;
+  });
+}
+
+TEST_P(CoulombSolvers, WhereCoulombsSolutionIsUniqueItIsTheOracles) {
+  expect_always([&] {
+    Recipe recipe = any_recipe();
+    recipe.mu_max = 0.3;
+    return coulomb_violation(random_conditioned(recipe, 9.0), asked_of(GetParam(), 1e-10, 5000));
+  });
+}
+
+constexpr Subject kPgs{SolverKind::pgs, 100.0, 1.0};
+constexpr Subject kNpgs{SolverKind::npgs, 100.0, 1.0};
+constexpr Subject kJacobi{SolverKind::jacobi, 100.0, 1.0};
+constexpr Subject kApgd{SolverKind::apgd, 100.0, 1.0};
+constexpr Subject kNsgs{SolverKind::nsgs, 100.0, 0.8};
+constexpr Subject kAdmm{SolverKind::admm, 10000.0, 1.0};
+
+INSTANTIATE_TEST_SUITE_P(Random, ConvexSolvers, testing::Values(kPgs, kNpgs, kJacobi, kApgd, kNsgs, kAdmm), name_of);
+INSTANTIATE_TEST_SUITE_P(Random, Solvers, testing::Values(kPgs, kNpgs, kJacobi, kApgd, kNsgs, kAdmm), name_of);
+INSTANTIATE_TEST_SUITE_P(Random, CoulombSolvers, testing::Values(kPgs, kNpgs, kJacobi, kApgd, kNsgs, kAdmm), name_of);
+
+}  // namespace
+}  // namespace stiction::test
+
+#else
+
+TEST(RandomProperties, NeedRapidcheck) {
+  GTEST_SKIP() << "built without rapidcheck (Debian: librapidcheck-dev)";
+}
+
+#endif
