@@ -6,8 +6,8 @@ if(NOT STICTION_ENABLE_CUDA STREQUAL "OFF")
   if(CMAKE_CUDA_COMPILER)
     # By default one PTX, for A100 and whatever comes after. From that same PTX comes machine code for H100/H200, but only
     # of what all solvers share: the solvers' own would take most of the build, an hour on some machines. The driver
-    # translates them at first use, and keeps the result. Where solves are to start at once, name the architectures:
-    # -DCMAKE_CUDA_ARCHITECTURES=90-real.
+    # translates them at first use, and keeps the result. Where solves are to start at once and run as fast as they can,
+    # name the architectures: -DCMAKE_CUDA_ARCHITECTURES=90-real.
     if(DEFINED CMAKE_CUDA_ARCHITECTURES)
       set(STICTION_CUDA_BY_DEFAULT OFF)
     else()

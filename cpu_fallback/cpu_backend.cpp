@@ -93,8 +93,7 @@ class CpuBackend final : public Backend {
         options.max_iterations,
         options.stall_window,
         static_cast<Real>(options.omega),
-        request.law,
-        options.solver == SolverKind::automatic};
+        request.law};
     if (options.solver == SolverKind::automatic)
       climb(request, job);
     else
@@ -133,7 +132,7 @@ class CpuBackend final : public Backend {
     const Offset envs = request.batch.env_count;
     const int threads = cpu::thread_count(request.options.threads);
     std::vector<EnvFeatures> seen(static_cast<std::size_t>(envs));
-    std::vector<SolverKind> assigned(static_cast<std::size_t>(envs));
+    std::vector<int> assigned(static_cast<std::size_t>(envs));
     constexpr Offset kRun = 64;
     cpu::parallel_for(threads, static_cast<int>((envs + kRun - 1) / kRun), [&](int run, int) {
       SerialBlock block;
@@ -142,15 +141,18 @@ class CpuBackend final : public Backend {
         const EnvView<Real> view = slice(job, env);
         begin_climb(block, view);
         seen[e] = features(block, view);
-        assigned[e] = first_solver(seen[e]);
+        assigned[e] = first_rung(seen[e]);
       }
     });
     job.warm_start = job.lambda;
-    for (int rung = 0; rung < kRungs; ++rung) {
-      const SolverKind solver = ladder_rung(rung);
-      solve_by(request, job, solver, [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == solver; });
+    const Real omega = job.omega;
+    for (int rung = 0; rung < kLadderRungs; ++rung) {
+      job.rung = rung;
+      job.omega = omega * static_cast<Real>(ladder_rung(rung).omega);
+      solve_by(request, job, ladder_rung(rung).solver,
+               [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == rung; });
       for (std::size_t env = 0; env < assigned.size(); ++env)
-        if (assigned[env] == solver && falls_short(job.status[env])) assigned[env] = next_solver(solver, seen[env]);
+        if (assigned[env] == rung && falls_short(job.status[env])) assigned[env] = next_rung(rung, seen[env]);
     }
   }
 };

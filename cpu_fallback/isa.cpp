@@ -11,17 +11,12 @@ cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 }  // namespace isa_baseline
 
-#if defined(STICTION_HAS_X86_ISAS)
+#if defined(STICTION_HAS_AVX2)
 namespace isa_avx2 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 }  // namespace isa_avx2
-namespace isa_avx512 {
-cpu::KernelSet solver_kernels(SolverKind solver);
-cpu::BodyKernelSet si_kernels();
-cpu::JacobianKernelSet jacobian_kernels();
-}  // namespace isa_avx512
 #endif
 
 namespace cpu {
@@ -30,13 +25,7 @@ namespace {
 
 // Widest first; the last one runs anywhere.
 const Isa kIsas[] = {
-#if defined(STICTION_HAS_X86_ISAS)
-    {"avx512",
-     [] {
-       return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-              __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("fma");
-     },
-     isa_avx512::solver_kernels, isa_avx512::si_kernels, isa_avx512::jacobian_kernels},
+#if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
      isa_avx2::si_kernels, isa_avx2::jacobian_kernels},
 #endif

@@ -3,15 +3,14 @@
 #include "core/base/pack.hpp"
 #include "core/body/solve_body.hpp"
 #include "cpu_fallback/job.hpp"
+#include "cpu_fallback/shared_bodies.hpp"
 
 /// Feeds environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
 
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a
 // time.
-#if defined(__AVX512F__)
-inline constexpr int kVectorBytes = 64;
-#elif defined(__AVX2__) && defined(__FMA__)
+#if defined(__AVX2__) && defined(__FMA__)
 inline constexpr int kVectorBytes = 32;
 #elif defined(__ARM_NEON)
 inline constexpr int kVectorBytes = 16;
@@ -39,7 +38,7 @@ template <class Method, Law kLaw, class Real>
 void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
   constexpr int kWidth = kPackWidth<Real>;
   using Lanes = Pack<Real, kWidth>;
-  const MethodParams<Real> params{job.omega, job.is_rung};
+  const MethodParams<Real> params{job.omega, job.is_rung()};
   SerialBlock block;
   DenseSystem<Lanes> pack(slots, Method::room(), reinterpret_cast<Lanes*>(scratch));
 
@@ -71,7 +70,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
       }
       DenseSystem<Real> staged(slots, Method::room(), staging + l * elements);
       while (!lane.busy && next < count) {
-        lane.rule = stop_rule(job, Method::kKind, envs[next]);
+        lane.rule = stop_rule(job, envs[next]);
         lane.env = slice(job, envs[next++]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
@@ -118,8 +117,8 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
-  const StopRule rule = stop_rule(job, Method::kKind, env);
-  const MethodParams<Real> params{job.omega, job.is_rung};
+  const StopRule rule = stop_rule(job, env);
+  const MethodParams<Real> params{job.omega, job.is_rung()};
   const EnvView<Real> view = slice(job, env);
   SerialBlock block;
   if (job.plan.path[env] == EnvPath::empty) {

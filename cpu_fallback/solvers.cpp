@@ -1,19 +1,5 @@
 #include "cpu_fallback/job.hpp"
 
-/// Whose kernels of the methods that factorise are run here.
-#ifndef STICTION_DIRECT_ISA
-#define STICTION_DIRECT_ISA STICTION_ISA
-#endif
-
-namespace stiction::inline STICTION_DIRECT_ISA {
-
-cpu::KernelSet admm_kernels();
-cpu::KernelSet newton_kernels();
-cpu::KernelSet lemke_kernels();
-cpu::KernelSet ipm_kernels();
-
-}  // namespace stiction::inline STICTION_DIRECT_ISA
-
 /// The solvers of one instruction set, by name. Compiled once for each.
 namespace stiction::inline STICTION_ISA {
 
@@ -22,6 +8,10 @@ cpu::KernelSet npgs_kernels();
 cpu::KernelSet jacobi_kernels();
 cpu::KernelSet apgd_kernels();
 cpu::KernelSet nsgs_kernels();
+cpu::KernelSet admm_kernels();
+cpu::KernelSet newton_kernels();
+cpu::KernelSet lemke_kernels();
+cpu::KernelSet ipm_kernels();
 
 cpu::KernelSet solver_kernels(SolverKind solver) {
   switch (solver) {
@@ -36,13 +26,13 @@ cpu::KernelSet solver_kernels(SolverKind solver) {
     case SolverKind::nsgs:
       return nsgs_kernels();
     case SolverKind::admm:
-      return STICTION_DIRECT_ISA::admm_kernels();
+      return admm_kernels();
     case SolverKind::newton:
-      return STICTION_DIRECT_ISA::newton_kernels();
+      return newton_kernels();
     case SolverKind::lemke:
-      return STICTION_DIRECT_ISA::lemke_kernels();
+      return lemke_kernels();
     case SolverKind::ipm:
-      return STICTION_DIRECT_ISA::ipm_kernels();
+      return ipm_kernels();
     case SolverKind::automatic:
       break;
   }

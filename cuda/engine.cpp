@@ -209,8 +209,8 @@ MethodRoom Engine::method_room(SolverKind solver) const {
   const SolverKernels* const solvers = api_.kernels().solvers;
   if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].room;
   MethodRoom room;
-  for (int rung = 0; rung < kRungs; ++rung)
-    room = room.joined(solvers[static_cast<std::size_t>(ladder_rung(rung))].room);
+  for (int rung = 0; rung < kLadderRungs; ++rung)
+    room = room.joined(solvers[static_cast<std::size_t>(ladder_rung(rung).solver)].room);
   return room;
 }
 
@@ -232,7 +232,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
                 "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
                 "Solver for this batch, or construct this one with the Capacity of all batches to come");
   Room room;
-  SolverKind* assigned = nullptr;
+  std::uint8_t* assigned = nullptr;
   room.capacity = joined(room_.capacity, capacity);
   room.method = method_room(solver).joined(room_.method);
   room.scalar_bytes = std::max(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
@@ -294,7 +294,8 @@ void Engine::queue_settled(const EngineRequest<Real>& request, const SolveJob<Re
                            StreamHandle stream) {
   const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
   // An environment that nobody has to solve is answered in the name of the first rung.
-  const SolverKind solver = request.options.solver == SolverKind::automatic ? ladder_rung(0) : request.options.solver;
+  const SolverKind solver =
+      request.options.solver == SolverKind::automatic ? ladder_rung(0).solver : request.options.solver;
   const SettledArgs<Real> args{job, queue, plan_.flags, solver};
   const KernelRef& kernel = api_.kernels().settled[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::settled)].launch;
@@ -355,9 +356,11 @@ void Engine::queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job
   const StreamHandle stream = request.stream;
   const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::settled};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const Real omega = job.omega;
+  job.rung = 0;
   queue_settled(request, job, 0, stream);
-  for (int rung = 0; rung < kRungs; ++rung) {
-    const SolverKind solver = ladder_rung(rung);
+  for (int rung = 0; rung < kLadderRungs; ++rung) {
+    const SolverKind solver = ladder_rung(rung).solver;
     const ChooseArgs<Real> args{job, plan_, assigned_, rung, finest_for(solver)};
     timer_.time("choose", to_string(solver), 0, stream, [&] {
       api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -365,6 +368,8 @@ void Engine::queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job
       api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
     });
     job.warm_start = job.lambda;
+    job.rung = rung;
+    job.omega = omega * static_cast<Real>(ladder_rung(rung).omega);
     queue_classes(request, job, solver, false);
   }
 }
@@ -388,7 +393,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
                            request.solution.w,   request.solution.status,
                            options.tolerance,    options.max_iterations,
                            options.stall_window, static_cast<Real>(options.omega),
-                           request.law,          is_ladder};
+                           request.law};
   if (is_ladder)
     queue_ladder(request, job);
   else

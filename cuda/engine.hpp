@@ -104,7 +104,7 @@ class Engine {
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
-  SolverKind* assigned_ = nullptr;  ///< ladder: who is to solve each environment
+  std::uint8_t* assigned_ = nullptr;  ///< ladder: the rung that each environment stands on
   std::array<ClassShape, kSizeClasses> shapes_;
   LaunchShape graph_;  ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;

@@ -5,23 +5,38 @@
 /// The ladder of SolverKind::automatic (docs/math/auto.md).
 namespace stiction {
 
-/// Rungs of the ladder, in the order in which they are climbed. None is left out of the order for an environment that
-/// begins higher up.
-inline constexpr int kRungs = 5;
-STICTION_HD constexpr SolverKind ladder_rung(int rung) {
-  constexpr SolverKind kLadder[kRungs] = {SolverKind::npgs, SolverKind::admm, SolverKind::newton, SolverKind::ipm,
-                                          SolverKind::lemke};
+/// One rung of the ladder.
+struct Rung {
+  SolverKind solver;
+  Index iterations;  ///< what it needs when it works at all, so that a rung that does not work is left soon
+  double omega;      ///< what the caller's relaxation is multiplied by
+};
+
+/// The ladder, in the order in which it is climbed. None is left out of the order for an environment that begins higher
+/// up. The last two are for what nobody else could: slow, but without a matrix and without a region of convergence.
+inline constexpr int kLadderRungs = 7;
+STICTION_HD constexpr Rung ladder_rung(int rung) {
+  constexpr Rung kLadder[kLadderRungs] = {{SolverKind::npgs, 512, 1.0},
+                                          {SolverKind::admm, 256, 1.0},
+                                          {SolverKind::newton, 64, 1.0},
+                                          {SolverKind::ipm, 128, 1.0},
+                                          {SolverKind::lemke, 4 * kDirectRows, 1.0},
+                                          {SolverKind::apgd, 4096, 1.0},
+                                          {SolverKind::npgs, 4096, 0.8}};
   return kLadder[rung];
 }
+inline constexpr int kNewtonRung = 2;
+inline constexpr int kSplittingRung = 1;
+inline constexpr int kPivotingRung = 4;
 
-/// Iterations of a rung: what it needs when it works at all, so that a rung that does not work is left soon. Who may
-/// iterate less than that iterates less.
-STICTION_HD constexpr Index rung_iterations(SolverKind solver, Index allowed) {
-  Index limit = 512;
-  if (solver == SolverKind::admm) limit = 256;
-  if (solver == SolverKind::newton) limit = 64;
-  if (solver == SolverKind::ipm) limit = 128;
-  if (solver == SolverKind::lemke) limit = 4 * kDirectRows;
+/// Iterations of a rung in an environment of `rows` rows. Who may iterate less than that iterates less. Sweeps are the
+/// longer left to themselves the more rows there are, since what comes after them costs in the order of rows sweeps
+/// each iteration; where nothing that factorises comes after them there is no limit.
+STICTION_HD constexpr Index rung_iterations(int rung, Index rows, Index allowed) {
+  constexpr Index kSweepsPerRow = 4;
+  if (rows > kDirectRows) return allowed;
+  Index limit = ladder_rung(rung).iterations;
+  if (rung == 0 && limit < kSweepsPerRow * rows) limit = kSweepsPerRow * rows;
   return limit < allowed ? limit : allowed;
 }
 

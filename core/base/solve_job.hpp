@@ -20,7 +20,10 @@ struct SolveJob {
   Index stall_window;
   Real omega;
   Law law;
-  bool is_rung;  ///< of the ladder: iterations are those of a rung, and an answer that is there is not given up
+  int rung =
+      -1;  ///< of the ladder, none below 0: iterations are the rung's, and an answer that is there is not given up
+
+  [[nodiscard]] STICTION_HD bool is_rung() const { return rung >= 0; }
 };
 
 }  // namespace stiction

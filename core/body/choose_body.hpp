@@ -13,6 +13,7 @@ struct EnvFeatures {
   Index rows = 0;
   Index friction_cones = 0;
   bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
+  bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
   double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
   Law law = Law::convex;
 };
@@ -20,7 +21,7 @@ struct EnvFeatures {
 template <Block B, class Real>
 STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
   // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a block has.
-  double largest = 0.0, inverse = 0.0, rigid = 0.0;
+  double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
   Index friction_cones = 0;
   for (Index cone = 0; cone < env.cone_count; ++cone)
     if (env.kind[cone] == ConeKind::friction) ++friction_cones;
@@ -38,6 +39,8 @@ STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
     if (diagonal > 0.0) {
       largest = max_(diagonal, largest);
       inverse = max_(div_(1.0, diagonal), inverse);
+    } else if (env.kind[cone] != ConeKind::free) {
+      flat = 1.0;
     }
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
@@ -49,6 +52,7 @@ STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
   seen.rows = env.n;
   seen.friction_cones = friction_cones;
   seen.spread = block.max(largest) * block.max(inverse);
+  seen.is_pivots = block.max(flat) != 0.0;
   seen.is_compliant = block.max(rigid) == 0.0;
   seen.law = env.law;
   return seen;
@@ -62,25 +66,26 @@ STICTION_HD void begin_climb(B& block, const EnvView<Real>& env) {
 
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
-  if (solver == SolverKind::npgs) return true;
+  if (seen.is_pivots && solver != SolverKind::lemke) return false;
+  if (solver == SolverKind::npgs || solver == SolverKind::apgd) return true;
   if (seen.rows > kDirectRows) return false;
   return solver != SolverKind::lemke || seen.friction_cones == 0;
 }
 
-STICTION_HD SolverKind first_solver(const EnvFeatures& seen) {
+/// The rung that an environment begins on.
+STICTION_HD int first_rung(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
-  if (seen.law == Law::convex && seen.is_compliant && can_treat(SolverKind::newton, seen)) return SolverKind::newton;
-  if (seen.spread > kSpreadForSplitting && can_treat(SolverKind::admm, seen)) return SolverKind::admm;
-  return SolverKind::npgs;
+  const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
+  if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
+  if (seen.law == Law::convex && seen.is_compliant && can_stand_on(kNewtonRung)) return kNewtonRung;
+  if (seen.spread > kSpreadForSplitting && can_stand_on(kSplittingRung)) return kSplittingRung;
+  return 0;
 }
 
 /// The rung after `tried` that can treat the environment, or `tried` itself if there is none.
-STICTION_HD SolverKind next_solver(SolverKind tried, const EnvFeatures& seen) {
-  bool reached = false;
-  for (int rung = 0; rung < kRungs; ++rung) {
-    if (reached && can_treat(ladder_rung(rung), seen)) return ladder_rung(rung);
-    if (ladder_rung(rung) == tried) reached = true;
-  }
+STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
+  for (int rung = tried + 1; rung < kLadderRungs; ++rung)
+    if (can_treat(ladder_rung(rung).solver, seen)) return rung;
   return tried;
 }
 

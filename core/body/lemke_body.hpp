@@ -21,6 +21,7 @@ struct Lemke {
   static constexpr double kGoldenRatio = 0.61803398874989485;
   static constexpr double kFeasible = 1e-11;  ///< of the largest value
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
+  static constexpr bool kTakesAnyDiagonal = true;
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
@@ -191,9 +192,15 @@ struct Lemke {
         return;
       }
     }
-    for_each(block, t.n, [&](Index j) { t.ratio[j] = t.is_basic(j) ? 1.0 : 0.0; });
+    // After a ray from the beginning, with another covering vector: where A is not semidefinite the ray belongs to the
+    // path and not to the problem.
+    const bool is_ray = leaving == Blocking::kNothing;
+    for_each(block, t.n, [&](Index j) {
+      const bool wanted = is_ray ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);
+      t.ratio[j] = wanted ? 1.0 : 0.0;
+    });
     single(block, [&] {
-      if (leaving == Blocking::kNothing) t.state[kRaysMet] = t.state[kRaysMet] + 1.0;
+      if (is_ray) t.state[kRaysMet] = t.state[kRaysMet] + 1.0;
     });
     begin_path(block, s, t);
   }

@@ -154,7 +154,7 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
   const Index first = env.cone_row(cone);
   const Index size = env.cone_size(cone);
   const Real scale_x = div_(scale_b, scale_a);
-  s.trace[place.cone] = div_(s.trace[place.cone], static_cast<Real>(size)) * scale_a;
+  s.trace[place.cone] = residual_weight(div_(s.trace[place.cone], static_cast<Real>(size)) * scale_a);
   s.lo[place.cone] = kind == ConeKind::box ? env.lo[first] * scale_x : Real(0);
   s.hi[place.cone] = kind == ConeKind::box ? env.hi[first] * scale_x : Real(0);
   with_shape(kind, size, [&](auto shape) {
@@ -227,14 +227,26 @@ STICTION_HD Real asymmetry(B&, const FactorSystem<Real>&) {
 /// How far A may be from symmetric for a method that minimises.
 inline constexpr float kLargestAsymmetry = 1e-2F;
 
+/// What a method asks of the numbers it is given.
+struct LoadRules {
+  bool needs_symmetry;      ///< an asymmetric A is refused
+  bool takes_any_diagonal;  ///< rows whose diagonal is not positive are not
+};
+template <class Method>
+STICTION_HD LoadRules load_rules(Law law) {
+  return {Method::needs_symmetry(law), requires {Method::kTakesAnyDiagonal;
+}
+};
+}
+
 /// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
 /// the flags; with any but kHarmlessFlags set the system is not to be used.
 template <Block B, class Real, class System>
-STICTION_HD_OUTLINE std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, bool needs_symmetry) {
+STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, LoadRules rules) {
   for_each(block, s.cones,
            [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
   const Inspection<Real> seen = inspect(block, env, s);
-  std::uint32_t flags = seen.flags;
+  std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
   const Real scale_a = matrix_scale(s, seen.largest_diagonal);
   const Real scale_b = unit_scale(seen.largest_b);
@@ -244,7 +256,7 @@ STICTION_HD_OUTLINE std::uint32_t load_system(B& block, const EnvView<Real>& env
   for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
   for_each_place(block, env, s,
                  [&](Index cone, ConePlace place) { prepare_cone(env, s, cone, place, scale_a, scale_b, warm); });
-  if (needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
+  if (rules.needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   single(block, [&] {
     s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
     s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
@@ -282,7 +294,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Both, for machines that do all in one go. Returns the flags.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, Method::needs_symmetry(kLaw)) | unsupported_flags<Method>(s);
+  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw)) | unsupported_flags<Method>(s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(block, env, s);
   return flags;
 }

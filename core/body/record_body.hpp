@@ -24,6 +24,13 @@ STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M]
   return select(and_(finite_(norm), finite_(input)), norm, Real(__builtin_huge_valf()));
 }
 
+/// The weight a of a cone in the natural map. Where the mean diagonal is not positive there is no exchange rate between
+/// reaction and motion, and they are compared as numbers (docs/math/residual.md).
+template <class Real>
+STICTION_HD Real residual_weight(Real mean_diagonal) {
+  return mean_diagonal > Real(0) ? mean_diagonal : Real(1);
+}
+
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
 /// iterate itself.
 template <class Method, Law kLaw, Block B, class System>

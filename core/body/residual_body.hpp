@@ -96,7 +96,7 @@ STICTION_HD Real saturated(double value) {
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
 template <Block B, class Real, class Rows>
-STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
+STICTION_HD_SHARED double final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
   double largest = 0.0;
   for_each(block, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
@@ -119,7 +119,7 @@ STICTION_HD_OUTLINE double final_residual(B& block, const EnvView<Real>& env, co
         x[k] = mu > 0.0 ? div_(static_cast<double>(env.lambda[i]), mu) : 0.0;
         y[k] = mu * motion;
       }
-      const double a = div_(trace, static_cast<double>(kRows));
+      const double a = residual_weight(div_(trace, static_cast<double>(kRows)));
       const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
       const double norm = env.law == Law::coulomb ? natural_map<Law::coulomb>(shape, x, y, a, lo, hi)

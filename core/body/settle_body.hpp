@@ -46,7 +46,7 @@ STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind sol
 
 /// The best iterate back in the batch's units and order.
 template <Block B, class Real, class System>
-STICTION_HD_OUTLINE void publish(B& block, const EnvView<Real>& env, const System& s) {
+STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System& s) {
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);

@@ -15,13 +15,13 @@ struct StopRule {
 
 /// The environment's own limits where the batch has them, else the solve's; a rung of the ladder has its own besides.
 template <class Real>
-STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, SolverKind solver, Offset env) {
+STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
   StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
   const double* const tolerance = job.batch.env_tolerance;
   const Index* const iterations = job.batch.env_max_iterations;
   if (tolerance != nullptr && tolerance[env] >= 0.0) rule.tolerance = tolerance[env];
   if (iterations != nullptr && iterations[env] >= 0) rule.max_iterations = iterations[env];
-  if (job.is_rung) rule.max_iterations = rung_iterations(solver, rule.max_iterations);
+  if (job.is_rung()) rule.max_iterations = rung_iterations(job.rung, job.batch.env_rows(env), rule.max_iterations);
   return rule;
 }
 

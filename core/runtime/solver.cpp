@@ -217,7 +217,8 @@ void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionVi
     throw Error(ErrorCode::unsupported,
                 "options.islands is apart and the batch is in device memory, but islands are taken apart on the host: "
                 "copy the batch with Solver::to_host, or solve with IslandMode::together");
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
+    reject(validate(batch, 1, options_.solver));
 }
 
 template <class Real>

@@ -25,7 +25,8 @@ Offset owner_of(const Offset* offsets, Offset env_count, Offset i) {
 template <class Real>
 class Validator {
  public:
-  Validator(const ContactBatchView<Real>& batch, std::size_t limit) : batch_(batch), report_(limit) {}
+  Validator(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver)
+      : batch_(batch), report_(limit), pivots_(solver == SolverKind::lemke || solver == SolverKind::automatic) {}
 
   /// `with_values`: numbers too; without, the arrays of numbers may be null.
   std::vector<Defect> run(bool with_values) {
@@ -351,10 +352,24 @@ class Validator {
     });
   }
 
-  /// A + R needs a positive diagonal wherever a cone bounds the reaction. What is not finite was reported before.
+  [[nodiscard]] bool has_friction_cones(Offset env) const {
+    const ConeKind* const begin = batch_.cone_kind + batch_.env_cone_offsets[env];
+    const ConeKind* const end = batch_.cone_kind + batch_.env_cone_offsets[env + 1];
+    return std::find(begin, end, ConeKind::friction) != end;
+  }
+
+  /// A + R needs a positive diagonal wherever a cone bounds the reaction, unless the environment is one for pivoting.
+  /// What is not finite was reported before.
   void check_diagonals() {
+    Offset looked_at = -1;
+    bool takes_any = false;
     for_each_row([&](Offset env, Offset cone, Offset row) {
       if (batch_.cone_kind[cone] == ConeKind::free) return;
+      if (pivots_ && env != looked_at) {
+        looked_at = env;
+        takes_any = !has_friction_cones(env);
+      }
+      if (takes_any) return;
       const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
       Real diagonal = batch_.R[row] + entry_sum(row, own);
       for (const Real value : factor_row(env, row)) diagonal += value * value;
@@ -417,6 +432,7 @@ class Validator {
 
   const ContactBatchView<Real>& batch_;
   DefectReport report_;
+  bool pivots_;  ///< the solver is one that takes rows without a positive diagonal
   bool env_rows_sound_ = false, env_cones_sound_ = false, cone_rows_sound_ = false, rows_sound_ = false;
   std::vector<bool> env_sound_;  ///< cones and columns of that environment are sound too  (env_count)
 };
@@ -431,19 +447,19 @@ void expect_host(const ContactBatchView<Real>& batch) {
 }  // namespace
 
 template <class Real>
-std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit) {
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver) {
   expect_host(batch);
-  return Validator<Real>(batch, limit).run(true);
+  return Validator<Real>(batch, limit, solver).run(true);
 }
 
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit) {
   expect_host(batch);
-  return Validator<Real>(batch, limit).run(false);
+  return Validator<Real>(batch, limit, SolverKind::npgs).run(false);
 }
 
-template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t);
-template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t);
+template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind);
+template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind);
 template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t);
 template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t);
 

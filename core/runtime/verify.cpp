@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Keeps a scale that divides away from zero: an environment at rest (b = 0), a cone without a diagonal.
+/// Keeps a scale that divides away from zero: an environment at rest (b = 0).
 constexpr double kTiny = 1e-300;
 
 /// The largest of the values seen; one that is not finite makes it infinite for good.
@@ -116,7 +116,7 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset en
     trace += env_diagonal[at];
   }
   const double mean = trace / static_cast<double>(m);
-  const double a = mean > kTiny ? mean : kTiny;
+  const double a = mean > 0.0 ? mean : 1.0;
 
   switch (batch.cone_kind[cone]) {
     case ConeKind::free:

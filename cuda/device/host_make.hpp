@@ -1,7 +1,16 @@
 #pragma once
 
+#include "core/body/shared_bodies.hpp"
 #include "cuda/device/catalogue.hpp"
 #include "cuda/device/host_launch.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+STICTION_SHARED_BODIES(extern, cuda::HostTeam)
+STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, float, DenseSystem<float, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, double, DenseSystem<double, cuda::kWarp>)
+
+}  // namespace stiction::inline STICTION_ISA
 
 namespace stiction::cuda {
 

@@ -11,11 +11,11 @@ namespace stiction::cuda {
 /// What choosing solvers takes beside the job.
 template <class Real>
 struct ChooseArgs {
-  SolveJob<Real> job;    ///< with the caller's warm start
-  PlanArrays plan;       ///< sound; the keys are written
-  SolverKind* assigned;  ///< who is to solve each environment, kept from rung to rung         (envs)
-  int rung;              ///< the one to be solved next
-  SizeClass finest;      ///< class of the smallest dense environments under its solver
+  SolveJob<Real> job;      ///< with the caller's warm start
+  PlanArrays plan;         ///< sound; the keys are written
+  std::uint8_t* assigned;  ///< the rung that each environment stands on, kept from rung to rung  (envs)
+  int rung;                ///< the one to be solved next
+  SizeClass finest;        ///< class of the smallest dense environments under its solver
 };
 
 }  // namespace stiction::cuda
@@ -31,12 +31,11 @@ struct ChooseEnvironments {
 
   template <class Team>
   static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
-    const SolverKind next = ladder_rung(args.rung);
     for (Offset index = id.index; index < args.job.batch.env_count; index += id.count) {
       const EnvPath path = args.plan.path[index];
       SizeClass own = SizeClass::settled;
       Index rows = 0;
-      if (path != EnvPath::empty && assign(team, args, index) == next) {
+      if (path != EnvPath::empty && assign(team, args, index) == args.rung) {
         rows = args.job.batch.env_rows(index);
         own = size_class(path, rows);
         if (path == EnvPath::dense && own > args.finest) own = args.finest;
@@ -46,22 +45,22 @@ struct ChooseEnvironments {
   }
 
  private:
-  /// Who is to solve an environment now, on every lane.
+  /// The rung that an environment stands on now, on every lane.
   template <class Team>
-  static STICTION_HD SolverKind assign(Team& team, const Args& args, Offset index) {
-    SolverKind& assigned = args.assigned[index];
+  static STICTION_HD int assign(Team& team, const Args& args, Offset index) {
+    std::uint8_t& assigned = args.assigned[index];
     const EnvView<Real> env = slice(args.job, index);
-    SolverKind solver = assigned;
+    int rung = assigned;
     if (args.rung == 0) {
       begin_climb(team, env);
-      solver = first_solver(features(team, env));
-    } else if (solver == ladder_rung(args.rung - 1) && falls_short(*env.status)) {
-      solver = next_solver(solver, features(team, env));
+      rung = first_rung(features(team, env));
+    } else if (rung == args.rung - 1 && falls_short(*env.status)) {
+      rung = next_rung(rung, features(team, env));
     }
     // Every lane has read who it was.
     team.sync();
-    single(team, [&] { assigned = solver; });
-    return solver;
+    single(team, [&] { assigned = static_cast<std::uint8_t>(rung); });
+    return rung;
   }
 };
 

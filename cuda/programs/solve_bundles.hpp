@@ -102,7 +102,7 @@ struct SolveBundles {
       return 0;
     }
     if constexpr (kHasWindows<Method, Real>) slot.window = static_cast<unsigned char>(window_of(system));
-    return settle<Method>(block, env, system, stop_rule(args.job, Method::kKind, slot.env), slot.progress) ? 0 : 1;
+    return settle<Method>(block, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
   }
 
   /// One chunk; whether there is anything left to do.
@@ -110,8 +110,8 @@ struct SolveBundles {
     SerialBlock block;
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
-    const StopRule rule = stop_rule(args.job, Method::kKind, slot.env);
-    const MethodParams<Real> params{args.job.omega, args.job.is_rung};
+    const StopRule rule = stop_rule(args.job, slot.env);
+    const MethodParams<Real> params{args.job.omega, args.job.is_rung()};
     if constexpr (kHasWindows<Method, Real>) {
       advance_chunk<Method, kLaw>(block, system, params, rule, slot.progress, slot.window);
     } else {

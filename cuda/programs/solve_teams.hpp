@@ -30,8 +30,8 @@ struct SolveTeams {
       if (position >= end) return;
       const Offset index = args.queue.order[position];
       const EnvView<Real> env = slice(job, index);
-      const MethodParams<Real> params{job.omega, job.is_rung};
-      const StopRule rule = stop_rule(job, Method::kKind, index);
+      const MethodParams<Real> params{job.omega, job.is_rung()};
+      const StopRule rule = stop_rule(job, index);
       if constexpr (kPath == EnvPath::dense) {
         DenseSystem<Real> system(env.counts, Method::room(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);

@@ -7,6 +7,7 @@
 #if defined(STICTION_TEST_HAS_IO)
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "stiction/io.hpp"
 #include "stiction/pyramid.hpp"
@@ -40,6 +41,34 @@ TEST(LemkeFiles, PyramidsOfARobotAreSolvedToRounding) {
   const std::string file = STICTION_SHARED_DIR "/data/mujoco/go1.h5";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no shared data";
   EXPECT_EQ(pivot_all(linearise(io::read_batch(file).batch, 8).batch, 1024), 32);
+}
+
+/// Environments of a file of complementarity problems that end on a ray; all others must be solved.
+std::vector<std::size_t> rays_among(const std::string& path) {
+  const auto batch = io::read_batch(path).batch;
+  const auto solution = solve(batch, options(SolverKind::automatic, 1e-8, 5000));
+  const auto judged = verify(batch.view(), std::span<const double>(solution.lambda));
+  std::vector<std::size_t> rays;
+  for (std::size_t env = 0; env < judged.size(); ++env) {
+    if ((solution.status[env].flags & kFlagRay) != 0)
+      rays.push_back(env);
+    else
+      EXPECT_LE(judged[env].relative, 1e-8) << path << ", environment " << env;
+  }
+  return rays;
+}
+
+TEST(LemkeFiles, ComplementarityProblemsOfOtherLibrariesAreSolvedOrEndOnARay) {
+  const std::string folder = STICTION_SHARED_DIR "/data/lcp/";
+  if (!std::filesystem::exists(folder + "siconos.h5")) GTEST_SKIP() << "no shared data";
+  using Rays = std::vector<std::size_t>;
+  EXPECT_EQ(rays_among(folder + "dart.h5"), Rays{});
+  // One bimatrix game in two collections: its diagonal blocks are zero, so that every path ends at its first pivot.
+  EXPECT_EQ(rays_among(folder + "drake.h5"), Rays{3});
+  EXPECT_EQ(rays_among(folder + "siconos.h5"), Rays{2});
+  // Nobody has solutions of these. The first has none: w = -1 - lambda.
+  EXPECT_EQ(rays_among(folder + "drake_unsolved.h5"), Rays{0});
+  EXPECT_EQ(rays_among(folder + "siconos_unsolved.h5"), Rays{0});
 }
 
 #endif

@@ -56,6 +56,33 @@ TEST(Lemke, AFrictionConeIsRefusedByName) {
   }
 }
 
+TEST(Lemke, ZerosOnTheDiagonalAreNoObstacle) {
+  // Two reactions that only act on each other, and the optimality conditions of a linear programme: worked out by hand.
+  const Environment<double> crossed = system({unilateral(), unilateral()}, {0, 1, 1, 0}, {-1, -2});
+  const Environment<double> programme = system({unilateral(), unilateral()}, {0, -1, 1, 0}, {3, -2});
+  EXPECT_EQ(pivot(crossed).lambda, (std::vector<double>{2, 1}));
+  EXPECT_EQ(pivot(programme).lambda, (std::vector<double>{2, 3}));
+  for (const auto& env : {crossed, programme}) {
+    const auto batch = batch_of({env});
+    EXPECT_EQ(validate(batch.view()).size(), 2U) << "sweeps cannot take them";
+    EXPECT_TRUE(validate(batch.view(), 64, SolverKind::lemke).empty());
+    const Solution<double> chosen = solve(batch, options(SolverKind::automatic, 1e-12, 100));
+    EXPECT_EQ(chosen.status[0].code, EnvCode::solved);
+    EXPECT_EQ(chosen.status[0].solver, SolverKind::lemke);
+    EXPECT_EQ(chosen.lambda, pivot(env).lambda);
+    SolverOptions sweeps = options(SolverKind::npgs, 1e-6, 100);
+    sweeps.invalid = InvalidPolicy::isolate;
+    EXPECT_EQ(solve(batch, sweeps).status[0].flags, kFlagBadDiagonal);
+  }
+}
+
+TEST(Lemke, AReactionOnARowWithoutADiagonalIsJudged) {
+  // w = 2 - 0 = 2 on the first row: a reaction there is an error, though nothing pushes back.
+  const Environment<double> env = system({unilateral(), unilateral()}, {0, 0, 0, 1}, {2, 1});
+  EXPECT_EQ(judged(env, {0, 0}), 0.0);
+  EXPECT_EQ(judged(env, {1, 0}), 0.5);
+}
+
 /// Solves B u = q of any number of right-hand sides in long double, by partial pivoting; false where B is singular.
 bool solve_square(std::vector<std::vector<long double>> B, std::vector<long double>& q) {
   const std::size_t n = q.size();

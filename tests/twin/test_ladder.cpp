@@ -66,7 +66,7 @@ TEST(Ladder, a_device_climbs_as_the_cpu_does) {
 
 TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
   const ContactBatch<double> batch = ragged_batch(3, 2);
-  const Index enough = rung_iterations(SolverKind::npgs, std::numeric_limits<Index>::max());
+  const Index enough = rung_iterations(0, 1, std::numeric_limits<Index>::max());
   const Solution<double> first = solve(batch, options(SolverKind::npgs, 1e-4, enough));
   const Solution<double> answer = solve(batch, automatic(1e-4, enough));
   for (std::size_t env = 0; env < first.status.size(); ++env)

@@ -21,10 +21,11 @@ std::string describe(const std::vector<Defect>& defects) {
   return text;
 }
 
-LoadedBatch load_batch(const std::filesystem::path& path, const std::optional<Law>& law, ValueDefects policy) {
+LoadedBatch load_batch(const std::filesystem::path& path, const std::optional<Law>& law, ValueDefects policy,
+                       SolverKind solver) {
   LoadedBatch loaded{io::read_batch(path), {}};
   if (law) loaded.recording.batch.set_law(*law);
-  loaded.defects = validate(loaded.recording.batch.view(), kDefectLimit + 1);
+  loaded.defects = validate(loaded.recording.batch.view(), kDefectLimit + 1, solver);
   if (loaded.defects.empty()) return loaded;
   // Structural defects come first, so the first one decides.
   if (policy == ValueDefects::refuse || loaded.defects.front().structural) {

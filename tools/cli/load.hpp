@@ -26,9 +26,11 @@ struct LoadedBatch {
   std::vector<Defect> defects;  ///< value defects that were kept
 };
 
-/// Reads a contact-batch or FCLIB file, applies a law other than the file's if one is given, and validates.
+/// Reads a contact-batch or FCLIB file, applies a law other than the file's if one is given, and validates it for a
+/// solver.
 /// \throws Error with one sentence that begins with the file's name.
-LoadedBatch load_batch(const std::filesystem::path& path, const std::optional<Law>& law, ValueDefects policy);
+LoadedBatch load_batch(const std::filesystem::path& path, const std::optional<Law>& law, ValueDefects policy,
+                       SolverKind solver = SolverKind::npgs);
 
 /// Reads a solution and makes sure that it belongs to a batch of these rows and environments.
 /// \throws Error(invalid_argument) if it does not.

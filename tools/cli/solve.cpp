@@ -216,7 +216,7 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::optional<Progress> stage(std::in_place, "loading", 0, arguments.quiet);
   std::optional<ScopedSpan> loading(std::in_place, report.options.tracer, "load");
   const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;
-  const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy);
+  const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy, report.options.solver);
   const ContactBatch<double>& file_batch = loaded.recording.batch;
   std::optional<PyramidBatch<double>> pyramids;
   if (arguments.pyramid > 0) pyramids = linearise(file_batch, arguments.pyramid);

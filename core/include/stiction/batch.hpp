@@ -186,8 +186,11 @@ struct Defect {
 
 /// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure
 /// first: values are looked at only where the structure holds. An empty result means that the batch is sound.
+/// Complementary pivoting (`lemke`, and `automatic`, which has it) also takes rows of A + R without a positive
+/// diagonal, in environments without friction cones: under those solvers they are no defects.
 template <class Real>
-std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit = 64);
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit = 64,
+                             SolverKind solver = SolverKind::npgs);
 
 /// max |A - A'| / max |A| of each environment (0 when symmetric or empty).  (env_count)
 template <class Real>

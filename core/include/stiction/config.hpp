@@ -11,13 +11,16 @@
 ///
 /// STICTION_HD_OUTLINE is for templates that run once per chunk or less and have a type of their instruction set among
 /// their arguments (so that no two builds share a symbol): on the device they stay functions, because a copy in every
-/// kernel would cost minutes of compile time and megabytes of code.
+/// kernel would cost minutes of compile time and megabytes of code. STICTION_HD_SHARED is for those of them that a
+/// machine compiles once for all solvers (core/body/shared_bodies.hpp): functions everywhere.
 #if defined(__CUDACC__)
 #define STICTION_HD __host__ __device__ __forceinline__
 #define STICTION_HD_OUTLINE __host__ __device__ __noinline__
+#define STICTION_HD_SHARED __host__ __device__ __noinline__
 #else
 #define STICTION_HD inline __attribute__((always_inline))
 #define STICTION_HD_OUTLINE inline
+#define STICTION_HD_SHARED __attribute__((noinline))
 #endif
 
 namespace stiction {

@@ -1,0 +1,10 @@
+#include "core/body/shared_bodies.hpp"
+#include "cuda/device/host_team.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+STICTION_SHARED_BODIES(, cuda::HostTeam)
+STICTION_SHARED_WITH_SYSTEM(, SerialBlock, float, DenseSystem<float, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(, SerialBlock, double, DenseSystem<double, cuda::kWarp>)
+
+}  // namespace stiction::inline STICTION_ISA
