@@ -6,6 +6,7 @@
 namespace stiction {
 
 namespace isa_baseline {
+cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
@@ -13,6 +14,7 @@ cpu::JacobianKernelSet jacobian_kernels();
 
 #if defined(STICTION_HAS_X86_ISAS)
 namespace isa_avx2 {
+cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
@@ -36,12 +38,12 @@ const Isa kIsas[] = {
        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
               __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("fma");
      },
-     isa_avx512::solver_kernels, isa_avx512::si_kernels, isa_avx512::jacobian_kernels},
+     isa_avx512::solver_kernels, isa_avx512::si_kernels, isa_avx2::newton_body_kernels, isa_avx512::jacobian_kernels},
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
-     isa_avx2::si_kernels, isa_avx2::jacobian_kernels},
+     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels},
 #endif
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
-     isa_baseline::jacobian_kernels},
+     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels},
 };
 
 const Isa& choose_isa() {

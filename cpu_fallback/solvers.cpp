@@ -43,6 +43,7 @@ cpu::KernelSet solver_kernels(SolverKind solver) {
       return STICTION_DIRECT_ISA::lemke_kernels();
     case SolverKind::ipm:
       return STICTION_DIRECT_ISA::ipm_kernels();
+    case SolverKind::multigrid:
     case SolverKind::automatic:
       break;
   }

@@ -5,6 +5,7 @@
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
+#include "core/schedule/newton_plan.hpp"
 
 namespace stiction {
 
@@ -122,7 +123,9 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
     reject(validate_structure(host, 1));
-    return BodyPlan(std::make_shared<const BodyPlanData>(make_body_plan(host, options_.max_contacts_per_env)));
+    BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env);
+    if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
+    return BodyPlan(std::make_shared<const BodyPlanData>(std::move(plan)));
   };
   if (batch.space == MemorySpace::host) return make(batch);
   return make(HostBodies<Real>(batch, options_.max_contacts_per_env > 0, *machine_, stream).view());
@@ -138,6 +141,8 @@ void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
                                                               data->env_body_offsets.back() == batch.body_count &&
                                                               data->env_contact_offsets.back() == batch.contact_count;
   if (!fitting) refuse("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
+  if (options_.method == BodyMethod::newton && !(data->has_newton && data->space == options_.space))
+    refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
   machine_->solve(BodyRequest<Real>{data, batch, solution, warm_start, stepping_, options_, stream});

@@ -81,6 +81,8 @@ const char* to_string(SolverKind solver) noexcept {
       return "lemke";
     case SolverKind::ipm:
       return "ipm";
+    case SolverKind::multigrid:
+      return "multigrid";
     case SolverKind::automatic:
       return "auto";
   }
@@ -129,6 +131,10 @@ SolverKind solver_from_string(const std::string& name) {
     if (name == to_string(solver)) return solver;
     names += std::string(", ") + to_string(solver);
   }
+  if (name == to_string(SolverKind::multigrid))
+    throw Error(ErrorCode::invalid_argument,
+                "solver 'multigrid' works on bodies, not on contact batches: give the bodies to a BodySolver with "
+                "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " + names);
   throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
 }
 

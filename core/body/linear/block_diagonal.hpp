@@ -37,7 +37,7 @@ struct BlockDiagonal {
   Index rows = 0;
   double* factors = nullptr;  ///< (36 rows)
 
-  static constexpr Offset doubles(Offset rows) { return rows * kBlockEntries; }
+  static STICTION_HD constexpr Offset doubles(Offset rows) { return rows * kBlockEntries; }
 
   /// Takes A's diagonal blocks; a row without one is left alone.
   template <Block B>
