@@ -52,12 +52,17 @@ struct BlockDiagonal {
     });
   }
 
+  /// v = D^-1 v for one row.
+  STICTION_HD void solve(Index row, double* v) const {
+    solve_block(factors + static_cast<Offset>(row) * kBlockEntries, v);
+  }
+
   template <Block B>
   STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
     for_each(block, rows, [&](Index row) {
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) z[first + i] = r[first + i];
-      solve_block(factors + static_cast<Offset>(row) * kBlockEntries, z + first);
+      solve(row, z + first);
     });
   }
 };
