@@ -67,20 +67,4 @@ STICTION_HD void multiply_transposed_block(const double* K, const double* v, dou
     for (Index j = 0; j < kBodyBlock; ++j) sum[j] = fma_(K[i * kBodyBlock + j], v[i], sum[j]);
 }
 
-/// v = L^-1 v.
-STICTION_HD void solve_lower(const double* L, double (&v)[kBodyBlock]) {
-  for (Index i = 0; i < kBodyBlock; ++i) {
-    for (Index k = 0; k < i; ++k) v[i] = fma_(0.0 - L[i * kBodyBlock + k], v[k], v[i]);
-    v[i] = div_(v[i], L[i * kBodyBlock + i]);
-  }
-}
-
-/// v = L^-T v.
-STICTION_HD void solve_upper(const double* L, double (&v)[kBodyBlock]) {
-  for (Index i = kBodyBlock - 1; i >= 0; --i) {
-    for (Index k = i + 1; k < kBodyBlock; ++k) v[i] = fma_(0.0 - L[k * kBodyBlock + i], v[k], v[i]);
-    v[i] = div_(v[i], L[i * kBodyBlock + i]);
-  }
-}
-
 }  // namespace stiction::inline STICTION_ISA
