@@ -137,7 +137,7 @@ inline BlockSystem box_matrix(const BoxScene& scene, double compliance, unsigned
   }
   std::mt19937 random(17);
   for (const BoxContact& contact : scene.contacts) {
-    const unsigned chance = random() % 100;
+    const auto chance = random() % 100;
     Point w{1.0 / compliance, 1.0 / compliance, 1.0 / compliance};
     if (chance < sliding) w[1] = 0.0;
     if (chance >= sliding && chance < 2 * sliding) w = {0.0, 0.0, 0.0};
