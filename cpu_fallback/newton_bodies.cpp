@@ -32,7 +32,8 @@ void solve_together(const BodyJob<Real>& job, Offset env, Real* scratch, double*
 
 template <class Real>
 Offset doubles(const BodyJob<Real>& job, Offset env) {
-  return newton_doubles(slice_bodies(job, env), job.options.space);
+  const BodyEnv<Real> view = slice_bodies(job, env);
+  return newton_doubles(view.kept, view.newton_stream, job.options.space);
 }
 
 template <class Real, Law kLaw>

@@ -1,22 +1,9 @@
 #pragma once
 
 #include "core/base/block_pattern.hpp"
+#include "stiction/body_space.hpp"
 
 namespace stiction {
-
-/// How a coarse body's motion becomes that of its members (docs/math/multigrid.md).
-enum class Prolongation : std::uint8_t {
-  plain = 0,     ///< rigidly
-  smoothed = 1,  ///< rigidly, then one damped block-Jacobi step against the forces that this makes
-};
-
-/// Times that a cycle visits a coarser level for each visit of the finer one.
-enum class Cycle : std::uint8_t { v = 1, w = 2 };
-
-struct MultigridOptions {
-  Prolongation prolongation = Prolongation::smoothed;
-  Cycle cycle = Cycle::v;
-};
 
 /// One level of a hierarchy, and how it reaches the next. A body is coupled if its row has more than the diagonal;
 /// one that is not needs no coarse representation.

@@ -4,6 +4,10 @@
 #include <numeric>
 
 #include "core/base/block_pattern.hpp"
+#include "core/schedule/block_factor_plan.hpp"
+#include "core/schedule/multigrid_plan.hpp"
+#include "core/schedule/ordering.hpp"
+#include "core/schedule/sparse_inverse_plan.hpp"
 
 namespace stiction {
 namespace {
@@ -121,6 +125,29 @@ class BodyGraph {
   std::vector<Index> row_offsets_, columns_, block_offsets_, block_contacts_;
 };
 
+/// What the preconditioner takes for itself, from the pattern that the environment's stream begins with.
+void append_preconditioner(std::vector<Index>& stream, Offset begin, const BodySpaceOptions& space) {
+  // The stream is about to grow: the pattern is read from a copy.
+  const Index* next = stream.data() + begin;
+  take_pattern(next);
+  const std::vector<Index> integers(stream.begin() + begin, stream.begin() + (next - stream.data()));
+  next = integers.data();
+  const BlockPattern pattern = take_pattern(next);
+  switch (space.preconditioner) {
+    case BodyPreconditioner::diagonal:
+    case BodyPreconditioner::block_diagonal:
+      return;
+    case BodyPreconditioner::incomplete_cholesky:
+      return append_block_factor(stream, pattern, order_rows(pattern, space.ordering), Fill::none);
+    case BodyPreconditioner::sparse_inverse:
+      return append_sparse_inverse(stream, pattern);
+    case BodyPreconditioner::factor:
+      return append_block_factor(stream, pattern, order_rows(pattern, space.ordering), Fill::complete);
+    case BodyPreconditioner::multigrid:
+      return append_multigrid(pattern, space.multigrid.prolongation, stream);
+  }
+}
+
 }  // namespace
 
 void add_newton_plan(BodyPlanData& plan, const BodySpaceOptions& space) {
@@ -130,6 +157,7 @@ void add_newton_plan(BodyPlanData& plan, const BodySpaceOptions& space) {
   plan.has_newton = true;
   for (Offset env = 0; env < plan.env_count(); ++env) {
     BodyGraph(plan, env).append(plan.newton_stream);
+    append_preconditioner(plan.newton_stream, plan.newton_offsets.back(), space);
     plan.newton_offsets.push_back(static_cast<Offset>(plan.newton_stream.size()));
   }
 }

@@ -170,6 +170,7 @@ STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const B
   SiProgress<Real> entry;
   if (!start_bodies(block, env, s, params, entry)) return;
   load_space(block, env, params, room);
+  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(block, room);
   Index steps = 0;
   SpaceEnd end = kSpaceMet;
   SpaceProgress progress;
