@@ -17,12 +17,10 @@ STICTION_HD void relative_motion(const SpaceContact& contact, const double* twis
   rows[2] = dot(u, contact.frame.t2);
 }
 
-/// gamma at a motion u that holds the shift, and its derivative in z.
-STICTION_HD ConePoint reaction_at(const SpaceContact& contact, const double (&u)[3], double compliance) {
+/// What the reaction to a motion u, which holds the shift, is the projection of.
+STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], double compliance, double (&z)[3]) {
   const double whole = compliance + contact.pull;
-  double z[3];
   for (int k = 0; k < 3; ++k) z[k] = div_(fma_(contact.pull, contact.centre[k], 0.0 - u[k]), whole);
-  return project_friction_cone(z, contact.mu);
 }
 
 /// J' of the contacts' impulses for one body: force and torque. `impulse_of(contact, row)` gives the impulse on b.
@@ -52,23 +50,9 @@ STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>
   return {add_scaled(zero, body.mass, p.linear), add_product(zero, body.inertia, p.angular)};
 }
 
-/// Reactions, descent and force at room.point. Returns the largest relative velocity that the descent would bring to a
-/// contact [w]: zero where the gradient is.
+/// Descent and force for the reactions that are there.
 template <Block B>
-STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, double compliance) {
-  for_each(block, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
-    double u[3];
-    relative_motion(contact, room.point, u);
-    for (int k = 0; k < 3; ++k) contact.u[k] = (u[k] + contact.free[k]) + (k == 0 ? contact.shift : 0.0);
-    const ConePoint point = reaction_at(contact, contact.u, compliance);
-    double slide[3];
-    for (int k = 0; k < 3; ++k) {
-      contact.reaction[k] = point.x[k];
-      slide[k] = fma_(compliance, point.x[k], contact.u[k]);
-    }
-    contact.sliding = contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
-  });
+STICTION_HD_OUTLINE void renew_descent(B& block, const NewtonRoom& room) {
   for_each(block, room.bodies, [&](Index row) {
     const SpaceBody& body = room.body[row];
     const Twist<double> p = NewtonRoom::twist(room.point, row);
@@ -79,6 +63,38 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, dou
     put_twist(room.descent + static_cast<Offset>(row) * kBodyBlock, descent);
     put_twist(room.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(body, descent));
   });
+}
+
+/// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
+/// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
+template <Block B>
+STICTION_HD_OUTLINE void renew_space_motion(B& block, const NewtonRoom& room) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    double u[3];
+    relative_motion(contact, room.point, u);
+    for (int k = 0; k < 3; ++k) contact.u[k] = (u[k] + contact.free[k]) + (k == 0 ? contact.shift : 0.0);
+  });
+}
+
+/// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the descent would bring to a
+/// contact [w]: zero where the gradient is.
+template <Block B>
+STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, double compliance) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    unprojected(contact, contact.u, compliance, contact.z);
+    const ConePoint point = project_friction_cone(contact.z, contact.mu);
+    double slide[3];
+    for (int k = 0; k < 3; ++k) {
+      contact.reaction[k] = point.x[k];
+      slide[k] = fma_(compliance, point.x[k], contact.u[k]);
+    }
+    // A contact that is held does not slide: what is left of its motion goes with the proximal term.
+    const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
+    contact.sliding = is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+  });
+  renew_descent(block, room);
   double largest = 0.0;
   for (Index p = block.rank(); p < room.contacts; p += block.size()) {
     double change[3];
@@ -119,7 +135,9 @@ STICTION_HD_OUTLINE SpaceLine look_along(B& block, const NewtonRoom& room, const
     SpaceContact& contact = room.contact[p];
     double u[3];
     for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
-    const ConePoint point = reaction_at(contact, u, compliance);
+    double z[3];
+    unprojected(contact, u, compliance, z);
+    const ConePoint point = project_friction_cone(z, contact.mu);
     double slope = 0.0;
     double curvature = 0.0;
     for (int i = 0; i < 3; ++i) {
@@ -152,8 +170,7 @@ STICTION_HD_OUTLINE double slope_noise(B& block, const NewtonRoom& room, double 
     for (Index p = leaf; p < room.contacts; p += kReduceLeaves) {
       const SpaceContact& contact = room.contact[p];
       for (int k = 0; k < 3; ++k) {
-        const double motion = abs_(contact.free[k]) + abs_(contact.u[k]);
-        const double answer = abs_(contact.reaction[k]) + div_(motion, compliance + contact.pull);
+        const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.pull);
         sum = fma_(abs_(contact.along[k]), answer, sum);
       }
     }

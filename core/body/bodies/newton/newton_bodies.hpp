@@ -1,8 +1,7 @@
 #pragma once
 
-#include "core/body/bodies/newton/body_hessian.hpp"
+#include "core/body/bodies/newton/follow_renewal.hpp"
 #include "core/body/bodies/newton/load_space.hpp"
-#include "core/body/bodies/newton/precondition.hpp"
 #include "core/body/bodies/si_body.hpp"
 
 /// Newton's method on the velocities of bodies (docs/math/body_newton.md): the convex law with compliance is a smooth
@@ -10,20 +9,27 @@
 /// which the motion of every contact is shifted by mu times its own sliding.
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps of sequential impulses before the first Newton step of a sub-step: they find most of which contacts open.
+/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open, and
+/// under Coulomb's law whenever it is of no use.
 inline constexpr Index kSpaceSweeps = 48;
+/// Each time twice as many as the time before, up to this: sweeps that begin again lose what momentum they had.
+inline constexpr Index kMostSpaceSweeps = 3072;
 /// Weight of the proximal term over the mean diagonal of a contact's block: at the beginning, its factor whenever the
 /// problem with it is solved, and where it ends unless compliance takes its place. Below, the rounding of velocities
 /// over the weight would be more than the proximal term still hides.
 inline constexpr double kPullStart = 1e-2;
 inline constexpr double kPullFall = 0.1;
-inline constexpr double kPullLeast = 1e-6;
+inline constexpr double kPullLeast = 1e-7;
 /// Compliance over the largest mean diagonal from which no proximal term is needed.
 inline constexpr double kEnoughCompliance = 1e-5;
 /// Part of the answer's residual that the inner problem may leave before its centre and its shifts move.
 inline constexpr double kSpaceInnerPart = 0.1;
+/// Part of the residual at the last renewal above which the proximal term is what is slow.
+inline constexpr double kSlow = 0.3;
+/// Newton steps on one inner problem under Coulomb's law before sweeps are thought to bring more.
+inline constexpr Index kSpaceInnerSteps = 12;
 /// Newton steps without a better iterate after which there is none to come.
-inline constexpr Index kSpacePatience = 32;
+inline constexpr Index kSpacePatience = 100;
 
 /// How a sub-step ended.
 enum SpaceEnd : int { kSpaceMet, kSpaceStalled, kSpaceBroken, kSpaceOutOfSteps };
@@ -37,8 +43,9 @@ struct SpaceProgress {
   double pull = 0.0;      ///< weight of the proximal term over a contact's mean diagonal
   double pull_end = 0.0;  ///< where it goes
   double reference = 0.0; ///< energy of the first gradient of this inner problem
-  int renewals = 0;       ///< since the history of shifts began
-  double renewed = 0.0;   ///< residual at the last renewal
+  Index inner_steps = 0;  ///< of Newton since the last renewal
+  Index sweeps = kSpaceSweeps;  ///< that are next
+  double renewed = __builtin_huge_val();  ///< residual at the last renewal
 };
 
 /// The residual of s.x, which is kept if it is the best.
@@ -63,25 +70,16 @@ STICTION_HD void set_pull(B& block, const NewtonRoom& room, double weight) {
   for_each(block, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
 }
 
-/// Moves the centre of the proximal term to the reactions, makes it weaker, and under Coulomb's law takes the next
-/// shifts.
-template <Law kLaw, Block B>
-STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, double residual, SpaceProgress& progress) {
+/// Moves the centre of the proximal term to the reactions and makes it weaker.
+template <Block B>
+STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, bool is_slow, SpaceProgress& progress) {
   for_each(block, room.contacts, [&](Index p) {
     for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
   });
-  progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
+  if (is_slow) progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
   if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
   set_pull(block, room, progress.pull);
   progress.reference = 0.0;
-  if constexpr (kLaw == Law::coulomb) {
-    if (residual > progress.renewed) progress.renewals = 0;
-    progress.renewed = residual;
-    accelerate_shift(
-        block, room.history, progress.renewals, [&](Index p) { return room.contact[p].shift; },
-        [&](Index p) { return room.contact[p].sliding; }, [&](Index p, double s) { room.contact[p].shift = s; });
-    ++progress.renewals;
-  }
 }
 
 /// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
@@ -94,7 +92,7 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, cons
   progress.reference = max_(energy, progress.reference);
   const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
   assemble_curvature(block, room, compliance);
-  solve_space(block, room, space, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
+  solve_space(block, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
   for_each(block, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
   const SpaceLine bodies = body_line(block, room);
   const double noise = slope_noise(block, room, compliance);
@@ -103,7 +101,41 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, cons
   const double alpha =
       is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, here.slope, noise);
   for_each(block, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
+  });
   return is_exhausted;
+}
+
+/// Sweeps from the best iterate, and a first problem there. Returns what renew_reactions does.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                        const SiParams& params, const NewtonRoom& room, SpaceProgress& progress) {
+  const auto take_best = [&] {
+    share_out(block, s.contacts, [&](Index p) {
+      for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
+    });
+  };
+  take_best();
+  refresh_bodies(block, env, s, params);
+  SiMomentum<Real> momentum;
+  if (params.momentum) start_momentum(block, s);
+  for (Index k = 0; k < progress.sweeps; k += kSiChunk) {
+    run_sweeps(block, env, s, params, kSiChunk, momentum);
+    look_at_iterate(block, env, s, params, progress);
+  }
+  progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
+  take_best();
+  const double compliance = div_(params.cfm, params.step);
+  start_at_iterate(block, env, s, room, compliance);
+  progress.pull = kPullStart;
+  progress.reference = 0.0;
+  progress.renewed = __builtin_huge_val();
+  progress.inner_steps = 0;
+  set_pull(block, room, progress.pull);
+  renew_space_motion(block, room);
+  return renew_reactions(block, room, compliance);
 }
 
 /// Solves a sub-step from s.x. The best iterate is in s.best; the steps taken are added to `steps`.
@@ -115,22 +147,11 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
   if (is_met(progress)) return kSpaceMet;
   if (!finite_(residual)) return kSpaceBroken;
   if (params.iterations == 0) return kSpaceOutOfSteps;
-  SiMomentum<Real> momentum;
-  if (params.momentum) start_momentum(block, s);
-  run_sweeps(block, env, s, params, kSpaceSweeps, momentum);
-  residual = look_at_iterate(block, env, s, params, progress);
-  if (is_met(progress)) return kSpaceMet;
-
-  share_out(block, s.contacts, [&](Index p) {
-    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
-  });
   const double compliance = div_(params.cfm, params.step);
-  start_at_iterate(block, env, s, room, compliance);
   const double mean = max_over<double>(block, room.contacts, [&](Index p) { return room.contact[p].mean; });
   progress.pull_end = compliance >= kEnoughCompliance * mean ? 0.0 : kPullLeast;
-  progress.pull = kPullStart;
-  set_pull(block, room, progress.pull);
-  double inner = renew_reactions(block, room, compliance);
+  double inner = sweep_closer(block, env, s, params, room, progress);
+  if (is_met(progress)) return kSpaceMet;
   Index since_best = 0;
   for (Index k = 0; k < params.iterations; ++k) {
     const bool is_exhausted = take_newton_step(block, room, space, compliance, progress);
@@ -144,8 +165,19 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
     since_best = progress.best < before ? 0 : since_best + 1;
     const bool is_renewed = kLaw == Law::coulomb || progress.pull > 0.0;
     if (since_best >= kSpacePatience || (is_exhausted && !is_renewed)) return kSpaceStalled;
-    if (is_renewed && (is_exhausted || inner <= kSpaceInnerPart * residual)) {
-      renew_problem<kLaw>(block, room, residual, progress);
+    const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
+    const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
+    if (kLaw == Law::coulomb && (is_long || (is_solved && residual > progress.renewed))) {
+      inner = sweep_closer(block, env, s, params, room, progress);
+      if (is_met(progress)) return kSpaceMet;
+    } else if (is_renewed && is_solved) {
+      const bool with_sliding = kLaw == Law::coulomb;
+      const bool is_slow = true;
+      progress.renewed = residual;
+      progress.inner_steps = 0;
+      renew_problem(block, room, is_slow, progress);
+      follow_renewal(block, room, space, compliance, with_sliding);
+      ++steps, ++k;
       inner = renew_reactions(block, room, compliance);
     }
   }

@@ -1,9 +1,8 @@
 #pragma once
 
 #include "core/base/newton_stream.hpp"
-#include "core/body/bodies/newton/anderson.hpp"
 #include "core/body/bodies/time_stepping.hpp"
-#include "core/body/linear/conjugate_gradient.hpp"
+#include "core/body/linear/stabilized_gradients.hpp"
 
 /// What Newton's method in body space keeps, in double whatever the batch's precision (docs/math/body_newton.md).
 namespace stiction::inline STICTION_ISA {
@@ -21,11 +20,12 @@ struct SpaceContact {
   double shift;         ///< lagged de Saxce term, on the normal row [w]
   double sliding;       ///< what that term would be now: mu norm(w_t) [w]
   double u[3];          ///< J v + bias + shift [w]
+  double z[3];          ///< what the reaction is the projection of [N s]
   double reaction[3];   ///< gamma(u) [N s]
   double along[3];      ///< J d [w]
   double slope;         ///< the contact's part of the line's slope
   double curvature;     ///< and of its curvature
-  double stiffness[6];  ///< W = -d gamma / d u in world axes: xx, xy, xz, yy, yz, zz [kg]
+  double stiffness[9];  ///< W = -d gamma / d u in world axes, row by row [kg]
 };
 
 /// A body's inverse mass as it is, and a mass matrix that has an inverse.
@@ -39,6 +39,7 @@ struct SpaceBody {
 /// reactions make, p = v - v_free, 6 numbers a body.
 struct NewtonRoom {
   NewtonStream stream;
+  Law law;
   Index contacts, bodies;
   SpaceContact* contact;
   SpaceBody* body;
@@ -47,23 +48,26 @@ struct NewtonRoom {
   double* descent;    ///< M^-1 J' gamma - p: minus the gradient as a twist               (6 bodies)
   double* force;      ///< minus the gradient, M (M^-1 J' gamma - p)                      (6 bodies)
   double* positions;  ///< of bodies, from the lowest of their island [m]                 (3 bodies)
-  double* gradients;  ///< what conjugate gradients keep                                  (kGradientVectors * 6 bodies)
-  BlockMatrix H;
-  ShiftHistory history;
+  double* gradients;  ///< what the solvers of linear systems keep                        (kVectors * 6 bodies)
+  BlockMatrix H;      ///< M + J'WJ, symmetric
+  BlockMatrix sliding;  ///< the same with what shifts change when velocities do, under Coulomb's law; not symmetric
   double* preconditioner;
 
   static constexpr Offset kContactDoubles = sizeof(SpaceContact) / sizeof(double);
   static constexpr Offset kBodyDoubles = sizeof(SpaceBody) / sizeof(double);
   static_assert(sizeof(SpaceContact) % sizeof(double) == 0 && sizeof(SpaceBody) % sizeof(double) == 0);
 
+  static constexpr Offset kVectors = kGradientVectors > kStabilizedVectors ? kGradientVectors : kStabilizedVectors;
+
   /// Doubles without the preconditioner's.
   static STICTION_HD constexpr Offset doubles(Offset contacts, Offset bodies, Offset blocks) {
-    return contacts * (kContactDoubles + ShiftHistory::kDoubles) +
-           bodies * (kBodyDoubles + 4 * kBodyBlock + 3 + kGradientVectors * kBodyBlock) + blocks * kBlockEntries;
+    return contacts * kContactDoubles + bodies * (kBodyDoubles + (4 + kVectors) * kBodyBlock + 3) +
+           2 * blocks * kBlockEntries;
   }
 
-  STICTION_HD NewtonRoom(Index contact_count, Index body_count, const Index* integers, double* memory)
-      : stream(take_newton_stream(integers)), contacts(contact_count), bodies(body_count) {
+  STICTION_HD NewtonRoom(Law law_of_friction, Index contact_count, Index body_count, const Index* integers,
+                         double* memory)
+      : stream(take_newton_stream(integers)), law(law_of_friction), contacts(contact_count), bodies(body_count) {
     const auto take = [&memory](Offset count) {
       double* const part = memory;
       memory += count;
@@ -77,9 +81,9 @@ struct NewtonRoom {
     descent = take(rows * kBodyBlock);
     force = take(rows * kBodyBlock);
     positions = take(rows * 3);
-    gradients = take(rows * kBodyBlock * kGradientVectors);
+    gradients = take(rows * kBodyBlock * kVectors);
     H = {stream.pattern, take(static_cast<Offset>(stream.pattern.blocks()) * kBlockEntries)};
-    history = {contacts, take(contacts * ShiftHistory::kDoubles)};
+    sliding = {stream.pattern, take(static_cast<Offset>(stream.pattern.blocks()) * kBlockEntries)};
     preconditioner = memory;
   }
 

@@ -44,46 +44,53 @@ inline Offset newton_doubles(Offset contacts, const Index* integers, const BodyS
          preconditioner_doubles(stream, space);
 }
 
-/// H d = force for room.step; the steps that conjugate gradients took.
+/// Which system is solved: H d = force, or that of room.sliding, which H preconditions.
+enum class SpaceSystem { symmetric, sliding };
+
+/// d for room.step; the steps that it took.
 template <Block B, class Preconditioner>
 STICTION_HD_OUTLINE Index solve_with(B& block, const NewtonRoom& room, const Preconditioner& preconditioner,
-                                     double tolerance) {
-  return solve_gradients(block, room.H, preconditioner, room.force, room.step, room.gradients, tolerance,
-                         kMostGradientSteps)
-      .iterations;
+                                     SpaceSystem system, double tolerance) {
+  const GradientOutcome outcome =
+      system == SpaceSystem::symmetric
+          ? solve_gradients(block, room.H, preconditioner, room.force, room.step, room.gradients, tolerance,
+                            kMostGradientSteps)
+          : solve_stabilized(block, room.sliding, preconditioner, room.force, room.step, room.gradients, tolerance,
+                             kMostGradientSteps);
+  return outcome.iterations;
 }
 template <Block B, class Preconditioner>
 STICTION_HD_OUTLINE Index prepare_and_solve(B& block, const NewtonRoom& room, const Preconditioner& preconditioner,
-                                            double tolerance) {
+                                            SpaceSystem system, double tolerance) {
   preconditioner.prepare(block, room.H);
-  return solve_with(block, room, preconditioner, tolerance);
+  return solve_with(block, room, preconditioner, system, tolerance);
 }
 
 /// The same with the preconditioner that the options name.
 template <Block B>
 STICTION_HD_OUTLINE Index solve_space(B& block, const NewtonRoom& room, const BodySpaceOptions& space,
-                                      double tolerance) {
+                                      SpaceSystem system, double tolerance) {
   const Index rows = room.stream.pattern.rows;
   const Index* own = room.stream.preconditioner;
   double* const memory = room.preconditioner;
   switch (space.preconditioner) {
     case BodyPreconditioner::diagonal:
-      return prepare_and_solve(block, room, ScalarDiagonal{rows, memory}, tolerance);
+      return prepare_and_solve(block, room, ScalarDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::block_diagonal:
-      return prepare_and_solve(block, room, BlockDiagonal{rows, memory}, tolerance);
+      return prepare_and_solve(block, room, BlockDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::incomplete_cholesky:
-      return prepare_and_solve(block, room, IncompleteCholesky{take_block_factor(own), memory}, tolerance);
+      return prepare_and_solve(block, room, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::sparse_inverse:
-      return prepare_and_solve(block, room, SparseInverse::in(take_sparse_inverse(own), memory), tolerance);
+      return prepare_and_solve(block, room, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
     case BodyPreconditioner::factor:
-      return prepare_and_solve(block, room, BlockLdl{take_block_factor(own), memory}, tolerance);
+      return prepare_and_solve(block, room, BlockLdl{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::multigrid: {
       Multigrid multigrid;
       multigrid.plan = take_multigrid(own);
       multigrid.cycle = space.multigrid.cycle;
       multigrid.memory = memory;
       multigrid.prepare(block, room.H, room.positions);
-      return solve_with(block, room, multigrid, tolerance);
+      return solve_with(block, room, multigrid, system, tolerance);
     }
   }
   return 0;
