@@ -110,24 +110,21 @@ struct SpaceLine {
   double curvature;
 };
 
-/// Parts of the bodies: their kinetic energy is a parabola on the line.
+/// d'Md: the curvature that bodies add, everywhere on the line.
 template <Block B>
-STICTION_HD_OUTLINE SpaceLine body_line(B& block, const NewtonRoom& room) {
-  const auto sum = [&](const double* twists) {
-    return sum_leaves<double>(block, [&](Index leaf) {
-      double part = 0.0;
-      for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
-        const Twist<double> momentum = momentum_of(room.body[row], NewtonRoom::twist(twists, row));
-        const Twist<double> d = NewtonRoom::twist(room.step, row);
-        part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
-      }
-      return part;
-    });
-  };
-  const double slope = sum(room.point);
-  return {slope, sum(room.step)};
+STICTION_HD_OUTLINE double body_curvature(B& block, const NewtonRoom& room) {
+  return sum_leaves<double>(block, [&](Index leaf) {
+    double part = 0.0;
+    for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
+      const Twist<double> d = NewtonRoom::twist(room.step, row);
+      const Twist<double> momentum = momentum_of(room.body[row], d);
+      part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
+    }
+    return part;
+  });
 }
 
+/// `bodies`: what they add at alpha = 0.
 template <Block B>
 STICTION_HD_OUTLINE SpaceLine look_along(B& block, const NewtonRoom& room, const SpaceLine& bodies, double compliance,
                                          double alpha) {

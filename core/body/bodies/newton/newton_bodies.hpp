@@ -94,12 +94,13 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, cons
   assemble_curvature(block, room, compliance);
   solve_space(block, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
   for_each(block, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
-  const SpaceLine bodies = body_line(block, room);
   const double noise = slope_noise(block, room, compliance);
-  const SpaceLine here = look_along(block, room, bodies, compliance, 0.0);
-  const bool is_exhausted = !(here.slope < 0.0 - noise);
-  const double alpha =
-      is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, here.slope, noise);
+  // The slope at the beginning is known from the gradient itself, which needs no mass matrix.
+  const double slope = 0.0 - dot_product(block, n, room.force, room.step);
+  const SpaceLine contacts = look_along(block, room, SpaceLine{0.0, 0.0}, compliance, 0.0);
+  const SpaceLine bodies{slope - contacts.slope, body_curvature(block, room)};
+  const bool is_exhausted = !(slope < 0.0 - noise);
+  const double alpha = is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, slope, noise);
   for_each(block, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
