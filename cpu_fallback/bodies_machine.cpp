@@ -118,9 +118,8 @@ void run(const BodyRequest<Real>& request) {
     Scratch<Real> scratch;
     Real* const memory = numbers(env, scratch);
     double* const twists = exact(env, scratch);
-    cpu::run_team(threads, [&](cpu::ThreadTeam& team, Index rank) {
-      solve_together(job, env, memory, twists, team, rank);
-    });
+    cpu::run_team(threads,
+                  [&](cpu::ThreadTeam& team, Index rank) { solve_together(job, env, memory, twists, team, rank); });
   }
   std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
   cpu::parallel_for(threads, static_cast<int>(deal.runs.size()), [&](int index, int worker) {

@@ -198,8 +198,8 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
     api_->synchronize(request.stream.handle());
   });
   order_ = order_there;
-  plan_ = {integers[0], integers[1], integers[2], integers[3], integers[4], integers[5], integers[6], integers[7],
-           newton_stream, newton_offsets};
+  plan_ = {integers[0], integers[1], integers[2], integers[3],   integers[4],
+           integers[5], integers[6], integers[7], newton_stream, newton_offsets};
   room_ = wanted;
 }
 

@@ -4,8 +4,8 @@
 
 namespace stiction {
 
-/// The integers of Newton's method in body space for one environment, as they follow one another in its stream. A row of
-/// blocks is a body; bodies that nothing pushes keep a row of their own without couplings. Entries of contacts are
+/// The integers of Newton's method in body space for one environment, as they follow one another in its stream. A row
+/// of blocks is a body; bodies that nothing pushes keep a row of their own without couplings. Entries of contacts are
 /// positions: p where the row's body is the contact's b, ~p where it is its a.
 struct NewtonStream {
   BlockPattern pattern;

@@ -173,7 +173,8 @@ SolverKind solver_from_string(const std::string& name) {
   if (name == to_string(SolverKind::multigrid))
     throw Error(ErrorCode::invalid_argument,
                 "solver 'multigrid' works on bodies, not on contact batches: give the bodies to a BodySolver with "
-                "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " + names);
+                "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " +
+                    names);
   throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
 }
 

@@ -2,10 +2,10 @@
 
 #include "cuda/device/kernels.hpp"
 #include "cuda/programs/bodies_program.hpp"
-#include "cuda/programs/newton_bodies_program.hpp"
 #include "cuda/programs/body_bundles.hpp"
 #include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/jacobian_program.hpp"
+#include "cuda/programs/newton_bodies_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"

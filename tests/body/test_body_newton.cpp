@@ -117,8 +117,8 @@ TEST(BodyNewton, takes_no_and_much_friction) {
     for (const Law law : {Law::convex, Law::coulomb})
       for (const double R : {0.0, 1e-3})
         expect_solved(pushed(box_bodies(box_tower(4), mu), mu), newton(law, law == Law::convex ? 1e-10 : 1e-8),
-                      compliant(R), std::string(to_string(law)) + ", mu " + std::to_string(mu) + ", R " +
-                                        std::to_string(R));
+                      compliant(R),
+                      std::string(to_string(law)) + ", mu " + std::to_string(mu) + ", R " + std::to_string(R));
 }
 
 TEST(BodyNewton, carries_a_thousand_times_its_weight) {
@@ -127,8 +127,7 @@ TEST(BodyNewton, carries_a_thousand_times_its_weight) {
   for (double& v : env.bodies.back().inv_inertia) v /= 1000;
   for (const Law law : {Law::convex, Law::coulomb})
     for (const double R : {0.0, 1e-3})
-      expect_solved(env, newton(law, 1e-8), compliant(R),
-                    std::string(to_string(law)) + ", R " + std::to_string(R));
+      expect_solved(env, newton(law, 1e-8), compliant(R), std::string(to_string(law)) + ", R " + std::to_string(R));
 }
 
 /// Where the answer is unique in velocities (convex law with compliance), another method finds the same ones.
@@ -174,13 +173,16 @@ TEST(BodyNewton, a_tower_of_fifty_takes_tens_of_steps_where_impulses_take_thousa
   EXPECT_EQ(solve_one(env, impulses, compliant(1e-3)).status[0].code, EnvCode::max_iterations);
 }
 
+/// More bodies than the coarsest level holds; the assembled system of so many would take a minute.
 TEST(BodyNewton, multigrid_has_cycles_and_prolongations_to_choose_from) {
   const Env env = box_bodies(box_wall(10, 10), 0.5);
   for (const Prolongation prolongation : {Prolongation::plain, Prolongation::smoothed})
     for (const Cycle cycle : {Cycle::v, Cycle::w}) {
       BodySolverOptions options = newton(Law::convex, 1e-8, BodyPreconditioner::multigrid);
       options.space.multigrid = {prolongation, cycle};
-      expect_solved(env, options, compliant(1e-3), "multigrid");
+      const auto solution = solve_one(env, options, compliant(1e-3));
+      EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
+      EXPECT_EQ(solution.status[0].solver, SolverKind::multigrid);
     }
 }
 

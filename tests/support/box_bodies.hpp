@@ -23,8 +23,7 @@ inline BodyEnvironment<double> box_bodies(const BoxScene& scene, double mu, doub
     contact.body_b = from.b;
     contact.mu = mu;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (from.a >= 0)
-        contact.arm_a[axis] = from.at[axis] - scene.centres[static_cast<std::size_t>(from.a)][axis];
+      if (from.a >= 0) contact.arm_a[axis] = from.at[axis] - scene.centres[static_cast<std::size_t>(from.a)][axis];
       contact.arm_b[axis] = from.at[axis] - scene.centres[static_cast<std::size_t>(from.b)][axis];
     }
   }

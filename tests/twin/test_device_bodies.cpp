@@ -99,6 +99,54 @@ TEST(DeviceBodies, an_emulated_device_gives_the_cpus_bits) {
   }
 }
 
+TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
+  std::vector<BodyEnvironment<double>> envs;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) envs.push_back(random_bodies(seed, 5, static_cast<Index>(9 * seed)));
+  envs.push_back({});
+  envs.push_back(scenes::make_body_stack(3, 4));
+  envs.push_back(scenes::make_body_pile(4, 250));  // 32 lanes, and bodies enough for two levels
+  envs[2].contacts[1].mu = -1;
+  const auto check = [&](auto real) {
+    using Real = decltype(real);
+    const auto batch = batch_in<Real>(envs);
+    for (const Law law : {Law::coulomb, Law::convex})
+      for (const BodyPreconditioner preconditioner : {BodyPreconditioner::factor, BodyPreconditioner::multigrid}) {
+        BodySolverOptions options = quick(law);
+        options.method = BodyMethod::newton;
+        options.space.preconditioner = preconditioner;
+        options.iterations = 4;
+        options.tolerance = 1e-5;
+        const auto expected = solve_bodies(batch, {}, options);
+        const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
+        for (const int lanes : {1, 3}) {
+          cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{lanes, 2, 5}), true);
+          auto out = room_for(batch);
+          machine.solve(request_of(batch, plan, options, out, nullptr));
+          expect_same(expected, out);
+        }
+      }
+  };
+  check(float{});
+  check(double{});
+}
+
+TEST(DeviceBodies, a_plan_for_newtons_method_serves_impulses_too) {
+  const auto batch = mixed_batch<double>();
+  BodySolverOptions options = quick(Law::coulomb);
+  const auto expected = solve_bodies(batch, {}, options);
+  BodySolverOptions newton = options;
+  newton.method = BodyMethod::newton;
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, newton).plan(batch.view());
+  cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5}), true);
+  for (const bool first : {true, false}) {
+    auto out = room_for(batch);
+    machine.solve(request_of(batch, plan, newton, out, nullptr));
+    EXPECT_EQ(out.status[1].solver, SolverKind::multigrid) << first;
+    machine.solve(request_of(batch, plan, options, out, nullptr));
+    expect_same(expected, out);
+  }
+}
+
 /// What a device's fast memory has room for decides who works on a scene, and nothing else.
 TEST(DeviceBodies, a_lane_of_its_own_gives_the_bits_of_a_team) {
   const auto check = [](auto real) {

@@ -42,8 +42,8 @@ struct MultigridOptions {
 /// What Newton's method in body space is told when it plans.
 struct BodySpaceOptions {
   BodyPreconditioner preconditioner = BodyPreconditioner::multigrid;
-  MultigridOptions multigrid;             ///< read by multigrid
-  Ordering ordering = kDefaultOrdering;   ///< read by factor and incomplete_cholesky
+  MultigridOptions multigrid;            ///< read by multigrid
+  Ordering ordering = kDefaultOrdering;  ///< read by factor and incomplete_cholesky
   bool operator==(const BodySpaceOptions&) const = default;
 };
 

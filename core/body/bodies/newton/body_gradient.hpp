@@ -77,8 +77,8 @@ STICTION_HD_OUTLINE void renew_space_motion(B& block, const NewtonRoom& room) {
   });
 }
 
-/// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the descent would bring to a
-/// contact [w]: zero where the gradient is.
+/// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
+/// descent would bring to a contact [w]: zero where the gradient is.
 template <Block B>
 STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, double compliance) {
   for_each(block, room.contacts, [&](Index p) {
@@ -92,7 +92,8 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, dou
     }
     // A contact that is held does not slide: what is left of its motion goes with the proximal term.
     const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
-    contact.sliding = is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+    contact.sliding =
+        is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
   });
   renew_descent(block, room);
   double largest = 0.0;

@@ -46,8 +46,7 @@ STICTION_HD_OUTLINE void add_stiffness(double* sum, const double (&w)[9], double
     const Vector3<double> column{top[0][j], top[1][j], top[2][j]};
     const Vector3<double> torque = cross(r_s, column);
     const double entries[kBodyBlock] = {column.x, column.y, column.z, torque.x, torque.y, torque.z};
-    for (int i = 0; i < kBodyBlock; ++i)
-      sum[i * kBodyBlock + j] = fma_(sign, entries[i], sum[i * kBodyBlock + j]);
+    for (int i = 0; i < kBodyBlock; ++i) sum[i * kBodyBlock + j] = fma_(sign, entries[i], sum[i * kBodyBlock + j]);
   }
 }
 

@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 /// Residual of the linear system of the first step after a renewal.
 inline constexpr double kFollowTolerance = 1e-4;
 
-/// A contact's answer to a change of motion with its shift s = mu norm(w_t) going along (docs/math/body_newton.md, (7)):
-/// dz = first - (1 + e q')^-1 (1 + mu e s') J d / c, with e the normal row and s the direction of sliding.
+/// A contact's answer to a change of motion with its shift s = mu norm(w_t) going along (docs/math/body_newton.md,
+/// (7)): dz = first - (1 + e q')^-1 (1 + mu e s') J d / c, with e the normal row and s the direction of sliding.
 struct FollowedContact {
   double P[3][3];
   double s[3];      ///< mu times the unit direction of sliding; zero where the shift is kept
@@ -59,8 +59,7 @@ STICTION_HD_OUTLINE void follow_renewal(B& block, const NewtonRoom& room, const 
     SpaceContact& contact = room.contact[p];
     const FollowedContact followed = followed_contact(contact, compliance, with_sliding);
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
-        contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
+      for (int j = 0; j < 3; ++j) contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
     if (!with_sliding) return;
     double W[3][3];
     for (int j = 0; j < 3; ++j) {

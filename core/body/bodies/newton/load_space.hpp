@@ -86,8 +86,8 @@ STICTION_HD_OUTLINE void place_bodies(B& block, const NewtonRoom& room) {
         const Index link = stream.level_links[first + k];
         const SpaceContact& contact = room.contact[link >= 0 ? link : ~link];
         const Index other = link >= 0 ? contact.side_a : contact.side_b;
-        const Vector3<double> step = subtract(link >= 0 ? contact.arm_a : contact.arm_b,
-                                              link >= 0 ? contact.arm_b : contact.arm_a);
+        const Vector3<double> step =
+            subtract(link >= 0 ? contact.arm_a : contact.arm_b, link >= 0 ? contact.arm_b : contact.arm_a);
         x = add_scaled(load3<double>(room.positions + 3 * static_cast<Offset>(other)), 1.0, step);
       }
       place[0] = x.x;
@@ -117,8 +117,7 @@ template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                           const NewtonRoom& room, double compliance) {
   for_each(block, room.contacts, [&](Index p) {
-    for (Index k = 0; k < 3; ++k)
-      room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
+    for (Index k = 0; k < 3; ++k) room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
   for_each(block, room.bodies, [&](Index row) {
     const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.centre; });

@@ -9,8 +9,8 @@
 /// which the motion of every contact is shifted by mu times its own sliding.
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open, and
-/// under Coulomb's law whenever it is of no use.
+/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open,
+/// and under Coulomb's law whenever it is of no use.
 inline constexpr Index kSpaceSweeps = 48;
 /// Each time twice as many as the time before, up to this: sweeps that begin again lose what momentum they had.
 inline constexpr Index kMostSpaceSweeps = 3072;
@@ -36,15 +36,15 @@ enum SpaceEnd : int { kSpaceMet, kSpaceStalled, kSpaceBroken, kSpaceOutOfSteps }
 
 /// Where a sub-step stands. Lanes of a block hold equal copies.
 struct SpaceProgress {
-  double scale = 0.0;     ///< max|b| [w]
-  double tolerance = 0.0; ///< on the residual over it
+  double scale = 0.0;                  ///< max|b| [w]
+  double tolerance = 0.0;              ///< on the residual over it
   double best = __builtin_huge_val();  ///< smallest residual [w]
   bool has_best = false;
-  double pull = 0.0;      ///< weight of the proximal term over a contact's mean diagonal
-  double pull_end = 0.0;  ///< where it goes
-  double reference = 0.0; ///< energy of the first gradient of this inner problem
-  Index inner_steps = 0;  ///< of Newton since the last renewal
-  Index sweeps = kSpaceSweeps;  ///< that are next
+  double pull = 0.0;                      ///< weight of the proximal term over a contact's mean diagonal
+  double pull_end = 0.0;                  ///< where it goes
+  double reference = 0.0;                 ///< energy of the first gradient of this inner problem
+  Index inner_steps = 0;                  ///< of Newton since the last renewal
+  Index sweeps = kSpaceSweeps;            ///< that are next
   double renewed = __builtin_huge_val();  ///< residual at the last renewal
 };
 

@@ -43,13 +43,13 @@ struct NewtonRoom {
   Index contacts, bodies;
   SpaceContact* contact;
   SpaceBody* body;
-  double* point;      ///< p                                                              (6 bodies)
-  double* step;       ///< d                                                              (6 bodies)
-  double* descent;    ///< M^-1 J' gamma - p: minus the gradient as a twist               (6 bodies)
-  double* force;      ///< minus the gradient, M (M^-1 J' gamma - p)                      (6 bodies)
-  double* positions;  ///< of bodies, from the lowest of their island [m]                 (3 bodies)
-  double* gradients;  ///< what the solvers of linear systems keep                        (kVectors * 6 bodies)
-  BlockMatrix H;      ///< M + J'WJ, symmetric
+  double* point;        ///< p                                                              (6 bodies)
+  double* step;         ///< d                                                              (6 bodies)
+  double* descent;      ///< M^-1 J' gamma - p: minus the gradient as a twist               (6 bodies)
+  double* force;        ///< minus the gradient, M (M^-1 J' gamma - p)                      (6 bodies)
+  double* positions;    ///< of bodies, from the lowest of their island [m]                 (3 bodies)
+  double* gradients;    ///< what the solvers of linear systems keep                        (kVectors * 6 bodies)
+  BlockMatrix H;        ///< M + J'WJ, symmetric
   BlockMatrix sliding;  ///< the same with what shifts change when velocities do, under Coulomb's law; not symmetric
   double* preconditioner;
 

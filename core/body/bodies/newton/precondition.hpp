@@ -51,12 +51,11 @@ enum class SpaceSystem { symmetric, sliding };
 template <Block B, class Preconditioner>
 STICTION_HD_OUTLINE Index solve_with(B& block, const NewtonRoom& room, const Preconditioner& preconditioner,
                                      SpaceSystem system, double tolerance) {
-  const GradientOutcome outcome =
-      system == SpaceSystem::symmetric
-          ? solve_gradients(block, room.H, preconditioner, room.force, room.step, room.gradients, tolerance,
-                            kMostGradientSteps)
-          : solve_stabilized(block, room.sliding, preconditioner, room.force, room.step, room.gradients, tolerance,
-                             kMostGradientSteps);
+  const GradientOutcome outcome = system == SpaceSystem::symmetric
+                                      ? solve_gradients(block, room.H, preconditioner, room.force, room.step,
+                                                        room.gradients, tolerance, kMostGradientSteps)
+                                      : solve_stabilized(block, room.sliding, preconditioner, room.force, room.step,
+                                                         room.gradients, tolerance, kMostGradientSteps);
   return outcome.iterations;
 }
 template <Block B, class Preconditioner>
