@@ -5,6 +5,9 @@
 #include "stiction/error.hpp"
 
 #if STICTION_HAS_EIGEN
+// A caller's Eigen may be compiled for another instruction set, in which it aligns memory otherwise: the linker must
+// not take one for the other.
+#define Eigen stiction_eigen
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #endif

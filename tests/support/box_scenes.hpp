@@ -99,12 +99,12 @@ inline BoxScene box_pyramid(Index courses) {
 inline BoxScene random_touching(unsigned seed, Index bodies, double chance) {
   BoxScene scene;
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
-  const auto point = [&] { return Point{unit(random), unit(random), unit(random)}; };
+  const auto unit = [&] { return static_cast<double>(random()) * 0x1p-32; };
+  const auto point = [&] { return Point{unit(), unit(), unit()}; };
   for (Index i = 0; i < bodies; ++i) scene.centres.push_back(point());
   for (Index b = 0; b < bodies; ++b)
     for (Index a = 0; a < b; ++a)
-      if (unit(random) < chance)
+      if (unit() < chance)
         for (int k = 0; k < 2; ++k) scene.contacts.push_back({a, b, point()});
   return scene;
 }
