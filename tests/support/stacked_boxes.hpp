@@ -78,6 +78,15 @@ class StackedBoxes {
     std::erase_if(points_, [](const Point& point) { return point.a < 0; });
   }
 
+  /// Opens about `percent` of the beds between two boxes: they stay in the graph, and hold nothing.
+  void open_beds(unsigned percent) {
+    for (Point& point : points_) {
+      auto mixed = static_cast<unsigned>(7919 * point.a + 104729 * point.b) * 2654435761U;
+      mixed = (mixed ^ (mixed >> 15U)) * 2246822519U;
+      point.is_open = point.a >= 0 && (mixed ^ (mixed >> 13U)) % 100U < percent;
+    }
+  }
+
   [[nodiscard]] Index bodies() const { return static_cast<Index>(positions_.size() / 3); }
   [[nodiscard]] const std::vector<double>& positions() const { return positions_; }
   [[nodiscard]] Vector3 position(Index body) const {
@@ -96,6 +105,7 @@ class StackedBoxes {
     for (Index body = 0; body < bodies(); ++body)
       for (std::size_t i = 0; i < 6; ++i) block(H, body, body)[7 * i] = i < 3 ? mass : mass / 6.0;
     for (const Point& point : points_) {
+      if (point.is_open) continue;
       add_term(H, point, point.b, point.b, 1.0 / R);
       if (point.a < 0) continue;
       add_term(H, point, point.a, point.a, 1.0 / R);
@@ -109,6 +119,7 @@ class StackedBoxes {
   struct Point {
     Index a, b;
     Vector3 place;
+    bool is_open;
   };
 
   /// Four points at the corners of the rectangle that two boxes share, none where they do not.
@@ -117,7 +128,7 @@ class StackedBoxes {
     const double y_low = std::max(lower[1], upper[1]) - 0.5, y_high = std::min(lower[1], upper[1]) + 0.5;
     if (x_low >= x_high || y_low >= y_high) return;
     for (const double x : {x_low, x_high})
-      for (const double y : {y_low, y_high}) points_.push_back({a, b, {x, y, upper[2] - 0.5}});
+      for (const double y : {y_low, y_high}) points_.push_back({a, b, {x, y, upper[2] - 0.5}, false});
   }
 
   static double* block(OwnedBlocks& H, Index row, Index column) {
