@@ -6,17 +6,22 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
+#include "bench/scenes/box_scenes.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
-#include "tests/support/box_bodies.hpp"
 
 /// Newton's method in body space through the public interface, against the assembled contact system, whose judge shares
 /// nothing with it.
 namespace stiction::test {
 
 namespace {
+
+using scenes::box_bodies;
+using scenes::box_pyramid;
+using scenes::box_tower;
+using scenes::box_wall;
 
 using Env = BodyEnvironment<double>;
 

@@ -4,11 +4,11 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
+#include "bench/scenes/box_scenes.hpp"
 #include "core/body/bodies/newton/newton_bodies.hpp"
 #include "core/schedule/newton_plan.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
-#include "tests/support/box_bodies.hpp"
 #include "tests/support/jitter_block.hpp"
 #include "tests/support/torture_block.hpp"
 
@@ -17,6 +17,9 @@
 namespace stiction::test {
 
 namespace {
+
+using scenes::box_bodies;
+using scenes::box_tower;
 
 template <Law kLaw>
 class NewtonCase {

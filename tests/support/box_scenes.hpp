@@ -7,93 +7,18 @@
 #include <utility>
 #include <vector>
 
+#include "bench/scenes/box_scenes.hpp"
 #include "core/body/linear/block_matrix.hpp"
 
-/// Boxes that rest on each other, and their body-space matrices H = M + J'WJ written out from the definitions.
+/// Body-space matrices of boxes that rest on each other, H = M + J'WJ, written out from the definitions.
 namespace stiction::test {
 
+using scenes::box_pyramid;
+using scenes::box_tower;
+using scenes::box_wall;
+using scenes::BoxContact;
+using scenes::BoxScene;
 using Point = std::array<double, 3>;
-
-/// A contact whose normal is the vertical; a is -1 for the floor.
-struct BoxContact {
-  Index a = -1, b = 0;
-  Point at{};
-};
-
-/// Boxes of mass 1 and one size; contacts at the corners of where two of them overlap.
-struct BoxScene {
-  Point half{0.5, 0.5, 0.5};
-  std::vector<Point> centres;
-  std::vector<BoxContact> contacts;
-
-  [[nodiscard]] Index bodies() const { return static_cast<Index>(centres.size()); }
-
-  /// Lets b rest on a, or on the floor.
-  void rest(Index a, Index b) {
-    const Point& upper = centres[static_cast<std::size_t>(b)];
-    Point low{upper[0] - half[0], upper[1] - half[1], upper[2] - half[2]};
-    Point high{upper[0] + half[0], upper[1] + half[1], low[2]};
-    if (a >= 0)
-      for (std::size_t axis = 0; axis < 2; ++axis) {
-        const double centre = centres[static_cast<std::size_t>(a)][axis];
-        low[axis] = std::max(low[axis], centre - half[axis]);
-        high[axis] = std::min(high[axis], centre + half[axis]);
-      }
-    for (const double x : {low[0], high[0]})
-      for (const double y : {low[1], high[1]}) contacts.push_back({a, b, {x, y, low[2]}});
-  }
-};
-
-inline BoxScene box_tower(Index boxes) {
-  BoxScene scene;
-  for (Index i = 0; i < boxes; ++i) {
-    scene.centres.push_back({0.0, 0.0, 0.5 + i});
-    scene.rest(i - 1, i);
-  }
-  return scene;
-}
-
-/// Bricks twice as long as high, each course half a brick beside the one below.
-inline BoxScene box_wall(Index courses, Index bricks) {
-  BoxScene scene;
-  scene.half = {1.0, 0.5, 0.5};
-  for (Index course = 0; course < courses; ++course)
-    for (Index brick = 0; brick < bricks; ++brick) {
-      const Index body = scene.bodies();
-      scene.centres.push_back({2.0 * brick + course % 2, 0.0, 0.5 + course});
-      if (course == 0) {
-        scene.rest(-1, body);
-        continue;
-      }
-      const Index left = brick - (course % 2 == 0 ? 1 : 0);
-      for (const Index below : {left, left + 1})
-        if (below >= 0 && below < bricks) scene.rest((course - 1) * bricks + below, body);
-    }
-  return scene;
-}
-
-/// Square courses of cubes, each cube on four of the course below: 385 of them in 10 courses.
-inline BoxScene box_pyramid(Index courses) {
-  BoxScene scene;
-  Index first_below = -1;
-  for (Index side = courses; side > 0; --side) {
-    const Index first = scene.bodies();
-    const double shift = 0.5 * (courses - side);
-    for (Index x = 0; x < side; ++x)
-      for (Index y = 0; y < side; ++y) {
-        const Index body = scene.bodies();
-        scene.centres.push_back({x + shift, y + shift, 0.5 + (courses - side)});
-        if (first_below < 0) {
-          scene.rest(-1, body);
-        } else {
-          for (const Index dx : {0, 1})
-            for (const Index dy : {0, 1}) scene.rest(first_below + (x + dx) * (side + 1) + y + dy, body);
-        }
-      }
-    first_below = first;
-  }
-  return scene;
-}
 
 /// Bodies anywhere that touch each other at random points: with chance 1 a clique, with chance 0 free bodies.
 inline BoxScene random_touching(unsigned seed, Index bodies, double chance) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/linear/attach_bodies.hpp"
 #include "core/body/linear/multigrid_memory.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -30,11 +31,15 @@ struct Multigrid {
         for (Index i = 0; i < kSweeps; ++i) level.weights[i] = weights.weight[i];
       });
       place_coarse(block, level.plan, position, coarse.position);
-      const RigidMotions rigid{level.plan, level.smoother.H, position, coarse.position};
-      if (plan.is_smoothed())
+      const Attachment attachment{level.smoother.H, level.plan.prolongation, level.plan.aggregate, level.plan.root,
+                                  grids.labels(0),  grids.labels(1),         grids.labels(2)};
+      const RigidMotions rigid{level.plan, level.smoother.H, position, coarse.position, attachment.label};
+      if (plan.is_smoothed()) {
+        attachment.run(block);
         prolong_smoothly(block, rigid, level.smoother.D, div_(kProlongationDamping, bound), level.P);
-      else
+      } else {
         prolong_rigidly(block, rigid, level.P);
+      }
       const BlockMatrix product{level.plan.product, grids.product()};
       multiply_matrices(block, level.smoother.H, level.P, product);
       multiply_matrices(block, level.restriction, product, coarse.smoother.H);

@@ -50,6 +50,10 @@ struct MultigridMemory {
   [[nodiscard]] STICTION_HD double* product() const { return memory + product_begin(); }
   /// A residual of any level: where the finest level's right side would be, which is the caller's.
   [[nodiscard]] STICTION_HD double* residual() const { return memory + rights_begin(); }
+  /// Three numbers for each body of any level: those vectors, which preparing does not use otherwise.
+  [[nodiscard]] STICTION_HD double* labels(Index k) const {
+    return memory + rights_begin() + Offset{k} * plan.finest_rows();
+  }
   [[nodiscard]] STICTION_HD CoarsestLevel coarsest() const {
     return {plan.level(plan.levels() - 1).place, plan.dense_bodies(), memory + dense_begin()};
   }

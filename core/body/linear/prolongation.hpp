@@ -31,10 +31,18 @@ struct RigidMotions {
   BlockMatrix H;
   const double* position;  ///< (3 rows)
   const double* coarse;    ///< (3 coarse rows)
+  const double* label;     ///< of smoothed ones: the coarse body that each moves with (attach_bodies.hpp)  (rows)
 
   STICTION_HD void block(Index body, Index aggregate, double (&T)[kBlockEntries]) const {
     rigid_block(position + static_cast<Offset>(body) * kPosition, coarse + static_cast<Offset>(aggregate) * kPosition,
                 T);
+  }
+  /// The coarse body that `body` takes `other` to move with: other's, or its own where other has none that the
+  /// prolongation knows in this row. It then feels no force from it, and what is rigid remains so.
+  [[nodiscard]] STICTION_HD double seen(const BlockPattern& prolongation, Index body, Index other) const {
+    const auto joined = static_cast<Index>(label[other]);
+    const bool is_known = joined == level.aggregate[other] || find_block(prolongation, body, joined) >= 0;
+    return is_known ? label[other] : label[body];
   }
 };
 
@@ -47,10 +55,10 @@ STICTION_HD_OUTLINE void place_coarse(B& block, const MultigridLevel& level, con
   });
 }
 
-/// P = T, the rigid motions.
+/// P = T, the rigid motions of the graph's aggregates.
 template <Block B>
 STICTION_HD_OUTLINE void prolong_rigidly(B& block, const RigidMotions& rigid, const BlockMatrix& P) {
-  for_each(block, rigid.level.rows, [&](Index row) {
+  for_each(block, P.pattern.rows, [&](Index row) {
     for (Index k = P.pattern.offsets[row]; k < P.pattern.offsets[row + 1]; ++k) {
       double T[kBlockEntries];
       rigid.block(row, P.pattern.columns[k], T);
@@ -65,19 +73,19 @@ template <Block B>
 STICTION_HD_OUTLINE void prolong_smoothly(B& block, const RigidMotions& rigid, const BlockDiagonal& D, double damping,
                                           const BlockMatrix& P) {
   const BlockMatrix& H = rigid.H;
-  const Index* const aggregate = rigid.level.aggregate;
   for_each(block, P.pattern.blocks(), [&](Index k) {
     const Index row = row_of_block(P.pattern, k);
     const Index column = P.pattern.columns[k];
+    const auto wanted = static_cast<double>(column);
     double T[kBlockEntries];
     double force[kBlockEntries] = {};
     for (Index l = H.pattern.offsets[row]; l < H.pattern.offsets[row + 1]; ++l) {
       const Index body = H.pattern.columns[l];
-      if (aggregate[body] != column) continue;
+      if (rigid.seen(P.pattern, row, body) != wanted) continue;
       rigid.block(body, column, T);
       add_block_product<false>(H.block(l), T, force);
     }
-    const double own = aggregate[row] == column ? 1.0 : 0.0;
+    const double own = rigid.label[row] == wanted ? 1.0 : 0.0;
     rigid.block(row, column, T);
     for (Index j = 0; j < kBodyBlock; ++j) {
       double correction[kBodyBlock];

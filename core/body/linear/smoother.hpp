@@ -10,15 +10,15 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kSweeps = 2;
 
 /// Damping factors of the two sweeps whose product of errors is the Chebyshev polynomial of degree two on
-/// [bound / 4, bound] (Saad 2003, section 12.3.2): theta +- delta / sqrt 2 are its zeros, theta = 5/8 bound and
-/// delta = 3/8 bound. Its absolute value is below 1 from 0 to 5/4 bound, so an eigenvalue may be that much above the
+/// [bound / 8, bound] (Saad 2003, section 12.3.2): theta +- delta / sqrt 2 are its zeros, theta = 9/16 bound and
+/// delta = 7/16 bound. Its absolute value is below 1 from 0 to 9/8 bound, so an eigenvalue may be that much above the
 /// bound before a cycle ceases to be positive definite.
 struct SweepWeights {
   double weight[kSweeps];
 };
 STICTION_HD SweepWeights sweep_weights(double bound) {
-  const double theta = 0.625 * bound;
-  const double zero = 0.26516504294495535 * bound;
+  const double theta = 0.5625 * bound;
+  const double zero = 0.30935921676911446 * bound;
   return {{div_(1.0, theta + zero), div_(1.0, theta - zero)}};
 }
 
