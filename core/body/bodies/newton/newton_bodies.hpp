@@ -15,8 +15,8 @@ inline constexpr Index kSpaceSweeps = 48;
 /// Each time twice as many as the time before, up to this: sweeps that begin again lose what momentum they had.
 inline constexpr Index kMostSpaceSweeps = 3072;
 /// Weight of the proximal term over the mean diagonal of a contact's block: at the beginning, its factor whenever the
-/// problem with it is solved, and where it ends unless compliance takes its place. Below, the rounding of velocities
-/// over the weight would be more than the proximal term still hides.
+/// problem with it is solved, and where it ends unless compliance takes its place. Below, rounding over the weight
+/// would be more than the proximal term still hides.
 inline constexpr double kPullStart = 1e-2;
 inline constexpr double kPullFall = 0.1;
 inline constexpr double kPullLeast = 1e-7;
@@ -24,8 +24,6 @@ inline constexpr double kPullLeast = 1e-7;
 inline constexpr double kEnoughCompliance = 1e-5;
 /// Part of the answer's residual that the inner problem may leave before its centre and its shifts move.
 inline constexpr double kSpaceInnerPart = 0.1;
-/// Part of the residual at the last renewal above which the proximal term is what is slow.
-inline constexpr double kSlow = 0.3;
 /// Newton steps on one inner problem under Coulomb's law before sweeps are thought to bring more.
 inline constexpr Index kSpaceInnerSteps = 12;
 /// Newton steps without a better iterate after which there is none to come.
@@ -72,11 +70,11 @@ STICTION_HD void set_pull(B& block, const NewtonRoom& room, double weight) {
 
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
 template <Block B>
-STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, bool is_slow, SpaceProgress& progress) {
+STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, SpaceProgress& progress) {
   for_each(block, room.contacts, [&](Index p) {
     for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
   });
-  if (is_slow) progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
+  progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
   if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
   set_pull(block, room, progress.pull);
   progress.reference = 0.0;
@@ -173,10 +171,9 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
       if (is_met(progress)) return kSpaceMet;
     } else if (is_renewed && is_solved) {
       const bool with_sliding = kLaw == Law::coulomb;
-      const bool is_slow = true;
       progress.renewed = residual;
       progress.inner_steps = 0;
-      renew_problem(block, room, is_slow, progress);
+      renew_problem(block, room, progress);
       follow_renewal(block, room, space, compliance, with_sliding);
       ++steps, ++k;
       inner = renew_reactions(block, room, compliance);
