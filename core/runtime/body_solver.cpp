@@ -42,6 +42,12 @@ void check_body_options(const BodySolverOptions& options) {
   if (Offset{options.substeps} * options.iterations > kMostSweeps)
     refuse("substeps * iterations = " + std::to_string(Offset{options.substeps} * options.iterations) +
            ": must be at most " + std::to_string(kMostSweeps) + ", which a status can count");
+  if (options.method != BodyMethod::impulses && options.method != BodyMethod::newton)
+    refuse("method = " + std::to_string(static_cast<int>(options.method)) +
+           ": no such method; use BodyMethod::impulses or newton");
+  if (static_cast<int>(options.space.preconditioner) >= kBodyPreconditionerCount)
+    refuse("space.preconditioner = " + std::to_string(static_cast<int>(options.space.preconditioner)) +
+           ": no such preconditioner; use one of BodyPreconditioner");
   if (options.max_contacts_per_env < 0)
     refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
 }

@@ -342,6 +342,9 @@ TEST(BodyNewton, misuse_is_named) {
   EXPECT_THAT(message([&] { factor.solve(multigrid.plan(batch.view()), batch.view(), out); }),
               HasSubstr("make it by a solver that has them"));
   EXPECT_EQ(message([&] { impulses.solve(factor.plan(batch.view()), batch.view(), out); }), "");
+  BodySolverOptions unknown = newton(Law::convex, 1e-8);
+  unknown.space.preconditioner = static_cast<BodyPreconditioner>(77);
+  EXPECT_THAT(message([&] { const BodySolver solver(Device::cpu(), {}, unknown); }), HasSubstr("preconditioner = 77"));
   EXPECT_THAT(message([&] { body_preconditioner_from_string("ilu"); }), HasSubstr("sparse_inverse, factor, multigrid"));
   EXPECT_THAT(message([&] { solver_from_string("multigrid"); }), HasSubstr("BodySolver"));
   SolverOptions contact;
