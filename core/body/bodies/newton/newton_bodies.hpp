@@ -164,6 +164,7 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
     since_best = progress.best < before ? 0 : since_best + 1;
     const bool is_renewed = kLaw == Law::coulomb || progress.pull > 0.0;
     if (since_best >= kSpacePatience || (is_exhausted && !is_renewed)) return kSpaceStalled;
+    if (k + 1 == params.iterations) break;
     const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
     const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
     if (kLaw == Law::coulomb && (is_long || (is_solved && residual > progress.renewed))) {
