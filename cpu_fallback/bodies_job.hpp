@@ -6,6 +6,17 @@ namespace stiction::cpu {
 
 class ThreadTeam;
 
+/// Newton's method in body space, the same way.
+template <class Real>
+struct NewtonBodyKernels {
+  /// Scratch one environment needs, in numbers of double besides what sequential impulses need.
+  Offset (*doubles)(const BodyJob<Real>& job, Offset env);
+  void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact);
+  /// The same on every thread of a team, which shares the scratch.
+  void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
+                         Index rank);
+};
+
 /// Sequential impulses under one law, compiled for one instruction set.
 template <class Real>
 struct BodyKernels {
@@ -24,6 +35,10 @@ struct BodyKernels {
 struct BodyKernelSet {
   BodyKernels<float> f32[2];   ///< by Law
   BodyKernels<double> f64[2];  ///< by Law
+};
+struct NewtonBodyKernelSet {
+  NewtonBodyKernels<float> f32[2];   ///< by Law
+  NewtonBodyKernels<double> f64[2];  ///< by Law
 };
 
 }  // namespace stiction::cpu

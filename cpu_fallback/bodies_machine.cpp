@@ -48,8 +48,8 @@ struct Scratch {
   Room<double> exact;
 };
 
-template <class Real>
-const cpu::BodyKernels<Real>& pick(const cpu::BodyKernelSet& set, Law law) {
+template <class Real, class Set>
+const auto& pick(const Set& set, Law law) {
   const auto index = static_cast<std::size_t>(law);
   if constexpr (std::is_same_v<Real, float>) {
     return set.f32[index];
@@ -105,23 +105,27 @@ void run(const BodyRequest<Real>& request) {
     return scratch.numbers.reserve(
         kernels.elements(plan.kept[static_cast<std::size_t>(env)], bodies(env), request.options.momentum));
   };
+  const cpu::NewtonBodyKernelSet newton_set = cpu::best_isa().newton_body_kernels();
+  const cpu::NewtonBodyKernels<Real>& newton = pick<Real>(newton_set, request.options.law);
+  const bool is_newton = request.options.method == BodyMethod::newton;
   const auto exact = [&](Offset env, Scratch<Real>& scratch) {
-    return scratch.exact.reserve(kernels.exact_elements(bodies(env)));
+    return scratch.exact.reserve(kernels.exact_elements(bodies(env)) + (is_newton ? newton.doubles(job, env) : 0));
   };
+  const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
+  const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
   const Deal deal = deal_out(plan, threads);
   for (const Offset env : deal.large) {
     Scratch<Real> scratch;
     Real* const memory = numbers(env, scratch);
     double* const twists = exact(env, scratch);
-    cpu::run_team(threads, [&](cpu::ThreadTeam& team, Index rank) {
-      kernels.solve_together(job, env, memory, twists, team, rank);
-    });
+    cpu::run_team(threads,
+                  [&](cpu::ThreadTeam& team, Index rank) { solve_together(job, env, memory, twists, team, rank); });
   }
   std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
   cpu::parallel_for(threads, static_cast<int>(deal.runs.size()), [&](int index, int worker) {
     Scratch<Real>& own = scratch[static_cast<std::size_t>(worker)];
     const auto [begin, end] = deal.runs[static_cast<std::size_t>(index)];
-    for (Offset env = begin; env < end; ++env) kernels.solve_alone(job, env, numbers(env, own), exact(env, own));
+    for (Offset env = begin; env < end; ++env) solve_alone(job, env, numbers(env, own), exact(env, own));
   });
 }
 

@@ -6,6 +6,7 @@
 namespace stiction {
 
 namespace isa_baseline {
+cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
@@ -13,6 +14,7 @@ cpu::JacobianKernelSet jacobian_kernels();
 
 #if defined(STICTION_HAS_AVX2)
 namespace isa_avx2 {
+cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
@@ -27,10 +29,10 @@ namespace {
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
-     isa_avx2::si_kernels, isa_avx2::jacobian_kernels},
+     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels},
 #endif
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
-     isa_baseline::jacobian_kernels},
+     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels},
 };
 
 const Isa& choose_isa() {

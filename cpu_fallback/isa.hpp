@@ -13,6 +13,7 @@ struct Isa {
   bool (*supported)();
   KernelSet (*kernels)(SolverKind solver);
   BodyKernelSet (*body_kernels)();
+  NewtonBodyKernelSet (*newton_body_kernels)();
   JacobianKernelSet (*jacobian)();
 };
 

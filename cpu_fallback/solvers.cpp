@@ -33,6 +33,7 @@ cpu::KernelSet solver_kernels(SolverKind solver) {
       return lemke_kernels();
     case SolverKind::ipm:
       return ipm_kernels();
+    case SolverKind::multigrid:
     case SolverKind::automatic:
       break;
   }

@@ -58,7 +58,8 @@ std::size_t bundle_bytes(const BodyNeed& lane) {
 template <class Real>
 class BodyClassifier {
  public:
-  BodyClassifier(const BodySolverOptions& options, const DeviceFacts& facts) {
+  BodyClassifier(const BodySolverOptions& options, const DeviceFacts& facts)
+      : needs_team_(options.method == BodyMethod::newton) {
     for (int k = 0; k < kBundleClasses; ++k) {
       const BundleRule& rule = kBundleRules[k];
       const auto bytes = [&](Offset bodies) {
@@ -72,7 +73,7 @@ class BodyClassifier {
   }
 
   [[nodiscard]] int class_of(Index contacts, Offset bodies) const {
-    for (int k = 0; k < kBundleClasses; ++k)
+    for (int k = 0; k < kBundleClasses && !needs_team_; ++k)
       if (contacts <= kBundleRules[k].most_contacts && bodies <= most_bodies_[k]) return k;
     int result = kBundleClasses;
     while (result + 1 < kBodyClasses && contacts >= kTeamRules[result + 1 - kBundleClasses].least_contacts) ++result;
@@ -83,6 +84,7 @@ class BodyClassifier {
   /// What a device keeps of a block's fast memory, at most.
   static constexpr Offset kOverhead = 2048;
 
+  bool needs_team_;  ///< Newton's method is for teams
   Offset most_bodies_[kBundleClasses];
 };
 

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/body/bodies/newton/precondition.hpp"
 #include "cuda/body_classes.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/device/kernels.hpp"
@@ -105,6 +106,7 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
     if (class_a != class_b) return class_a < class_b;
     return contacts(a) != contacts(b) ? contacts(a) > contacts(b) : a < b;
   });
+  const bool is_newton = request.options.method == BodyMethod::newton;
   Offset next = 0;
   for (int k = 0; k < kClasses; ++k) {
     const bool bundled = k < kBundleClasses;
@@ -115,8 +117,12 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
     for (; next < static_cast<Offset>(order.size()); ++next) {
       const Offset env = order[static_cast<std::size_t>(next)];
       if (class_of(env) != k) break;
-      const BodyNeed need = bundled ? need_of<Real, kWarp>(request.options, contacts(env), bodies(env))
-                                    : need_of<Real, 1>(request.options, contacts(env), bodies(env));
+      BodyNeed need = bundled ? need_of<Real, kWarp>(request.options, contacts(env), bodies(env))
+                              : need_of<Real, 1>(request.options, contacts(env), bodies(env));
+      if (is_newton)
+        need.exact += newton_doubles(contacts(env),
+                                     plan.newton_stream.data() + plan.newton_offsets[static_cast<std::size_t>(env)],
+                                     request.options.space);
       most = {std::max(most.elements, need.elements), std::max(most.exact, need.exact)};
       own.slot_bytes = std::max(own.slot_bytes, need.bytes<Real>());
     }
@@ -142,9 +148,8 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
 template <class Real>
 void DeviceBodies::load(const BodyRequest<Real>& request) {
   const BodySolverOptions& options = request.options;
-  const bool there = room_.plan.lock() == request.plan && room_.scalar_bytes == sizeof(Real) &&
-                     room_.law == options.law && room_.momentum == options.momentum;
-  if (there) return;
+  const Room wanted{request.plan, sizeof(Real), options.law, options.momentum, options.method};
+  if (room_ == wanted) return;
   if (api_->capturing(request.stream.handle()))
     throw Error(ErrorCode::invalid_argument,
                 "stream is being captured and nothing has been solved yet with this plan and these options: solve once "
@@ -159,6 +164,13 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
   const std::vector<Index>* const source[8] = {&plan.kept,           &plan.contact_order, &plan.sides,
                                                &plan.vertex_offsets, &plan.color_offsets, &plan.color_count,
                                                &plan.body_offsets,   &plan.body_contacts};
+  Index* newton_stream = nullptr;
+  Offset* newton_offsets = nullptr;
+  const bool is_newton = options.method == BodyMethod::newton;
+  if (is_newton) {
+    arrays.add(newton_stream, static_cast<Offset>(plan.newton_stream.size()));
+    arrays.add(newton_offsets, static_cast<Offset>(plan.newton_offsets.size()));
+  }
   Offset* order_there = nullptr;
   for (std::size_t k = 0; k < 8; ++k) arrays.add(integers[k], static_cast<Offset>(source[k]->size()));
   arrays.add(order_there, static_cast<Offset>(order.size()));
@@ -178,12 +190,17 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
     Mover mover(*api_, request.stream.handle());
     for (std::size_t k = 0; k < 8; ++k)
       mover.to_device(integers[k], source[k]->data(), static_cast<Offset>(source[k]->size()));
+    if (is_newton) {
+      mover.to_device(newton_stream, plan.newton_stream.data(), static_cast<Offset>(plan.newton_stream.size()));
+      mover.to_device(newton_offsets, plan.newton_offsets.data(), static_cast<Offset>(plan.newton_offsets.size()));
+    }
     mover.to_device(order_there, order.data(), static_cast<Offset>(order.size()));
     api_->synchronize(request.stream.handle());
   });
   order_ = order_there;
-  plan_ = {integers[0], integers[1], integers[2], integers[3], integers[4], integers[5], integers[6], integers[7]};
-  room_ = {request.plan, sizeof(Real), options.law, options.momentum};
+  plan_ = {integers[0], integers[1], integers[2], integers[3],   integers[4],
+           integers[5], integers[6], integers[7], newton_stream, newton_offsets};
+  room_ = wanted;
 }
 
 template <class Real>
@@ -197,6 +214,7 @@ void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
   api_->fill_zero(ticket_, kClasses * sizeof(Offset), stream);
   const BodyJob<Real> job{request.batch,    plan_,          request.solution, request.warm_start,
                           request.stepping, request.options};
+  const bool is_newton = request.options.method == BodyMethod::newton;
   for (std::size_t k = 0; k < classes_.size(); ++k) {
     const Class& own = classes_[k];
     if (own.begin == own.end) continue;
@@ -206,7 +224,7 @@ void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
       api_->launch(kernels.bundles, own.shape, &args, stream);
     } else {
       const BodiesArgs<Real> args{job, queue, own.workspace, own.slot_bytes};
-      api_->launch(kernels.teams, own.shape, &args, stream);
+      api_->launch(is_newton ? kernels.newton : kernels.teams, own.shape, &args, stream);
     }
   }
 }

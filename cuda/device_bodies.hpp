@@ -40,6 +40,11 @@ class DeviceBodies final : public BodyMachine {
     std::size_t scalar_bytes = 0;
     Law law = Law::convex;
     bool momentum = false;
+    BodyMethod method = BodyMethod::impulses;
+    bool operator==(const Room& other) const {
+      return plan.lock() == other.plan.lock() && scalar_bytes == other.scalar_bytes && law == other.law &&
+             momentum == other.momentum && method == other.method;
+    }
   };
 
   template <class Real>

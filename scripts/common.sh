@@ -63,7 +63,9 @@ test_packages=(
   "libgmock-dev: no tests"
   "librapidcheck-dev: no property tests"
   "libbenchmark-dev: no benchmarks"
-  "libeigen3-dev: no Eigen baseline in the benchmarks"
+  "libeigen3-dev: no minimum-degree ordering, no Eigen baseline in the benchmarks"
+  "libsuitesparse-dev: no SuiteSparse ordering"
+  "libmetis-dev: no nested dissection"
   "clang-format-14: formatting is not checked"
 )
 

@@ -45,6 +45,9 @@ TABLE = [
     Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h", "xmmintrin.h")),
     Row("core/block", [PUBLIC, "core/base", "core/block"], std=STD_TYPES),
     Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
+    # Orderings come from libraries; they are integers, so no rounding comes with them.
+    Row("core/schedule/library_orderings.cpp", [PUBLIC, "core/base", "core/schedule"],
+        foreign=("Eigen/", "amd.h", "metis.h")),
     Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
     Row("core/graph", [PUBLIC, "core/graph"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
@@ -208,6 +211,7 @@ def self_test():
         "core/body/pgs_body.hpp": '#pragma once\n#include <cstdint>\n#include "core/block/phases.hpp"\n'
                                   '// an atomic, std::min and threadIdx in a comment are fine\n',
         "core/schedule/plan.hpp": '#pragma once\n#include <vector>\n#include "stiction/types.hpp"\n',
+        "core/schedule/library_orderings.cpp": '#include <Eigen/OrderingMethods>\n#include <amd.h>\n#include <metis.h>\n',
         "core/runtime/backend.hpp": '#pragma once\n#include "core/schedule/plan.hpp"\n',
         "core/runtime/solver.cpp": '#include "core/runtime/backend.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
         "core/io/include/stiction/io.hpp": '#pragma once\n#include "stiction/types.hpp"\n',
@@ -229,6 +233,8 @@ def self_test():
         ("core/body/pgs_body.hpp", "float m = std::max(a, b);"),
         ("core/body/pgs_body.hpp", "#ifdef __CUDA_ARCH__"),
         ("core/schedule/plan.hpp", '#include "core/runtime/backend.hpp"'),
+        ("core/schedule/plan.hpp", "#include <Eigen/OrderingMethods>"),
+        ("core/schedule/library_orderings.cpp", "#include <boost/graph/adjacency_list.hpp>"),
         ("core/runtime/solver.cpp", '#include "cpu_fallback/serial_block.hpp"'),
         ("core/runtime/solver.cpp", "#include <cuda_runtime.h>"),
         ("core/runtime/solver.cpp", '#include "core/body/pgs_body.hpp"'),

@@ -14,6 +14,8 @@ struct BodyPlanView {
   const Index* color_count = nullptr;
   const Index* body_offsets = nullptr;
   const Index* body_contacts = nullptr;
+  const Index* newton_stream = nullptr;
+  const Offset* newton_offsets = nullptr;
 };
 
 }  // namespace stiction

@@ -5,6 +5,7 @@
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
+#include "core/schedule/newton_plan.hpp"
 
 namespace stiction {
 
@@ -41,6 +42,12 @@ void check_body_options(const BodySolverOptions& options) {
   if (Offset{options.substeps} * options.iterations > kMostSweeps)
     refuse("substeps * iterations = " + std::to_string(Offset{options.substeps} * options.iterations) +
            ": must be at most " + std::to_string(kMostSweeps) + ", which a status can count");
+  if (options.method != BodyMethod::impulses && options.method != BodyMethod::newton)
+    refuse("method = " + std::to_string(static_cast<int>(options.method)) +
+           ": no such method; use BodyMethod::impulses or newton");
+  if (static_cast<int>(options.space.preconditioner) >= kBodyPreconditionerCount)
+    refuse("space.preconditioner = " + std::to_string(static_cast<int>(options.space.preconditioner)) +
+           ": no such preconditioner; use one of BodyPreconditioner");
   if (options.max_contacts_per_env < 0)
     refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
 }
@@ -122,7 +129,9 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
     reject(validate_structure(host, 1));
-    return BodyPlan(std::make_shared<const BodyPlanData>(make_body_plan(host, options_.max_contacts_per_env)));
+    BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env);
+    if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
+    return BodyPlan(std::make_shared<const BodyPlanData>(std::move(plan)));
   };
   if (batch.space == MemorySpace::host) return make(batch);
   return make(HostBodies<Real>(batch, options_.max_contacts_per_env > 0, *machine_, stream).view());
@@ -138,6 +147,8 @@ void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
                                                               data->env_body_offsets.back() == batch.body_count &&
                                                               data->env_contact_offsets.back() == batch.contact_count;
   if (!fitting) refuse("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
+  if (options_.method == BodyMethod::newton && !(data->has_newton && data->space == options_.space))
+    refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
   machine_->solve(BodyRequest<Real>{data, batch, solution, warm_start, stepping_, options_, stream});

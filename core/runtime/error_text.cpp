@@ -1,5 +1,6 @@
 #include <string>
 
+#include "stiction/body_space.hpp"
 #include "stiction/error.hpp"
 #include "stiction/status.hpp"
 
@@ -81,10 +82,50 @@ const char* to_string(SolverKind solver) noexcept {
       return "lemke";
     case SolverKind::ipm:
       return "ipm";
+    case SolverKind::multigrid:
+      return "multigrid";
     case SolverKind::automatic:
       return "auto";
   }
   return kUnknown;
+}
+
+const char* to_string(BodyMethod method) noexcept {
+  switch (method) {
+    case BodyMethod::impulses:
+      return "impulses";
+    case BodyMethod::newton:
+      return "newton";
+  }
+  return kUnknown;
+}
+
+const char* to_string(BodyPreconditioner preconditioner) noexcept {
+  switch (preconditioner) {
+    case BodyPreconditioner::diagonal:
+      return "diagonal";
+    case BodyPreconditioner::block_diagonal:
+      return "block_diagonal";
+    case BodyPreconditioner::incomplete_cholesky:
+      return "incomplete_cholesky";
+    case BodyPreconditioner::sparse_inverse:
+      return "sparse_inverse";
+    case BodyPreconditioner::factor:
+      return "factor";
+    case BodyPreconditioner::multigrid:
+      return "multigrid";
+  }
+  return kUnknown;
+}
+
+BodyPreconditioner body_preconditioner_from_string(const std::string& name) {
+  std::string names;
+  for (int kind = 0; kind < kBodyPreconditionerCount; ++kind) {
+    const auto preconditioner = static_cast<BodyPreconditioner>(kind);
+    if (name == to_string(preconditioner)) return preconditioner;
+    names += std::string(kind == 0 ? "" : ", ") + to_string(preconditioner);
+  }
+  throw Error(ErrorCode::invalid_argument, "preconditioner '" + name + "' is not known; use one of: " + names);
 }
 
 const char* to_string(Law law) noexcept {
@@ -129,6 +170,11 @@ SolverKind solver_from_string(const std::string& name) {
     if (name == to_string(solver)) return solver;
     names += std::string(", ") + to_string(solver);
   }
+  if (name == to_string(SolverKind::multigrid))
+    throw Error(ErrorCode::invalid_argument,
+                "solver 'multigrid' works on bodies, not on contact batches: give the bodies to a BodySolver with "
+                "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " +
+                    names);
   throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
 }
 

@@ -16,6 +16,10 @@ void check_options(const SolverOptions& options) {
   if (!(options.omega > 0.0 && options.omega < 2.0))
     fail("omega = " + std::to_string(options.omega) + ": relaxation converges only for 0 < omega < 2");
   if (options.threads < 0) fail("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
+  if (options.solver == SolverKind::multigrid)
+    fail(
+        "solver = multigrid: works on bodies, not on contact batches; give the bodies to a BodySolver with "
+        "BodyMethod::newton (docs/bodies.md), or choose ipm or newton here");
   if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
     fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
          ": no such mode; use IslandMode::together or apart");

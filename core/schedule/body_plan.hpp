@@ -30,10 +30,16 @@ struct BodyPlanData {
   std::vector<Index> body_contacts;  ///< of each body that is pushed, in order of position: the position where it is b,
                                      ///< ~position where it is a                                 (2 * contact_count)
 
+  bool has_newton = false;             ///< whether what follows is there
+  BodySpaceOptions space;              ///< what it was made for
+  std::vector<Index> newton_stream;    ///< integers of Newton's method in body space (core/base/newton_stream.hpp)
+  std::vector<Offset> newton_offsets;  ///< where each environment's begin in it                   (env_count + 1)
+
   [[nodiscard]] Offset env_count() const { return static_cast<Offset>(kept.size()); }
   [[nodiscard]] BodyPlanView view() const {
     return {kept.data(),          contact_order.data(), sides.data(),        vertex_offsets.data(),
-            color_offsets.data(), color_count.data(),   body_offsets.data(), body_contacts.data()};
+            color_offsets.data(), color_count.data(),   body_offsets.data(), body_contacts.data(),
+            newton_stream.data(), newton_offsets.data()};
   }
 };
 

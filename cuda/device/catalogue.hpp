@@ -5,6 +5,7 @@
 #include "cuda/programs/body_bundles.hpp"
 #include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/jacobian_program.hpp"
+#include "cuda/programs/newton_bodies_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
@@ -64,7 +65,8 @@ JacobianKernels jacobian_kernels() {
 template <class Make, Law kLaw, class Real>
 SolveBodyKernels solve_body_kernels() {
   return {Make::template kernel<SolveBodyBundles<kLaw, Real>>("body_bundles"),
-          Make::template kernel<SolveBodies<kLaw, Real>>("bodies")};
+          Make::template kernel<SolveBodies<kLaw, Real>>("bodies"),
+          Make::template kernel<SolveBodiesNewton<kLaw, Real>>("newton_bodies")};
 }
 
 template <class Make>

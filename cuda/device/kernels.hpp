@@ -41,6 +41,7 @@ struct WarmStartKernels {
 struct SolveBodyKernels {
   KernelRef bundles;  ///< one lane per environment             (programs/body_bundles.hpp)
   KernelRef teams;    ///< one team per environment             (programs/bodies_program.hpp)
+  KernelRef newton;   ///< the same, by Newton's method         (programs/newton_bodies_program.hpp)
 };
 
 /// Bodies by precision (Precision) and law (Law).

@@ -11,6 +11,7 @@
 
 #include "stiction/io.hpp"
 #include "stiction/pyramid.hpp"
+#include "stiction/residual.hpp"
 #endif
 
 namespace stiction::test {

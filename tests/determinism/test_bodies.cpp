@@ -49,7 +49,56 @@ BodySolverOptions few_sweeps() {
   return options;
 }
 
+BodySolverOptions few_steps(BodyPreconditioner preconditioner) {
+  BodySolverOptions options = few_sweeps();
+  options.method = BodyMethod::newton;
+  options.space.preconditioner = preconditioner;
+  options.iterations = 6;
+  options.tolerance = 1e-4;
+  return options;
+}
+
 }  // namespace
+
+TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_instruction_set) {
+  const auto batch =
+      batch_of<float>({scenes::rounded(random_bodies(1, 5, 20)), scenes::rounded(scenes::make_body_pile(2, 5000)),
+                       scenes::rounded(random_bodies(2, 5, 20))});
+  const char* before = std::getenv("STICTION_ISA");
+  const std::string saved = before == nullptr ? "" : before;
+  for (const BodyPreconditioner preconditioner : {BodyPreconditioner::block_diagonal, BodyPreconditioner::multigrid}) {
+    BodySolverOptions options = few_steps(preconditioner);
+    options.iterations = 2;
+    const auto expected = solve_bodies(batch, {}, options);
+    EXPECT_GT(expected.status[1].residual, 0);
+    EXPECT_EQ(expected.status[1].iterations, 2);
+    options.threads = 3;
+    expect_same(expected, solve_bodies(batch, {}, options), "3 threads");
+    setenv("STICTION_ISA", "baseline", 1);
+    expect_same(expected, solve_bodies(batch, {}, options), "baseline");
+    if (before == nullptr) {
+      unsetenv("STICTION_ISA");
+    } else {
+      setenv("STICTION_ISA", saved.c_str(), 1);
+    }
+  }
+}
+
+TEST(bodies, newtons_method_does_not_depend_on_neighbours_or_place) {
+  const auto envs = mixed_environments();
+  const auto batch = batch_of<float>(envs);
+  for (const BodyPreconditioner preconditioner :
+       {BodyPreconditioner::incomplete_cholesky, BodyPreconditioner::sparse_inverse, BodyPreconditioner::factor,
+        BodyPreconditioner::multigrid}) {
+    BodySolverOptions options = few_steps(preconditioner);
+    const auto together = solve_bodies(batch, {}, options);
+    options.threads = 3;
+    for (std::size_t k = 0; k < envs.size(); ++k) {
+      const auto alone = solve_bodies(batch_of<float>({envs[k]}), {}, options);
+      expect_same(part_of(together, batch.view(), static_cast<Offset>(k)), alone, "environment " + std::to_string(k));
+    }
+  }
+}
 
 TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads) {
   // Large enough for a team (4096 contacts), and two small neighbours that are not.

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "bench/scenes/body_scenes.hpp"
+#include "bench/scenes/box_scenes.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/device_bodies.hpp"
 #include "stiction/error.hpp"
@@ -13,6 +14,9 @@
 /// Bodies on the host device: what the GPU's host code queues gives the CPU's bits.
 namespace stiction::test {
 namespace {
+
+using scenes::box_bodies;
+using scenes::box_tower;
 
 template <class Real>
 BodyBatch<Real> batch_in(const std::vector<BodyEnvironment<double>>& envs) {
@@ -96,6 +100,55 @@ TEST(DeviceBodies, an_emulated_device_gives_the_cpus_bits) {
                 solve_bodies(mixed_batch<float>(), {}, quick(law), Device::emulated()));
     expect_same(solve_bodies(mixed_batch<double>(), {}, quick(law)),
                 solve_bodies(mixed_batch<double>(), {}, quick(law), Device::emulated()));
+  }
+}
+
+TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
+  std::vector<BodyEnvironment<double>> envs;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) envs.push_back(random_bodies(seed, 5, static_cast<Index>(9 * seed)));
+  envs.push_back({});
+  envs.push_back(scenes::make_body_stack(3, 4));
+  envs.push_back(box_bodies(box_tower(62), 0.5));  // 32 lanes, and bodies enough for two levels
+  envs[2].contacts[1].mu = -1;
+  const auto check = [&](auto real) {
+    using Real = decltype(real);
+    const auto batch = batch_in<Real>(envs);
+    for (const Law law : {Law::coulomb, Law::convex})
+      for (const BodyPreconditioner preconditioner : {BodyPreconditioner::factor, BodyPreconditioner::multigrid}) {
+        BodySolverOptions options = quick(law);
+        options.method = BodyMethod::newton;
+        options.space.preconditioner = preconditioner;
+        options.iterations = 2;
+        options.tolerance = 1e-5;
+        const auto expected = solve_bodies(batch, {}, options);
+        const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
+        for (const int lanes : {1, 3}) {
+          cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{lanes, 2, 5}), true);
+          auto out = room_for(batch);
+          machine.solve(request_of(batch, plan, options, out, nullptr));
+          expect_same(expected, out);
+        }
+      }
+  };
+  check(float{});
+  check(double{});
+}
+
+TEST(DeviceBodies, a_plan_for_newtons_method_serves_impulses_too) {
+  const auto batch = batch_in<double>({random_bodies(1, 5, 13), scenes::make_body_stack(3, 4)});
+  BodySolverOptions options = quick(Law::coulomb);
+  const auto expected = solve_bodies(batch, {}, options);
+  BodySolverOptions newton = options;
+  newton.method = BodyMethod::newton;
+  newton.iterations = 1;
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, newton).plan(batch.view());
+  cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5}), true);
+  for (const bool first : {true, false}) {
+    auto out = room_for(batch);
+    machine.solve(request_of(batch, plan, newton, out, nullptr));
+    EXPECT_EQ(out.status[1].solver, SolverKind::multigrid) << first;
+    machine.solve(request_of(batch, plan, options, out, nullptr));
+    expect_same(expected, out);
   }
 }
 

@@ -12,7 +12,14 @@ struct SiParams {
   double tolerance, omega;
   Index iterations, substeps;
   bool momentum;
+  SolverKind answered_by;  ///< what a status says
 };
+
+STICTION_HD SolverKind body_solver_kind(const BodySolverOptions& options) {
+  if (options.method == BodyMethod::newton)
+    return options.space.preconditioner == BodyPreconditioner::multigrid ? SolverKind::multigrid : SolverKind::newton;
+  return options.momentum ? SolverKind::npgs : SolverKind::pgs;
+}
 
 STICTION_HD SiParams si_params(const TimeStepping& stepping, const BodySolverOptions& options) {
   return {div_(stepping.dt, static_cast<double>(options.substeps)),
@@ -24,7 +31,8 @@ STICTION_HD SiParams si_params(const TimeStepping& stepping, const BodySolverOpt
           options.omega,
           options.iterations,
           options.substeps,
-          options.momentum};
+          options.momentum,
+          body_solver_kind(options)};
 }
 
 /// One environment of a body batch with its part of the plan and of the outputs. Shapes as in BodyBatchView and
@@ -38,6 +46,7 @@ struct BodyEnv {
   const Real* warm_start;
   Real *impulse, *twist_out, *w;
   EnvStatus* status;
+  const Index* newton_stream;  ///< null without Newton's method
   const Index *contact_order, *sides, *vertex_offsets, *color_offsets, *body_offsets, *body_contacts;
   Index color_count;
 
@@ -80,6 +89,7 @@ STICTION_HD BodyEnv<Real> slice_bodies(const BodyJob<Real>& job, Offset env) {
   v.twist_out = out.twist + 6 * body;
   v.w = out.w == nullptr ? nullptr : out.w + 3 * contact;
   v.status = out.status + env;
+  v.newton_stream = plan.newton_stream == nullptr ? nullptr : plan.newton_stream + plan.newton_offsets[env];
   v.contact_order = plan.contact_order + contact;
   v.sides = plan.sides + 2 * contact;
   v.vertex_offsets = plan.vertex_offsets + contact + env;

@@ -92,7 +92,7 @@ struct BodySystem {
   /// Those of one contact that a sweep reads or writes.
   static constexpr Offset swept_elements(bool momentum) { return kContactFields<kLaw> + (momentum ? 6 : 3); }
   /// Numbers of double it needs besides.
-  static constexpr Offset exact_elements(Offset bodies) { return 6 * (bodies + 1); }
+  static STICTION_HD constexpr Offset exact_elements(Offset bodies) { return 6 * (bodies + 1); }
 
   STICTION_HD BodySystem(Index contact_count, Index body_count, const SiParams& params, Real* memory,
                          double* exact_memory)

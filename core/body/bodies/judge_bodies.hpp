@@ -7,17 +7,17 @@
 /// What is returned and how good it is, in double and matrix-free, from the batch's own numbers.
 namespace stiction::inline STICTION_ISA {
 
-/// The impulse that is returned for row k of a contact: the very bits.
-template <class Real, Law kLaw, int kStride>
-STICTION_HD Real best_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p, Index k) {
-  const Real x = s.best.at(k, p);
-  return canonical_zero(k == 0 ? x : x * env.mu[env.contact_order[p]]);
+/// The impulse that is returned for row k of a contact if `x` is the best iterate: the very bits.
+template <class Real, int kStride>
+STICTION_HD Real returned_impulse(const BodyEnv<Real>& env, const ContactTiles<Real, kStride>& x, Index p, Index k) {
+  const Real value = x.at(k, p);
+  return canonical_zero(k == 0 ? value : value * env.mu[env.contact_order[p]]);
 }
 
-/// Twists under the returned impulses, v_free + M^-1 J' lambda, into s.exact.
+/// Twists under those impulses, v_free + M^-1 J' lambda, into s.exact.
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                              const SiParams& params) {
+                              const ContactTiles<Real, kStride>& x, const SiParams& params) {
   for_each(block, s.bodies + 1, [&](Index body) {
     Twist<double> twist = free_twist(env, s, params, body);
     if (body < s.bodies && !env.is_kinematic(body)) {
@@ -26,9 +26,9 @@ STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySyst
       twist = gather_impulses(env, body, twist, inverse, [&](Index p, bool is_b, Vector3<double>& arm) {
         const ExactContact contact = exact_contact(env, p);
         arm = is_b ? contact.arm_b : contact.arm_a;
-        return to_world(contact.frame, static_cast<double>(best_impulse(env, s, p, 0)),
-                        static_cast<double>(best_impulse(env, s, p, 1)),
-                        static_cast<double>(best_impulse(env, s, p, 2)));
+        return to_world(contact.frame, static_cast<double>(returned_impulse(env, x, p, 0)),
+                        static_cast<double>(returned_impulse(env, x, p, 1)),
+                        static_cast<double>(returned_impulse(env, x, p, 2)));
       });
     }
     put_twist(s.exact_row(body), twist);
@@ -41,11 +41,11 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
   return {static_cast<double>(env.inv_mass[side]), load6<double>(env.inv_inertia + 6 * static_cast<Offset>(side))};
 }
 
-/// Writes env.w and s.exact; returns the largest contact residual [w].
+/// Writes s.exact and, if it is an answer, env.w; returns the largest contact residual [w] of the iterate `x`.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                        const SiParams& params) {
-  gather_exact(block, env, s, params);
+STICTION_HD_OUTLINE double residual_of(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                       const ContactTiles<Real, kStride>& x, const SiParams& params, bool is_answer) {
+  gather_exact(block, env, s, x, params);
   const double r = div_(params.cfm, params.step);
   double largest = 0.0;
   share_out(block, s.contacts, [&](Index p) {
@@ -58,21 +58,28 @@ STICTION_HD_OUTLINE double judge_bodies(B& block, const BodyEnv<Real>& env, cons
     add_body(block_of, exact_mass(env, contact.side_a), contact.arm_a, contact.frame);
     add_body(block_of, exact_mass(env, contact.side_b), contact.arm_b, contact.frame);
     const double mu = static_cast<double>(env.mu[contact.contact]);
-    double x[3];
+    double reaction[3];
     double y[3];
     for (Index k = 0; k < 3; ++k) {
-      const double lambda = static_cast<double>(best_impulse(env, s, p, k));
+      const double lambda = static_cast<double>(returned_impulse(env, x, p, k));
       const double motion = fma_(r, lambda, along[k]);
-      if (env.w != nullptr)
+      if (is_answer && env.w != nullptr)
         env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion));
       const double scale = k == 0 ? 1.0 : mu;
-      x[k] = scale > 0.0 ? div_(lambda, scale) : 0.0;
+      reaction[k] = scale > 0.0 ? div_(lambda, scale) : 0.0;
       y[k] = scale * motion;
     }
     const double weight = div_(block_of.nn + block_of.t11 + block_of.t22 + 3.0 * r, 3.0);
-    largest = max_(natural_map<kLaw>(ContactShape{}, x, y, weight, 0.0, 0.0), largest);
+    largest = max_(natural_map<kLaw>(ContactShape{}, reaction, y, weight, 0.0, 0.0), largest);
   });
   return block.max(largest);
+}
+
+/// The same for the best iterate, which is the answer.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                const SiParams& params) {
+  return residual_of(block, env, s, s.best, params, true);
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
@@ -81,7 +88,7 @@ STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, cons
   share_out(block, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) {
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
-      total = canonical_zero(total + best_impulse(env, s, p, k));
+      total = canonical_zero(total + returned_impulse(env, s.best, p, k));
     }
   });
   for_each(block, s.bodies, [&](Index body) {
@@ -105,9 +112,8 @@ STICTION_HD void clear_impulses(B& block, const BodyEnv<Real>& env) {
 template <Block B, class Real>
 STICTION_HD void write_body_status(B& block, const BodyEnv<Real>& env, const SiParams& params, EnvCode code,
                                    std::uint32_t flags, Index iterations, double relative, double absolute) {
-  const SolverKind solver = params.momentum ? SolverKind::npgs : SolverKind::pgs;
   single(block, [&] {
-    *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}};
+    *env.status = EnvStatus{relative, absolute, flags, iterations, code, params.answered_by, {0, 0, 0, 0, 0, 0}};
   });
 }
 

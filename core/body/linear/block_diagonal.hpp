@@ -20,16 +20,26 @@ STICTION_HD_OUTLINE void factor_block(double* K) {
   }
 }
 
-/// v = (L L')^-1 v.
-STICTION_HD_OUTLINE void solve_block(const double* L, double* v) {
+/// v = L^-1 v.
+STICTION_HD void solve_lower(const double* L, double* v) {
   for (Index i = 0; i < kBodyBlock; ++i) {
     for (Index k = 0; k < i; ++k) v[i] = fma_(0.0 - L[i * kBodyBlock + k], v[k], v[i]);
     v[i] = div_(v[i], L[i * kBodyBlock + i]);
   }
+}
+
+/// v = L^-T v.
+STICTION_HD void solve_upper(const double* L, double* v) {
   for (Index i = kBodyBlock - 1; i >= 0; --i) {
     for (Index k = i + 1; k < kBodyBlock; ++k) v[i] = fma_(0.0 - L[k * kBodyBlock + i], v[k], v[i]);
     v[i] = div_(v[i], L[i * kBodyBlock + i]);
   }
+}
+
+/// v = (L L')^-1 v.
+STICTION_HD_OUTLINE void solve_block(const double* L, double* v) {
+  solve_lower(L, v);
+  solve_upper(L, v);
 }
 
 /// Block-Jacobi preconditioner: the inverse of every diagonal block.
@@ -37,7 +47,7 @@ struct BlockDiagonal {
   Index rows = 0;
   double* factors = nullptr;  ///< (36 rows)
 
-  static constexpr Offset doubles(Offset rows) { return rows * kBlockEntries; }
+  static STICTION_HD constexpr Offset doubles(Offset rows) { return rows * kBlockEntries; }
 
   /// Takes A's diagonal blocks; a row without one is left alone.
   template <Block B>
@@ -52,12 +62,17 @@ struct BlockDiagonal {
     });
   }
 
+  /// v = D^-1 v for one row.
+  STICTION_HD void solve(Index row, double* v) const {
+    solve_block(factors + static_cast<Offset>(row) * kBlockEntries, v);
+  }
+
   template <Block B>
   STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
     for_each(block, rows, [&](Index row) {
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) z[first + i] = r[first + i];
-      solve_block(factors + static_cast<Offset>(row) * kBlockEntries, z + first);
+      solve(row, z + first);
     });
   }
 };

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "stiction/body_space.hpp"
 #include "stiction/solver.hpp"
 
 namespace stiction {
@@ -128,12 +129,15 @@ struct TimeStepping {
   double restitution_threshold = 0.1;  ///< approach slower than this does not bounce, >= 0 [m/s]
 };
 
-/// Sequential impulses: projected Gauss-Seidel on velocities, matrix-free (docs/math/si.md).
+/// Sequential impulses, projected Gauss-Seidel on velocities without a matrix (docs/math/si.md), or an inexact Newton
+/// method on them (docs/math/body_newton.md).
 struct BodySolverOptions {
   Law law = Law::coulomb;
-  Index iterations = 50;           ///< sweeps of each sub-step, at most, >= 0
-  double tolerance = 0;            ///< on the relative natural-map residual of the last sub-step; 0: all sweeps [-]
-  bool momentum = true;            ///< Nesterov's, with restart
+  BodyMethod method = BodyMethod::impulses;
+  BodySpaceOptions space;          ///< read by Newton's method alone
+  Index iterations = 50;           ///< sweeps, or Newton steps, of each sub-step, at most, >= 0
+  double tolerance = 0;            ///< on the relative natural-map residual of the last sub-step; 0: all iterations [-]
+  bool momentum = true;            ///< Nesterov's, with restart, for sweeps
   double omega = 1.0;              ///< relaxation, 0 < omega < 2 [-]
   Index substeps = 1;              ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
@@ -148,7 +152,8 @@ struct BodySolutionView {
   Real* impulse = nullptr;      ///< reactions in the contact frame, summed over sub-steps [N s]  (3 * contact_count)
   Real* twist = nullptr;        ///< after the step                                                (6 * body_count)
   Real* w = nullptr;            ///< residual motion of the last sub-step [m/s]; may be null       (3 * contact_count)
-  EnvStatus* status = nullptr;  ///< `solver` says npgs with momentum, pgs without                 (env_count)
+  EnvStatus* status = nullptr;  ///< `solver` says npgs with momentum, pgs without; newton, or multigrid if that
+                                ///< preconditions it                                              (env_count)
 };
 
 struct BodyPlanData;

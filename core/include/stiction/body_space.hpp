@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "stiction/ordering.hpp"
+
+namespace stiction {
+
+/// How bodies are solved (docs/bodies.md).
+enum class BodyMethod : std::uint8_t {
+  impulses = 0,  ///< sequential impulses (docs/math/si.md)
+  newton = 1,    ///< inexact Newton's method on the bodies' velocities (docs/math/body_newton.md)
+};
+
+/// What makes the linear systems of Newton's method in body space easier for conjugate gradients.
+enum class BodyPreconditioner : std::uint8_t {
+  diagonal = 0,             ///< of the matrix
+  block_diagonal = 1,       ///< each body by itself
+  incomplete_cholesky = 2,  ///< a factor without fill; its triangular solves are for CPUs
+  sparse_inverse = 3,       ///< factored approximate inverse on the graph of bodies
+  factor = 4,               ///< the whole factor: a direct solve
+  multigrid = 5,            ///< aggregates of bodies that move rigidly (docs/math/multigrid.md)
+};
+inline constexpr int kBodyPreconditionerCount = 6;
+
+/// How a coarse body's motion becomes that of its members (docs/math/multigrid.md).
+enum class Prolongation : std::uint8_t {
+  plain = 0,     ///< rigidly
+  smoothed = 1,  ///< rigidly, then one damped block-Jacobi step against the forces that this makes
+};
+
+/// Times that a cycle visits a coarser level for each visit of the finer one.
+enum class Cycle : std::uint8_t { v = 1, w = 2 };
+
+struct MultigridOptions {
+  Prolongation prolongation = Prolongation::smoothed;
+  Cycle cycle = Cycle::v;
+  bool operator==(const MultigridOptions&) const = default;
+};
+
+/// What Newton's method in body space is told when it plans.
+struct BodySpaceOptions {
+  BodyPreconditioner preconditioner = BodyPreconditioner::multigrid;
+  MultigridOptions multigrid;            ///< read by multigrid
+  Ordering ordering = kDefaultOrdering;  ///< read by factor and incomplete_cholesky
+  bool operator==(const BodySpaceOptions&) const = default;
+};
+
+const char* to_string(BodyMethod method) noexcept;
+const char* to_string(BodyPreconditioner preconditioner) noexcept;
+/// \throws Error(invalid_argument) with the names there are.
+BodyPreconditioner body_preconditioner_from_string(const std::string& name);
+
+}  // namespace stiction

@@ -1,0 +1,272 @@
+#include <gtest/gtest.h>
+
+#ifdef STICTION_TEST_HAS_EIGEN
+
+#include <Eigen/Dense>
+#include <Eigen/Sparse>
+
+#include <random>
+#include <string>
+#include <vector>
+
+#include "cpu_fallback/team_block.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/jitter_block.hpp"
+#include "tests/support/multigrid_case.hpp"
+#include "tests/support/torture_block.hpp"
+
+namespace stiction::test {
+namespace {
+
+using Vector = Eigen::VectorXd;
+using Sparse = Eigen::SparseMatrix<double>;
+
+Sparse to_eigen(const BlockMatrix& A) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (Index row = 0; row < A.pattern.rows; ++row)
+    for (Index k = A.pattern.offsets[row]; k < A.pattern.offsets[row + 1]; ++k)
+      for (Index i = 0; i < 36; ++i)
+        entries.emplace_back(6 * row + i / 6, 6 * A.pattern.columns[k] + i % 6, A.block(k)[i]);
+  Sparse matrix(6 * A.pattern.rows, 6 * A.pattern.columns_total);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
+Vector random_vector(Index n, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  Vector v(n);
+  for (double& x : v) x = normal(random);
+  return v;
+}
+
+std::string name(const MultigridOptions& options) {
+  return std::string(options.prolongation == Prolongation::plain ? "plain " : "smoothed ") +
+         (options.cycle == Cycle::v ? "V" : "W");
+}
+
+Vector cycle(const Multigrid& grids, const Vector& r) {
+  Vector z(r.size());
+  SerialBlock block;
+  grids.apply(block, r.data(), z.data());
+  return z;
+}
+
+/// A wall, a body that nothing touches, and a pair that only touch each other.
+StackedBoxes mixed_scene(Index n) {
+  StackedBoxes scene = StackedBoxes::wall(n);
+  scene.add_box({-50, 0, 20.3});
+  scene.add_box({-60, 0, 30.5});
+  scene.add_box({-60, 0, 31.5});
+  return scene;
+}
+
+TEST(Multigrid, a_cycle_is_symmetric_and_positive_definite) {
+  for (const MultigridOptions& options : kMultigridKinds) {
+    MultigridCase one(mixed_scene(26), 1e-3, options);
+    SerialBlock block;
+    const Multigrid grids = one.prepared(block);
+    ASSERT_GE(grids.plan.levels(), 3);
+    for (unsigned seed = 0; seed < 100; ++seed) {
+      const Vector x = random_vector(static_cast<Index>(one.size()), 2 * seed),
+                   y = random_vector(static_cast<Index>(one.size()), 2 * seed + 1);
+      const Vector bx = cycle(grids, x), by = cycle(grids, y);
+      EXPECT_LE(std::abs(bx.dot(y) - x.dot(by)), 1e-10 * bx.norm() * y.norm()) << name(options);
+      EXPECT_GT(bx.dot(x), 0.0) << name(options);
+    }
+  }
+}
+
+TEST(Multigrid, no_error_grows_in_a_cycle) {
+  for (const MultigridOptions& options : kMultigridKinds) {
+    MultigridCase one(mixed_scene(9), 1e-3, options);
+    SerialBlock block;
+    const Multigrid grids = one.prepared(block);
+    ASSERT_GE(grids.plan.levels(), 2);
+    const Eigen::MatrixXd H = to_eigen(one.H());
+    Eigen::MatrixXd inverse(H.rows(), H.cols());
+    for (Index j = 0; j < H.cols(); ++j) inverse.col(j) = cycle(grids, Vector::Unit(H.rows(), j));
+    EXPECT_LE((inverse - inverse.transpose()).norm(), 1e-12 * inverse.norm()) << name(options);
+    // H^-1 x = lambda B x has the eigenvalues of (B H)^-1: errors shrink by 1 - 1 / lambda.
+    const Eigen::MatrixXd symmetric = 0.5 * (inverse + inverse.transpose());
+    const Eigen::MatrixXd root = H.llt().matrixL();
+    const Eigen::MatrixXd similar = root.transpose() * symmetric * root;
+    const Vector eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(similar).eigenvalues();
+    RecordProperty(name(options), std::to_string(eigenvalues.minCoeff()));
+    EXPECT_GT(eigenvalues.minCoeff(), 0.0) << name(options);
+    EXPECT_LE(eigenvalues.maxCoeff(), 1.0 + 1e-9) << name(options);
+  }
+}
+
+TEST(Multigrid, few_bodies_and_uncoupled_ones_are_solved_exactly) {
+  StackedBoxes few = StackedBoxes::wall(7);
+  few.add_box({-50, 0, 20.3});
+  StackedBoxes pairs;
+  for (int i = 0; i < 100; ++i) {
+    pairs.add_box({3.0 * i, 0, 20.5});
+    pairs.add_box({3.0 * i, 0.25, 21.5});
+  }
+  MultigridCase one(few, 1e-2, {});
+  SerialBlock block;
+  const Vector b = random_vector(static_cast<Index>(one.size()), 5);
+  const Vector exact = Eigen::SimplicialLDLT<Sparse>(to_eigen(one.H())).solve(b);
+  const Vector x = cycle(one.prepared(block), b);
+  EXPECT_LE((x - exact).norm(), 1e-10 * exact.norm());
+
+  MultigridCase two(pairs, 1e-2, {Prolongation::plain, Cycle::v});
+  const Multigrid grids = two.prepared(block);
+  ASSERT_EQ(grids.plan.levels(), 2);
+  EXPECT_EQ(grids.plan.dense_bodies(), 0);
+}
+
+TEST(Multigrid, nothing_and_a_single_body_are_no_special_cases) {
+  SerialBlock block;
+  MultigridCase nothing(StackedBoxes(), 1.0, {});
+  cycle(nothing.prepared(block), Vector());
+  StackedBoxes scene;
+  scene.add_box({0, 0, 0.5});
+  MultigridCase one(scene, 1e-3, {});
+  const Vector b = random_vector(6, 1);
+  const Eigen::MatrixXd H = to_eigen(one.H());
+  const Vector exact = H.ldlt().solve(b);
+  EXPECT_LE((cycle(one.prepared(block), b) - exact).norm(), 1e-12 * exact.norm());
+}
+
+TEST(Multigrid, coarse_matrices_are_galerkin_products) {
+  for (const MultigridOptions& options : kMultigridKinds) {
+    MultigridCase one(mixed_scene(26), 1e-3, options);
+    SerialBlock block;
+    const Multigrid grids = one.prepared(block);
+    for (Index l = 0; l + 1 < grids.plan.levels(); ++l) {
+      const Sparse H = to_eigen(grids.level(l).smoother.H), P = to_eigen(grids.level(l).P);
+      const Sparse coarse = to_eigen(grids.level(l + 1).smoother.H);
+      for (unsigned seed = 0; seed < 10; ++seed) {
+        const Vector e = random_vector(static_cast<Index>(P.cols()), seed);
+        const Vector expected = P.transpose() * (H * (P * e));
+        EXPECT_LE((coarse * e - expected).norm(), 1e-12 * expected.norm()) << name(options) << ", level " << l;
+      }
+    }
+  }
+}
+
+/// The twists of bodies at these positions that move as one: velocity and spin of the body at `origin`.
+Vector rigid_motion(const double* positions, Index bodies, const Vector& twist) {
+  const Eigen::Vector3d origin(3.0, -2.0, 5.0), velocity = twist.head<3>(), spin = twist.tail<3>();
+  Vector motion(6 * bodies);
+  for (Index body = 0; body < bodies; ++body) {
+    const Eigen::Vector3d d = Eigen::Map<const Eigen::Vector3d>(positions + 3 * body) - origin;
+    motion.segment<3>(6 * body) = velocity + spin.cross(d);
+    motion.segment<3>(6 * body + 3) = spin;
+  }
+  return motion;
+}
+
+/// Largest error of prolongations in reproducing the six rigid motions of the whole scene, relative.
+double rigid_error(const Multigrid& grids, const std::vector<double>& positions) {
+  double worst = 0.0;
+  for (Index l = 0; l + 1 < grids.plan.levels(); ++l) {
+    const GridLevel fine = grids.level(l), coarse = grids.level(l + 1);
+    const double* const position = l == 0 ? positions.data() : fine.position;
+    for (Index mode = 0; mode < 6; ++mode) {
+      const Vector twist = Vector::Unit(6, mode);
+      const Vector expected = rigid_motion(position, fine.plan.rows, twist);
+      const Vector prolonged = to_eigen(fine.P) * rigid_motion(coarse.position, coarse.plan.rows, twist);
+      worst = std::max(worst, (prolonged - expected).norm() / expected.norm());
+    }
+  }
+  return worst;
+}
+
+TEST(Multigrid, rigid_prolongations_reproduce_the_six_motions_of_the_whole) {
+  const StackedBoxes scene = StackedBoxes::wall(26);
+  SerialBlock block;
+  MultigridCase one(scene, 1e-3, {Prolongation::plain, Cycle::v});
+  EXPECT_LE(rigid_error(one.prepared(block), scene.positions()), 1e-15);
+}
+
+TEST(Multigrid, smoothed_prolongations_do_where_those_cost_no_force) {
+  StackedBoxes scene = StackedBoxes::wall(26);
+  scene.lift_off_the_ground();
+  SerialBlock block;
+  MultigridCase free(scene.matrix(1e-3, 0.0), scene.positions(), {});
+  EXPECT_LE(rigid_error(free.prepared(block), scene.positions()), 1e-12);
+  // With mass they cost a force, and the error shows.
+  MultigridCase heavy(scene.matrix(1e-3, 100.0), scene.positions(), {});
+  EXPECT_GE(rigid_error(heavy.prepared(block), scene.positions()), 1e-6);
+}
+
+TEST(Multigrid, the_power_method_comes_close_to_the_largest_eigenvalue) {
+  SerialBlock block;
+  MultigridCase one(StackedBoxes::wall(18), 1e-3, {});
+  const Multigrid grids = one.prepared(block);
+  const GridLevel level = grids.level(1);
+  const Eigen::MatrixXd H = to_eigen(level.smoother.H);
+  Eigen::MatrixXd D = Eigen::MatrixXd::Zero(H.rows(), H.cols());
+  for (Index i = 0; i < H.rows(); i += 6) D.block<6, 6>(i, i) = H.block<6, 6>(i, i);
+  const double exact = Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>(H, D).eigenvalues().maxCoeff();
+  Vector y(H.rows()), h(H.rows());
+  const double found = largest_eigenvalue(block, level.smoother, y.data(), h.data());
+  EXPECT_LE(found, exact * (1.0 + 1e-12));
+  EXPECT_GE(kPowerMargin * found, exact);
+}
+
+Index iterations_on(const StackedBoxes& scene) {
+  MultigridCase one(scene, 1e-3, {});
+  SerialBlock block;
+  const Vector b = random_vector(static_cast<Index>(one.size()), 17);
+  std::vector<double> x;
+  const GradientOutcome outcome = iterate(one.H(), one.prepared(block), {b.begin(), b.end()}, 1e-6, 1000, x);
+  EXPECT_TRUE(outcome.is_met);
+  const Vector error = to_eigen(one.H()) * Eigen::Map<const Vector>(x.data(), b.size()) - b;
+  EXPECT_LE(error.norm(), 1e-4 * b.norm());
+  return outcome.iterations;
+}
+
+TEST(Multigrid, iterations_hardly_grow_with_the_wall) {
+  const Index small = iterations_on(StackedBoxes::wall(10)), medium = iterations_on(StackedBoxes::wall(30)),
+              large = iterations_on(StackedBoxes::wall(60));
+  EXPECT_LE(medium, 2 * small);
+  EXPECT_LE(large, 2 * small) << small << ", " << medium << ", " << large;
+}
+
+TEST(Multigrid, open_contacts_do_not_tie_bodies_together) {
+  StackedBoxes scene = StackedBoxes::wall(30);
+  const Index closed = iterations_on(scene);
+  scene.open_beds(20);
+  // Without attach_bodies.hpp it is twice as many.
+  EXPECT_LE(2 * iterations_on(scene), 3 * closed) << closed;
+}
+
+TEST(Multigrid, the_number_of_lanes_changes_no_bit) {
+  for (const MultigridOptions& options : kMultigridKinds) {
+    const StackedBoxes scene = mixed_scene(13);
+    MultigridCase serial(scene, 1e-3, options);
+    const Vector r = random_vector(static_cast<Index>(serial.size()), 3);
+    SerialBlock alone;
+    const Vector expected = cycle(serial.prepared(alone), r);
+    const auto expect_same = [&](const MultigridCase& other, const Vector& z, const std::string& who) {
+      EXPECT_EQ(std::memcmp(z.data(), expected.data(), sizeof(double) * serial.size()), 0)
+          << who << ", " << name(options);
+      EXPECT_EQ(std::memcmp(other.memory().data(), serial.memory().data(), sizeof(double) * serial.memory().size()), 0)
+          << who << ", " << name(options);
+    };
+    for (const Index lanes : {1, 3, 32}) {
+      MultigridCase there(scene, 1e-3, options);
+      Vector z(r.size());
+      run_block<4>(lanes, [&](auto& block) { there.prepared(block).apply(block, r.data(), z.data()); });
+      expect_same(there, z, std::to_string(lanes) + " lanes");
+    }
+    MultigridCase team_case(scene, 1e-3, options);
+    Vector z(r.size());
+    cpu::run_team(3, [&](cpu::ThreadTeam& team, Index rank) {
+      TeamBlock block(team, rank);
+      team_case.prepared(block).apply(block, r.data(), z.data());
+    });
+    expect_same(team_case, z, "a team of threads");
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
+
+#endif

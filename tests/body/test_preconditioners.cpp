@@ -1,0 +1,245 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "stiction/error.hpp"
+#include "tests/support/jitter_block.hpp"
+#include "tests/support/preconditioner_room.hpp"
+#include "tests/support/torture_block.hpp"
+
+#ifdef STICTION_TEST_HAS_EIGEN
+#include <Eigen/Dense>
+#endif
+
+namespace stiction::test {
+namespace {
+
+std::vector<BoxScene> piles() {
+  return {box_tower(50), box_wall(10, 10), box_pyramid(7)};
+}
+
+std::vector<BoxScene> degenerate() {
+  BoxScene two = box_tower(2);
+  return {box_tower(1), random_touching(1, 6, 0.0), two, random_touching(4, 20, 1.0), random_touching(5, 40, 0.05)};
+}
+
+TEST(Preconditioners, are_symmetric_and_positive_definite) {
+  for (const auto& scenes : {piles(), degenerate()})
+    for (const BoxScene& scene : scenes)
+      for (const Preconditioning kind : kAllPreconditionings) {
+        SCOPED_TRACE(name_of(kind));
+        PreconditionerRoom room(box_matrix(scene, 1e-3, 20), kind);
+        for (unsigned seed = 0; seed < 10; ++seed) {
+          const std::vector<double> x = random_vector(room.n(), 2 * seed), y = random_vector(room.n(), 2 * seed + 1);
+          const std::vector<double> Mx = room.apply(x), My = room.apply(y);
+          EXPECT_GT(dot(Mx, x), 0.0);
+          // |<Mx, y>| is at most the mean of the energies; 1e7 is the largest condition of these matrices.
+          EXPECT_NEAR(dot(Mx, y), dot(x, My), 1e-9 * (dot(Mx, x) + dot(My, y)));
+        }
+      }
+}
+
+TEST(Preconditioners, each_needs_no_more_iterations_than_the_scalar_diagonal) {
+  for (const double compliance : {1e-3, 1e-5})
+    for (const unsigned sliding : {0U, 20U})
+      for (const BoxScene& scene : piles()) {
+        Index plain = 0;
+        for (const Preconditioning kind : kAllPreconditionings) {
+          PreconditionerRoom room(box_matrix(scene, compliance, sliding), kind);
+          std::vector<double> x;
+          const GradientOutcome outcome = room.solve(random_vector(room.n(), 3), x, 1e-6, 20000);
+          EXPECT_TRUE(outcome.is_met) << name_of(kind);
+          if (kind == Preconditioning::scalar_diagonal) plain = outcome.iterations;
+          EXPECT_LE(outcome.iterations, plain) << name_of(kind);
+        }
+      }
+}
+
+TEST(Preconditioners, solve_what_has_no_couplings_at_once) {
+  for (const BoxScene& scene : {box_tower(1), random_touching(1, 6, 0.0)})
+    for (const Preconditioning kind : kAllPreconditionings) {
+      if (kind == Preconditioning::scalar_diagonal) continue;
+      PreconditionerRoom room(box_matrix(scene, 1e-3), kind);
+      std::vector<double> x;
+      EXPECT_EQ(room.solve(random_vector(room.n(), 3), x, 1e-10, 5).iterations, 1) << name_of(kind);
+    }
+}
+
+TEST(Preconditioners, lanes_change_no_bit) {
+  for (const auto& scenes : {piles(), degenerate()})
+    for (const BoxScene& scene : scenes)
+      for (const Preconditioning kind : kAllPreconditionings) {
+        PreconditionerRoom room(box_matrix(scene, 1e-3, 20), kind);
+        const std::vector<double> r = random_vector(room.n(), 4), z = room.apply(r), prepared = room.memory;
+        for (const Index lanes : {3, 32}) {
+          std::fill(room.memory.begin(), room.memory.end(), -77.0);
+          std::vector<double> there(r.size());
+          run_block(
+              lanes, [](TortureTeam& team, Index rank) { return JitterBlock(TortureBlock<4>(team, rank), 9); },
+              [&](auto& block) {
+                room.use(block,
+                         [&](const auto& preconditioner) { preconditioner.apply(block, r.data(), there.data()); });
+              });
+          EXPECT_EQ(there, z) << name_of(kind) << " on " << lanes;
+          EXPECT_EQ(room.memory, prepared) << name_of(kind) << " on " << lanes;
+        }
+      }
+}
+
+TEST(ScalarDiagonal, divides_by_what_is_on_the_diagonal) {
+  PreconditionerRoom room(box_matrix(box_wall(3, 3), 1e-3), Preconditioning::scalar_diagonal);
+  const std::vector<double> H = dense_of(room.system.matrix()), r = random_vector(room.n(), 5), z = room.apply(r);
+  for (std::size_t i = 0; i < r.size(); ++i) EXPECT_DOUBLE_EQ(z[i] * H[i * (r.size() + 1)], r[i]);
+}
+
+/// H with every number k of a small matrix made the block k I.
+BlockSystem spread(const std::vector<std::vector<double>>& small) {
+  const auto rows = static_cast<Index>(small.size());
+  BlockSystem system;
+  system.stream = {rows, rows, 0};
+  std::vector<Index> columns;
+  for (const auto& row : small) {
+    for (std::size_t j = 0; j < row.size(); ++j) {
+      if (row[j] == 0.0) continue;
+      columns.push_back(static_cast<Index>(j));
+      for (Index k = 0; k < kBlockEntries; ++k) system.values.push_back(k % 7 == 0 ? row[j] : 0.0);
+    }
+    system.stream.push_back(static_cast<Index>(columns.size()));
+  }
+  system.stream.insert(system.stream.end(), columns.begin(), columns.end());
+  return system;
+}
+
+double shift_of(PreconditionerRoom& room) {
+  SerialBlock block;
+  return IncompleteCholesky{room.factor(), room.memory.data()}.prepare(block, room.system.matrix());
+}
+
+TEST(IncompleteCholesky, is_the_factorisation_itself_where_that_has_no_fill) {
+  PreconditionerRoom incomplete(box_matrix(box_tower(50), 1e-5), Preconditioning::incomplete_cholesky);
+  PreconditionerRoom complete(box_matrix(box_tower(50), 1e-5), Preconditioning::block_ldl);
+  const std::vector<double> r = random_vector(incomplete.n(), 8);
+  EXPECT_EQ(incomplete.apply(r), complete.apply(r));
+  EXPECT_EQ(shift_of(incomplete), 0.0);
+}
+
+TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
+  PreconditionerRoom room(box_matrix(box_wall(6, 6), 1e-3), Preconditioning::incomplete_cholesky);
+  ASSERT_EQ(shift_of(room), 0.0);
+  const BlockFactorView plan = room.factor();
+  const BlockMatrix L{plan.lower, room.memory.data()};
+  const auto entry = [&](Index row, Index column, Index i, Index j) {
+    for (Index k = plan.lower.offsets[row]; k < plan.lower.offsets[row + 1]; ++k)
+      if (plan.lower.columns[k] == column) return column == row && j > i ? 0.0 : L.block(k)[i * 6 + j];
+    return 0.0;
+  };
+  bool has_dropped = false;
+  for (Index p = 0; p < plan.rows; ++p)
+    for (Index q = 0; q <= p; ++q) {
+      Index source = -1;
+      for (Index k = plan.lower.offsets[p]; k < plan.lower.offsets[p + 1]; ++k)
+        if (plan.lower.columns[k] == q) source = plan.sources[k];
+      double worst = 0.0;
+      for (Index i = 0; i < 6; ++i)
+        for (Index j = 0; j < 6; ++j) {
+          double sum = 0.0;
+          for (Index m = 0; m <= q; ++m)
+            for (Index k = 0; k < 6; ++k) sum += entry(p, m, i, k) * entry(q, m, j, k);
+          if (source >= 0) sum -= room.system.matrix().block(source)[i * 6 + j];
+          worst = std::max(worst, std::abs(sum));
+        }
+      if (source >= 0) {
+        EXPECT_LT(worst, 1e-9) << p << ", " << q;
+      } else {
+        has_dropped = has_dropped || worst > 1.0;
+      }
+    }
+  EXPECT_TRUE(has_dropped) << "a matrix without fill would show nothing";
+}
+
+TEST(IncompleteCholesky, begins_again_with_a_larger_diagonal_where_a_pivot_is_lost) {
+  // Kershaw (1978): positive definite, and the last pivot of IC(0) is -5.
+  PreconditionerRoom room(spread({{3, -2, 0, 2}, {-2, 3, -2, 0}, {0, -2, 3, -2}, {2, 0, -2, 3}}),
+                          Preconditioning::incomplete_cholesky, Ordering::natural);
+  const double shift = shift_of(room);
+  EXPECT_GT(shift, 0.0);
+  EXPECT_LT(shift, 1.0);
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const std::vector<double> x = random_vector(room.n(), seed);
+    EXPECT_GT(dot(room.apply(x), x), 0.0);
+  }
+  std::vector<double> solution;
+  EXPECT_TRUE(room.solve(random_vector(room.n(), 1), solution, 1e-10, 24).is_met);
+}
+
+TEST(IncompleteCholesky, ends_with_a_matrix_that_nothing_mends) {
+  PreconditionerRoom room(spread({{1, 1000}, {1000, 1}}), Preconditioning::incomplete_cholesky, Ordering::natural);
+  EXPECT_EQ(shift_of(room), 64.0);
+  for (const double z : room.apply(random_vector(room.n(), 1))) EXPECT_TRUE(std::isfinite(z));
+}
+
+TEST(SparseInverse, is_the_inverse_where_its_rows_are_full) {
+  for (const BoxScene& scene : {box_tower(1), box_tower(2), random_touching(6, 9, 1.0)}) {
+    PreconditionerRoom inverse(box_matrix(scene, 1e-3), Preconditioning::sparse_inverse);
+    PreconditionerRoom factor(box_matrix(scene, 1e-3), Preconditioning::block_ldl);
+    const std::vector<double> r = random_vector(inverse.n(), 3), z = inverse.apply(r), expected = factor.apply(r);
+    double largest = 0.0;
+    for (const double v : expected) largest = std::max(largest, std::abs(v));
+    for (std::size_t i = 0; i < r.size(); ++i) EXPECT_NEAR(z[i], expected[i], 1e-9 * largest);
+  }
+}
+
+TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
+  PreconditionerRoom room(box_matrix(random_touching(7, 30, 1.0), 1e-3), Preconditioning::sparse_inverse);
+  const SparseInverseView plan = room.inverse();
+  Index longest = 0;
+  for (Index row = 0; row < 30; ++row)
+    longest = std::max(longest, plan.lower.offsets[row + 1] - plan.lower.offsets[row]);
+  EXPECT_EQ(longest, kInverseRowBlocks);
+  EXPECT_EQ(plan.lower.columns[plan.lower.offsets[29]], 30 - kInverseRowBlocks) << "the nearest stay";
+}
+
+#ifdef STICTION_TEST_HAS_EIGEN
+
+using Dense = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Dense dense_matrix(PreconditionerRoom& room) {
+  const std::vector<double> H = dense_of(room.system.matrix());
+  return Eigen::Map<const Dense>(H.data(), room.n(), room.n());
+}
+
+TEST(SparseInverse, minimises_the_distance_of_G_L_from_the_identity_up_to_the_scale_of_its_rows) {
+  for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {
+    PreconditionerRoom room(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);
+    room.apply(random_vector(room.n(), 1));
+    const BlockMatrix G{room.inverse().lower, room.memory.data()};
+    const Dense H = dense_matrix(room);
+    const Dense L = H.llt().matrixL();
+    Dense dense_G = Dense::Zero(room.n(), room.n());
+    for (Index row = 0; row < G.pattern.rows; ++row) {
+      const Index first = G.pattern.offsets[row], count = G.pattern.offsets[row + 1] - first;
+      Dense chosen(6 * count, room.n());
+      Dense ours(6, 6 * count);
+      for (Index k = 0; k < count; ++k) {
+        chosen.middleRows(6 * k, 6) = L.middleRows(6 * G.pattern.columns[first + k], 6);
+        ours.middleCols(6 * k, 6) = Eigen::Map<const Dense>(G.block(first + k), 6, 6);
+        dense_G.block(6 * row, 6 * G.pattern.columns[first + k], 6, 6) = ours.middleCols(6 * k, 6);
+      }
+      // min | E' - X chosen |_F over the row's blocks X, by an orthogonal factorisation that knows nothing of ours.
+      Dense unit = Dense::Zero(6, room.n());
+      unit.middleCols(6 * row, 6).setIdentity();
+      const Dense least = chosen.transpose().colPivHouseholderQr().solve(unit.transpose()).transpose();
+      const Dense scale = ours.rightCols(6) * least.rightCols(6).inverse();
+      EXPECT_LT((scale * least - ours).norm(), 1e-7 * ours.norm()) << row;
+    }
+    const Dense image = dense_G * H * dense_G.transpose();
+    for (Index row = 0; row < G.pattern.rows; ++row)
+      EXPECT_LT((image.block(6 * row, 6 * row, 6, 6) - Dense::Identity(6, 6)).norm(), 1e-9);
+  }
+}
+
+#endif
+
+}  // namespace
+}  // namespace stiction::test
