@@ -12,7 +12,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
-#include <sstream>
 
 #include "bench/contact_batch.hpp"
 #include "bench/csv.hpp"
@@ -39,8 +38,7 @@ struct Arguments {
 template <class T>
 std::vector<T> numbers(const std::string& text) {
   std::vector<T> all;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) all.push_back(static_cast<T>(std::atoi(part.c_str())));
+  for (const std::string& part : comma_parts(text)) all.push_back(static_cast<T>(std::atoi(part.c_str())));
   return all;
 }
 

@@ -12,7 +12,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
-#include <sstream>
 
 #include "bench/contact_batch.hpp"
 #include "bench/csv.hpp"
@@ -33,13 +32,6 @@ struct Arguments {
   std::string csv;
 };
 
-std::vector<std::string> parts(const std::string& text) {
-  std::vector<std::string> all;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) all.push_back(part);
-  return all;
-}
-
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; i += 2) {
@@ -47,11 +39,11 @@ Arguments parse(int argc, char** argv) {
     if (i + 1 >= argc) throw Error(ErrorCode::invalid_argument, name + " needs a value");
     const std::string value = argv[i + 1];
     if (name == "--scenes") {
-      arguments.scenes = parts(value);
+      arguments.scenes = comma_parts(value);
     } else if (name == "--compliance") {
-      arguments.compliances = parts(value);
+      arguments.compliances = comma_parts(value);
     } else if (name == "--tolerance") {
-      arguments.tolerances = parts(value);
+      arguments.tolerances = comma_parts(value);
     } else if (name == "--repeats") {
       arguments.repeats = std::max(1, std::atoi(value.c_str()));
     } else if (name == "--csv") {

@@ -14,7 +14,6 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <sstream>
 
 #include "bench/class_model.hpp"
 #include "bench/contact_batch.hpp"
@@ -56,13 +55,6 @@ struct Setting {
     return options;
   }
 };
-
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
-  return parts;
-}
 
 /// One number of the table: what it is of, whether it was timed, counted in integers, computed by a model, or is a
 /// ratio.
@@ -370,7 +362,7 @@ int run(int argc, char** argv) {
   }
   const std::map<std::string, void (*)(const Setting&)> parts{
       {"classes", run_classes}, {"envs", run_envs}, {"ragged", run_ragged}, {"plan", run_plan}, {"lanes", run_lanes}};
-  for (const std::string& part : split(arguments.at("--parts")))
+  for (const std::string& part : comma_parts(arguments.at("--parts")))
     if (!parts.contains(part))
       throw Error(ErrorCode::invalid_argument,
                   "part '" + part + "' is unknown: use classes, envs, ragged, plan, lanes");
@@ -380,7 +372,7 @@ int run(int argc, char** argv) {
   setting.threads = std::max(0, std::atoi(arguments.at("--threads").c_str()));
   setting.repeats = std::max(1, std::atoi(arguments.at("--repeats").c_str()));
   setting.most_envs = std::max(1LL, std::atoll(arguments.at("--envs").c_str()));
-  setting.recorded = split(arguments.at("--recorded"));
+  setting.recorded = comma_parts(arguments.at("--recorded"));
   std::unique_ptr<Csv> csv;
   if (!arguments.at("--csv").empty())
     csv = std::make_unique<Csv>(arguments.at("--csv"), command_line(argc, argv),
@@ -388,7 +380,7 @@ int run(int argc, char** argv) {
   setting.csv = csv.get();
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
   std::printf("# device: %s\n", setting.device_name.c_str());
-  for (const std::string& part : split(arguments.at("--parts"))) parts.at(part)(setting);
+  for (const std::string& part : comma_parts(arguments.at("--parts"))) parts.at(part)(setting);
   return 0;
 }
 

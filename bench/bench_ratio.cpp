@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <functional>
 #include <memory>
-#include <sstream>
 
 #include "bench/baselines.hpp"
 #include "bench/csv.hpp"
@@ -33,13 +32,6 @@ struct Arguments {
   std::string csv;
 };
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
-  return parts;
-}
-
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
   for (int i = 1; i < argc; i += 2) {
@@ -48,13 +40,13 @@ Arguments parse(int argc, char** argv) {
     const std::string value = argv[i + 1];
     if (name == "--contacts") {
       arguments.contacts.clear();
-      for (const std::string& part : split(value)) arguments.contacts.push_back(std::atoi(part.c_str()));
+      for (const std::string& part : comma_parts(value)) arguments.contacts.push_back(std::atoi(part.c_str()));
     } else if (name == "--envs") {
       arguments.envs = std::atoll(value.c_str());
     } else if (name == "--family") {
-      arguments.family = split(value);
+      arguments.family = comma_parts(value);
     } else if (name == "--precision") {
-      arguments.precision = split(value);
+      arguments.precision = comma_parts(value);
     } else if (name == "--repeats") {
       arguments.repeats = std::max(1, std::atoi(value.c_str()));
     } else if (name == "--csv") {

@@ -9,7 +9,6 @@
 #include <cstdlib>
 #include <map>
 #include <memory>
-#include <sstream>
 
 #include "bench/csv.hpp"
 #include "bench/machine.hpp"
@@ -23,16 +22,9 @@ namespace {
 
 constexpr Index kMostIterations = 20000;
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
-  return parts;
-}
-
 std::vector<double> numbers(const std::string& text) {
   std::vector<double> values;
-  for (const std::string& part : split(text)) values.push_back(std::atof(part.c_str()));
+  for (const std::string& part : comma_parts(text)) values.push_back(std::atof(part.c_str()));
   return values;
 }
 
@@ -153,7 +145,7 @@ int run(int argc, char** argv) {
                               "warm_median,warm_p90,warm_unsolved,fewer_times");
   std::printf("%-16s %-7s %9s %5s %6s %17s %17s %10s\n", "simulation", "solver", "tolerance", "beta", "known",
               "cold median, p90", "warm median, p90", "sum: times");
-  for (const std::string& name : split(arguments.at("--solver"))) {
+  for (const std::string& name : comma_parts(arguments.at("--solver"))) {
     for (const double tolerance : numbers(arguments.at("--tolerance"))) {
       SolverOptions options;
       options.solver = solver_from_string(name);

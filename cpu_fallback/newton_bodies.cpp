@@ -13,7 +13,7 @@ void solve_on(B& block, const BodyJob<Real>& job, Offset env, Real* scratch, dou
   const BodyEnv<Real> view = slice_bodies(job, env);
   const SiParams params = si_params(job.stepping, job.options);
   const System system(view.kept, view.bodies, params, scratch, exact);
-  const NewtonRoom room(kLaw, view.kept, view.bodies, view.newton_stream, exact + System::exact_elements(view.bodies));
+  const SpaceRoom room(kLaw, view.kept, view.bodies, view.newton_stream, exact + System::exact_elements(view.bodies));
   solve_bodies_newton(block, view, system, params, job.options.space, room);
 }
 

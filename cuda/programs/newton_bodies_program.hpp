@@ -25,7 +25,7 @@ struct SolveBodiesNewton {
       Real* const behind = numbers + System::elements(env.kept, env.bodies, params.momentum);
       double* const exact = reinterpret_cast<double*>(behind);
       const System system(env.kept, env.bodies, params, numbers, exact);
-      const NewtonRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
+      const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
       solve_bodies_newton(team, env, system, params, args.job.options.space, room);
     }
   }

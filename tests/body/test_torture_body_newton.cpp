@@ -53,7 +53,7 @@ class NewtonCase {
     std::vector<double> space = unwritten(newton_doubles(env.kept, env.newton_stream, options_.space));
     run_block(width, make, [&](auto& block) {
       const System system(env.kept, env.bodies, params, memory.data(), exact.data());
-      const NewtonRoom room(kLaw, env.kept, env.bodies, env.newton_stream, space.data());
+      const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, space.data());
       solve_bodies_newton(block, env, system, params, options_.space, room);
     });
     const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/direct/line_search.hpp"
 #include "core/body/newton/compliant_cone.hpp"
 #include "core/body/newton/newton_room.hpp"
 
@@ -8,8 +9,6 @@
 /// Newton's method on the velocity, v = v_free + M^-1 J' zeta, as MuJoCo and SAP have it, but A is all it needs.
 namespace stiction::inline STICTION_ISA {
 
-/// Trials of the line search, each O(n): what cones slide makes phi' curved.
-inline constexpr int kLineTrials = 24;
 /// Part of the slope at the beginning of a line that may be left where it ends.
 inline constexpr double kSlopeLeft = 1e-3;
 
@@ -135,10 +134,6 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
 }
 
 /// phi' and phi'' on the line, at zeta + alpha d.
-struct LinePoint {
-  double slope;
-  double curvature;
-};
 template <Block B, class System>
 STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha) {
   const NewtonRoom room = newton_room(s);
@@ -175,29 +170,6 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
   return {slope, sum_values(block, room.vector(kOfConeToo), s.cones)};
 }
 
-/// The step at which phi is smallest on the line, by Newton's method inside a bracket. `noise` is what rounding makes
-/// of a slope that is zero.
-template <Block B, class System>
-STICTION_HD_OUTLINE double search_line(B& block, const System& s, double slope, double noise) {
-  double before = 0.0;
-  double beyond = __builtin_huge_val();
-  double alpha = 1.0;
-  const double enough = max_(kSlopeLeft * abs_(slope), noise);
-  for (int trial = 0; trial < kLineTrials; ++trial) {
-    const LinePoint there = look_along(block, s, alpha);
-    if (!(abs_(there.slope) > enough)) break;
-    if (there.slope < 0.0) {
-      before = alpha;
-    } else {
-      beyond = alpha;
-    }
-    const double newton = alpha - div_(there.slope, there.curvature);
-    const double inside = finite_(beyond) ? 0.5 * (before + beyond) : 4.0 * before;
-    alpha = newton > before && newton < min_(beyond, 16.0 * max_(before, 1.0)) ? newton : inside;
-  }
-  return alpha;
-}
-
 /// What rounding makes of a slope: eps times the sum of the magnitudes it is made of. A stiff row answers to the
 /// rounding of its motion as it does to motion.
 template <Block B, class System>
@@ -227,7 +199,9 @@ STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
   const double noise = slope_noise(block, s);
   const LinePoint here = look_along(block, s, 0.0);
   const bool is_exhausted = !(here.slope < 0.0 - noise);
-  const double alpha = is_exhausted ? 1.0 : search_line(block, s, here.slope, noise);
+  const double alpha =
+      is_exhausted ? 1.0
+                   : search_line([&](double at) { return look_along(block, s, at); }, here.slope, kSlopeLeft, noise);
   for_each(block, s.n,
            [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
   renew_motion(block, s, kPoint, kMotion);

@@ -1,7 +1,8 @@
 #pragma once
 
 #include "core/body/bodies/newton/friction_cone.hpp"
-#include "core/body/bodies/newton/newton_room.hpp"
+#include "core/body/bodies/newton/space_room.hpp"
+#include "core/body/direct/line_search.hpp"
 
 /// The function that Newton's method minimises, its gradient and how it bends along a line (docs/math/body_newton.md).
 namespace stiction::inline STICTION_ISA {
@@ -9,9 +10,9 @@ namespace stiction::inline STICTION_ISA {
 /// J p for one contact and a vector of twists: rows n, t1, t2. A body that is not pushed has no change.
 STICTION_HD void relative_motion(const SpaceContact& contact, const double* twists, double (&rows)[3]) {
   Vector3<double> u{0.0, 0.0, 0.0};
-  if (is_pushed(contact.side_b)) u = point_velocity(NewtonRoom::twist(twists, contact.side_b), contact.arm_b);
+  if (is_pushed(contact.side_b)) u = point_velocity(SpaceRoom::twist(twists, contact.side_b), contact.arm_b);
   if (is_pushed(contact.side_a))
-    u = subtract(u, point_velocity(NewtonRoom::twist(twists, contact.side_a), contact.arm_a));
+    u = subtract(u, point_velocity(SpaceRoom::twist(twists, contact.side_a), contact.arm_a));
   rows[0] = dot(u, contact.frame.n);
   rows[1] = dot(u, contact.frame.t1);
   rows[2] = dot(u, contact.frame.t2);
@@ -25,7 +26,7 @@ STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], 
 
 /// J' of the contacts' impulses for one body: force and torque. `impulse_of(contact, row)` gives the impulse on b.
 template <class F>
-STICTION_HD Twist<double> gather_wrench(const NewtonRoom& room, Index row, F&& impulse_of) {
+STICTION_HD Twist<double> gather_wrench(const SpaceRoom& room, Index row, F&& impulse_of) {
   Twist<double> wrench{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   const BlockPattern& pattern = room.stream.pattern;
   for (Index block = pattern.offsets[row]; block < pattern.offsets[row + 1]; ++block) {
@@ -52,10 +53,10 @@ STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>
 
 /// Descent and force for the reactions that are there.
 template <Block B>
-STICTION_HD_OUTLINE void renew_descent(B& block, const NewtonRoom& room) {
+STICTION_HD_OUTLINE void renew_descent(B& block, const SpaceRoom& room) {
   for_each(block, room.bodies, [&](Index row) {
     const SpaceBody& body = room.body[row];
-    const Twist<double> p = NewtonRoom::twist(room.point, row);
+    const Twist<double> p = SpaceRoom::twist(room.point, row);
     const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.reaction; });
     const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     const Twist<double> pushed_by = pushed(still, body.inverse, wrench.linear, wrench.angular);
@@ -68,7 +69,7 @@ STICTION_HD_OUTLINE void renew_descent(B& block, const NewtonRoom& room) {
 /// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
 /// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
 template <Block B>
-STICTION_HD_OUTLINE void renew_space_motion(B& block, const NewtonRoom& room) {
+STICTION_HD_OUTLINE void renew_space_motion(B& block, const SpaceRoom& room) {
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     double u[3];
@@ -80,7 +81,7 @@ STICTION_HD_OUTLINE void renew_space_motion(B& block, const NewtonRoom& room) {
 /// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
 /// descent would bring to a contact [w]: zero where the gradient is.
 template <Block B>
-STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, double compliance) {
+STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, double compliance) {
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     unprojected(contact, contact.u, compliance, contact.z);
@@ -105,19 +106,13 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const NewtonRoom& room, dou
   return block.max(largest);
 }
 
-/// The slope of the function on the line p + alpha d, and its curvature there.
-struct SpaceLine {
-  double slope;
-  double curvature;
-};
-
 /// d'Md: the curvature that bodies add, everywhere on the line.
 template <Block B>
-STICTION_HD_OUTLINE double body_curvature(B& block, const NewtonRoom& room) {
+STICTION_HD_OUTLINE double body_curvature(B& block, const SpaceRoom& room) {
   return sum_leaves<double>(block, [&](Index leaf) {
     double part = 0.0;
     for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
-      const Twist<double> d = NewtonRoom::twist(room.step, row);
+      const Twist<double> d = SpaceRoom::twist(room.step, row);
       const Twist<double> momentum = momentum_of(room.body[row], d);
       part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
     }
@@ -127,7 +122,7 @@ STICTION_HD_OUTLINE double body_curvature(B& block, const NewtonRoom& room) {
 
 /// `bodies`: what they add at alpha = 0.
 template <Block B>
-STICTION_HD_OUTLINE SpaceLine look_along(B& block, const NewtonRoom& room, const SpaceLine& bodies, double compliance,
+STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
                                          double alpha) {
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
@@ -162,7 +157,7 @@ STICTION_HD_OUTLINE SpaceLine look_along(B& block, const NewtonRoom& room, const
 /// What rounding makes of a slope that is zero: eps times the sum of the magnitudes it is made of. A stiff contact
 /// answers to the rounding of its motion as it does to motion.
 template <Block B>
-STICTION_HD_OUTLINE double slope_noise(B& block, const NewtonRoom& room, double compliance) {
+STICTION_HD_OUTLINE double slope_noise(B& block, const SpaceRoom& room, double compliance) {
   const double terms = sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index p = leaf; p < room.contacts; p += kReduceLeaves) {
@@ -177,32 +172,15 @@ STICTION_HD_OUTLINE double slope_noise(B& block, const NewtonRoom& room, double 
   return 0x1p-50 * terms;
 }
 
-/// Trials of the line search; where contacts slide or open the slope bends.
-inline constexpr int kSpaceLineTrials = 24;
 /// Part of the slope at the beginning of a line that may be left where it ends.
 inline constexpr double kSpaceSlopeLeft = 1e-2;
 
-/// The alpha at which the function is smallest on the line, by Newton's method inside a bracket.
+/// The alpha at which the function is smallest on the line.
 template <Block B>
-STICTION_HD_OUTLINE double search_along(B& block, const NewtonRoom& room, const SpaceLine& bodies, double compliance,
+STICTION_HD_OUTLINE double search_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
                                         double slope, double noise) {
-  double before = 0.0;
-  double beyond = __builtin_huge_val();
-  double alpha = 1.0;
-  const double enough = max_(kSpaceSlopeLeft * abs_(slope), noise);
-  for (int trial = 0; trial < kSpaceLineTrials; ++trial) {
-    const SpaceLine there = look_along(block, room, bodies, compliance, alpha);
-    if (!(abs_(there.slope) > enough)) break;
-    if (there.slope < 0.0) {
-      before = alpha;
-    } else {
-      beyond = alpha;
-    }
-    const double newton = alpha - div_(there.slope, there.curvature);
-    const double inside = finite_(beyond) ? 0.5 * (before + beyond) : 4.0 * before;
-    alpha = newton > before && newton < min_(beyond, 16.0 * max_(before, 1.0)) ? newton : inside;
-  }
-  return alpha;
+  return search_line([&](double alpha) { return look_along(block, room, bodies, compliance, alpha); }, slope,
+                     kSpaceSlopeLeft, noise);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -60,7 +60,7 @@ STICTION_HD void start_diagonal(double* sum, const SpaceBody& body) {
 }
 
 /// One block of M + J'WJ.
-STICTION_HD_OUTLINE void assemble_block(const NewtonRoom& room, Index row, Index k, double* sum) {
+STICTION_HD_OUTLINE void assemble_block(const SpaceRoom& room, Index row, Index k, double* sum) {
   const NewtonStream& stream = room.stream;
   const bool is_diagonal = stream.pattern.columns[k] == row;
   for (Index i = 0; i < kBlockEntries; ++i) sum[i] = 0.0;
@@ -77,7 +77,7 @@ STICTION_HD_OUTLINE void assemble_block(const NewtonRoom& room, Index row, Index
 /// Fills room.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper half
 /// is its mirror image, so that H is symmetric to the last bit.
 template <Block B>
-STICTION_HD_OUTLINE void assemble_curvature(B& block, const NewtonRoom& room, double compliance) {
+STICTION_HD_OUTLINE void assemble_curvature(B& block, const SpaceRoom& room, double compliance) {
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P, div_(1.0, compliance + contact.pull));
@@ -104,7 +104,7 @@ STICTION_HD_OUTLINE void assemble_curvature(B& block, const NewtonRoom& room, do
 
 /// Fills room.sliding for the stiffnesses that the contacts have.
 template <Block B>
-STICTION_HD_OUTLINE void assemble_sliding(B& block, const NewtonRoom& room) {
+STICTION_HD_OUTLINE void assemble_sliding(B& block, const SpaceRoom& room) {
   const BlockPattern& pattern = room.stream.pattern;
   for_each(block, room.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k)

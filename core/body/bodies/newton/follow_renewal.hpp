@@ -52,7 +52,7 @@ STICTION_HD_OUTLINE FollowedContact followed_contact(const SpaceContact& contact
 /// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
 /// Coulomb's law itself; without, they become what they should have been before it.
 template <Block B>
-STICTION_HD_OUTLINE void follow_renewal(B& block, const NewtonRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE void follow_renewal(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {
   assemble_curvature(block, room, compliance);
   for_each(block, room.contacts, [&](Index p) {

@@ -33,8 +33,7 @@ STICTION_HD Symmetric3<double> inverse_above(const Symmetric3<double>& m, double
 
 /// Masses, and the geometry of contacts.
 template <Block B, class Real>
-STICTION_HD_OUTLINE void load_space(B& block, const BodyEnv<Real>& env, const SiParams& params,
-                                    const NewtonRoom& room) {
+STICTION_HD_OUTLINE void load_space(B& block, const BodyEnv<Real>& env, const SiParams& params, const SpaceRoom& room) {
   double most_mass = 0.0;
   double most_inertia = 0.0;
   for (Index row = block.rank(); row < room.bodies; row += block.size()) {
@@ -75,7 +74,7 @@ STICTION_HD_OUTLINE void load_space(B& block, const BodyEnv<Real>& env, const Si
 
 /// Where bodies are, if contacts touch: arms lead from the lowest body of every island to all others.
 template <Block B>
-STICTION_HD_OUTLINE void place_bodies(B& block, const NewtonRoom& room) {
+STICTION_HD_OUTLINE void place_bodies(B& block, const SpaceRoom& room) {
   const NewtonStream& stream = room.stream;
   for (Index level = 0; level < stream.levels; ++level) {
     const Index first = stream.level_offsets[level];
@@ -100,7 +99,7 @@ STICTION_HD_OUTLINE void place_bodies(B& block, const NewtonRoom& room) {
 /// What a sub-step begins with.
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE void enter_space(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                     const SiParams& params, const NewtonRoom& room) {
+                                     const SiParams& params, const SpaceRoom& room) {
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
@@ -115,7 +114,7 @@ STICTION_HD_OUTLINE void enter_space(B& block, const BodyEnv<Real>& env, const B
 /// p, the centre of the proximal term and under Coulomb's law the shifts from the impulses that s.x stands for.
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                          const NewtonRoom& room, double compliance) {
+                                          const SpaceRoom& room, double compliance) {
   for_each(block, room.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
@@ -139,7 +138,7 @@ STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, co
 
 /// s.x from the reactions, in coordinates in which the cone is the unit cone.
 template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void store_reactions(B& block, const BodySystem<Real, kLaw>& s, const NewtonRoom& room) {
+STICTION_HD_OUTLINE void store_reactions(B& block, const BodySystem<Real, kLaw>& s, const SpaceRoom& room) {
   for_each(block, room.contacts, [&](Index p) {
     const SpaceContact& contact = room.contact[p];
     for (Index k = 0; k < 3; ++k) {

@@ -64,13 +64,13 @@ STICTION_HD bool is_met(const SpaceProgress& progress) {
 }
 
 template <Block B>
-STICTION_HD void set_pull(B& block, const NewtonRoom& room, double weight) {
+STICTION_HD void set_pull(B& block, const SpaceRoom& room, double weight) {
   for_each(block, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
 }
 
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
 template <Block B>
-STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, SpaceProgress& progress) {
+STICTION_HD_OUTLINE void renew_problem(B& block, const SpaceRoom& room, SpaceProgress& progress) {
   for_each(block, room.contacts, [&](Index p) {
     for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
   });
@@ -83,7 +83,7 @@ STICTION_HD_OUTLINE void renew_problem(B& block, const NewtonRoom& room, SpacePr
 /// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
 /// rounding.
 template <Block B>
-STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
                                           double compliance, SpaceProgress& progress) {
   const Index n = room.bodies * kBodyBlock;
   const double energy = max_(dot_product(block, n, room.descent, room.force), 0.0);
@@ -95,8 +95,8 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, cons
   const double noise = slope_noise(block, room, compliance);
   // The slope at the beginning is known from the gradient itself, which needs no mass matrix.
   const double slope = 0.0 - dot_product(block, n, room.force, room.step);
-  const SpaceLine contacts = look_along(block, room, SpaceLine{0.0, 0.0}, compliance, 0.0);
-  const SpaceLine bodies{slope - contacts.slope, body_curvature(block, room)};
+  const LinePoint contacts = look_along(block, room, LinePoint{0.0, 0.0}, compliance, 0.0);
+  const LinePoint bodies{slope - contacts.slope, body_curvature(block, room)};
   const bool is_exhausted = !(slope < 0.0 - noise);
   const double alpha = is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, slope, noise);
   for_each(block, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
@@ -110,7 +110,7 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const NewtonRoom& room, cons
 /// Sweeps from the best iterate, and a first problem there. Returns what renew_reactions does.
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                        const SiParams& params, const NewtonRoom& room, SpaceProgress& progress) {
+                                        const SiParams& params, const SpaceRoom& room, SpaceProgress& progress) {
   const auto take_best = [&] {
     share_out(block, s.contacts, [&](Index p) {
       for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
@@ -140,8 +140,8 @@ STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, cons
 /// Solves a sub-step from s.x. The best iterate is in s.best; the steps taken are added to `steps`.
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                           const SiParams& params, const BodySpaceOptions& space,
-                                           const NewtonRoom& room, SpaceProgress& progress, Index& steps) {
+                                           const SiParams& params, const BodySpaceOptions& space, const SpaceRoom& room,
+                                           SpaceProgress& progress, Index& steps) {
   double residual = look_at_iterate(block, env, s, params, progress);
   if (is_met(progress)) return kSpaceMet;
   if (!finite_(residual)) return kSpaceBroken;
@@ -197,7 +197,7 @@ STICTION_HD void leave_with_best(B& block, const BodyEnv<Real>& env, const BodyS
 /// One environment from its numbers to its status.
 template <Block B, class Real, Law kLaw>
 STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                     SiParams params, const BodySpaceOptions& space, const NewtonRoom& room) {
+                                     SiParams params, const BodySpaceOptions& space, const SpaceRoom& room) {
   SiProgress<Real> entry;
   if (!start_bodies(block, env, s, params, entry)) return;
   load_space(block, env, params, room);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/bodies/newton/newton_room.hpp"
+#include "core/body/bodies/newton/space_room.hpp"
 #include "core/body/linear/block_diagonal.hpp"
 #include "core/body/linear/block_ldl.hpp"
 #include "core/body/linear/incomplete_cholesky.hpp"
@@ -40,7 +40,7 @@ inline Offset preconditioner_doubles(const NewtonStream& stream, const BodySpace
 /// Doubles that Newton's method needs for an environment of `contacts` that are solved. For the host.
 inline Offset newton_doubles(Offset contacts, const Index* integers, const BodySpaceOptions& space) {
   const NewtonStream stream = take_newton_stream(integers);
-  return NewtonRoom::doubles(contacts, stream.pattern.rows, stream.pattern.blocks()) +
+  return SpaceRoom::doubles(contacts, stream.pattern.rows, stream.pattern.blocks()) +
          preconditioner_doubles(stream, space);
 }
 
@@ -49,7 +49,7 @@ enum class SpaceSystem { symmetric, sliding };
 
 /// d for room.step; the steps that it took.
 template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE Index solve_with(B& block, const NewtonRoom& room, const Preconditioner& preconditioner,
+STICTION_HD_OUTLINE Index solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
                                      SpaceSystem system, double tolerance) {
   const GradientOutcome outcome = system == SpaceSystem::symmetric
                                       ? solve_gradients(block, room.H, preconditioner, room.force, room.step,
@@ -59,7 +59,7 @@ STICTION_HD_OUTLINE Index solve_with(B& block, const NewtonRoom& room, const Pre
   return outcome.iterations;
 }
 template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE Index prepare_and_solve(B& block, const NewtonRoom& room, const Preconditioner& preconditioner,
+STICTION_HD_OUTLINE Index prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
                                             SpaceSystem system, double tolerance) {
   preconditioner.prepare(block, room.H);
   return solve_with(block, room, preconditioner, system, tolerance);
@@ -67,7 +67,7 @@ STICTION_HD_OUTLINE Index prepare_and_solve(B& block, const NewtonRoom& room, co
 
 /// The same with the preconditioner that the options name.
 template <Block B>
-STICTION_HD_OUTLINE Index solve_space(B& block, const NewtonRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE Index solve_space(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
                                       SpaceSystem system, double tolerance) {
   const Index rows = room.stream.pattern.rows;
   const Index* own = room.stream.preconditioner;
