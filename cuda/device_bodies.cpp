@@ -207,14 +207,16 @@ template <class Real>
 void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
   load(request);
   const StreamHandle stream = request.stream.handle();
-  const SolveBodyKernels& kernels =
-      api_->kernels()
-          .bodies.by_precision_and_law[sizeof(Real) == sizeof(float) ? 0 : 1][static_cast<int>(request.options.law)];
+  const int precision = sizeof(Real) == sizeof(float) ? 0 : 1;
+  const int law = static_cast<int>(request.options.law);
+  const SolveBodyKernels& kernels = api_->kernels().bodies.by_precision_and_law[precision][law];
+  const KernelRef& teams = request.options.method == BodyMethod::newton
+                               ? api_->kernels().newton_bodies.by_precision_and_law[precision][law]
+                               : kernels.teams;
   if (request.batch.env_count == 0) return;
   api_->fill_zero(ticket_, kClasses * sizeof(Offset), stream);
   const BodyJob<Real> job{request.batch,    plan_,          request.solution, request.warm_start,
                           request.stepping, request.options};
-  const bool is_newton = request.options.method == BodyMethod::newton;
   for (std::size_t k = 0; k < classes_.size(); ++k) {
     const Class& own = classes_[k];
     if (own.begin == own.end) continue;
@@ -224,7 +226,7 @@ void DeviceBodies::run_on_device(const BodyRequest<Real>& request) {
       api_->launch(kernels.bundles, own.shape, &args, stream);
     } else {
       const BodiesArgs<Real> args{job, queue, own.workspace, own.slot_bytes};
-      api_->launch(is_newton ? kernels.newton : kernels.teams, own.shape, &args, stream);
+      api_->launch(teams, own.shape, &args, stream);
     }
   }
 }

@@ -65,14 +65,24 @@ JacobianKernels jacobian_kernels() {
 template <class Make, Law kLaw, class Real>
 SolveBodyKernels solve_body_kernels() {
   return {Make::template kernel<SolveBodyBundles<kLaw, Real>>("body_bundles"),
-          Make::template kernel<SolveBodies<kLaw, Real>>("bodies"),
-          Make::template kernel<SolveBodiesNewton<kLaw, Real>>("newton_bodies")};
+          Make::template kernel<SolveBodies<kLaw, Real>>("bodies")};
 }
 
 template <class Make>
 BodyKernels body_kernels() {
   return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>()},
            {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>()}}};
+}
+
+template <class Make, Law kLaw, class Real>
+KernelRef newton_body_kernel() {
+  return Make::template kernel<SolveBodiesNewton<kLaw, Real>>("newton_bodies");
+}
+
+template <class Make>
+NewtonBodyKernels newton_body_kernels() {
+  return {{{newton_body_kernel<Make, Law::convex, float>(), newton_body_kernel<Make, Law::coulomb, float>()},
+           {newton_body_kernel<Make, Law::convex, double>(), newton_body_kernel<Make, Law::coulomb, double>()}}};
 }
 
 }  // namespace stiction::cuda

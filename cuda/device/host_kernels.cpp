@@ -14,6 +14,7 @@ SolverKernels host_newton_kernels();
 SolverKernels host_lemke_kernels();
 SolverKernels host_ipm_kernels();
 BodyKernels host_body_kernels();
+NewtonBodyKernels host_newton_body_kernels();
 
 const KernelCatalogue& host_kernels() {
   static const KernelCatalogue catalogue{
@@ -24,6 +25,7 @@ const KernelCatalogue& host_kernels() {
       plan_kernels<MakeHostKernel>(),
       {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()},
       host_body_kernels(),
+      host_newton_body_kernels(),
       {jacobian_kernels<MakeHostKernel, float>(), jacobian_kernels<MakeHostKernel, double>()}};
   return catalogue;
 }

@@ -41,12 +41,16 @@ struct WarmStartKernels {
 struct SolveBodyKernels {
   KernelRef bundles;  ///< one lane per environment             (programs/body_bundles.hpp)
   KernelRef teams;    ///< one team per environment             (programs/bodies_program.hpp)
-  KernelRef newton;   ///< the same, by Newton's method         (programs/newton_bodies_program.hpp)
 };
 
 /// Bodies by precision (Precision) and law (Law).
 struct BodyKernels {
   SolveBodyKernels by_precision_and_law[2][2];
+};
+
+/// Bodies by Newton's method, one team per environment, by precision and law  (programs/newton_bodies_program.hpp).
+struct NewtonBodyKernels {
+  KernelRef by_precision_and_law[2][2];
 };
 
 /// The Jacobian form, in one precision (programs/jacobian_program.hpp).
@@ -66,6 +70,7 @@ struct KernelCatalogue {
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision
   BodyKernels bodies;
+  NewtonBodyKernels newton_bodies;
   JacobianKernels jacobian[2];  ///< by Precision
 };
 

@@ -11,6 +11,7 @@ const KernelCatalogue& cuda_kernels() {
       cuda_plan_kernels(),
       {cuda_warm_start_kernels(Precision::f32), cuda_warm_start_kernels(Precision::f64)},
       cuda_body_kernels(),
+      cuda_newton_body_kernels(),
       {cuda_jacobian_kernels(Precision::f32), cuda_jacobian_kernels(Precision::f64)}};
   return catalogue;
 }

@@ -24,6 +24,7 @@ KernelRef cuda_settled_kernel(Precision precision);
 KernelRef cuda_choose_kernel(Precision precision);
 WarmStartKernels cuda_warm_start_kernels(Precision precision);
 BodyKernels cuda_body_kernels();
+NewtonBodyKernels cuda_newton_body_kernels();
 JacobianKernels cuda_jacobian_kernels(Precision precision);
 
 /// Whether this build has machine code or PTX that the current device can run.

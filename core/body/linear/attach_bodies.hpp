@@ -7,9 +7,9 @@
 /// graph has an edge and H has nothing: what it does not hold together should not be made to move as one.
 namespace stiction::inline STICTION_ISA {
 
-/// Two bodies are held together if |H_ij|^2 > kHeld |H_ii| |H_jj|, in squares of entries (Vanek, Mandel and Brezina
+/// Two bodies are held together if |H_ij|^2 > kHeldPart |H_ii| |H_jj|, in squares of entries (Vanek, Mandel and Brezina
 /// 1996, section 4; 0.0064 there would be 2^-14.6 here). It only has to tell a contact from none.
-inline constexpr double kHeld = 0x1p-15;
+inline constexpr double kHeldPart = 0x1p-15;
 
 /// Rounds in which bodies join: the root's neighbours, their neighbours, and those beyond them.
 inline constexpr Index kJoinRounds = 3;
@@ -39,7 +39,7 @@ struct Attachment {
       const Index other = H.pattern.columns[k];
       if (other == body || label[other] < 0.0) continue;
       const double firmness = squares(H.block(k));
-      const bool is_held = firmness * firmness > (kHeld * kHeld) * (weight[body] * weight[other]);
+      const bool is_held = firmness * firmness > (kHeldPart * kHeldPart) * (weight[body] * weight[other]);
       const auto joined = static_cast<Index>(label[other]);
       if (!is_held || find_block(prolongation, body, joined) < 0) continue;
       if (joined == aggregate[body]) return label[other];
