@@ -77,13 +77,15 @@ STICTION_HD int first_rung(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
   const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
   if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
-  if (seen.law == Law::convex && seen.is_compliant && can_stand_on(kNewtonRung)) return kNewtonRung;
   if (seen.spread > kSpreadForSplitting && can_stand_on(kSplittingRung)) return kSplittingRung;
   return 0;
 }
 
-/// The rung after `tried` that can treat the environment, or `tried` itself if there is none.
+/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
+/// smooth, Newton's method needs nobody before it but sweeps.
 STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
+  const bool is_smooth = seen.law == Law::convex && seen.is_compliant;
+  if (tried == 0 && is_smooth && can_treat(ladder_rung(kNewtonRung).solver, seen)) return kNewtonRung;
   for (int rung = tried + 1; rung < kLadderRungs; ++rung)
     if (can_treat(ladder_rung(rung).solver, seen)) return rung;
   return tried;

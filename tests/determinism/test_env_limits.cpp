@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "core/schedule/islands.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
@@ -25,9 +27,10 @@ ContactBatch<Real> with_limits(const ContactBatch<Real>& batch) {
 }
 
 template <class Real>
-void expect_own_limits(SolverKind solver, Device device) {
+void expect_own_limits(SolverKind solver, Device device, IslandMode islands = IslandMode::together) {
   const ContactBatch<Real> batch = convert<Real>(ragged_batch(3, 4));
   SolverOptions general = options(solver, 1e-2, 30);
+  general.islands = islands;
   const Solution<Real> together = solve(with_limits(batch), general, device);
   const auto hashes = env_hashes(batch, together);
   for (Offset env = 0; env < batch.env_count(); ++env) {
@@ -48,6 +51,13 @@ TEST(EnvLimits, each_environment_stops_by_its_own_on_the_cpu) {
 
 TEST(EnvLimits, each_environment_stops_by_its_own_on_a_device) {
   expect_own_limits<float>(SolverKind::npgs, Device::emulated());
+}
+
+TEST(EnvLimits, every_island_has_its_environments_own) {
+  const ContactBatch<double> batch = ragged_batch(3, 4);
+  const Islands islands = find_islands(batch.view());
+  ASSERT_GT(*std::max_element(islands.count.begin(), islands.count.end()), 1);
+  expect_own_limits<double>(SolverKind::npgs, Device::cpu(), IslandMode::apart);
 }
 
 TEST(EnvLimits, they_travel_with_the_environment) {

@@ -86,6 +86,25 @@ TEST_F(RecorderTest, EverySolverAndPrecisionReplaysToTheBit) {
   }
 }
 
+TEST_F(RecorderTest, LimitsOfTheirOwnAreRecordedWithEnvironments) {
+  auto arrays = ragged_batch(2, 5).arrays();
+  for (std::size_t env = 0; env + 1 < arrays.env_row_offsets.size(); ++env) {
+    arrays.env_tolerance.push_back(env % 3 == 0 ? 1e-2 : -1.0);
+    arrays.env_max_iterations.push_back(env % 2 == 0 ? 5 : -1);
+  }
+  const auto limited = ContactBatch<double>::from_arrays(Law::coulomb, std::move(arrays));
+  const ContactBatch<double> plain = ragged_batch(1, 6);
+  const Solver solver(Device::cpu(), options(SolverKind::npgs, 1e-5, 40));
+  Solved<double> first(solver, limited.view()), second(solver, plain.view());
+  Recorder recorder(at("r.h5"), {RecordWhen::always, 1000, {}});
+  recorder.take(solver, limited.view(), first.view());
+  recorder.take(solver, plain.view(), second.view());
+  const Recording file = read_batch(at("r.h5"));
+  EXPECT_EQ(file.batch.arrays().env_max_iterations[2], 5);
+  EXPECT_LT(file.batch.arrays().env_max_iterations.back(), 0) << "environments without limits of their own have none";
+  expect_replays<double>(at("r.h5"));
+}
+
 TEST_F(RecorderTest, OnlyWhatFailedIsRecordedAndOnlyUnderTheMask) {
   const ContactBatch<double> batch = ragged_batch(4, 3);
   const Solver solver(Device::cpu(), options(SolverKind::npgs, 1e-8, 12));
