@@ -6,7 +6,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Factor L L' of a symmetric positive definite 6 x 6 block, in its lower triangle (Golub and Van Loan 2013, section
 /// 4.2.5). A pivot that rounding has made zero or less is replaced: its direction is then left alone.
-STICTION_HD_OUTLINE void factor_block(double* K) {
+STICTION_HD void factor_block(double* K) {
   for (Index j = 0; j < kBodyBlock; ++j) {
     double pivot = K[j * kBodyBlock + j];
     for (Index k = 0; k < j; ++k) pivot = fma_(0.0 - K[j * kBodyBlock + k], K[j * kBodyBlock + k], pivot);
@@ -37,7 +37,7 @@ STICTION_HD void solve_upper(const double* L, double* v) {
 }
 
 /// v = (L L')^-1 v.
-STICTION_HD_OUTLINE void solve_block(const double* L, double* v) {
+STICTION_HD void solve_block(const double* L, double* v) {
   solve_lower(L, v);
   solve_upper(L, v);
 }

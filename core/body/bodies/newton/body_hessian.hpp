@@ -6,7 +6,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// W of one contact in world axes, from scale P in its own.
-STICTION_HD_OUTLINE void turn_stiffness(SpaceContact& contact, const double (&P)[3][3], double scale) {
+STICTION_HD void turn_stiffness(SpaceContact& contact, const double (&P)[3][3], double scale) {
   const Vector3<double> axes[3] = {contact.frame.n, contact.frame.t1, contact.frame.t2};
   double turned[3][3];  // P E', rows of the frame, columns of the world
   for (int i = 0; i < 3; ++i)
@@ -29,8 +29,8 @@ STICTION_HD_OUTLINE void turn_stiffness(SpaceContact& contact, const double (&P)
 }
 
 /// sum = sum + sign [1; [r_s]x] W [1, -[r_t]x]: how a contact resists the motion of body t at body s.
-STICTION_HD_OUTLINE void add_stiffness(double* sum, const double (&w)[9], double sign, const Vector3<double>& r_s,
-                                       const Vector3<double>& r_t) {
+STICTION_HD void add_stiffness(double* sum, const double (&w)[9], double sign, const Vector3<double>& r_s,
+                               const Vector3<double>& r_t) {
   const Vector3<double> rows[3] = {{w[0], w[1], w[2]}, {w[3], w[4], w[5]}, {w[6], w[7], w[8]}};
   double top[3][kBodyBlock];  // W [1, -[r_t]x]: each row w', (r_t x w)'
   for (int i = 0; i < 3; ++i) {
@@ -60,7 +60,7 @@ STICTION_HD void start_diagonal(double* sum, const SpaceBody& body) {
 }
 
 /// One block of M + J'WJ.
-STICTION_HD_OUTLINE void assemble_block(const SpaceRoom& room, Index row, Index k, double* sum) {
+STICTION_HD void assemble_block(const SpaceRoom& room, Index row, Index k, double* sum) {
   const NewtonStream& stream = room.stream;
   const bool is_diagonal = stream.pattern.columns[k] == row;
   for (Index i = 0; i < kBlockEntries; ++i) sum[i] = 0.0;

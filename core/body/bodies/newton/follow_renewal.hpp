@@ -25,8 +25,7 @@ STICTION_HD void divide_by_shift(const FollowedContact& followed, double (&x)[3]
 }
 
 /// The reactions are still those before the renewal, and are its centre too.
-STICTION_HD_OUTLINE FollowedContact followed_contact(const SpaceContact& contact, double compliance,
-                                                     bool with_sliding) {
+STICTION_HD FollowedContact followed_contact(const SpaceContact& contact, double compliance, bool with_sliding) {
   FollowedContact followed;
   const ConePoint point = project_friction_cone(contact.z, contact.mu);
   followed.whole = compliance + contact.pull;

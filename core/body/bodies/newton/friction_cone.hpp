@@ -13,7 +13,7 @@ struct ConePoint {
   double P[3][3];
 };
 
-STICTION_HD_OUTLINE ConePoint project_friction_cone(const double (&z)[3], double mu) {
+STICTION_HD ConePoint project_friction_cone(const double (&z)[3], double mu) {
   ConePoint point;
   const double length = sqrt_(fma_(z[2], z[2], z[1] * z[1]));
   const bool is_inside = length <= mu * z[0];
