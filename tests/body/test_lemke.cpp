@@ -57,14 +57,14 @@ TEST(Lemke, AFrictionConeIsRefusedByName) {
 }
 
 TEST(Lemke, ZerosOnTheDiagonalAreNoObstacle) {
-  // Two reactions that only act on each other, and the optimality conditions of a linear programme: worked out by hand.
-  const Environment<double> crossed = system({unilateral(), unilateral()}, {0, 1, 1, 0}, {-1, -2});
+  // Optimality conditions of a quadratic and of a linear programme, worked out by hand.
+  const Environment<double> quadratic = system({unilateral(), unilateral()}, {2, -1, 1, 0}, {-2, -3});
   const Environment<double> programme = system({unilateral(), unilateral()}, {0, -1, 1, 0}, {3, -2});
-  EXPECT_EQ(pivot(crossed).lambda, (std::vector<double>{2, 1}));
+  EXPECT_EQ(pivot(quadratic).lambda, (std::vector<double>{3, 4}));
   EXPECT_EQ(pivot(programme).lambda, (std::vector<double>{2, 3}));
-  for (const auto& env : {crossed, programme}) {
+  for (const auto& env : {quadratic, programme}) {
     const auto batch = batch_of({env});
-    EXPECT_EQ(validate(batch.view()).size(), 2U) << "sweeps cannot take them";
+    EXPECT_FALSE(validate(batch.view()).empty()) << "sweeps cannot take them";
     EXPECT_TRUE(validate(batch.view(), 64, SolverKind::lemke).empty());
     const Solution<double> chosen = solve(batch, options(SolverKind::automatic, 1e-12, 100));
     EXPECT_EQ(chosen.status[0].code, EnvCode::solved);

@@ -21,8 +21,8 @@ STICTION_HD void start_bound(bool present, double room, double gap, double& slac
 }
 
 /// A row's first point: `wish`, pushed at least `margin` inside its bounds or to the middle between them.
-STICTION_HD_OUTLINE void start_row(const IpmSpace& p, Index row, const RowBounds& bounds, double wish, double margin,
-                                   double gap) {
+STICTION_HD void start_row(const IpmSpace& p, Index row, const RowBounds& bounds, double wish, double margin,
+                           double gap) {
   double lower = margin;
   double upper = margin;
   p.x[row] = wish;
