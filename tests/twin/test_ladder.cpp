@@ -60,12 +60,12 @@ void expect_device_twin(double tolerance, Index max_iterations) {
 }
 
 TEST(Ladder, a_device_climbs_as_the_cpu_does) {
-  expect_device_twin<float>(1e-5, 24);
-  expect_device_twin<double>(1e-7, 24);
+  expect_device_twin<float>(1e-5, 8);
+  expect_device_twin<double>(1e-7, 8);
 }
 
 TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
-  const ContactBatch<double> batch = ragged_batch(3, 2);
+  const ContactBatch<double> batch = ragged_batch(1, 2);
   const Index enough = rung_iterations(0, 1, std::numeric_limits<Index>::max());
   const Solution<double> first = solve(batch, options(SolverKind::npgs, 1e-4, enough));
   const Solution<double> answer = solve(batch, automatic(1e-4, enough));
@@ -82,8 +82,7 @@ TEST(Ladder, climbs_where_the_first_solver_falls_short) {
   const Solution<double> answer = solve(batch, few), sweeps = solve(batch, options(SolverKind::npgs, 1e-8, 12));
   for (std::size_t env = 0; env < answer.status.size(); ++env) {
     EXPECT_NE(sweeps.status[env].code, EnvCode::solved);
-    EXPECT_NE(answer.status[env].solver, SolverKind::npgs);
-    EXPECT_LE(answer.status[env].residual, sweeps.status[env].residual);
+    EXPECT_LT(answer.status[env].residual, sweeps.status[env].residual);
   }
 }
 
