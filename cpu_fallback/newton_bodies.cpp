@@ -1,34 +1,10 @@
 #include "core/body/bodies/newton/newton_bodies.hpp"
 
-#include "cpu_fallback/bodies_job.hpp"
-#include "cpu_fallback/team_block.hpp"
+#include "cpu_fallback/bodies_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 namespace {
-
-template <class Real, Law kLaw, Block B>
-void solve_on(B& block, const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
-  using System = BodySystem<Real, kLaw>;
-  const BodyEnv<Real> view = slice_bodies(job, env);
-  const SiParams params = si_params(job.stepping, job.options);
-  const System system(view.kept, view.bodies, params, scratch, exact);
-  const SpaceRoom room(kLaw, view.kept, view.bodies, view.newton_stream, exact + System::exact_elements(view.bodies));
-  solve_bodies_newton(block, view, system, params, job.options.space, room);
-}
-
-template <class Real, Law kLaw>
-void solve_alone(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) {
-  SerialBlock block;
-  solve_on<Real, kLaw>(block, job, env, scratch, exact);
-}
-
-template <class Real, Law kLaw>
-void solve_together(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, cpu::ThreadTeam& team,
-                    Index rank) {
-  TeamBlock block(team, rank);
-  solve_on<Real, kLaw>(block, job, env, scratch, exact);
-}
 
 template <class Real>
 Offset doubles(const BodyJob<Real>& job, Offset env) {
@@ -38,7 +14,8 @@ Offset doubles(const BodyJob<Real>& job, Offset env) {
 
 template <class Real, Law kLaw>
 cpu::NewtonBodyKernels<Real> kernels() {
-  return {doubles<Real>, solve_alone<Real, kLaw>, solve_together<Real, kLaw>};
+  using Method = BodyNewton<kLaw, Real>;
+  return {doubles<Real>, solve_alone<Method, Real>, solve_together<Method, Real>};
 }
 
 }  // namespace

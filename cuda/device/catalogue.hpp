@@ -1,11 +1,11 @@
 #pragma once
 
+#include "core/body/bodies/newton/newton_bodies.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/programs/bodies_program.hpp"
 #include "cuda/programs/body_bundles.hpp"
 #include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/jacobian_program.hpp"
-#include "cuda/programs/newton_bodies_program.hpp"
 #include "cuda/programs/plan_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"
@@ -65,7 +65,7 @@ JacobianKernels jacobian_kernels() {
 template <class Make, Law kLaw, class Real>
 SolveBodyKernels solve_body_kernels() {
   return {Make::template kernel<SolveBodyBundles<kLaw, Real>>("body_bundles"),
-          Make::template kernel<SolveBodies<kLaw, Real>>("bodies")};
+          Make::template kernel<SolveBodies<BodySweeps<kLaw, Real>>>("bodies")};
 }
 
 template <class Make>
@@ -76,7 +76,7 @@ BodyKernels body_kernels() {
 
 template <class Make, Law kLaw, class Real>
 KernelRef newton_body_kernel() {
-  return Make::template kernel<SolveBodiesNewton<kLaw, Real>>("newton_bodies");
+  return Make::template kernel<SolveBodies<BodyNewton<kLaw, Real>>>("newton_bodies");
 }
 
 template <class Make>

@@ -216,4 +216,18 @@ STICTION_HD void solve_bodies(B& block, const BodyEnv<Real>& env, const BodySyst
   while (!settle_bodies(block, env, s, params, progress)) advance_bodies(block, env, s, params, progress);
 }
 
+/// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes.
+template <Law kLaw, class Precision>
+struct BodySweeps {
+  using Real = Precision;
+  using System = BodySystem<Real, kLaw>;
+
+  template <Block B>
+  static STICTION_HD void solve(B& block, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
+                                double* exact) {
+    const SiParams params = si_params(job.stepping, job.options);
+    solve_bodies(block, env, System(env.kept, env.bodies, params, numbers, exact), params);
+  }
+};
+
 }  // namespace stiction::inline STICTION_ISA

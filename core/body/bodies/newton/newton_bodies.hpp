@@ -228,4 +228,21 @@ STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const B
   write_body_status(block, env, params, code, entry.flags, steps, relative, absolute);
 }
 
+/// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes and, behind
+/// `exact`, of newton_doubles'.
+template <Law kLaw, class Precision>
+struct BodyNewton {
+  using Real = Precision;
+  using System = BodySystem<Real, kLaw>;
+
+  template <Block B>
+  static STICTION_HD void solve(B& block, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
+                                double* exact) {
+    const SiParams params = si_params(job.stepping, job.options);
+    const System system(env.kept, env.bodies, params, numbers, exact);
+    const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
+    solve_bodies_newton(block, env, system, params, job.options.space, room);
+  }
+};
+
 }  // namespace stiction::inline STICTION_ISA

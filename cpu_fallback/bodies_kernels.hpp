@@ -1,0 +1,23 @@
+#pragma once
+
+#include "cpu_fallback/bodies_job.hpp"
+#include "cpu_fallback/team_block.hpp"
+
+/// A method of solving bodies (BodySweeps, BodyNewton) on one thread and on a team of them. Compiled once per
+/// instruction set.
+namespace stiction::inline STICTION_ISA {
+
+template <class Method, class Real>
+void solve_alone(const BodyJob<Real>& job, Offset env, Real* numbers, double* exact) {
+  SerialBlock block;
+  Method::solve(block, job, slice_bodies(job, env), numbers, exact);
+}
+
+template <class Method, class Real>
+void solve_together(const BodyJob<Real>& job, Offset env, Real* numbers, double* exact, cpu::ThreadTeam& team,
+                    Index rank) {
+  TeamBlock block(team, rank);
+  Method::solve(block, job, slice_bodies(job, env), numbers, exact);
+}
+
+}  // namespace stiction::inline STICTION_ISA
