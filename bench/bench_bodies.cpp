@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <memory>
 
+#include "bench/arguments.hpp"
 #include "bench/contact_batch.hpp"
 #include "bench/csv.hpp"
 #include "bench/machine.hpp"
@@ -27,41 +28,6 @@ namespace {
 constexpr Index kShort = 18;
 constexpr Index kLong = 50;
 constexpr Law kLaw = Law::coulomb;
-
-struct Arguments {
-  std::vector<Index> contacts{1000, 10000, 100000, 1000000};
-  std::vector<int> threads{1, 2};
-  int repeats = 3;
-  std::string csv;
-};
-
-template <class T>
-std::vector<T> numbers(const std::string& text) {
-  std::vector<T> all;
-  for (const std::string& part : comma_parts(text)) all.push_back(static_cast<T>(std::atoi(part.c_str())));
-  return all;
-}
-
-Arguments parse(int argc, char** argv) {
-  Arguments arguments;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 >= argc) throw Error(ErrorCode::invalid_argument, name + " needs a value");
-    const std::string value = argv[i + 1];
-    if (name == "--contacts") {
-      arguments.contacts = numbers<Index>(value);
-    } else if (name == "--threads") {
-      arguments.threads = numbers<int>(value);
-    } else if (name == "--repeats") {
-      arguments.repeats = std::max(1, std::atoi(value.c_str()));
-    } else if (name == "--csv") {
-      arguments.csv = value;
-    } else {
-      throw Error(ErrorCode::invalid_argument, name + " is not known; see the head of bench_bodies.cpp");
-    }
-  }
-  return arguments;
-}
 
 double wall_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -98,7 +64,7 @@ Measured measure(const BodyPlan& plan, const BodyBatchView<float>& view, Index s
   return best;
 }
 
-void run_scene(Index wanted, const Arguments& arguments, Csv* csv) {
+void run_scene(Index wanted, const std::vector<int>& thread_counts, int repeats, Csv* csv) {
   BodyBatch<float> batch;
   batch.add(scenes::rounded(scenes::make_body_pile(1, wanted)));
   const BodyBatchView<float> view = batch.view();
@@ -107,10 +73,10 @@ void run_scene(Index wanted, const Arguments& arguments, Csv* csv) {
   const double plan_seconds = cpu_seconds() - start;
   const Index colors = plan.color_count(0);
   for (const bool momentum : {false, true})
-    for (const int threads : arguments.threads) {
+    for (const int threads : thread_counts) {
       const std::string method = momentum ? "si momentum" : "si";
-      const Measured brief = measure(plan, view, kShort, momentum, threads, arguments.repeats);
-      const Measured full = measure(plan, view, kLong, momentum, threads, arguments.repeats);
+      const Measured brief = measure(plan, view, kShort, momentum, threads, repeats);
+      const Measured full = measure(plan, view, kLong, momentum, threads, repeats);
       const double sweep = (full.call - brief.call) / (kLong - kShort);
       const double per_contact = 1e9 * sweep / static_cast<double>(view.contact_count);
       const Offset bytes = contact_bytes<float>(kLaw, momentum);
@@ -129,16 +95,16 @@ void run_scene(Index wanted, const Arguments& arguments, Csv* csv) {
 }  // namespace
 
 int run(int argc, char** argv) {
-  const Arguments arguments = parse(argc, argv);
-  std::unique_ptr<Csv> csv;
-  if (!arguments.csv.empty())
-    csv = std::make_unique<Csv>(arguments.csv, command_line(argc, argv),
-                                "contacts,bodies,colors,method,threads,clock,seconds_sweep,ns_contact_sweep,"
-                                "bytes_contact,residual_50,seconds_50,seconds_plan,hash_50");
+  const Arguments arguments(argc, argv,
+                            {{"--contacts", "1000,10000,100000,1000000"}, {"--threads", "1,2"}, {"--repeats", "3"}});
+  const auto csv = arguments.csv(
+      "contacts,bodies,colors,method,threads,clock,seconds_sweep,ns_contact_sweep,"
+      "bytes_contact,residual_50,seconds_50,seconds_plan,hash_50");
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
   std::printf("%9s %9s %7s  %-12s %3s %12s %10s %7s %12s %9s %9s  %s\n", "contacts", "bodies", "colours", "method",
               "thr", "s/sweep", "ns/contact", "bytes", "residual 50", "call [s]", "plan [s]", "hash at 50");
-  for (const Index contacts : arguments.contacts) run_scene(contacts, arguments, csv.get());
+  for (const Index contacts : arguments.counts("--contacts"))
+    run_scene(contacts, arguments.counts("--threads"), arguments.count("--repeats"), csv.get());
   return 0;
 }
 

@@ -1,9 +1,8 @@
 // Towers, walls and pyramids of boxes, double precision, convex law: what sequential impulses and Newton's method with
 // each preconditioner take to reach a tolerance.
 //
-//   bench_body_newton [--scenes tower50,tower200,wall20,wall30,pyramid10] [--compliance 1e-3,1e-5] [--tolerance
-//   1e-3,1e-6]
-//                     [--repeats 3] [--csv PATH]
+//   bench_body_newton [--scenes tower50,tower200,wall20,wall30,pyramid10] [--compliance 1e-3,1e-5]
+//                     [--tolerance 1e-3,1e-6] [--repeats 3] [--csv PATH]
 //
 // CPU time of one thread, the least of the repeats, without the plan, whose time stands beside. Sequential impulses
 // give up after 20000 sweeps and Newton's method after 200 steps: then the residual says how far they came.
@@ -13,6 +12,7 @@
 #include <cstdlib>
 #include <memory>
 
+#include "bench/arguments.hpp"
 #include "bench/contact_batch.hpp"
 #include "bench/csv.hpp"
 #include "bench/machine.hpp"
@@ -23,37 +23,6 @@
 namespace stiction::bench {
 
 namespace {
-
-struct Arguments {
-  std::vector<std::string> scenes{"tower50", "tower200", "wall20", "wall30", "pyramid10"};
-  std::vector<std::string> compliances{"1e-3", "1e-5"};
-  std::vector<std::string> tolerances{"1e-3", "1e-6"};
-  int repeats = 3;
-  std::string csv;
-};
-
-Arguments parse(int argc, char** argv) {
-  Arguments arguments;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 >= argc) throw Error(ErrorCode::invalid_argument, name + " needs a value");
-    const std::string value = argv[i + 1];
-    if (name == "--scenes") {
-      arguments.scenes = comma_parts(value);
-    } else if (name == "--compliance") {
-      arguments.compliances = comma_parts(value);
-    } else if (name == "--tolerance") {
-      arguments.tolerances = comma_parts(value);
-    } else if (name == "--repeats") {
-      arguments.repeats = std::max(1, std::atoi(value.c_str()));
-    } else if (name == "--csv") {
-      arguments.csv = value;
-    } else {
-      throw Error(ErrorCode::invalid_argument, name + " is not known; see the head of bench_body_newton.cpp");
-    }
-  }
-  return arguments;
-}
 
 BodyEnvironment<double> scene_of(const std::string& name) {
   const std::size_t digits = name.find_first_of("0123456789");
@@ -123,22 +92,24 @@ void run_method(const std::string& scene, const std::string& compliance, const s
 }  // namespace
 
 int run(int argc, char** argv) {
-  const Arguments arguments = parse(argc, argv);
-  std::unique_ptr<Csv> csv;
-  if (!arguments.csv.empty())
-    csv = std::make_unique<Csv>(
-        arguments.csv, command_line(argc, argv),
-        "scene,bodies,contacts,compliance,tolerance,method,iterations,seconds,seconds_plan,residual,code,hash");
+  const Arguments arguments(argc, argv,
+                            {{"--scenes", "tower50,tower200,wall20,wall30,pyramid10"},
+                             {"--compliance", "1e-3,1e-5"},
+                             {"--tolerance", "1e-3,1e-6"},
+                             {"--repeats", "3"}});
+  const int repeats = arguments.count("--repeats");
+  const auto csv = arguments.csv(
+      "scene,bodies,contacts,compliance,tolerance,method,iterations,seconds,seconds_plan,residual,code,hash");
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
   std::printf("%-10s %6s %6s  %-28s %8s %10s %10s %10s %-14s %s\n", "scene", "R", "to", "method", "its", "solve [s]",
               "plan [s]", "residual", "code", "hash");
-  for (const std::string& scene : arguments.scenes) {
+  for (const std::string& scene : arguments.texts("--scenes")) {
     BodyBatch<double> batch;
     batch.add(scene_of(scene));
-    for (const std::string& compliance : arguments.compliances)
-      for (const std::string& tolerance : arguments.tolerances)
+    for (const std::string& compliance : arguments.texts("--compliance"))
+      for (const std::string& tolerance : arguments.texts("--tolerance"))
         for (const Method& method : methods(std::atof(tolerance.c_str())))
-          run_method(scene, compliance, tolerance, method, batch.view(), arguments.repeats, csv.get());
+          run_method(scene, compliance, tolerance, method, batch.view(), repeats, csv.get());
   }
   return 0;
 }

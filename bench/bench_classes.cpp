@@ -15,6 +15,7 @@
 #include <map>
 #include <memory>
 
+#include "bench/arguments.hpp"
 #include "bench/class_model.hpp"
 #include "bench/contact_batch.hpp"
 #include "bench/csv.hpp"
@@ -343,44 +344,34 @@ void run_lanes(const Setting& setting) {
 }  // namespace
 
 int run(int argc, char** argv) {
-  std::map<std::string, std::string> arguments{
-      {"--device", "cpu"},
-      {"--parts", "classes,envs,ragged,plan,lanes"},
-      {"--threads", "1"},
-      {"--repeats", "5"},
-      {"--envs", "65536"},
-      {"--recorded", "examples/data/humanoid.h5,examples/data/quadruped_rough.h5,examples/data/hand_cube.h5"},
-      {"--csv", ""}};
-  for (int i = 1; i < argc; i += 2) {
-    const auto known = arguments.find(argv[i]);
-    if (known == arguments.end() || i + 1 >= argc)
-      throw Error(ErrorCode::invalid_argument,
-                  std::string(argv[i]) +
-                      ": use --device, --parts, --threads, --repeats, --envs, --recorded or --csv, "
-                      "each with a value");
-    known->second = argv[i + 1];
-  }
+  const Arguments arguments(
+      argc, argv,
+      {
+          {"--device", "cpu"},
+          {"--parts", "classes,envs,ragged,plan,lanes"},
+          {"--threads", "1"},
+          {"--repeats", "5"},
+          {"--envs", "65536"},
+          {"--recorded", "examples/data/humanoid.h5,examples/data/quadruped_rough.h5,examples/data/hand_cube.h5"},
+      });
   const std::map<std::string, void (*)(const Setting&)> parts{
       {"classes", run_classes}, {"envs", run_envs}, {"ragged", run_ragged}, {"plan", run_plan}, {"lanes", run_lanes}};
-  for (const std::string& part : comma_parts(arguments.at("--parts")))
+  for (const std::string& part : arguments.texts("--parts"))
     if (!parts.contains(part))
       throw Error(ErrorCode::invalid_argument,
                   "part '" + part + "' is unknown: use classes, envs, ragged, plan, lanes");
   Setting setting;
-  setting.device = Device::from_string(arguments.at("--device"));
-  setting.device_name = arguments.at("--device");
-  setting.threads = std::max(0, std::atoi(arguments.at("--threads").c_str()));
-  setting.repeats = std::max(1, std::atoi(arguments.at("--repeats").c_str()));
-  setting.most_envs = std::max(1LL, std::atoll(arguments.at("--envs").c_str()));
-  setting.recorded = comma_parts(arguments.at("--recorded"));
-  std::unique_ptr<Csv> csv;
-  if (!arguments.at("--csv").empty())
-    csv = std::make_unique<Csv>(arguments.at("--csv"), command_line(argc, argv),
-                                "part,case,device,contacts,envs,quantity,value,unit,kind,residual,hash");
+  setting.device = Device::from_string(arguments.text("--device"));
+  setting.device_name = arguments.text("--device");
+  setting.threads = arguments.count("--threads", 0);
+  setting.repeats = arguments.count("--repeats");
+  setting.most_envs = arguments.count("--envs");
+  setting.recorded = arguments.texts("--recorded");
+  const auto csv = arguments.csv("part,case,device,contacts,envs,quantity,value,unit,kind,residual,hash");
   setting.csv = csv.get();
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
   std::printf("# device: %s\n", setting.device_name.c_str());
-  for (const std::string& part : comma_parts(arguments.at("--parts"))) parts.at(part)(setting);
+  for (const std::string& part : arguments.texts("--parts")) parts.at(part)(setting);
   return 0;
 }
 

@@ -8,11 +8,9 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <map>
 #include <memory>
-#include <sstream>
 
-#include "bench/csv.hpp"
+#include "bench/arguments.hpp"
 #include "bench/machine.hpp"
 #include "bench/scenes/merge.hpp"
 #include "bench/scenes/scenes.hpp"
@@ -24,21 +22,6 @@ namespace stiction::bench {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-std::map<std::string, std::string> parse(int argc, char** argv) {
-  std::map<std::string, std::string> arguments{{"--scene", "stack"}, {"--islands", "200"}, {"--sizes", "6"},
-                                               {"--seed", "7"},      {"--solver", "npgs"}, {"--tolerance", "1e-3"},
-                                               {"--threads", "1,2"}, {"--repeats", "7"},   {"--csv", ""}};
-  for (int i = 1; i < argc; i += 2) {
-    const auto known = arguments.find(argv[i]);
-    if (known == arguments.end() || i + 1 >= argc)
-      throw Error(ErrorCode::invalid_argument, std::string(argv[i]) +
-                                                   ": use --scene, --islands, --sizes, --seed, --solver, --tolerance, "
-                                                   "--threads, --repeats or --csv, each with a value");
-    known->second = argv[i + 1];
-  }
-  return arguments;
-}
 
 /// Systems of sizes 1, 2, ..., `sizes`, 1, ... in one environment.
 ContactBatch<double> one_environment(const std::string& scene, int systems, int sizes, std::uint64_t seed) {
@@ -92,28 +75,31 @@ Timing time_solve(const ContactBatch<double>& batch, SolverOptions options, int 
 }  // namespace
 
 int run(int argc, char** argv) {
-  const auto arguments = parse(argc, argv);
-  const std::string& scene = arguments.at("--scene");
-  const int islands = std::atoi(arguments.at("--islands").c_str()), sizes = std::atoi(arguments.at("--sizes").c_str());
-  const int repeats = std::atoi(arguments.at("--repeats").c_str());
-  if (islands < 1 || sizes < 1 || repeats < 1)
-    throw Error(ErrorCode::invalid_argument, "--islands, --sizes and --repeats must be at least 1");
-  const auto batch = one_environment(scene, islands, sizes, std::strtoull(arguments.at("--seed").c_str(), nullptr, 10));
+  const Arguments arguments(argc, argv,
+                            {{"--scene", "stack"},
+                             {"--islands", "200"},
+                             {"--sizes", "6"},
+                             {"--seed", "7"},
+                             {"--solver", "npgs"},
+                             {"--tolerance", "1e-3"},
+                             {"--threads", "1,2"},
+                             {"--repeats", "7"}});
+  const std::string& scene = arguments.text("--scene");
+  const int islands = arguments.count("--islands"), sizes = arguments.count("--sizes");
+  const int repeats = arguments.count("--repeats");
+  const auto batch = one_environment(scene, islands, sizes, static_cast<std::uint64_t>(arguments.count("--seed", 0)));
   SolverOptions options;
-  options.solver = solver_from_string(arguments.at("--solver"));
-  options.tolerance = std::atof(arguments.at("--tolerance").c_str());
+  options.solver = solver_from_string(arguments.text("--solver"));
+  options.tolerance = arguments.number("--tolerance");
   options.max_iterations = 20000;
-  std::unique_ptr<Csv> csv;
-  if (!arguments.at("--csv").empty())
-    csv = std::make_unique<Csv>(arguments.at("--csv"), command_line(argc, argv),
-                                "scene,systems,rows,solver,tolerance,islands,threads,solve_ms,split_ms,plan_ms,"
-                                "iterations,residual,code");
+  const auto csv = arguments.csv(
+      "scene,systems,rows,solver,tolerance,islands,threads,solve_ms,split_ms,plan_ms,"
+      "iterations,residual,code");
   std::printf("%d systems of %s, %lld rows, %s, tolerance %g\n", islands, scene.c_str(),
               static_cast<long long>(batch.row_count()), to_string(options.solver), options.tolerance);
   std::printf("%-9s %7s %10s %10s %10s %10s %10s  %s\n", "islands", "threads", "solve ms", "split ms", "plan ms",
               "iterations", "residual", "ended");
-  std::istringstream thread_counts(arguments.at("--threads"));
-  for (std::string threads; std::getline(thread_counts, threads, ',');)
+  for (const std::string& threads : arguments.texts("--threads"))
     for (const IslandMode mode : {IslandMode::together, IslandMode::apart}) {
       options.threads = std::atoi(threads.c_str());
       options.islands = mode;

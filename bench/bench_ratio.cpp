@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 
+#include "bench/arguments.hpp"
 #include "bench/baselines.hpp"
 #include "bench/csv.hpp"
 #include "bench/grid.hpp"
@@ -22,42 +23,6 @@ namespace {
 constexpr Index kShort = 20;            // sweeps of a whole call
 constexpr Index kLong = 60;             // sweeps of the longer call, for the slope
 constexpr double kLeastSeconds = 0.02;  // of one measurement; shorter calls are repeated inside it
-
-struct Arguments {
-  std::vector<Index> contacts{1, 2, 4, 8, 16, 22, 32, 64};
-  Offset envs = 1024;
-  std::vector<std::string> family = families();
-  std::vector<std::string> precision{"f32", "f64"};
-  int repeats = 5;
-  std::string csv;
-};
-
-Arguments parse(int argc, char** argv) {
-  Arguments arguments;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 >= argc) throw Error(ErrorCode::invalid_argument, name + " needs a value");
-    const std::string value = argv[i + 1];
-    if (name == "--contacts") {
-      arguments.contacts.clear();
-      for (const std::string& part : comma_parts(value)) arguments.contacts.push_back(std::atoi(part.c_str()));
-    } else if (name == "--envs") {
-      arguments.envs = std::atoll(value.c_str());
-    } else if (name == "--family") {
-      arguments.family = comma_parts(value);
-    } else if (name == "--precision") {
-      arguments.precision = comma_parts(value);
-    } else if (name == "--repeats") {
-      arguments.repeats = std::max(1, std::atoi(value.c_str()));
-    } else if (name == "--csv") {
-      arguments.csv = value;
-    } else {
-      throw Error(ErrorCode::invalid_argument,
-                  name + " is unknown: use --contacts, --envs, --family, --precision, --repeats or --csv");
-    }
-  }
-  return arguments;
-}
 
 /// Quartiles of what was measured.
 struct Spread {
@@ -189,24 +154,31 @@ void compete(const std::string& family, Index contacts, Offset envs, int repeats
 }  // namespace
 
 int run(int argc, char** argv) {
-  const Arguments arguments = parse(argc, argv);
+  std::string all_families;
+  for (const std::string& family : families()) all_families += (all_families.empty() ? "" : ",") + family;
+  const Arguments arguments(argc, argv,
+                            {{"--contacts", "1,2,4,8,16,22,32,64"},
+                             {"--envs", "1024"},
+                             {"--family", all_families},
+                             {"--precision", "f32,f64"},
+                             {"--repeats", "5"}});
+  const Offset most_envs = arguments.count("--envs");
+  const int repeats = arguments.count("--repeats");
   // As many numbers as that many environments of 8 contacts have: larger ones are fewer.
-  const Offset entries = arguments.envs * 24 * 24;
-  std::unique_ptr<Csv> csv;
-  if (!arguments.csv.empty())
-    csv = std::make_unique<Csv>(arguments.csv, command_line(argc, argv),
-                                "family,precision,contacts,envs,fill,implementation,flags,ns_whole,ns_sweeps,"
-                                "whole_q1,whole_median,whole_q3,sweeps_q1,sweeps_median,sweeps_q3,residual_20,"
-                                "residual_60,hash_20");
+  const Offset entries = most_envs * 24 * 24;
+  const auto csv = arguments.csv(
+      "family,precision,contacts,envs,fill,implementation,flags,ns_whole,ns_sweeps,"
+      "whole_q1,whole_median,whole_q3,sweeps_q1,sweeps_median,sweeps_q3,residual_20,"
+      "residual_60,hash_20");
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());
-  for (const std::string& family : arguments.family)
-    for (const std::string& precision : arguments.precision)
-      for (const Index contacts : arguments.contacts) {
-        const Offset envs = capped_envs(contacts, arguments.envs, entries);
+  for (const std::string& family : arguments.texts("--family"))
+    for (const std::string& precision : arguments.texts("--precision"))
+      for (const Index contacts : arguments.counts("--contacts")) {
+        const Offset envs = capped_envs(contacts, most_envs, entries);
         if (precision == "f32") {
-          compete<float>(family, contacts, envs, arguments.repeats, csv.get());
+          compete<float>(family, contacts, envs, repeats, csv.get());
         } else {
-          compete<double>(family, contacts, envs, arguments.repeats, csv.get());
+          compete<double>(family, contacts, envs, repeats, csv.get());
         }
       }
   return 0;

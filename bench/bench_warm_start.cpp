@@ -10,7 +10,7 @@
 #include <map>
 #include <memory>
 
-#include "bench/csv.hpp"
+#include "bench/arguments.hpp"
 #include "bench/machine.hpp"
 #include "bench/table_main.hpp"
 #include "stiction/io.hpp"
@@ -21,28 +21,6 @@ namespace stiction::bench {
 namespace {
 
 constexpr Index kMostIterations = 20000;
-
-std::vector<double> numbers(const std::string& text) {
-  std::vector<double> values;
-  for (const std::string& part : comma_parts(text)) values.push_back(std::atof(part.c_str()));
-  return values;
-}
-
-std::map<std::string, std::string> parse(int argc, char** argv) {
-  std::map<std::string, std::string> arguments{{"--batch", "examples/data/trajectory.h5"},
-                                               {"--tolerance", "1e-3,1e-4,1e-6"},
-                                               {"--beta", "0.95,1"},
-                                               {"--solver", "pgs,npgs,jacobi,apgd"},
-                                               {"--csv", ""}};
-  for (int i = 1; i < argc; i += 2) {
-    const auto known = arguments.find(argv[i]);
-    if (known == arguments.end() || i + 1 >= argc)
-      throw Error(ErrorCode::invalid_argument,
-                  std::string(argv[i]) + ": use --batch, --tolerance, --beta, --solver or --csv, each with a value");
-    known->second = argv[i + 1];
-  }
-  return arguments;
-}
 
 /// All simulations at one step.
 struct Moment {
@@ -133,26 +111,27 @@ double quantile(std::vector<double> values, std::size_t percent) {
 }  // namespace
 
 int run(int argc, char** argv) {
-  const auto arguments = parse(argc, argv);
-  const Trajectory trajectory = load(arguments.at("--batch"));
+  const Arguments arguments(argc, argv,
+                            {{"--batch", "examples/data/trajectory.h5"},
+                             {"--tolerance", "1e-3,1e-4,1e-6"},
+                             {"--beta", "0.95,1"},
+                             {"--solver", "pgs,npgs,jacobi,apgd"}});
+  const Trajectory trajectory = load(arguments.text("--batch"));
   if (trajectory.moments.size() < 2)
-    throw Error(ErrorCode::bad_file, arguments.at("--batch") + ": one step has no step before it");
-  std::unique_ptr<Csv> csv;
-  if (!arguments.at("--csv").empty())
-    csv =
-        std::make_unique<Csv>(arguments.at("--csv"), command_line(argc, argv),
-                              "simulation,solver,tolerance,beta,steps,known_percent,cold_median,cold_p90,cold_unsolved,"
-                              "warm_median,warm_p90,warm_unsolved,fewer_times");
+    throw Error(ErrorCode::bad_file, arguments.text("--batch") + ": one step has no step before it");
+  const auto csv = arguments.csv(
+      "simulation,solver,tolerance,beta,steps,known_percent,cold_median,cold_p90,cold_unsolved,"
+      "warm_median,warm_p90,warm_unsolved,fewer_times");
   std::printf("%-16s %-7s %9s %5s %6s %17s %17s %10s\n", "simulation", "solver", "tolerance", "beta", "known",
               "cold median, p90", "warm median, p90", "sum: times");
-  for (const std::string& name : comma_parts(arguments.at("--solver"))) {
-    for (const double tolerance : numbers(arguments.at("--tolerance"))) {
+  for (const std::string& name : arguments.texts("--solver")) {
+    for (const double tolerance : arguments.numbers("--tolerance")) {
       SolverOptions options;
       options.solver = solver_from_string(name);
       options.tolerance = tolerance;
       options.max_iterations = kMostIterations;
       const std::vector<Run> cold = follow(trajectory, options, 0.0);
-      for (const double beta : numbers(arguments.at("--beta"))) {
+      for (const double beta : arguments.numbers("--beta")) {
         const std::vector<Run> warm = follow(trajectory, options, beta);
         for (std::size_t e = 0; e < cold.size(); ++e) {
           double all_cold = 0, all_warm = 0;

@@ -2,20 +2,8 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <sstream>
 
 #include "stiction/error.hpp"
-
-namespace stiction::bench {
-
-std::vector<std::string> comma_parts(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
-  return parts;
-}
-
-}  // namespace stiction::bench
 
 int main(int argc, char** argv) {
   try {
