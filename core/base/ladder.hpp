@@ -25,9 +25,14 @@ STICTION_HD constexpr Rung ladder_rung(int rung) {
                                           {SolverKind::npgs, 4096, 0.8}};
   return kLadder[rung];
 }
-inline constexpr int kNewtonRung = 2;
 inline constexpr int kSplittingRung = 1;
+inline constexpr int kNewtonRung = 2;
+inline constexpr int kInteriorRung = 3;
 inline constexpr int kPivotingRung = 4;
+static_assert(ladder_rung(kSplittingRung).solver == SolverKind::admm);
+static_assert(ladder_rung(kNewtonRung).solver == SolverKind::newton);
+static_assert(ladder_rung(kInteriorRung).solver == SolverKind::ipm);
+static_assert(ladder_rung(kPivotingRung).solver == SolverKind::lemke);
 
 /// Iterations of a rung in an environment of `rows` rows. Who may iterate less than that iterates less. Sweeps are the
 /// longer left to themselves the more rows there are, since what comes after them costs in the order of rows sweeps
