@@ -27,6 +27,28 @@ void check_stepping(const TimeStepping& stepping) {
            "finite and >= 0");
 }
 
+/// `is_used`: somebody will plan with them, for which an ordering's library has to be there.
+void check_space_options(const BodySpaceOptions& space, bool is_used) {
+  if (static_cast<int>(space.preconditioner) >= kBodyPreconditionerCount)
+    refuse("space.preconditioner = " + std::to_string(static_cast<int>(space.preconditioner)) +
+           ": no such preconditioner; use one of BodyPreconditioner");
+  if (space.multigrid.prolongation != Prolongation::plain && space.multigrid.prolongation != Prolongation::smoothed)
+    refuse("space.multigrid.prolongation = " + std::to_string(static_cast<int>(space.multigrid.prolongation)) +
+           ": no such prolongation; use Prolongation::plain or smoothed");
+  if (space.multigrid.cycle != Cycle::v && space.multigrid.cycle != Cycle::w)
+    refuse("space.multigrid.cycle = " + std::to_string(static_cast<int>(space.multigrid.cycle)) +
+           ": no such cycle; use Cycle::v or w");
+  if (static_cast<int>(space.ordering) >= kOrderingCount)
+    refuse("space.ordering = " + std::to_string(static_cast<int>(space.ordering)) +
+           ": no such ordering; use one of Ordering");
+  const bool orders = space.preconditioner == BodyPreconditioner::incomplete_cholesky ||
+                      space.preconditioner == BodyPreconditioner::factor;
+  if (is_used && orders && !is_available(space.ordering))
+    throw Error(ErrorCode::unsupported, std::string("space.ordering = ") + to_string(space.ordering) +
+                                            ": this build lacks its library; use reverse_cuthill_mckee, which every "
+                                            "build has");
+}
+
 /// Sweeps of a step that EnvStatus can count.
 constexpr Offset kMostSweeps = 1'000'000'000;
 
@@ -45,9 +67,7 @@ void check_body_options(const BodySolverOptions& options) {
   if (options.method != BodyMethod::impulses && options.method != BodyMethod::newton)
     refuse("method = " + std::to_string(static_cast<int>(options.method)) +
            ": no such method; use BodyMethod::impulses or newton");
-  if (static_cast<int>(options.space.preconditioner) >= kBodyPreconditionerCount)
-    refuse("space.preconditioner = " + std::to_string(static_cast<int>(options.space.preconditioner)) +
-           ": no such preconditioner; use one of BodyPreconditioner");
+  check_space_options(options.space, options.method == BodyMethod::newton);
   if (options.max_contacts_per_env < 0)
     refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
 }

@@ -1,16 +1,15 @@
 #include "core/schedule/block_factor_plan.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
+#include <string>
 
+#include "core/base/extents.hpp"
 #include "core/schedule/block_tables.hpp"
 
 namespace stiction {
 namespace {
-
-constexpr std::size_t at(Index i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// H with its rows in the order of elimination.
 class Elimination {
@@ -105,10 +104,10 @@ void append_block_factor(std::vector<Index>& stream, const BlockPattern& pattern
   std::vector<Index> level(at(rows), 0);
   for (Index i = 0; i < rows; ++i) {
     L.for_each_before(i, [&](Index k) {
-      level[at(i)] = std::max(level[at(i)], level[at(k)] + 1);
+      level[at(i)] = larger_of(level[at(i)], level[at(k)] + 1);
       ++blocks;
     });
-    level_count = std::max(level_count, level[at(i)] + 1);
+    level_count = larger_of(level_count, level[at(i)] + 1);
   }
   if (blocks > std::numeric_limits<Index>::max())
     throw Error(ErrorCode::out_of_memory, "a factor of " + std::to_string(blocks) +
@@ -142,10 +141,10 @@ void append_block_factor(std::vector<Index>& stream, const BlockPattern& pattern
   }
 
   stream.push_back(level_count);
-  stream.insert(stream.end(), level_offsets.begin(), level_offsets.end());
-  append_pattern(stream, rows, rows, offsets, columns);
+  append_table(stream, level_offsets);
+  append_pattern(stream, rows, offsets, columns);
   for (const Index i : sorted) stream.push_back(order[at(i)]);
-  stream.insert(stream.end(), sources.begin(), sources.end());
+  append_table(stream, sources);
   append_columns(stream, offsets, columns, false);
 }
 

@@ -3,15 +3,9 @@
 #include <algorithm>
 #include <numeric>
 
+#include "core/base/extents.hpp"
+
 namespace stiction {
-namespace {
-
-std::size_t at(Index i) {
-  return static_cast<std::size_t>(i);
-}
-
-}  // namespace
-
 BlockSet multiply_patterns(const BlockPattern& left, const BlockPattern& right) {
   BlockSet product;
   product.columns_total = right.columns_total;
@@ -49,13 +43,6 @@ TransposedSet transpose_pattern(const BlockPattern& pattern) {
       transposed.block[place] = k;
     }
   return transposed;
-}
-
-void append_pattern(const BlockPattern& pattern, std::vector<Index>& stream) {
-  stream.push_back(pattern.rows);
-  stream.push_back(pattern.columns_total);
-  stream.insert(stream.end(), pattern.offsets, pattern.offsets + pattern.rows + 1);
-  stream.insert(stream.end(), pattern.columns, pattern.columns + pattern.blocks());
 }
 
 }  // namespace stiction

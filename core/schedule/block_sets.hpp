@@ -26,7 +26,4 @@ struct TransposedSet {
 };
 TransposedSet transpose_pattern(const BlockPattern& pattern);
 
-/// Appends a pattern as take_pattern reads it.
-void append_pattern(const BlockPattern& pattern, std::vector<Index>& stream);
-
 }  // namespace stiction

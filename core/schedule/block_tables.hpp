@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/base/block_pattern.hpp"
+#include "core/base/extents.hpp"
 #include "stiction/error.hpp"
 
 /// What plans of block matrices share.
@@ -31,13 +32,22 @@ inline void expect_diagonal(const BlockPattern& pattern) {
                   "pattern[row " + std::to_string(row) + "] has no diagonal block; give every row one");
 }
 
+/// Appends a table of integers as take_table reads it.
+inline void append_table(std::vector<Index>& stream, std::span<const Index> table) {
+  stream.insert(stream.end(), table.begin(), table.end());
+}
+
 /// Appends a pattern as take_pattern reads it.
-inline void append_pattern(std::vector<Index>& stream, Index rows, Index columns_total, std::span<const Index> offsets,
+inline void append_pattern(std::vector<Index>& stream, Index columns_total, std::span<const Index> offsets,
                            std::span<const Index> columns) {
-  stream.push_back(rows);
+  stream.push_back(static_cast<Index>(offsets.size()) - 1);
   stream.push_back(columns_total);
-  stream.insert(stream.end(), offsets.begin(), offsets.end());
-  stream.insert(stream.end(), columns.begin(), columns.end());
+  append_table(stream, offsets);
+  append_table(stream, columns);
+}
+inline void append_pattern(std::vector<Index>& stream, const BlockPattern& pattern) {
+  append_pattern(stream, pattern.columns_total, {pattern.offsets, at(pattern.rows) + 1},
+                 {pattern.columns, at(pattern.blocks())});
 }
 
 /// Appends a square lower pattern by columns: offsets, the row of each block, its number in the pattern; rows
@@ -49,16 +59,16 @@ inline void append_columns(std::vector<Index>& stream, std::span<const Index> of
   const auto visit = [&](auto&& f) {
     for (std::size_t row = 0; row < rows; ++row)
       for (Index k = offsets[row]; k < offsets[row + 1] - (has_diagonal ? 0 : 1); ++k)
-        f(static_cast<Index>(row), columns[static_cast<std::size_t>(k)], k);
+        f(static_cast<Index>(row), columns[at(k)], k);
   };
-  visit([&](Index, Index column, Index) { ++begin[static_cast<std::size_t>(column) + 1]; });
+  visit([&](Index, Index column, Index) { ++begin[at(column) + 1]; });
   for (std::size_t row = 0; row < rows; ++row) begin[row + 1] += begin[row];
-  stream.insert(stream.end(), begin.begin(), begin.end());
-  const auto count = static_cast<std::size_t>(begin[rows]);
+  append_table(stream, begin);
+  const auto count = at(begin[rows]);
   const std::size_t first = stream.size();
   stream.resize(first + 2 * count);
   visit([&](Index row, Index column, Index k) {
-    const auto place = first + static_cast<std::size_t>(begin[static_cast<std::size_t>(column)]++);
+    const auto place = first + at(begin[at(column)]++);
     stream[place] = row;
     stream[place + count] = k;
   });

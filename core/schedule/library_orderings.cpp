@@ -35,8 +35,12 @@ namespace {
 #endif
 
 #if STICTION_HAS_SUITESPARSE_AMD || STICTION_HAS_METIS
-[[noreturn]] void fail(const char* call, int code) {
-  throw Error(ErrorCode::out_of_memory, std::string(call) + " returned " + std::to_string(code));
+/// Patterns are checked before, so that memory is what such a library can lack.
+[[noreturn]] void fail(const char* call, int code, Index rows) {
+  throw Error(ErrorCode::out_of_memory, std::string(call) + " gave up with code " + std::to_string(code) + " on " +
+                                            std::to_string(rows) +
+                                            " rows; use reverse_cuthill_mckee, which needs the "
+                                            "least memory");
 }
 #endif
 
@@ -65,7 +69,7 @@ std::vector<Index> order_suitesparse([[maybe_unused]] const BlockPattern& patter
   std::vector<Index> order(static_cast<std::size_t>(pattern.rows));
   if (order.empty()) return order;
   const int code = amd_order(pattern.rows, pattern.offsets, pattern.columns, order.data(), nullptr, nullptr);
-  if (code < AMD_OK) fail("amd_order", code);
+  if (code < AMD_OK) fail("amd_order", code, pattern.rows);
   return order;
 #else
   refuse("suitesparse_minimum_degree", "SuiteSparse", "libsuitesparse-dev");
@@ -94,7 +98,7 @@ std::vector<Index> order_metis([[maybe_unused]] const BlockPattern& pattern) {
     const std::lock_guard lock(one_at_a_time);
     const int code =
         METIS_NodeND(&rows, offsets.data(), neighbours.data(), nullptr, options, order.data(), position.data());
-    if (code != METIS_OK) fail("METIS_NodeND", code);
+    if (code != METIS_OK) fail("METIS_NodeND", code, pattern.rows);
   }
   return {order.begin(), order.end()};
 #else

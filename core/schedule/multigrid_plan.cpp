@@ -1,9 +1,11 @@
 #include "core/schedule/multigrid_plan.hpp"
 
-#include <algorithm>
+#include <array>
 
+#include "core/base/extents.hpp"
 #include "core/schedule/aggregates.hpp"
 #include "core/schedule/block_sets.hpp"
+#include "core/schedule/block_tables.hpp"
 
 namespace stiction {
 namespace {
@@ -30,10 +32,6 @@ Index list_places(const BlockPattern& pattern, std::vector<Index>& place) {
   return count;
 }
 
-void append(const std::vector<Index>& table, std::vector<Index>& stream) {
-  stream.insert(stream.end(), table.begin(), table.end());
-}
-
 /// The sums over levels that the stream's head holds.
 struct Totals {
   Index rows = 0, coarse_blocks = 0, weights = 0, largest_product = 0;
@@ -41,7 +39,7 @@ struct Totals {
 
 }  // namespace
 
-void append_multigrid(const BlockPattern& finest, Prolongation prolongation, std::vector<Index>& stream) {
+void append_multigrid(std::vector<Index>& stream, const BlockPattern& finest, Prolongation prolongation) {
   const bool is_smoothed = prolongation == Prolongation::smoothed;
   Totals totals;
   std::vector<Index> begins, body;  // of the levels in `body`, which follows them in the stream
@@ -51,17 +49,17 @@ void append_multigrid(const BlockPattern& finest, Prolongation prolongation, std
   for (bool is_coarsest = false; !is_coarsest;) {
     const bool is_finest = begins.empty();
     begins.push_back(static_cast<Index>(body.size()));
-    append({matrix.rows, totals.rows, totals.coarse_blocks, totals.weights}, body);
+    append_table(body, std::array{matrix.rows, totals.rows, totals.coarse_blocks, totals.weights});
     totals.rows += matrix.rows;
     if (!is_finest) {
-      append_pattern(matrix, body);
+      append_pattern(body, matrix);
       totals.coarse_blocks += matrix.blocks();
     }
     std::vector<Index> place;
     dense_bodies = list_places(matrix, place);
     is_coarsest = dense_bodies <= kCoarsestBodies;
     if (is_coarsest) {
-      append(place, body);
+      append_table(body, place);
       break;
     }
     const Aggregates aggregates = find_aggregates(matrix);
@@ -69,24 +67,24 @@ void append_multigrid(const BlockPattern& finest, Prolongation prolongation, std
     if (is_smoothed) weights = multiply_patterns(matrix, weights.view());
     const TransposedSet restriction = transpose_pattern(weights.view());
     const BlockSet product = multiply_patterns(matrix, weights.view());
-    append_pattern(weights.view(), body);
-    append(aggregates.aggregate, body);
-    append(aggregates.root, body);
-    append_pattern(restriction.set.view(), body);
-    append(restriction.block, body);
-    append_pattern(product.view(), body);
+    append_pattern(body, weights.view());
+    append_table(body, aggregates.aggregate);
+    append_table(body, aggregates.root);
+    append_pattern(body, restriction.set.view());
+    append_table(body, restriction.block);
+    append_pattern(body, product.view());
     totals.weights += weights.view().blocks();
-    totals.largest_product = std::max(totals.largest_product, product.view().blocks());
+    totals.largest_product = larger_of(totals.largest_product, product.view().blocks());
     kept = multiply_patterns(restriction.set.view(), product.view());
     matrix = kept.view();
   }
   const auto levels = static_cast<Index>(begins.size());
   const Index head = MultigridView::kHeader + levels;
-  append({head + static_cast<Index>(body.size()), levels, is_smoothed ? 1 : 0, finest.rows, totals.rows,
-          totals.coarse_blocks, totals.weights, totals.largest_product, dense_bodies},
-         stream);
+  append_table(
+      stream, std::array{head + static_cast<Index>(body.size()), levels, is_smoothed ? Index{1} : Index{0}, finest.rows,
+                         totals.rows, totals.coarse_blocks, totals.weights, totals.largest_product, dense_bodies});
   for (const Index begin : begins) stream.push_back(head + begin);
-  append(body, stream);
+  append_table(stream, body);
 }
 
 }  // namespace stiction

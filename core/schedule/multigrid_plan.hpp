@@ -13,6 +13,6 @@ inline constexpr Index kCoarsestBodies = 60;
 /// (aggregates.hpp), patterns of prolongations, their transposes and Galerkin products, level by level until one has at
 /// most kCoarsestBodies coupled bodies. Each level has at most half the coupled bodies of the one before. From integers
 /// alone; read by MultigridView. Vanek, Mandel and Brezina 1996.
-void append_multigrid(const BlockPattern& finest, Prolongation prolongation, std::vector<Index>& stream);
+void append_multigrid(std::vector<Index>& stream, const BlockPattern& finest, Prolongation prolongation);
 
 }  // namespace stiction

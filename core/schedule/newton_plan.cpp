@@ -4,17 +4,15 @@
 #include <numeric>
 
 #include "core/base/block_pattern.hpp"
+#include "core/base/extents.hpp"
 #include "core/schedule/block_factor_plan.hpp"
+#include "core/schedule/block_tables.hpp"
 #include "core/schedule/multigrid_plan.hpp"
 #include "core/schedule/ordering.hpp"
 #include "core/schedule/sparse_inverse_plan.hpp"
 
 namespace stiction {
 namespace {
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// One environment's body graph, in order of position: a pair for every contact of two bodies that are pushed.
 class BodyGraph {
@@ -74,18 +72,15 @@ class BodyGraph {
   }
 
   void append_blocks(std::vector<Index>& stream) const {
-    stream.push_back(bodies_);
-    stream.push_back(bodies_);
-    stream.insert(stream.end(), row_offsets_.begin(), row_offsets_.end());
-    stream.insert(stream.end(), columns_.begin(), columns_.end());
+    append_pattern(stream, bodies_, row_offsets_, columns_);
     for (Index row = 0; row < bodies_; ++row)
       for (Index k = row_offsets_[at(row)]; k < row_offsets_[at(row) + 1]; ++k) {
         const auto first = columns_.begin() + row_offsets_[at(columns_[at(k)])];
         const auto last = columns_.begin() + row_offsets_[at(columns_[at(k)]) + 1];
         stream.push_back(static_cast<Index>(std::lower_bound(first, last, row) - columns_.begin()));
       }
-    stream.insert(stream.end(), block_offsets_.begin(), block_offsets_.end());
-    stream.insert(stream.end(), block_contacts_.begin(), block_contacts_.end());
+    append_table(stream, block_offsets_);
+    append_table(stream, block_contacts_);
   }
 
   /// Breadth first from the lowest body of every island; the link is the contact of the lowest position with the body
@@ -99,7 +94,7 @@ class BodyGraph {
       queue.assign(1, root);
       for (std::size_t next = 0; next < queue.size(); ++next) {
         const Index body = queue[next];
-        levels = std::max(levels, level[at(body)] + 1);
+        levels = larger_of(levels, level[at(body)] + 1);
         for (Index k = offsets_[body]; k < offsets_[body + 1]; ++k) {
           const Touch one = touch(body, k);
           if (level[at(one.other)] >= 0) continue;
@@ -113,10 +108,10 @@ class BodyGraph {
     for (const Index l : level) ++begin[at(l) + 1];
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     stream.push_back(levels);
-    stream.insert(stream.end(), begin.begin(), begin.end());
+    append_table(stream, begin);
     std::vector<Index> order(at(bodies_));
     for (Index body = 0; body < bodies_; ++body) order[at(begin[at(level[at(body)])]++)] = body;
-    stream.insert(stream.end(), order.begin(), order.end());
+    append_table(stream, order);
     for (const Index body : order) stream.push_back(link[at(body)]);
   }
 
@@ -144,7 +139,7 @@ void append_preconditioner(std::vector<Index>& stream, Offset begin, const BodyS
     case BodyPreconditioner::factor:
       return append_block_factor(stream, pattern, order_rows(pattern, space.ordering), Fill::complete);
     case BodyPreconditioner::multigrid:
-      return append_multigrid(pattern, space.multigrid.prolongation, stream);
+      return append_multigrid(stream, pattern, space.multigrid.prolongation);
   }
 }
 

@@ -1,5 +1,6 @@
 #include "core/schedule/sparse_inverse_plan.hpp"
 
+#include "core/base/extents.hpp"
 #include "core/schedule/block_tables.hpp"
 
 namespace stiction {
@@ -12,7 +13,7 @@ void append_sparse_inverse(std::vector<Index>& stream, const BlockPattern& patte
   std::vector<Index> dense_sources;
   for (Index row = 0; row < pattern.rows; ++row) {
     const Index diagonal = find_block(pattern, row, row);
-    const Index first = std::max(pattern.offsets[row], diagonal - (kInverseRowBlocks - 1));
+    const Index first = larger_of(pattern.offsets[row], diagonal - (kInverseRowBlocks - 1));
     for (Index i = first; i <= diagonal; ++i) {
       columns.push_back(pattern.columns[i]);
       for (Index j = first; j <= i; ++j)
@@ -21,9 +22,9 @@ void append_sparse_inverse(std::vector<Index>& stream, const BlockPattern& patte
     offsets.push_back(static_cast<Index>(columns.size()));
     dense_offsets.push_back(static_cast<Index>(dense_sources.size()));
   }
-  append_pattern(stream, pattern.rows, pattern.rows, offsets, columns);
-  stream.insert(stream.end(), dense_offsets.begin(), dense_offsets.end());
-  stream.insert(stream.end(), dense_sources.begin(), dense_sources.end());
+  append_pattern(stream, pattern.rows, offsets, columns);
+  append_table(stream, dense_offsets);
+  append_table(stream, dense_sources);
   append_columns(stream, offsets, columns, true);
 }
 

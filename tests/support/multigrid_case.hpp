@@ -14,7 +14,7 @@ class MultigridCase {
  public:
   MultigridCase(OwnedBlocks H, std::vector<double> positions, MultigridOptions options)
       : H_(std::move(H)), positions_(std::move(positions)) {
-    append_multigrid(H_.pattern.view(), options.prolongation, stream_);
+    append_multigrid(stream_, H_.pattern.view(), options.prolongation);
     const Index* next = stream_.data();
     grids_.plan = take_multigrid(next);
     grids_.cycle = options.cycle;

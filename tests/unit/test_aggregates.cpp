@@ -105,7 +105,7 @@ TEST(MultigridPlan, patterns_are_the_products_they_stand_for) {
   for (const Prolongation prolongation : {Prolongation::plain, Prolongation::smoothed}) {
     const BlockSet finest = StackedBoxes::wall(14).matrix(1.0).pattern;
     Numbers stream{7, 7};  // whatever came before
-    append_multigrid(finest.view(), prolongation, stream);
+    append_multigrid(stream, finest.view(), prolongation);
     const auto length = stream.size();
     stream.push_back(-5);
     const Index* next = stream.data() + 2;
@@ -154,7 +154,7 @@ TEST(MultigridPlan, patterns_are_the_products_they_stand_for) {
 TEST(MultigridPlan, coarsens_down_to_what_a_dense_factor_takes_and_not_at_all_below) {
   const auto plan = [](Index bodies, const Edges& edges, auto&& look) {
     Numbers stream;
-    append_multigrid(pattern_of(bodies, edges).view(), Prolongation::plain, stream);
+    append_multigrid(stream, pattern_of(bodies, edges).view(), Prolongation::plain);
     look(MultigridView{stream.data()});
   };
   for (const Index bodies : {0, 1, 60})
