@@ -1,11 +1,11 @@
 #include "core/runtime/jacobian_machine.hpp"
 
-#include <algorithm>
 #include <limits>
 #include <numeric>
 #include <type_traits>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "core/body/jacobian_batch_body.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/thread_pool.hpp"
@@ -58,7 +58,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
     Index largest = 0;
     for (Offset env = 0; env < batch.env_count; ++env) {
       count_env(block, JacobianBatchJob<Real>{batch, arrays_}, env);
-      if (batch.env_rows(env) > largest) largest = batch.env_rows(env);
+      largest = larger_of(largest, batch.env_rows(env));
     }
     arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
     arrays_.factor_room = std::accumulate(arrays_.factor, arrays_.factor + envs, Offset{0});

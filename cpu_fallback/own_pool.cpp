@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "cpu_fallback/pools.hpp"
 
@@ -18,7 +19,7 @@ namespace {
 class Call {
  public:
   Call(int threads, int items, const ItemWork& work)
-      : open_seats((threads < items ? threads : items) - 1), items_(items), work_(work) {}
+      : open_seats(smaller_of(threads, items) - 1), items_(items), work_(work) {}
 
   void run(int worker) {
     const ScopedFpEnv fp_env;

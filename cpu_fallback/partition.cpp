@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "core/base/extents.hpp"
+
 namespace stiction::cpu {
 
 namespace {
@@ -14,10 +16,10 @@ constexpr double kLargestPadding = 1.6;
 
 ConeCounts join(const ConeCounts& a, const ConeCounts& b) {
   ConeCounts both;
-  both.free = std::max(a.free, b.free);
-  both.unilateral = std::max(a.unilateral, b.unilateral);
-  both.box = std::max(a.box, b.box);
-  for (Index m = 2; m <= kMaxConeRows; ++m) both.friction[m] = std::max(a.friction[m], b.friction[m]);
+  both.free = larger_of(a.free, b.free);
+  both.unilateral = larger_of(a.unilateral, b.unilateral);
+  both.box = larger_of(a.box, b.box);
+  for (Index m = 2; m <= kMaxConeRows; ++m) both.friction[m] = larger_of(a.friction[m], b.friction[m]);
   return both;
 }
 
@@ -35,7 +37,7 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
   const auto one_by_one = [&](const std::vector<Offset>& envs) {
     constexpr std::size_t kRun = 8;
     for (std::size_t begin = 0; begin < envs.size(); begin += kRun) {
-      const std::size_t end = std::min(begin + kRun, envs.size());
+      const std::size_t end = smaller_of(begin + kRun, envs.size());
       items.push_back(
           {{envs.begin() + static_cast<std::ptrdiff_t>(begin), envs.begin() + static_cast<std::ptrdiff_t>(end)},
            {},
@@ -71,8 +73,8 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
       one_by_one(group);
     } else {
       // Long runs keep lanes full; several per thread keep threads busy.
-      const std::size_t pieces = std::clamp<std::size_t>(size / static_cast<std::size_t>(4 * pack_width), 1,
-                                                         threads == 1 ? 1 : static_cast<std::size_t>(4 * threads));
+      const std::size_t pieces = bounded<std::size_t>(size / static_cast<std::size_t>(4 * pack_width), 1,
+                                                      threads == 1 ? 1 : static_cast<std::size_t>(4 * threads));
       for (std::size_t piece = 0; piece < pieces; ++piece) {
         const auto first = static_cast<std::ptrdiff_t>(size * piece / pieces);
         const auto last = static_cast<std::ptrdiff_t>(size * (piece + 1) / pieces);

@@ -4,8 +4,7 @@
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
-#include <algorithm>
-
+#include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "cpu_fallback/pools.hpp"
 
@@ -15,7 +14,7 @@ void tbb_parallel_for(int threads, int items, const ItemWork& work) {
   // In an arena of its own the caller takes no work of others while it waits, and indices stay below `threads`.
   // oneTBB writes a warning to the standard error when it is asked for more than it may have.
   const auto allowed = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
-  tbb::task_arena arena(std::min(threads, static_cast<int>(allowed)));
+  tbb::task_arena arena(smaller_of(threads, static_cast<int>(allowed)));
   arena.execute([&] {
     tbb::parallel_for(
         tbb::blocked_range<int>(0, items, 1),

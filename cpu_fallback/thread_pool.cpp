@@ -1,9 +1,9 @@
 #include "cpu_fallback/thread_pool.hpp"
 
-#include <algorithm>
 #include <atomic>
 #include <thread>
 
+#include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "cpu_fallback/pools.hpp"
 #include "stiction/error.hpp"
@@ -29,7 +29,7 @@ void require(PoolKind kind) {
 
 int thread_count(int requested) {
   if (requested > 0) return requested;
-  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  return static_cast<int>(larger_of(1U, std::thread::hardware_concurrency()));
 }
 
 bool has_pool(PoolKind kind) {

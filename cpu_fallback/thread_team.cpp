@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 
 namespace stiction::cpu {
@@ -58,7 +59,7 @@ unsigned char* ThreadTeam::leaves() {
 }
 
 void run_team(int threads, const std::function<void(ThreadTeam& team, Index rank)>& work) {
-  const Index wanted = std::clamp<Index>(threads, 1, ThreadTeam::kMaxWidth);
+  const Index wanted = bounded<Index>(threads, 1, ThreadTeam::kMaxWidth);
   std::unique_ptr<ThreadTeam> team;
   std::atomic<bool> formed{false};
   const auto run = [&](Index rank) {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "core/body/warm_start_body.hpp"
 #include "core/runtime/warm_start_machine.hpp"
 #include "cpu_fallback/thread_pool.hpp"
@@ -53,7 +54,7 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
     const Offset runs = (count + kRun - 1) / kRun;
     cpu::parallel_for(threads_, static_cast<int>(runs), [&](int run, int) {
       SerialBlock block;
-      const Offset end = std::min(count, (run + 1) * kRun);
+      const Offset end = smaller_of(count, (run + 1) * kRun);
       for (Offset env = run * kRun; env < end; ++env) work(block, env);
     });
   }

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "cuda/device/host_device.hpp"
 #include "stiction/error.hpp"
 
@@ -23,8 +24,8 @@ Capacity capacity_of(const PlanData& plan) {
   need.rows = plan.row_count;
   need.cones = plan.cone_count;
   need.nonzeros = plan.nonzero_count;
-  for (const ConeCounts& counts : plan.counts) need.env_rows = std::max(need.env_rows, row_count(counts));
-  for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = std::max(need.env_nonzeros, entries);
+  for (const ConeCounts& counts : plan.counts) need.env_rows = larger_of(need.env_rows, row_count(counts));
+  for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = larger_of(need.env_nonzeros, entries);
   need.env_dofs = plan.most_dofs;
   return need;
 }
@@ -85,7 +86,7 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
                       "with that Capacity, or solve once with a plan before capturing");
     // With the entries of dense environments, which are not more than full: finding islands looks at those too.
     Capacity wanted = need;
-    wanted.env_nonzeros = std::max(need.env_nonzeros, std::min(need.nonzeros, Offset{1024} * 1024));
+    wanted.env_nonzeros = larger_of(need.env_nonzeros, smaller_of(need.nonzeros, Offset{1024} * 1024));
     engine_.reserve(wanted, request.options.solver, kPrecisionOf<Real>);
   }
   // A plan that nobody shares can change or vanish unseen. What is captured must plan for the data it will be replayed

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "core/body/bodies/newton/precondition.hpp"
 #include "cuda/body_classes.hpp"
 #include "cuda/device/host_device.hpp"
@@ -123,8 +124,8 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
         need.exact += newton_doubles(contacts(env),
                                      plan.newton_stream.data() + plan.newton_offsets[static_cast<std::size_t>(env)],
                                      request.options.space);
-      most = {std::max(most.elements, need.elements), std::max(most.exact, need.exact)};
-      own.slot_bytes = std::max(own.slot_bytes, need.bytes<Real>());
+      most = {larger_of(most.elements, need.elements), larger_of(most.exact, need.exact)};
+      own.slot_bytes = larger_of(own.slot_bytes, need.bytes<Real>());
     }
     own.end = next;
     if (own.end == own.begin) continue;
@@ -137,10 +138,11 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
     own.slot_bytes = (own.slot_bytes + kSlotAlignment - 1) / kSlotAlignment * kSlotAlignment;
     own.shape.lanes = rule.lanes;
     own.shape.whole_device = k + 1 == kClasses;
-    const Offset fitting = std::max<Offset>(1, kWorkspaceBytes / own.slot_bytes);
-    own.shape.teams = own.shape.whole_device
-                          ? 1
-                          : std::min({own.end - own.begin, fitting, rule.per_processor * api_->facts().processors});
+    const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / own.slot_bytes);
+    own.shape.teams =
+        own.shape.whole_device
+            ? 1
+            : smaller_of(own.end - own.begin, smaller_of(fitting, rule.per_processor * api_->facts().processors));
     own.workspace_bytes = own.shape.teams * own.slot_bytes;
   }
 }

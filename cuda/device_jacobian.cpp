@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/programs/jacobian_program.hpp"
 #include "stiction/error.hpp"
@@ -22,7 +23,7 @@ constexpr Offset kTeamsPerProcessor = 16;
 
 /// Lanes for an environment of that size. They reach speed only.
 int team_lanes(const JacobianCapacity& capacity) {
-  const Index size = std::max(capacity.env_rows, capacity.env_dofs);
+  const Index size = larger_of(capacity.env_rows, capacity.env_dofs);
   return size <= 64 ? kWarp : size <= 256 ? 4 * kWarp : kMostLanes;
 }
 
@@ -41,18 +42,18 @@ DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const Jacob
   arrays_.matrix_room = capacity.matrix;
   arrays_.factor_room = capacity.factor;
   arrays_.use = use;
-  const Offset vectors = std::max(capacity.env_rows, 2);
+  const Offset vectors = larger_of(capacity.env_rows, 2);
   slot_ = capacity.env_dofs * (capacity.env_dofs + vectors);
   const std::size_t slot_bytes = static_cast<std::size_t>(slot_) * sizeof(Real);
-  const bool shared = slot_bytes <= std::min(kSharedBytes, api_->facts().shared_bytes);
+  const bool shared = slot_bytes <= smaller_of(kSharedBytes, api_->facts().shared_bytes);
   small_.teams = large_.teams = capacity.envs;
   small_.lanes = kWarp;
   large_.lanes = team_lanes(capacity);
   if (shared) {
     large_.shared_bytes = slot_bytes;
   } else {
-    const Offset fitting = std::max<Offset>(1, kScratchBytes / static_cast<Offset>(slot_bytes));
-    large_.teams = std::min({capacity.envs, fitting, kTeamsPerProcessor * api_->facts().processors});
+    const Offset fitting = larger_of<Offset>(1, kScratchBytes / static_cast<Offset>(slot_bytes));
+    large_.teams = smaller_of(capacity.envs, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   }
 
   set_.add(arrays_.flags, capacity.envs);
@@ -110,7 +111,7 @@ void DeviceJacobian<Real>::launch(const KernelRef& kernel, const LaunchShape& sh
                                   StreamHandle stream) {
   const JacobianArgs<Real> args{job, scratch_, slot_};
   LaunchShape own = shape;
-  own.teams = std::min(shape.teams, job.batch.env_count);
+  own.teams = smaller_of(shape.teams, job.batch.env_count);
   api_->launch(kernel, own, &args, stream);
 }
 

@@ -1,8 +1,8 @@
 #include "cuda/engine.hpp"
 
-#include <algorithm>
 #include <string>
 
+#include "core/base/extents.hpp"
 #include "core/base/ladder.hpp"
 #include "core/body/count_sort_body.hpp"
 #include "core/body/dense_system.hpp"
@@ -27,19 +27,15 @@ constexpr int kSortLanes = 256;
 constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
 constexpr int kPlanLanes = 32;
 
-Offset at_least(Offset a, Offset b) {
-  return std::max(a, b);
-}
-
 Capacity joined(const Capacity& a, const Capacity& b) {
   Capacity both;
-  both.envs = at_least(a.envs, b.envs);
-  both.rows = at_least(a.rows, b.rows);
-  both.cones = at_least(a.cones, b.cones);
-  both.nonzeros = at_least(a.nonzeros, b.nonzeros);
-  both.env_rows = std::max(a.env_rows, b.env_rows);
-  both.env_nonzeros = at_least(a.env_nonzeros, b.env_nonzeros);
-  both.env_dofs = std::max(a.env_dofs, b.env_dofs);
+  both.envs = larger_of(a.envs, b.envs);
+  both.rows = larger_of(a.rows, b.rows);
+  both.cones = larger_of(a.cones, b.cones);
+  both.nonzeros = larger_of(a.nonzeros, b.nonzeros);
+  both.env_rows = larger_of(a.env_rows, b.env_rows);
+  both.env_nonzeros = larger_of(a.env_nonzeros, b.env_nonzeros);
+  both.env_dofs = larger_of(a.env_dofs, b.env_dofs);
   return both;
 }
 
@@ -101,8 +97,8 @@ int lanes_of(SizeClass size_class) {
 
 /// Integers of scratch that colouring an environment or finding its islands takes.
 Offset graph_slot(const Capacity& capacity) {
-  return at_least(plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros),
-                  islands_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros));
+  return larger_of<Offset>(plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros),
+                           islands_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros));
 }
 
 /// Lanes of a team that looks at a whole environment's graph.
@@ -176,7 +172,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     // A method that factorises never takes a bundle: what would be one is a tile.
     const bool is_finest = size_class == finest_ || (room.method.is_direct() && size_class == kFinestDirect);
     if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
-    const Offset rows = std::min(class_rows(size_class), capacity.env_rows);
+    const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
     const MethodRoom method = is_bundle(size_class) ? MethodRoom{room.method.vectors} : room.method;
     elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows;
@@ -198,9 +194,11 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     return shape;
   }
   shape.launch.shared_bytes = head_bytes;
-  const Offset fitting = at_least(1, kWorkspaceBytes / static_cast<Offset>(team_bytes));
+  const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / static_cast<Offset>(team_bytes));
   shape.launch.teams =
-      shape.launch.whole_device ? 1 : std::min({shape.launch.teams, fitting, per_processor * api_.facts().processors});
+      shape.launch.whole_device
+          ? 1
+          : smaller_of(shape.launch.teams, smaller_of(fitting, per_processor * api_.facts().processors));
   shape.workspace_bytes = static_cast<std::size_t>(shape.launch.teams) * team_bytes;
   return shape;
 }
@@ -216,7 +214,7 @@ MethodRoom Engine::method_room(SolverKind solver) const {
 
 /// Class of the smallest dense environments under a solver. The ladder's rungs sort anew.
 SizeClass Engine::finest_for(SolverKind solver) const {
-  return solver != SolverKind::automatic && method_room(solver).is_direct() ? std::min(finest_, kFinestDirect)
+  return solver != SolverKind::automatic && method_room(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
                                                                             : finest_;
 }
 
@@ -235,7 +233,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   std::uint8_t* assigned = nullptr;
   room.capacity = joined(room_.capacity, capacity);
   room.method = method_room(solver).joined(room_.method);
-  room.scalar_bytes = std::max(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
+  room.scalar_bytes = larger_of(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
 
   std::array<ClassShape, kSizeClasses> shapes;
   for (int k = 0; k < kSizeClasses; ++k)
@@ -243,9 +241,9 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   PlanArrays plan{};
   const Offset envs = room.capacity.envs, cones = room.capacity.cones;
   plan.graph_slot = graph_slot(room.capacity);
-  const Offset graph_teams =
-      at_least(1, std::min({envs, Offset{2} * api_.facts().processors,
-                            at_least(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))}));
+  const Offset graph_teams = larger_of<Offset>(
+      1, smaller_of(smaller_of(envs, Offset{2} * api_.facts().processors),
+                    larger_of<Offset>(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))));
   ArraySet arrays;
   arrays.add(plan.path, envs);
   arrays.add(plan.counts, envs);

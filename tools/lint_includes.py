@@ -76,6 +76,8 @@ WORDS = [
     (r"std::(f?min|f?max|clamp|sqrt|fma|abs|fabs|pow|hypot|reduce|accumulate)\b|\b(fminf?|fmaxf?|rsqrtf?|hypotf?|powf?|"
      r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/body", "core/block"], [],
      "every rounding and selection goes through core/base/real.hpp"),
+    (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/runtime", "core/schedule", "cuda", "cpu_fallback"], [],
+     "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
     (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback"], [],
      "a machine holds a Block, memory and launches; arithmetic belongs in core/body"),
     (r"\blong double\b|_Float16|__float128", ["core/body", "core/base", "core/block", "cuda", "cpu_fallback"], [],
@@ -241,6 +243,7 @@ def self_test():
         ("core/io/read.cpp", '#include "core/runtime/backend.hpp"'),
         ("cuda/pgs.cu", '#include "cpu_fallback/serial_block.hpp"'),
         ("cuda/pgs.cu", "x = fma_(a, b, c);"),
+        ("cpu_fallback/pgs.cpp", "rows = std::min(rows, most);"),
         ("cpu_fallback/pgs.cpp", '#include "cuda/pgs.cu"'),
         ("cpu_fallback/pgs.cpp", "#include <cuda_runtime_api.h>"),
         ("cpu_fallback/pgs.cpp", "#include <Eigen/Dense>"),

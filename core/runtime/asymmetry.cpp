@@ -1,8 +1,8 @@
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
@@ -62,8 +62,8 @@ double asymmetry_of(const SortedRows& unsorted) {
   };
   for (std::size_t i = 0; i + 1 < a.offsets.size(); ++i) {
     RowWalk here(a, i), there(mirror, i);
-    for (Index j = std::min(here.column(), there.column()); j != std::numeric_limits<Index>::max();
-         j = std::min(here.column(), there.column())) {
+    for (Index j = smaller_of(here.column(), there.column()); j != std::numeric_limits<Index>::max();
+         j = smaller_of(here.column(), there.column())) {
       const double ours = here.take(j), theirs = there.take(j);
       if (!std::isfinite(ours) || !std::isfinite(theirs)) return std::numeric_limits<double>::quiet_NaN();
       keep_larger(largest, std::abs(ours));

@@ -1,20 +1,16 @@
 #include "core/runtime/island_split.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 
 namespace stiction {
 namespace {
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// Which end of two islands an environment is said to have had: the larger one's. By EnvCode.
 constexpr std::array<int, kEnvCodeCount> kGravity = {
@@ -45,7 +41,7 @@ IslandSplit<Real>::IslandSplit(const ContactBatchView<Real>& batch, const Real* 
   const Islands islands = find_islands(batch);
   for (Offset env = 0; env < batch.env_count; ++env) {
     // A factor couples all rows, though it stores no entry that would say so.
-    piece_count_.push_back(batch.env_dofs(env) > 0 ? 1 : std::max<Index>(islands.count[at(env)], 1));
+    piece_count_.push_back(batch.env_dofs(env) > 0 ? 1 : larger_of<Index>(islands.count[at(env)], 1));
     needed_ = needed_ || piece_count_.back() > 1;
   }
   if (!needed_) return;
@@ -147,8 +143,8 @@ EnvStatus IslandSplit<Real>::joined_status(Offset env) const {
     const EnvStatus& status = answer_.status[at(piece)];
     joined.code = graver(joined.code, status.code);
     joined.flags |= status.flags;
-    joined.iterations = std::max(joined.iterations, status.iterations);
-    joined.residual_absolute = std::max(joined.residual_absolute, status.residual_absolute);
+    joined.iterations = larger_of(joined.iterations, status.iterations);
+    if (status.residual_absolute > joined.residual_absolute) joined.residual_absolute = status.residual_absolute;
   }
   if (is_refused(joined.code)) {
     joined.iterations = 0;
@@ -156,8 +152,10 @@ EnvStatus IslandSplit<Real>::joined_status(Offset env) const {
     return joined;
   }
   double largest_b = kSmallestResidualScale;
-  for (Offset row = batch_.env_row_offsets[env]; row < batch_.env_row_offsets[env] + batch_.env_rows(env); ++row)
-    largest_b = std::max(largest_b, std::abs(static_cast<double>(batch_.b[row])));
+  for (Offset row = batch_.env_row_offsets[env]; row < batch_.env_row_offsets[env] + batch_.env_rows(env); ++row) {
+    const double size = std::abs(static_cast<double>(batch_.b[row]));
+    if (size > largest_b) largest_b = size;
+  }
   joined.residual = joined.residual_absolute / largest_b;
   return joined;
 }

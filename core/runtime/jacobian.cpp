@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
@@ -30,7 +31,7 @@ Offset block_rows(Index mass_block, Offset dofs) {
 }
 
 void check_blocks(Index mass_block, Offset dofs, const std::string& where) {
-  if (dofs % std::max<Offset>(1, block_rows(mass_block, dofs)) == 0) return;
+  if (dofs % larger_of<Offset>(1, block_rows(mass_block, dofs)) == 0) return;
   refuse(where + " has " + std::to_string(dofs) + " degrees of freedom, which blocks of " + std::to_string(mass_block) +
          " do not tile; choose another mass_block, or 0 for one dense block");
 }

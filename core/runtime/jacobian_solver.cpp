@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
 
@@ -108,8 +109,8 @@ JacobianCapacity JacobianCapacity::of(const JacobianBatchView<Real>& batch, Fact
   need.cones = batch.cone_count;
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Index rows = batch.env_rows(env), dofs = batch.env_dofs(env);
-    need.env_rows = std::max(need.env_rows, rows);
-    need.env_dofs = std::max(need.env_dofs, dofs);
+    need.env_rows = larger_of(need.env_rows, rows);
+    need.env_dofs = larger_of(need.env_dofs, dofs);
     const bool as_factor = keeps_factor(use, rows, dofs);
     (as_factor ? need.factor : need.matrix) += Offset{rows} * (as_factor ? dofs : rows);
   }

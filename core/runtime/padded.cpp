@@ -1,8 +1,8 @@
 #include "stiction/padded.hpp"
 
-#include <algorithm>
 #include <string>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/expect.hpp"
 #include "stiction/status.hpp"
 
@@ -46,7 +46,7 @@ void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overf
     for (const Cone& cone : cones.first(fitting)) {
       const bool friction = cone.kind == ConeKind::friction;
       mu_offsets_.resize(mu_offsets_.size() + static_cast<std::size_t>(cone.row_count), friction ? first_mu++ : 0);
-      if (friction) mu_count_ = std::max(mu_count_, first_mu);
+      if (friction) mu_count_ = larger_of(mu_count_, first_mu);
     }
     mu_offsets_.resize(static_cast<std::size_t>(first_row + room), 0);
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/backend.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
@@ -82,9 +83,9 @@ Capacity Capacity::of(const ContactBatchView<Real>& batch) {
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Index rows = batch.env_rows(env);
     const Offset row = batch.env_row_offsets[env];
-    need.env_rows = std::max(need.env_rows, rows);
-    need.env_nonzeros = std::max(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
-    need.env_dofs = std::max(need.env_dofs, batch.env_dofs(env));
+    need.env_rows = larger_of(need.env_rows, rows);
+    need.env_nonzeros = larger_of(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
+    need.env_dofs = larger_of(need.env_dofs, batch.env_dofs(env));
   }
   return need;
 }
@@ -183,7 +184,7 @@ template <class Real>
 std::shared_ptr<Real> Solver::make_array(Offset count) const {
   if (count < 0) refuse("count = " + std::to_string(count) + ": give a number of elements >= 0");
   const std::shared_ptr<Backend> backend = backend_;
-  void* const memory = backend->allocate(static_cast<std::size_t>(std::max<Offset>(count, 1)) * sizeof(Real));
+  void* const memory = backend->allocate(static_cast<std::size_t>(larger_of<Offset>(count, 1)) * sizeof(Real));
   return {static_cast<Real*>(memory), [backend](Real* array) { backend->release(array); }};
 }
 

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <span>
 
+#include "core/base/extents.hpp"
+
 namespace stiction {
 namespace {
-
-std::size_t at(Index i) {
-  return static_cast<std::size_t>(i);
-}
 
 std::span<const Index> row_of(const BlockPattern& graph, Index body) {
   return {graph.columns + graph.offsets[body], graph.columns + graph.offsets[body + 1]};

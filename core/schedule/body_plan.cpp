@@ -6,15 +6,13 @@
 #include <numeric>
 #include <span>
 
+#include "core/base/extents.hpp"
+
 namespace stiction {
 namespace {
 
 /// A body with more vertices than this keeps its colours as bits: its list would be read once for each of them.
 constexpr Index kHubVertices = 64;
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// Body numbers of one environment, and nothing that is not an integer.
 struct EnvContacts {
@@ -74,7 +72,7 @@ class BodyPlanner {
       if (goes_on) continue;
       if (k > 0) begin_.push_back(position);
       const Index a = env.a[chosen[k]], b = env.b[chosen[k]];
-      const Index low = std::min(a, b), high = std::max(a, b);
+      const Index low = smaller_of(a, b), high = larger_of(a, b);
       ends_.push_back({env.pushed(low) ? low : -1, env.pushed(high) ? high : -1});
     }
     if (!chosen.empty()) begin_.push_back(static_cast<Index>(chosen.size()));
@@ -105,7 +103,7 @@ class BodyPlanner {
   void sort_by_degree() {
     const auto weight = [&](Index v) { return degree(ends_[at(v)].low) + degree(ends_[at(v)].high); };
     Index largest = 0;
-    for (Index v = 0; v < vertex_count(); ++v) largest = std::max(largest, weight(v));
+    for (Index v = 0; v < vertex_count(); ++v) largest = larger_of(largest, weight(v));
     next_.assign(at(largest) + 2, 0);
     for (Index v = 0; v < vertex_count(); ++v) ++next_[at(largest - weight(v)) + 1];
     std::partial_sum(next_.begin(), next_.end(), next_.begin());
@@ -124,7 +122,7 @@ class BodyPlanner {
       while (taken_[word] == ~std::uint64_t{0}) ++word;  // colour `colors` is free, and has a bit
       const auto color = static_cast<Index>(64 * word) + std::countr_one(taken_[word]);
       color_[at(v)] = color;
-      colors = std::max(colors, color + 1);
+      colors = larger_of(colors, color + 1);
       for (const Index body : {ends_[at(v)].low, ends_[at(v)].high}) remember(body, color);
     }
     return colors;

@@ -1,20 +1,16 @@
 #include "core/schedule/color.hpp"
 
-#include <algorithm>
+#include "core/base/extents.hpp"
 
 namespace stiction {
 namespace {
 
 constexpr Index kUncolored = -1;
 
-std::size_t at(Index i) {
-  return static_cast<std::size_t>(i);
-}
-
 /// Vertices by decreasing degree, ties by index: a counting sort, which is stable and never compares.
 std::vector<Index> largest_degree_first(std::span<const Index> offsets, Index vertex_count) {
   Index max_degree = 0;
-  for (Index v = 0; v < vertex_count; ++v) max_degree = std::max(max_degree, offsets[at(v + 1)] - offsets[at(v)]);
+  for (Index v = 0; v < vertex_count; ++v) max_degree = larger_of(max_degree, offsets[at(v + 1)] - offsets[at(v)]);
 
   // Bucket of a degree: max_degree - degree, so that the largest comes first.
   const auto bucket = [&](Index v) { return at(max_degree - (offsets[at(v + 1)] - offsets[at(v)])); };

@@ -3,12 +3,10 @@
 #include <numeric>
 #include <utility>
 
+#include "core/base/extents.hpp"
+
 namespace stiction {
 namespace {
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// Sets of cones; each is known by its smallest (Galler and Fischer 1964, halving paths as they are walked).
 class ConeSets {

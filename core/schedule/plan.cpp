@@ -6,6 +6,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "core/schedule/color.hpp"
 
 namespace stiction {
@@ -74,10 +75,6 @@ struct EnvStructure {
     return sum;
   }
 };
-
-std::size_t at(Index i) {
-  return static_cast<std::size_t>(i);
-}
 
 ConeCounts count_cones(const EnvStructure& env) {
   ConeCounts counts;
@@ -269,7 +266,7 @@ PlanData plan_structure(const Structure& structure) {
     plan.counts.push_back(count_cones(env));
     plan.path.push_back(env.path());
     if (plan.path.back() == EnvPath::factor)
-      plan.most_dofs = std::max(plan.most_dofs, static_cast<Index>(env.factor_entries() / env.rows));
+      plan.most_dofs = larger_of(plan.most_dofs, static_cast<Index>(env.factor_entries() / env.rows));
     plan.color_count.push_back(0);
     if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <string>
 
+#include "core/base/extents.hpp"
 #include "cuda/device/host_kernels.hpp"
 #include "cuda/device/host_launch.hpp"
 #include "stiction/error.hpp"
@@ -155,8 +156,8 @@ void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const
          std::to_string(shape.teams) + " teams and " + std::to_string(shape.shared_bytes) + " bytes of shared memory");
   count(DeviceCall::launch, kernel.name);
   if (shape.teams == 0) return;
-  HostLaunch launch{shape.whole_device ? 1 : std::min(shape.teams, options_.teams),
-                    std::min(shape.lanes, options_.lanes),
+  HostLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
+                    smaller_of(shape.lanes, options_.lanes),
                     shape.shared_bytes,
                     {}};
   launch.order.resize(static_cast<std::size_t>(launch.teams));

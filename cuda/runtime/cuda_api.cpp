@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/base/extents.hpp"
 #include "core/runtime/backend.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/runtime/cuda_check.hpp"
@@ -124,17 +125,17 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
   const DeviceGuard device(ordinal_);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
   const std::size_t team_bytes = kTeamBytes + round_up(shape.shared_bytes);
-  int block = std::max(shape.lanes, kTeamBlock);
+  int block = larger_of(shape.lanes, kTeamBlock);
   const auto shared_of = [&](int threads) {
     return program.serial || shape.whole_device ? 0 : static_cast<std::size_t>(threads / shape.lanes) * team_bytes;
   };
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
-  while (block > std::max(shape.lanes, kWarp) && 2 * shared_of(block) > facts_.resident_shared_bytes) block /= 2;
+  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(block) > facts_.resident_shared_bytes) block /= 2;
   const std::size_t shared = shared_of(block);
   const Offset teams_per_block = program.serial ? block : block / shape.lanes;
   const Offset resident = Offset{facts_.processors} * resident_blocks(program, block, shared);
   const Offset blocks =
-      shape.whole_device ? resident : std::min(resident, (shape.teams + teams_per_block - 1) / teams_per_block);
+      shape.whole_device ? resident : smaller_of(resident, (shape.teams + teams_per_block - 1) / teams_per_block);
 
   CudaShape cuda_shape{shape.teams, shape.lanes, static_cast<unsigned>(round_up(shape.shared_bytes)),
                        shape.whole_device ? grid_memory_ : nullptr};

@@ -1,3 +1,4 @@
+#include "core/base/extents.hpp"
 #include "core/body/plan_body.hpp"
 
 #include <gtest/gtest.h>
@@ -20,10 +21,6 @@ namespace {
 
 using namespace stiction;
 using namespace stiction::test;
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// Runs f(block) on a block of so many lanes.
 template <class F>

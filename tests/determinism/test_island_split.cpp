@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "bench/scenes/merge.hpp"
+#include "core/base/extents.hpp"
 #include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
 #include "stiction/error.hpp"
@@ -23,10 +24,6 @@ using namespace stiction;
 using namespace stiction::test;
 using scenes::merge;
 using scenes::Merged;
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 SolverOptions apart(SolverOptions options) {
   options.islands = IslandMode::apart;

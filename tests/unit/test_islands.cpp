@@ -1,3 +1,4 @@
+#include "core/base/extents.hpp"
 #include "core/schedule/islands.hpp"
 
 #include <gtest/gtest.h>
@@ -17,10 +18,6 @@ namespace {
 
 using namespace stiction;
 using namespace stiction::test;
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 /// Cones of one row, entries only where named: (row, column).
 Environment<double> rows_joined(int rows, std::vector<std::pair<Index, Index>> entries,

@@ -8,15 +8,12 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/extents.hpp"
 #include "core/schedule/plan.hpp"
 
 namespace {
 
 using namespace stiction;
-
-std::size_t at(Offset i) {
-  return static_cast<std::size_t>(i);
-}
 
 struct ConeSpec {
   ConeKind kind;
