@@ -8,10 +8,6 @@
 #include "tests/support/preconditioner_room.hpp"
 #include "tests/support/torture_block.hpp"
 
-#ifdef STICTION_TEST_HAS_EIGEN
-#include <Eigen/Dense>
-#endif
-
 namespace stiction::test {
 namespace {
 
@@ -200,46 +196,34 @@ TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
   EXPECT_EQ(plan.lower.columns[plan.lower.offsets[29]], 30 - kInverseRowBlocks) << "the nearest stay";
 }
 
-#ifdef STICTION_TEST_HAS_EIGEN
-
-using Dense = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-Dense dense_matrix(PreconditionerRoom& room) {
-  const std::vector<double> H = dense_of(room.system.matrix());
-  return Eigen::Map<const Dense>(H.data(), room.n(), room.n());
-}
-
+/// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i: what is left is orthogonal
+/// to the rows of L that the pattern lets in, which with H = L L' says that G H has no block on the pattern but the
+/// diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
 TEST(SparseInverse, minimises_the_distance_of_G_L_from_the_identity_up_to_the_scale_of_its_rows) {
   for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {
     PreconditionerRoom room(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);
     room.apply(random_vector(room.n(), 1));
     const BlockMatrix G{room.inverse().lower, room.memory.data()};
-    const Dense H = dense_matrix(room);
-    const Dense L = H.llt().matrixL();
-    Dense dense_G = Dense::Zero(room.n(), room.n());
-    for (Index row = 0; row < G.pattern.rows; ++row) {
-      const Index first = G.pattern.offsets[row], count = G.pattern.offsets[row + 1] - first;
-      Dense chosen(6 * count, room.n());
-      Dense ours(6, 6 * count);
-      for (Index k = 0; k < count; ++k) {
-        chosen.middleRows(6 * k, 6) = L.middleRows(6 * G.pattern.columns[first + k], 6);
-        ours.middleCols(6 * k, 6) = Eigen::Map<const Dense>(G.block(first + k), 6, 6);
-        dense_G.block(6 * row, 6 * G.pattern.columns[first + k], 6, 6) = ours.middleCols(6 * k, 6);
-      }
-      // min | E' - X chosen |_F over the row's blocks X, by an orthogonal factorisation that knows nothing of ours.
-      Dense unit = Dense::Zero(6, room.n());
-      unit.middleCols(6 * row, 6).setIdentity();
-      const Dense least = chosen.transpose().colPivHouseholderQr().solve(unit.transpose()).transpose();
-      const Dense scale = ours.rightCols(6) * least.rightCols(6).inverse();
-      EXPECT_LT((scale * least - ours).norm(), 1e-7 * ours.norm()) << row;
-    }
-    const Dense image = dense_G * H * dense_G.transpose();
+    const auto n = static_cast<std::size_t>(room.n());
+    const std::vector<double> H = dense_of(room.system.matrix()), rows = dense_of(G);
+    std::vector<double> image(n * n, 0.0);  // G H
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t k = 0; k < n; ++k)
+        for (std::size_t j = 0; j < n; ++j) image[i * n + j] += rows[i * n + k] * H[k * n + j];
     for (Index row = 0; row < G.pattern.rows; ++row)
-      EXPECT_LT((image.block(6 * row, 6 * row, 6, 6) - Dense::Identity(6, 6)).norm(), 1e-9);
+      for (Index i = 6 * row; i < 6 * row + 6; ++i) {
+        const double* const line = image.data() + static_cast<std::size_t>(i) * n;
+        // Entries of H are at most some 1e4, those of G some 1e0: 1e-9 is well above the roundings of their products.
+        for (Index k = G.pattern.offsets[row]; k + 1 < G.pattern.offsets[row + 1]; ++k)
+          for (Index j = 0; j < 6; ++j) EXPECT_NEAR(line[6 * G.pattern.columns[k] + j], 0.0, 1e-9) << row;
+        for (Index j = 6 * row; j < 6 * row + 6; ++j) {
+          double entry = 0.0;
+          for (std::size_t k = 0; k < n; ++k) entry += line[k] * rows[static_cast<std::size_t>(j) * n + k];
+          EXPECT_NEAR(entry, i == j ? 1.0 : 0.0, 1e-9) << row;
+        }
+      }
   }
 }
-
-#endif
 
 }  // namespace
 }  // namespace stiction::test

@@ -24,14 +24,11 @@ using scenes::box_tower;
 template <Law kLaw>
 class NewtonCase {
  public:
-  NewtonCase(const BodyEnvironment<double>& env, BodyPreconditioner preconditioner, Index substeps) {
+  NewtonCase(const BodyEnvironment<double>& env, BodyPreconditioner preconditioner, Index substeps)
+      : options_(newton_options(kLaw, preconditioner)) {
     batch_.add(env);
-    options_.law = kLaw;
-    options_.method = BodyMethod::newton;
-    options_.space.preconditioner = preconditioner;
     options_.iterations = 3;
     options_.substeps = substeps;
-    options_.threads = 1;
     plan_ = make_body_plan(batch_.view(), 0);
     add_newton_plan(plan_, options_.space);
     expected_ = solve_bodies(batch_, {}, options_);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/rng.hpp"
 #include "stiction/bodies.hpp"
 
@@ -77,6 +78,25 @@ inline BodyEnvironment<double> random_bodies(std::uint64_t seed, Index bodies, I
     contact.id = static_cast<std::uint64_t>(k);
   }
   return env;
+}
+
+/// A mass that is a number and a geometry that makes none of it: squares are beyond single precision.
+inline BodyEnvironment<float> beyond_single_precision() {
+  BodyEnvironment<float> env = scenes::rounded(ball_on_floor(0.1, 2.0, 0.5));
+  env.bodies[0].inv_mass = 3e38F;
+  env.contacts[0].arm_b = {1e19F, 1e19F, -1e19F};
+  env.bodies[0].twist[2] = -1;
+  return env;
+}
+
+/// Newton's method in body space, on one thread.
+inline BodySolverOptions newton_options(Law law, BodyPreconditioner preconditioner) {
+  BodySolverOptions options;
+  options.law = law;
+  options.method = BodyMethod::newton;
+  options.space.preconditioner = preconditioner;
+  options.threads = 1;
+  return options;
 }
 
 template <class Real>

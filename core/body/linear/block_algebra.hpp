@@ -61,10 +61,4 @@ STICTION_HD void subtract_transposed_image(const double* K, const double* u, dou
     for (Index j = 0; j < kBodyBlock; ++j) v[j] = fma_(0.0 - K[i * kBodyBlock + j], u[i], v[j]);
 }
 
-/// sum = sum + K' v.
-STICTION_HD void multiply_transposed_block(const double* K, const double* v, double (&sum)[kBodyBlock]) {
-  for (Index i = 0; i < kBodyBlock; ++i)
-    for (Index j = 0; j < kBodyBlock; ++j) sum[j] = fma_(K[i * kBodyBlock + j], v[i], sum[j]);
-}
-
 }  // namespace stiction::inline STICTION_ISA

@@ -23,6 +23,12 @@ STICTION_HD void multiply_block(const double* K, const double* v, double (&sum)[
     for (Index j = 0; j < kBodyBlock; ++j) sum[i] = fma_(K[i * kBodyBlock + j], v[j], sum[i]);
 }
 
+/// sum = sum + K' v.
+STICTION_HD void multiply_transposed_block(const double* K, const double* v, double (&sum)[kBodyBlock]) {
+  for (Index i = 0; i < kBodyBlock; ++i)
+    for (Index j = 0; j < kBodyBlock; ++j) sum[j] = fma_(K[i * kBodyBlock + j], v[i], sum[j]);
+}
+
 /// Row `row` of A x, added to `sum` in the order of columns.
 STICTION_HD void multiply_row(const BlockMatrix& A, Index row, const double* x, double (&sum)[kBodyBlock]) {
   for (Index k = A.pattern.offsets[row]; k < A.pattern.offsets[row + 1]; ++k)

@@ -94,12 +94,9 @@ template <Block B>
 STICTION_HD_OUTLINE void multiply_transposed(B& block, const TransposedMatrix& A, const double* x, double* y) {
   for_each(block, A.pattern.rows, [&](Index row) {
     double sum[kBodyBlock] = {};
-    for (Index l = A.pattern.offsets[row]; l < A.pattern.offsets[row + 1]; ++l) {
-      const double* const K = A.original.block(A.block[l]);
-      const double* const v = x + static_cast<Offset>(A.pattern.columns[l]) * kBodyBlock;
-      for (Index i = 0; i < kBodyBlock; ++i)
-        for (Index j = 0; j < kBodyBlock; ++j) sum[i] = fma_(K[j * kBodyBlock + i], v[j], sum[i]);
-    }
+    for (Index l = A.pattern.offsets[row]; l < A.pattern.offsets[row + 1]; ++l)
+      multiply_transposed_block(A.original.block(A.block[l]),
+                                x + static_cast<Offset>(A.pattern.columns[l]) * kBodyBlock, sum);
     for (Index i = 0; i < kBodyBlock; ++i) y[static_cast<Offset>(row) * kBodyBlock + i] = sum[i];
   });
 }

@@ -14,7 +14,7 @@ STICTION_HD_OUTLINE double dot_product(B& block, Index n, const double* v, const
   });
 }
 
-/// Vectors of 6 `rows` doubles that conjugate gradients keep.
+/// Vectors that conjugate gradients keep.
 inline constexpr Index kGradientVectors = 4;
 
 struct GradientOutcome {
@@ -22,34 +22,47 @@ struct GradientOutcome {
   bool is_met = false;  ///< whether the tolerance was
 };
 
-/// Solves A x = b from x = 0 by preconditioned conjugate gradients (Golub and Van Loan 2013, algorithm 11.5.1), until
-/// the residual, in the norm that the preconditioner M^-1 makes, is `tolerance` times its first value, or `most`
-/// iterations are done. `memory` has room for kGradientVectors. A direction without curvature ends it: A is then not
-/// positive definite to working precision, and x is the best there is. The outcome is on every lane.
+/// What a method of gradients is asked: A x = b from x = 0, until its residual is `tolerance` times the first or `most`
+/// iterations are done. Which norm that is in, and how many vectors are kept, the method says.
 ///
 /// A preconditioner has `template <Block B> void apply(B&, const double* r, double* z) const`, z = M^-1 r with M
-/// symmetric positive definite and z, r apart.
+/// symmetric positive definite and z, r apart. It has room of its own.
+struct GradientProblem {
+  BlockMatrix A;
+  const double* b;  ///< (6 rows)
+  double* x;        ///< the answer                                 (6 rows)
+  double* memory;   ///< the method's vectors, 6 rows doubles each
+  double tolerance;
+  Index most;
+
+  [[nodiscard]] STICTION_HD Index unknowns() const { return A.pattern.rows * kBodyBlock; }
+  [[nodiscard]] STICTION_HD double* vector(Index k) const { return memory + static_cast<Offset>(k) * unknowns(); }
+};
+
+/// Preconditioned conjugate gradients (Golub and Van Loan 2013, algorithm 11.5.1) in kGradientVectors vectors. The
+/// residual is measured in the norm that M^-1 makes. A direction without curvature ends it: A is then not positive
+/// definite to working precision, and x is the best there is. The outcome is on every lane.
 template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const BlockMatrix& A,
-                                                    const Preconditioner& preconditioner, const double* b, double* x,
-                                                    double* memory, double tolerance, Index most) {
-  const Index n = A.pattern.rows * kBodyBlock;
-  double* const r = memory;
-  double* const z = r + n;
-  double* const p = z + n;
-  double* const q = p + n;
+STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const GradientProblem& problem,
+                                                    const Preconditioner& preconditioner) {
+  const Index n = problem.unknowns();
+  double* const x = problem.x;
+  double* const r = problem.vector(0);
+  double* const z = problem.vector(1);
+  double* const p = problem.vector(2);
+  double* const q = problem.vector(3);
   for_each(block, n, [&](Index i) {
     x[i] = 0.0;
-    r[i] = b[i];
+    r[i] = problem.b[i];
   });
   preconditioner.apply(block, r, z);
   for_each(block, n, [&](Index i) { p[i] = z[i]; });
   double energy = dot_product(block, n, r, z);
-  const double enough = (tolerance * tolerance) * energy;
+  const double enough = (problem.tolerance * problem.tolerance) * energy;
   GradientOutcome outcome;
   outcome.is_met = !(energy > enough);
-  while (!outcome.is_met && outcome.iterations < most) {
-    multiply_blocks(block, A, p, q);
+  while (!outcome.is_met && outcome.iterations < problem.most) {
+    multiply_blocks(block, problem.A, p, q);
     const double curvature = dot_product(block, n, p, q);
     if (!(curvature > 0.0)) break;
     const double alpha = div_(energy, curvature);

@@ -8,10 +8,10 @@ namespace stiction::inline STICTION_ISA {
 /// has no fill. Where a pivot is lost it begins again with H's diagonal enlarged (Manteuffel 1980). A level is one
 /// phase of the triangular solves, and neighbours that follow each other make long runs of small levels: for CPUs.
 struct IncompleteCholesky {
-  /// Of the diagonal entry it is what is left of, a pivot: less is a rounding of the sums that made it.
+  /// A pivot below this part of the diagonal entry that it is left of is the rounding of what was subtracted.
   static constexpr double kLostPivot = 0x1p-44;
-  /// First enlargement of the diagonal, and by how much the next is larger. The last, 64, leaves block-Jacobi in all
-  /// but name, for a body has fewer neighbours than that: their blocks' sum then no longer reaches the diagonal.
+  /// First enlargement of the diagonal, and by how much the next is larger. The last, 64, is taken as it is: where a
+  /// body has fewer neighbours than that, their blocks together no longer reach its diagonal.
   static constexpr double kFirstShift = 0x1p-10;
   static constexpr double kShiftGrowth = 4.0;
   static constexpr Index kAttempts = 10;

@@ -170,7 +170,7 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
   return {slope, sum_values(block, room.vector(kOfConeToo), s.cones)};
 }
 
-/// What rounding makes of a slope: eps times the sum of the magnitudes it is made of. A stiff row answers to the
+/// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
 /// rounding of its motion as it does to motion.
 template <Block B, class System>
 STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {

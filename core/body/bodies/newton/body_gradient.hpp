@@ -97,13 +97,11 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, doub
         is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
   });
   renew_descent(block, room);
-  double largest = 0.0;
-  for (Index p = block.rank(); p < room.contacts; p += block.size()) {
+  return max_over<double>(block, room.contacts, [&](Index p) {
     double change[3];
     relative_motion(room.contact[p], room.descent, change);
-    for (int k = 0; k < 3; ++k) largest = max_(abs_(change[k]), largest);
-  }
-  return block.max(largest);
+    return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
+  });
 }
 
 /// d'Md: the curvature that bodies add, everywhere on the line.
@@ -154,7 +152,7 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const 
   return {fma_(alpha, bodies.curvature, bodies.slope) + slope, bodies.curvature + curvature};
 }
 
-/// What rounding makes of a slope that is zero: eps times the sum of the magnitudes it is made of. A stiff contact
+/// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
 /// answers to the rounding of its motion as it does to motion.
 template <Block B>
 STICTION_HD_OUTLINE double slope_noise(B& block, const SpaceRoom& room, double compliance) {

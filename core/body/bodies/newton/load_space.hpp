@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// A direction in which a body's inverse inertia, or its inverse mass, is below this part of the largest has a mass
-/// matrix as if it were not: rounding makes as much of a product of the two. Reactions answer the inverse as it is.
+/// matrix as if it were that part: below, rounding would make as much of it. Reactions answer the inverse as it is.
 inline constexpr double kLeastInverse = 1e-9;
 
 /// The inverse of a symmetric positive semidefinite matrix whose pivots are kept from zero, by L D L'.
@@ -31,30 +31,35 @@ STICTION_HD Symmetric3<double> inverse_above(const Symmetric3<double>& m, double
           e2};
 }
 
-/// Masses, and the geometry of contacts.
+STICTION_HD double largest_moment(const Symmetric3<double>& inertia) {
+  return max_(inertia.xx, max_(inertia.yy, inertia.zz));
+}
+
+/// Inverse masses as they are, and mass matrices.
 template <Block B, class Real>
-STICTION_HD_OUTLINE void load_space(B& block, const BodyEnv<Real>& env, const SiParams& params, const SpaceRoom& room) {
-  double most_mass = 0.0;
-  double most_inertia = 0.0;
-  for (Index row = block.rank(); row < room.bodies; row += block.size()) {
-    const InverseMass<double> inverse = exact_mass(env, env.is_kinematic(row) ? ~row : row);
-    most_mass = max_(inverse.mass, most_mass);
-    most_inertia = max_(max_(inverse.inertia.xx, max_(inverse.inertia.yy, inverse.inertia.zz)), most_inertia);
-  }
-  most_mass = block.max(most_mass);
-  most_inertia = block.max(most_inertia);
+STICTION_HD_OUTLINE void load_space_bodies(B& block, const BodyEnv<Real>& env, const SpaceRoom& room) {
+  const auto inverse_of = [&](Index row) { return exact_mass(env, env.is_kinematic(row) ? ~row : row); };
+  const double most_mass = max_over<double>(block, room.bodies, [&](Index row) { return inverse_of(row).mass; });
+  const double most_inertia =
+      max_over<double>(block, room.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
   for_each(block, room.bodies, [&](Index row) {
     SpaceBody& body = room.body[row];
-    body.inverse = exact_mass(env, env.is_kinematic(row) ? ~row : row);
+    body.inverse = inverse_of(row);
     body.mass = 1.0;
     body.inertia = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
     if (env.is_kinematic(row)) return;
     const Symmetric3<double>& inertia = body.inverse.inertia;
-    const double own = max_(inertia.xx, max_(inertia.yy, inertia.zz));
+    const double own = largest_moment(inertia);
     const double least = kLeastInverse * (own > 0.0 ? own : most_inertia);
     body.mass = div_(1.0, max_(max_(body.inverse.mass, kLeastInverse * most_mass), 0x1p-500));
     body.inertia = inverse_above(inertia, max_(least, 0x1p-500));
   });
+}
+
+/// Geometry, friction and weight of contacts.
+template <Block B, class Real>
+STICTION_HD_OUTLINE void load_space_contacts(B& block, const BodyEnv<Real>& env, const SiParams& params,
+                                             const SpaceRoom& room) {
   const double compliance = div_(params.cfm, params.step);
   for_each(block, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];

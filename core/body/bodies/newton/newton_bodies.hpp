@@ -63,6 +63,14 @@ STICTION_HD bool is_met(const SpaceProgress& progress) {
   return div_(progress.best, progress.scale) <= progress.tolerance;
 }
 
+/// The best iterate becomes s.x.
+template <Block B, class Real, Law kLaw>
+STICTION_HD void take_best(B& block, const BodySystem<Real, kLaw>& s) {
+  share_out(block, s.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
+  });
+}
+
 template <Block B>
 STICTION_HD void set_pull(B& block, const SpaceRoom& room, double weight) {
   for_each(block, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
@@ -93,7 +101,8 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const
   solve_space(block, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
   for_each(block, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
   const double noise = slope_noise(block, room, compliance);
-  // The slope at the beginning is known from the gradient itself, which needs no mass matrix.
+  // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
+  // that nothing can move keeps M and the inverse masses from being each other's inverse.
   const double slope = 0.0 - dot_product(block, n, room.force, room.step);
   const LinePoint contacts = look_along(block, room, LinePoint{0.0, 0.0}, compliance, 0.0);
   const LinePoint bodies{slope - contacts.slope, body_curvature(block, room)};
@@ -111,12 +120,7 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const
 template <Block B, class Real, Law kLaw>
 STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                         const SiParams& params, const SpaceRoom& room, SpaceProgress& progress) {
-  const auto take_best = [&] {
-    share_out(block, s.contacts, [&](Index p) {
-      for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
-    });
-  };
-  take_best();
+  take_best(block, s);
   refresh_bodies(block, env, s, params);
   SiMomentum<Real> momentum;
   if (params.momentum) start_momentum(block, s);
@@ -125,7 +129,7 @@ STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, cons
     look_at_iterate(block, env, s, params, progress);
   }
   progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
-  take_best();
+  take_best(block, s);
   const double compliance = div_(params.cfm, params.step);
   start_at_iterate(block, env, s, room, compliance);
   progress.pull = kPullStart;
@@ -176,7 +180,8 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
       progress.inner_steps = 0;
       renew_problem(block, room, progress);
       follow_renewal(block, room, space, compliance, with_sliding);
-      ++steps, ++k;
+      ++steps;
+      ++k;
       inner = renew_reactions(block, room, compliance);
     }
   }
@@ -187,9 +192,7 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
 template <Block B, class Real, Law kLaw>
 STICTION_HD void leave_with_best(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                  const SiParams& params) {
-  share_out(block, s.contacts, [&](Index p) {
-    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
-  });
+  take_best(block, s);
   refresh_bodies(block, env, s, params);
   leave_substep(block, env, s, params);
 }
@@ -200,7 +203,8 @@ STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const B
                                      SiParams params, const BodySpaceOptions& space, const SpaceRoom& room) {
   SiProgress<Real> entry;
   if (!start_bodies(block, env, s, params, entry)) return;
-  load_space(block, env, params, room);
+  load_space_bodies(block, env, room);
+  load_space_contacts(block, env, params, room);
   if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(block, room);
   Index steps = 0;
   SpaceEnd end = kSpaceMet;

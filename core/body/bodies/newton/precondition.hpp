@@ -47,28 +47,29 @@ inline Offset newton_doubles(Offset contacts, const Index* integers, const BodyS
 /// Which system is solved: H d = force, or that of room.sliding, which H preconditions.
 enum class SpaceSystem { symmetric, sliding };
 
-/// d for room.step; the steps that it took.
+/// d into room.step, by a preconditioner that is prepared.
 template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE Index solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
-                                     SpaceSystem system, double tolerance) {
-  const GradientOutcome outcome = system == SpaceSystem::symmetric
-                                      ? solve_gradients(block, room.H, preconditioner, room.force, room.step,
-                                                        room.gradients, tolerance, kMostGradientSteps)
-                                      : solve_stabilized(block, room.sliding, preconditioner, room.force, room.step,
-                                                         room.gradients, tolerance, kMostGradientSteps);
-  return outcome.iterations;
+STICTION_HD_OUTLINE void solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+                                    SpaceSystem system, double tolerance) {
+  GradientProblem problem{room.H, room.force, room.step, room.gradients, tolerance, kMostGradientSteps};
+  if (system == SpaceSystem::symmetric) {
+    solve_gradients(block, problem, preconditioner);
+  } else {
+    problem.A = room.sliding;
+    solve_stabilized(block, problem, preconditioner);
+  }
 }
 template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE Index prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
-                                            SpaceSystem system, double tolerance) {
+STICTION_HD_OUTLINE void prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+                                           SpaceSystem system, double tolerance) {
   preconditioner.prepare(block, room.H);
-  return solve_with(block, room, preconditioner, system, tolerance);
+  solve_with(block, room, preconditioner, system, tolerance);
 }
 
 /// The same with the preconditioner that the options name.
 template <Block B>
-STICTION_HD_OUTLINE Index solve_space(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
-                                      SpaceSystem system, double tolerance) {
+STICTION_HD_OUTLINE void solve_space(B& block, const SpaceRoom& room, const BodySpaceOptions& space, SpaceSystem system,
+                                     double tolerance) {
   const Index rows = room.stream.pattern.rows;
   const Index* own = room.stream.preconditioner;
   double* const memory = room.preconditioner;
@@ -89,10 +90,9 @@ STICTION_HD_OUTLINE Index solve_space(B& block, const SpaceRoom& room, const Bod
       multigrid.cycle = space.multigrid.cycle;
       multigrid.memory = memory;
       multigrid.prepare(block, room.H, room.positions);
-      return solve_with(block, room, multigrid, system, tolerance);
+      solve_with(block, room, multigrid, system, tolerance);
     }
   }
-  return 0;
 }
 
 }  // namespace stiction::inline STICTION_ISA
