@@ -174,9 +174,9 @@ class Bench:
                    "--threads", "1", "--isolate", "--quiet", "-o", str(answer)]
         where = f"law {law}, {solver}, {precision}"
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+            done = subprocess.run(command, capture_output=True, text=True, timeout=600)
         except subprocess.TimeoutExpired:
-            self.failures.append(f"{where}: no answer in 120 s")
+            self.failures.append(f"{where}: no answer in 600 s")
             return
         if done.returncode not in (0, 1) or not answer.exists():
             self.failures.append(f"{where}: exit status {done.returncode} {done.stderr.strip()}")

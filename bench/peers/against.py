@@ -268,7 +268,7 @@ def winners_table(rows, goals):
             at = [row for row in rows if row["file"] == name and row["goal"] == goal]
             best = [min((row for row in at if row["solver"].startswith("stiction") is ours), default=None,
                         key=lambda row: (-row["solved"], row["ms_total"])) for ours in (True, False)]
-            said = ["-" if row is None else f"{row['solver']} {row['solved']}/{row['environments']}, "
+            said = ["-" if row is None or not row["solved"] else f"{row['solver']} {row['solved']}/{row['environments']}, "
                     f"{milliseconds(row['ms_total'])} ms" for row in best]
             if None not in best and any(row["solved"] for row in best):
                 first = min((0, 1), key=lambda i: (-best[i]["solved"], best[i]["ms_total"]))
@@ -308,7 +308,7 @@ def head_of(arguments, program):
             "shortest of up to three counts, of long ones the smaller of wall clock and processor time.", "",
             "Solved is what the judge accepts. ms in the first table: the median of an environment's time, unsolved ones taking "
             "for ever (-: more than half are unsolved). In the second: the whole file, unsolved environments and all; more "
-            "solved wins, then less time. A residual of - : no answer in time."]
+            "solved wins, then less time; - : nothing solved. A residual of - : no answer in time."]
 
 
 def main():
