@@ -26,7 +26,7 @@ def main():
     arguments.results.mkdir(parents=True, exist_ok=True)
     found = findings.Findings()
     with tempfile.TemporaryDirectory() as folder:
-        bench = measure.Bench(arguments.stiction, arguments.judge, folder, repeats=2 if quick else 7, timeout=30)
+        bench = measure.Bench(arguments.stiction, arguments.judge, folder, repeats=2 if quick else 9, timeout=20)
         groups = {
             "chain": lambda: sweeps.chain(bench, found, quick),
             "counts": lambda: sweeps.typical_counts(bench, found, arguments, quick),
@@ -43,11 +43,11 @@ def main():
             "scaling": lambda: rates.scaling(bench, found, arguments),
             "step": lambda: direct.printed_step(found),
         }
+        comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)
         for name in arguments.only.split(",") if arguments.only else groups:
             groups[name]()
-    comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)
-    measure.write_table(arguments.results / "chapter_claims.csv", comments, findings.COLUMNS, found.numbers)
-    (arguments.results / "chapter_claims.md").write_text(found.markdown(comments))
+            measure.write_table(arguments.results / "chapter_claims.csv", comments, findings.COLUMNS, found.numbers)
+            (arguments.results / "chapter_claims.md").write_text(found.markdown(comments))
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ def families(quick):
         return problems.normals_only(A, -A @ problems.carried(column))
 
     return {
-        "columns of 3 to 160": [(bottom_up(*np.ones(n)), np.cos(np.pi / (2 * n + 1)) ** 2) for n in sizes],
+        "columns of 3 to 160": [(bottom_up(*np.ones(n)), np.cos(np.pi / (2 * n)) ** 2) for n in sizes],
         "heavy body on a light one": [(bottom_up(1, q), q / (1 + q)) for q in masses],
         "light body on a heavy one": [(bottom_up(q, 1), 1 / (1 + q)) for q in masses],
         "bodies that do not touch": [(problems.closed(np.diag(np.logspace(0, -np.log10(q), 10)), rng), 0.0) for q in masses[1:]],

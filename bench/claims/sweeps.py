@@ -50,7 +50,7 @@ def chain(bench, findings, quick):
                 counts.setdefault(solver, {})[size] = (float(np.median(found.iterations)), found.microseconds)
                 findings.add("chain", f"column of {size}", f"{solver} to 1e-3", iterations=counts[solver][size][0],
                              us_per_env=found.microseconds)
-    jacobi_radius = np.cos(np.pi / (2 * last + 1))
+    jacobi_radius = np.cos(np.pi / (2 * last))
     omega = 2 / (1 + np.sqrt(1 - jacobi_radius**2))
     relaxed = bench.solve(bench.generate("column", last, 8), "pgs", 1e-3, MANY, repeats=3, options=["--omega", f"{omega:.6f}"])
     findings.add("chain", f"column of {last}", f"pgs, omega {omega:.4f}, to 1e-3", iterations=np.median(relaxed.iterations),
@@ -175,7 +175,7 @@ def mass_ratio(bench, findings, quick):
 def relaxation(bench, findings, quick):
     size = 25 if quick else 100
     path = bench.generate("column", size, 8)
-    jacobi = np.cos(np.pi / (2 * size + 1))
+    jacobi = np.cos(np.pi / (2 * size))
     formula = 2 / (1 + np.sqrt(1 - jacobi**2))
     misread = 2 / (1 + np.sqrt(1 - jacobi**4))
     grid = sorted({1.0, 1.5, 1.8, 1.9, 1.94, 1.95, 1.96, 1.965, 1.97, 1.975, 1.98, 1.99, round(formula, 4), round(misread, 4)})
