@@ -26,7 +26,7 @@ def main():
     arguments.results.mkdir(parents=True, exist_ok=True)
     found = findings.Findings()
     with tempfile.TemporaryDirectory() as folder:
-        bench = measure.Bench(arguments.stiction, arguments.judge, folder, repeats=2 if quick else 9, timeout=20)
+        bench = measure.Bench(arguments.stiction, arguments.judge, folder, repeats=2 if quick else 4, timeout=10)
         groups = {
             "chain": lambda: sweeps.chain(bench, found, quick),
             "counts": lambda: sweeps.typical_counts(bench, found, arguments, quick),

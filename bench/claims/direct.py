@@ -89,16 +89,17 @@ def printed_step(findings):
     for _ in range(count):
         A, b, _, _ = problems.random_complementarity(10, rng)
         for name in right:
-            x = np.zeros(len(b))
+            x, settled = np.zeros(len(b)), 0
             for _ in range(2000):
                 for i in range(len(b)):
                     whole = A[i] @ x + b[i]
                     x[i] = max(0.0, x[i] - (whole - (A[i, i] * x[i] if name == "printed" else 0)) / A[i, i])
-                residual = np.abs(np.minimum(x, A @ x + b)).max()
-                if residual < 1e-8 or np.abs(x).max() > 1e9:
+                # A sweep may pass through the solution and walk on: it has to stay there.
+                settled = settled + 1 if np.abs(np.minimum(x, A @ x + b)).max() < 1e-8 else 0
+                if settled == 3 or np.abs(x).max() > 1e9:
                     break
-            right[name] += bool(residual < 1e-6)
-    findings.add("printed step", f"{count} random problems of 10 rows", "2000 sweeps", printed=right["printed"], corrected=right["corrected"])
+            right[name] += settled > 0
+    findings.add("printed step", f"{count} random problems of 10 rows", "at most 2000 sweeps", printed=right["printed"], corrected=right["corrected"])
     findings.conclude("the step of PGS", "3.1", "r = (b_i + sum over j != i of A_ij lambda_j)/A_ii, lambda_i = max(0, lambda_i - r)",
                       f"as printed it solves {right['printed']} of {count} random problems; with the whole sum {right['corrected']}",
                       "holds" if right["printed"] == count else "does not hold")

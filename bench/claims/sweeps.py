@@ -43,7 +43,7 @@ def chain(bench, findings, quick):
     last = 50 if quick else 100
     counts = {}
     for size in sizes:
-        path = bench.generate("column", size, 8)
+        path = bench.generate("column", size, 2)
         for solver in SWEEPS + DIRECT + ["auto"]:
             found = bench.solve(path, solver, 1e-3, MANY, repeats=3 if size == last else 1)
             if found.answered and not found.unsolved:
@@ -52,7 +52,7 @@ def chain(bench, findings, quick):
                              us_per_env=found.microseconds)
     jacobi_radius = np.cos(np.pi / (2 * last))
     omega = 2 / (1 + np.sqrt(1 - jacobi_radius**2))
-    relaxed = bench.solve(bench.generate("column", last, 8), "pgs", 1e-3, MANY, repeats=3, options=["--omega", f"{omega:.6f}"])
+    relaxed = bench.solve(bench.generate("column", last, 2), "pgs", 1e-3, MANY, repeats=3, options=["--omega", f"{omega:.6f}"])
     findings.add("chain", f"column of {last}", f"pgs, omega {omega:.4f}, to 1e-3", iterations=np.median(relaxed.iterations),
                  us_per_env=relaxed.microseconds)
     error, residual = reference_sweeps(np.ones(last))
@@ -72,12 +72,12 @@ def chain(bench, findings, quick):
                       "holds" if symmetric < 0.5 * error else "partly" if symmetric < 0.9 * error else "does not hold")
     rows = [(f"`{solver}`", f"{own[last][0]:.0f}", short(own[last][1], 3)) for solver, own in counts.items() if last in own]
     rows.insert(1, (f"`pgs`, omega {omega:.3f}", f"{np.median(relaxed.iterations):.0f}", short(relaxed.microseconds, 3)))
-    links = bench.generate("chain", last, 4)
+    links = bench.generate("chain", last, 2)
     joined = []
     for solver in SWEEPS + ["admm", "newton", "ipm", "auto"]:
         found = bench.solve(links, solver, 1e-3, MANY, repeats=2)
         solved = found.answered and not found.unsolved
-        joined.append((f"`{solver}`", f"{np.median(found.iterations):.0f}" if solved else found.note or f"{found.unsolved} of 4 unsolved",
+        joined.append((f"`{solver}`", f"{np.median(found.iterations):.0f}" if solved else found.note or f"{found.unsolved} of 2 unsolved",
                        short(found.microseconds, 3) if solved else "-"))
         if found.answered:
             findings.add("chain", f"chain of {last} links", f"{solver} to 1e-3", iterations=np.median(found.iterations),
@@ -174,7 +174,7 @@ def mass_ratio(bench, findings, quick):
 
 def relaxation(bench, findings, quick):
     size = 25 if quick else 100
-    path = bench.generate("column", size, 8)
+    path = bench.generate("column", size, 2)
     jacobi = np.cos(np.pi / (2 * size))
     formula = 2 / (1 + np.sqrt(1 - jacobi**2))
     misread = 2 / (1 + np.sqrt(1 - jacobi**4))
