@@ -25,7 +25,7 @@ try:
     import h5py
     import numpy as np
 
-    from problems import BOX, FREE, FRICTION, UNILATERAL, Environment, write_batch
+    from environments import BOX, FREE, FRICTION, UNILATERAL, Environment, write_batch
     from roster import SLACK, SOLVERS, load_judge
 except ImportError as missing:
     print(f"SKIPPED: {missing}")

@@ -43,7 +43,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import siconos  # noqa: E402
-from problems import FRICTION, UNILATERAL, read_environments, write_batch  # noqa: E402
+from environments import FRICTION, UNILATERAL, read_environments, write_batch  # noqa: E402
 from roster import SLACK, files_of, law_of, load_judge  # noqa: E402
 
 try:

@@ -10,7 +10,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sparse
 
-from problems import BOX, FREE, FRICTION
+from environments import BOX, FREE, FRICTION
 
 VERSION = f"Clarabel {clarabel.__version__}"
 

@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 
-from problems import FRICTION, UNILATERAL
+from environments import FRICTION, UNILATERAL
 
 SOURCE = pathlib.Path(__file__).with_name("siconos_solve.c")
 HEADERS = ["/usr/include/siconos", "/usr/include/siconos/numerics"]

@@ -17,7 +17,7 @@ try:
 
     import against
     import siconos
-    from problems import FRICTION, UNILATERAL, Environment, read_environments, write_batch
+    from environments import FRICTION, UNILATERAL, Environment, read_environments, write_batch
 except ImportError as missing:
     print(f"SKIPPED: the peers are not tested, {missing}")
     sys.exit(77)
