@@ -185,12 +185,15 @@ def recorded(arguments, name, example=None):
 
 
 def machine_name():
-    """As in run.sh: processor and cores."""
+    """As in run.sh: the environment's MACHINE, else processor and cores."""
+    if os.environ.get("MACHINE"):
+        return os.environ["MACHINE"]
     text = pathlib.Path("/proc/cpuinfo").read_text() if pathlib.Path("/proc/cpuinfo").exists() else ""
     model = re.search(r"^model name[^:]*: (.*)$", text, re.M)
+    number = re.search(r"^model\s*: (.*)$", text, re.M)
     cores = len(re.findall(r"^processor\s*:", text, re.M)) or 1
-    name = f"{model.group(1) if model else 'unknown'} {cores} cores"
-    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"\([A-Za-z]*\)|\bprocessor\b", "", name, flags=re.I).lower()).strip("-")
+    name = f"{model.group(1) if model else 'unknown'} model {number.group(1) if number else ''} {cores} cores"
+    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"\([A-Za-z]*\)", "", name).lower()).strip("-")
 
 
 def header(stiction, script):

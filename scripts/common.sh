@@ -64,6 +64,7 @@ test_packages=(
   "librapidcheck-dev: no property tests"
   "libbenchmark-dev: no benchmarks"
   "libeigen3-dev: no minimum-degree ordering, no Eigen baseline in the benchmarks"
+  "libspectra-dev: extreme singular values are not compared with Spectra"
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
   "clang-format-14: formatting is not checked"

@@ -57,7 +57,7 @@ TABLE = [
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/base/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
-    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "core/graph/tridiagonal.hpp", "bench/scenes", "tools/cli"],
+    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python"], foreign=("nanobind/",)),
 ]

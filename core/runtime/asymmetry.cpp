@@ -1,3 +1,5 @@
+#include "core/runtime/asymmetry.hpp"
+
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -76,6 +78,21 @@ double asymmetry_of(const SortedRows& unsorted) {
 }  // namespace
 
 template <class Real>
+double environment_asymmetry(const ContactBatchView<Real>& batch, Offset env) {
+  SortedRows a{{0}, {}, {}};
+  const Offset first = batch.env_row_offsets[env], end = first + batch.env_rows(env);
+  for (Offset row = first; row < end; ++row) {
+    const Index count = batch.row_entries(row);
+    const Index* columns = batch.row_columns(row);
+    const Real* values = batch.A + batch.row_offsets[row];
+    a.column.insert(a.column.end(), columns, columns + count);
+    a.value.insert(a.value.end(), values, values + count);
+    a.offsets.push_back(static_cast<Index>(a.column.size()));
+  }
+  return asymmetry_of(a);
+}
+
+template <class Real>
 std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
   const std::vector<Defect> defects = validate_structure(batch, 1);
   if (!defects.empty()) {
@@ -83,25 +100,12 @@ std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
   }
   std::vector<double> result;
   result.reserve(static_cast<std::size_t>(batch.env_count));
-  SortedRows a;
-  for (Offset env = 0; env < batch.env_count; ++env) {
-    const Offset first = batch.env_row_offsets[env], end = first + batch.env_rows(env);
-    a.offsets.assign(1, 0);
-    a.column.clear();
-    a.value.clear();
-    for (Offset row = first; row < end; ++row) {
-      const Index count = batch.row_entries(row);
-      const Index* columns = batch.row_columns(row);
-      const Real* values = batch.A + batch.row_offsets[row];
-      a.column.insert(a.column.end(), columns, columns + count);
-      a.value.insert(a.value.end(), values, values + count);
-      a.offsets.push_back(static_cast<Index>(a.column.size()));
-    }
-    result.push_back(asymmetry_of(a));
-  }
+  for (Offset env = 0; env < batch.env_count; ++env) result.push_back(environment_asymmetry(batch, env));
   return result;
 }
 
+template double environment_asymmetry(const ContactBatchView<float>&, Offset);
+template double environment_asymmetry(const ContactBatchView<double>&, Offset);
 template std::vector<double> asymmetry(const ContactBatchView<float>&);
 template std::vector<double> asymmetry(const ContactBatchView<double>&);
 

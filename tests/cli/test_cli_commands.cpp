@@ -122,8 +122,43 @@ TEST(Inspect, CountsWhatIsThere) {
   EXPECT_EQ(json["paths"]["dense"], 1);
   EXPECT_EQ(json["islands"]["max"], 2);
   EXPECT_EQ(json["asymmetry"]["max"], 0.0);
-  EXPECT_NEAR(json["condition_estimate"]["max"].get<double>(), 5, 1e-12);
+  EXPECT_NEAR(json["condition_estimate"]["max"].get<double>(), 5, 1e-12) << "eigenvalues 1, 3, 5";
+  EXPECT_EQ(json["condition_estimate"]["settled"], 1);
+  EXPECT_EQ(json["condition_estimate"]["singular"], 0);
+  EXPECT_EQ(json["operators"]["environments"], 1);
+  EXPECT_EQ(json["operators"]["positive_definite"], 1);
+  EXPECT_NEAR(json["operators"]["largest_singular_value"]["median"].get<double>(), 5, 1e-12);
+  EXPECT_NEAR(json["operators"]["smallest_singular_value"]["median"].get<double>(), 1, 1e-12);
+  EXPECT_EQ(json["operators"]["rank_deficiency"]["max"], 0.0);
+  EXPECT_EQ(json["operators"]["normal_spread"]["max"], 2.5) << "diagonals 2, 2, 5";
   EXPECT_TRUE(json["warnings"].empty());
+}
+
+TEST(Inspect, SingularAndIndefiniteOperatorsAreCounted) {
+  const Folder folder;
+  io::Recording recording = hand_made();
+  auto environment = Environment<double>{};
+  environment.cones.assign(2, {ConeKind::unilateral, 1, -1});
+  environment.b = {-1, -1};
+  for (const double coupling : {1.0, 2.0}) {
+    environment.set_dense(std::vector<double>{1, coupling, coupling, 1}, 2);
+    recording.batch.add(environment);
+  }
+  recording.batch.add(Environment<double>{});
+  const std::string batch = write_batch(folder / "b.h5", recording);
+  const Json json = Json::parse(run_stiction({"inspect", batch, "--json"}).out);
+  EXPECT_EQ(json["operators"]["environments"], 3) << "the empty one is left out";
+  EXPECT_EQ(json["operators"]["positive_definite"], 1);
+  EXPECT_EQ(json["operators"]["positive_semidefinite"], 1);
+  EXPECT_EQ(json["operators"]["indefinite"], 1);
+  EXPECT_EQ(json["operators"]["rank_deficiency"]["max"], 1.0);
+  EXPECT_EQ(json["condition_estimate"]["singular"], 1);
+  EXPECT_TRUE(json["condition_estimate"]["max"].is_null()) << "infinite";
+  ASSERT_EQ(json["warnings"].size(), 1U);
+  EXPECT_EQ(json["warnings"][0].get<std::string>().find("1 of 3 environments"), 0U);
+  const std::string text = run_stiction({"inspect", batch}).out;
+  EXPECT_NE(text.find("1 positive definite, 1 positive semidefinite, 1 indefinite, 0 not tested"), std::string::npos);
+  EXPECT_NE(text.find("3 settled, 1 singular)"), std::string::npos);
 }
 
 TEST(Inspect, OneEnvironmentCanBeLookedAt) {

@@ -1,10 +1,8 @@
 #include "tools/cli/features.hpp"
 
-#include <cmath>
-#include <limits>
+#include <span>
 
 #include "tools/cli/cone_graph.hpp"
-#include "tools/cli/spectrum.hpp"
 
 namespace stiction::cli {
 
@@ -51,20 +49,14 @@ void measure_plan(const PlanData& plan, Features& features) {
   }
 }
 
-void measure_spectra(const ContactBatchView<double>& batch, Features& features) {
-  const Offset sample = batch.env_count < kSpectrumSample ? batch.env_count : kSpectrumSample;
-  for (Offset i = 0; i < sample; ++i) {
-    const Offset env = i * batch.env_count / sample;
-    const Spectrum spectrum = estimate_spectrum(batch, env);
-    if (!spectrum.usable) continue;
-    const Offset rows = features.rows[at(env)];
-    const double condition = spectrum.condition(rows);
-    features.condition.push_back(condition);
-    features.condition_complete += spectrum.complete ? 1 : 0;
-    features.singular += std::isinf(condition) ? 1 : 0;
-    const double rounding = static_cast<double>(rows) * std::numeric_limits<double>::epsilon() * spectrum.largest;
-    features.indefinite += spectrum.smallest < -rounding ? 1 : 0;
-  }
+void measure_operators(const ContactBatchView<double>& batch, Features& features) {
+  const Offset sample = batch.env_count < kOperatorSample ? batch.env_count : kOperatorSample;
+  std::vector<Offset> envs;
+  for (Offset i = 0; i < sample; ++i) envs.push_back(i * batch.env_count / sample);
+  AnalysisOptions options;
+  options.max_steps = kOperatorSteps;
+  features.operators = analyse(batch, std::span<const Offset>(envs), options);
+  std::erase_if(features.operators, [](const OperatorAnalysis& seen) { return seen.rows == 0 || !seen.is_finite; });
 }
 
 }  // namespace
@@ -88,7 +80,7 @@ Features measure(const ContactBatchView<double>& batch, const PlanData& plan) {
   measure_plan(plan, features);
   features.asymmetry = asymmetry(batch);
   for (Offset row = 0; row < batch.row_count; ++row) widen(features.compliance, batch.R[row]);
-  measure_spectra(batch, features);
+  measure_operators(batch, features);
   return features;
 }
 

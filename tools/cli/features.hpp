@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/schedule/plan.hpp"
+#include "stiction/analysis.hpp"
 #include "stiction/batch.hpp"
 #include "tools/cli/quantiles.hpp"
 
@@ -26,14 +27,17 @@ struct Features {
   std::vector<double> asymmetry;
   std::optional<Range> friction_coefficient;  ///< mu over all friction axes
   std::optional<Range> compliance;            ///< R over all rows
-  std::vector<double> condition;              ///< of the environments that were looked at
-  Offset condition_complete = 0;              ///< ... of which resolved completely
-  Offset singular = 0;                        ///< ... of which singular to within rounding
-  Offset indefinite = 0;                      ///< ... of which with an eigenvalue below zero by more than rounding
+  std::vector<OperatorAnalysis> operators;    ///< A + diag R of environments looked at, with rows and finite numbers
 };
 
-/// The most environments whose spectrum is estimated, spread evenly over the batch.
-inline constexpr Offset kSpectrumSample = 256;
+/// The most environments whose operator is analysed, spread evenly over the batch.
+inline constexpr Offset kOperatorSample = 256;
+
+/// Steps of each iteration there: more than a solver's choice would be worth, for a person waits for few environments.
+inline constexpr Index kOperatorSteps = 100;
+
+/// Relative error bound at which an estimate counts as settled.
+inline constexpr double kSettledError = 1e-3;
 
 Features measure(const ContactBatchView<double>& batch, const PlanData& plan);
 

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <numeric>
 
 #include "tools/cli/commands.hpp"
@@ -76,13 +78,74 @@ std::string cones_text(const Features& features) {
   return text;
 }
 
+/// One number of every environment looked at in which it was determined.
+template <class Number>
+std::vector<double> determined(const Features& features, const Number& number) {
+  std::vector<double> values;
+  for (const OperatorAnalysis& seen : features.operators) {
+    const double value = number(seen);
+    if (!std::isnan(value)) values.push_back(value);
+  }
+  return values;
+}
+
+struct OperatorNumber {
+  const char *label, *key;
+  double (*of)(const OperatorAnalysis& seen);
+};
+
+double deficiency(const OperatorAnalysis& seen) {
+  return seen.rank < 0 ? OperatorAnalysis::kNone : static_cast<double>(seen.rows - seen.rank);
+}
+
+constexpr OperatorNumber kOperatorNumbers[] = {
+    {"largest value", "largest_singular_value", [](const OperatorAnalysis& seen) { return seen.largest; }},
+    {"smallest value", "smallest_singular_value", [](const OperatorAnalysis& seen) { return seen.smallest; }},
+    {"rank missing", "rank_deficiency", deficiency},
+    {"range condition", "range_condition", [](const OperatorAnalysis& seen) { return seen.range_condition(); }},
+    {"normal spread", "normal_spread", [](const OperatorAnalysis& seen) { return seen.normal_spread; }},
+};
+
+template <class Test>
+std::ptrdiff_t count(const Features& features, const Test& test) {
+  return std::count_if(features.operators.begin(), features.operators.end(), test);
+}
+
+std::ptrdiff_t count(const Features& features, Definiteness definiteness) {
+  return count(features, [&](const OperatorAnalysis& seen) { return seen.definiteness == definiteness; });
+}
+
+/// How many environments have a condition number, how many of those to kSettledError, and how many have no inverse.
+struct ConditionCounts {
+  std::ptrdiff_t estimated, settled, singular;
+};
+
+ConditionCounts condition_counts(const Features& features) {
+  return {count(features, [](const OperatorAnalysis& seen) { return seen.rank >= 0; }),
+          count(features,
+                [](const OperatorAnalysis& seen) {
+                  return seen.largest_error <= kSettledError && seen.smallest_error <= kSettledError;
+                }),
+          count(features, [](const OperatorAnalysis& seen) { return seen.rank >= 0 && seen.rank < seen.rows; })};
+}
+
+std::vector<double> conditions(const Features& features) {
+  return determined(features, [](const OperatorAnalysis& seen) { return seen.condition(); });
+}
+
 std::string condition_text(const Features& features) {
-  if (features.condition.empty()) return "-";
-  std::string text = spread_text(features.condition);
-  text += fmt::format(" (estimate, {} environments", features.condition.size());
-  const auto bounded = static_cast<Offset>(features.condition.size()) - features.condition_complete;
-  if (bounded != 0) text += fmt::format("; from below in {} large ones", bounded);
-  return text + fmt::format("; {} singular, {} indefinite)", features.singular, features.indefinite);
+  const ConditionCounts counts = condition_counts(features);
+  std::string text = fmt::format("{} (estimate, {} environments; {} settled, {} singular",
+                                 spread_text(conditions(features)), counts.estimated, counts.settled, counts.singular);
+  const auto large = static_cast<std::ptrdiff_t>(features.operators.size()) - counts.estimated;
+  return text + (large != 0 ? fmt::format("; not estimated in {} large ones)", large) : ")");
+}
+
+std::string definiteness_text(const Features& features) {
+  return fmt::format("{} positive definite, {} positive semidefinite, {} indefinite, {} not tested",
+                     count(features, Definiteness::positive_definite),
+                     count(features, Definiteness::positive_semidefinite), count(features, Definiteness::indefinite),
+                     count(features, Definiteness::unknown));
 }
 
 }  // namespace
@@ -107,11 +170,12 @@ std::vector<std::string> warnings(const Features& features, const std::vector<De
                     "largest entry; solvers for symmetric systems refuse those",
                     asymmetric));
   }
-  if (features.indefinite != 0) {
+  const auto indefinite = count(features, Definiteness::indefinite);
+  if (indefinite != 0) {
     texts.push_back(
         fmt::format("{} of {} environments looked at have an eigenvalue below zero by more than rounding: "
                     "there the convex law need not have a minimiser",
-                    features.indefinite, features.condition.size()));
+                    indefinite, features.operators.size()));
   }
   return texts;
 }
@@ -126,11 +190,17 @@ std::string to_json(const InspectReport& report) {
   for (std::size_t rows = 2; rows < features.friction.size(); ++rows) {
     cones["friction"][std::to_string(rows)] = features.friction[rows];
   }
-  Json condition = spread(features.condition);
-  condition["environments"] = features.condition.size();
-  condition["complete"] = features.condition_complete;
-  condition["singular"] = features.singular;
-  condition["indefinite"] = features.indefinite;
+  const ConditionCounts counts = condition_counts(features);
+  Json condition = spread(conditions(features));
+  condition["environments"] = counts.estimated;
+  condition["settled"] = counts.settled;
+  condition["singular"] = counts.singular;
+  Json operators = {{"environments", features.operators.size()},
+                    {"positive_definite", count(features, Definiteness::positive_definite)},
+                    {"positive_semidefinite", count(features, Definiteness::positive_semidefinite)},
+                    {"indefinite", count(features, Definiteness::indefinite)},
+                    {"not_tested", count(features, Definiteness::unknown)}};
+  for (const OperatorNumber& number : kOperatorNumbers) operators[number.key] = spread(determined(features, number.of));
   return dump({{"schema_version", kReportSchemaVersion},
                {"file", report.file},
                {"format", name(report.kind)},
@@ -154,6 +224,7 @@ std::string to_json(const InspectReport& report) {
                {"friction", json_of(features.friction_coefficient)},
                {"compliance", json_of(features.compliance)},
                {"condition_estimate", condition},
+               {"operators", operators},
                {"has_jacobian", report.has_jacobian},
                {"has_reference", report.has_reference},
                {"warnings", report.warnings}});
@@ -183,7 +254,10 @@ std::string to_text(const InspectReport& report) {
   line("asymmetry", spread_text(features.asymmetry));
   line("friction", text_of(features.friction_coefficient));
   line("compliance", text_of(features.compliance));
+  line("definiteness", definiteness_text(features));
   line("condition", condition_text(features));
+  for (const OperatorNumber& number : kOperatorNumbers)
+    line(number.label, spread_text(determined(features, number.of)));
   line("stored beside", fmt::format("{}, {}", report.has_jacobian ? "J and M" : "no J and M",
                                     report.has_reference ? "a reference solution" : "no reference solution"));
   if (report.graph_environment) line("drawn", fmt::format("environment {}", *report.graph_environment));
