@@ -14,7 +14,7 @@ STICTION_HD_OUTLINE double dot_product(B& block, Index n, const double* v, const
   });
 }
 
-/// Vectors of 6 `rows` doubles that conjugate gradients keep.
+/// Vectors of n doubles that conjugate gradients for n unknowns keep.
 inline constexpr Index kGradientVectors = 4;
 
 struct GradientOutcome {
@@ -22,18 +22,18 @@ struct GradientOutcome {
   bool is_met = false;  ///< whether the tolerance was
 };
 
-/// Solves A x = b from x = 0 by preconditioned conjugate gradients (Golub and Van Loan 2013, algorithm 11.5.1), until
-/// the residual, in the norm that the preconditioner M^-1 makes, is `tolerance` times its first value, or `most`
-/// iterations are done. `memory` has room for kGradientVectors. A direction without curvature ends it: A is then not
-/// positive definite to working precision, and x is the best there is. The outcome is on every lane.
+/// Solves A x = b for n unknowns from x = 0 by preconditioned conjugate gradients (Golub and Van Loan 2013,
+/// algorithm 11.5.1), until the residual, in the norm that the preconditioner M^-1 makes, is `tolerance` times its
+/// first value, or `most` iterations are done. `memory` has room for kGradientVectors. A direction without curvature
+/// ends it: A is then not positive definite to working precision. However it ends, x is the best there was: each
+/// iterate is nearer to the solution than the last in the norm that A makes. The outcome is on every lane.
 ///
-/// A preconditioner has `template <Block B> void apply(B&, const double* r, double* z) const`, z = M^-1 r with M
-/// symmetric positive definite and z, r apart.
-template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const BlockMatrix& A,
+/// An operator has `template <Block B> void apply(B&, const double* v, double* w) const`, w = A v with w, v apart; a
+/// preconditioner has the same, z = M^-1 r with M symmetric positive definite.
+template <Block B, class Operator, class Preconditioner>
+STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, Index n, const Operator& A,
                                                     const Preconditioner& preconditioner, const double* b, double* x,
                                                     double* memory, double tolerance, Index most) {
-  const Index n = A.pattern.rows * kBodyBlock;
   double* const r = memory;
   double* const z = r + n;
   double* const p = z + n;
@@ -49,7 +49,7 @@ STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const BlockMatrix&
   GradientOutcome outcome;
   outcome.is_met = !(energy > enough);
   while (!outcome.is_met && outcome.iterations < most) {
-    multiply_blocks(block, A, p, q);
+    A.apply(block, p, q);
     const double curvature = dot_product(block, n, p, q);
     if (!(curvature > 0.0)) break;
     const double alpha = div_(energy, curvature);
@@ -66,6 +66,23 @@ STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const BlockMatrix&
     for_each(block, n, [&](Index i) { p[i] = fma_(beta, p[i], z[i]); });
   }
   return outcome;
+}
+
+/// A block matrix as an operator.
+struct BlockOperator {
+  BlockMatrix A;
+  template <Block B>
+  STICTION_HD void apply(B& block, const double* v, double* w) const {
+    multiply_blocks(block, A, v, w);
+  }
+};
+
+/// The same for a block matrix.
+template <Block B, class Preconditioner>
+STICTION_HD GradientOutcome solve_gradients(B& block, const BlockMatrix& A, const Preconditioner& preconditioner,
+                                            const double* b, double* x, double* memory, double tolerance, Index most) {
+  return solve_gradients(block, A.pattern.rows * kBodyBlock, BlockOperator{A}, preconditioner, b, x, memory, tolerance,
+                         most);
 }
 
 }  // namespace stiction::inline STICTION_ISA
