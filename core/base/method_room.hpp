@@ -9,15 +9,20 @@ inline constexpr Index kDirectRows = 1024;
 
 /// What a method keeps beside the system. Vectors and matrices of double are for methods that factorise: whatever the
 /// solve's precision, an elimination of hundreds of rows is done in double. Such a method takes environments one at a
-/// time, never in packs or bundles.
+/// time, never in packs or bundles. Where an environment is too large for matrices, a method that can do without has
+/// further vectors instead.
 struct MethodRoom {
-  Index vectors = 0;   ///< of n numbers of Real
-  Index wide = 0;      ///< of n doubles
-  Index matrices = 0;  ///< of n x n doubles, for environments of at most kDirectRows rows
+  Index vectors = 0;                ///< of n numbers of Real
+  Index wide = 0;                   ///< of n doubles
+  Index matrices = 0;               ///< of n x n doubles, for environments of at most direct_rows rows
+  Index instead = 0;                ///< of n doubles, for larger ones; 0: the method has no other way
+  Index direct_rows = kDirectRows;  ///< at most kDirectRows
 
-  /// Doubles for an environment of n rows.
+  /// Whether an environment of n rows gets the matrices.
+  [[nodiscard]] STICTION_HD constexpr bool has_matrices(Offset n) const { return n <= direct_rows; }
+  /// Doubles for an environment of n rows. Not monotone: one without matrices may need less than a smaller one.
   [[nodiscard]] STICTION_HD constexpr Offset doubles(Offset n) const {
-    return wide * n + (n <= kDirectRows ? matrices * n * n : 0);
+    return wide * n + (has_matrices(n) ? matrices * n * n : instead * n);
   }
   /// The same in numbers of Real.
   template <class Real>
@@ -29,7 +34,8 @@ struct MethodRoom {
   /// What is enough for either of two methods.
   [[nodiscard]] STICTION_HD constexpr MethodRoom joined(const MethodRoom& other) const {
     return {vectors > other.vectors ? vectors : other.vectors, wide > other.wide ? wide : other.wide,
-            matrices > other.matrices ? matrices : other.matrices};
+            matrices > other.matrices ? matrices : other.matrices, instead > other.instead ? instead : other.instead,
+            direct_rows > other.direct_rows ? direct_rows : other.direct_rows};
   }
   friend constexpr bool operator==(const MethodRoom&, const MethodRoom&) = default;
 };

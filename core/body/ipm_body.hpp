@@ -7,11 +7,14 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md). One
-/// factorisation an iteration. Under the Coulomb law de Saxce's shift is taken from the point before, and the barrier
-/// may not fall faster than the shift comes to rest.
-struct Ipm {
+/// factorisation an iteration; above kMostDirect rows conjugate gradients instead. Under the Coulomb law de Saxce's
+/// shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
+template <Index kMostDirect>
+struct InteriorPoint {
   static constexpr SolverKind kKind = SolverKind::ipm;
-  static STICTION_HD constexpr MethodRoom room() { return {0, IpmSpace::kVectors, IpmSpace::kMatrices}; }
+  static STICTION_HD constexpr MethodRoom room() {
+    return {0, IpmSpace::kVectors, IpmSpace::kMatrices, IpmSpace::kGradientRoom, kMostDirect};
+  }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
@@ -27,7 +30,7 @@ struct Ipm {
   template <Law kLaw, Block B, class System>
   static STICTION_HD_OUTLINE void start(B& block, System& s) {
     using Real = typename System::Real;
-    const IpmSpace p(s);
+    const IpmSpace p(s, room());
     const double terms = start_interior(block, s, p);
     single(block, [&] {
       s.scalar[kTheta] = static_cast<Real>(terms);
@@ -38,7 +41,7 @@ struct Ipm {
 
   template <Law kLaw, Block B, class System>
   static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
-    const IpmSpace p(s);
+    const IpmSpace p(s, room());
     const auto terms = static_cast<double>(s.scalar[kTheta]);
     const double drift = refresh_motion_wide<kLaw>(block, s, p);
     scale_cones(block, s, p);
@@ -66,7 +69,7 @@ struct Ipm {
   /// motion = A x + b + shift, the shift being norm(y_t) of this very motion. Returns the work of the shift's change.
   template <Law kLaw, Block B, class System>
   static STICTION_HD_OUTLINE double refresh_motion_wide(B& block, const System& s, const IpmSpace& p) {
-    multiply_wide(block, p.A, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
+    multiply_wide(block, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
     if constexpr (kLaw == Law::convex) {
       return 0.0;
     } else {
@@ -121,5 +124,8 @@ struct Ipm {
     });
   }
 };
+
+/// As the library has it.
+struct Ipm : InteriorPoint<kDirectRows> {};
 
 }  // namespace stiction::inline STICTION_ISA

@@ -232,9 +232,13 @@ struct LoadRules {
   bool needs_symmetry;      ///< an asymmetric A is refused
   bool takes_any_diagonal;  ///< rows whose diagonal is not positive are not
 };
+/// Whoever goes without the matrices it has for smaller environments takes conjugate gradients, for which A has to be
+/// symmetric under any law.
 template <class Method>
-STICTION_HD LoadRules load_rules(Law law) {
-  return {Method::needs_symmetry(law), requires {Method::kTakesAnyDiagonal;
+STICTION_HD LoadRules load_rules(Law law, Index rows) {
+  constexpr MethodRoom kRoom = Method::room();
+  const bool takes_gradients = kRoom.instead > 0 && !kRoom.has_matrices(rows);
+  return {Method::needs_symmetry(law) || takes_gradients, requires {Method::kTakesAnyDiagonal;
 }
 };
 }
@@ -270,7 +274,8 @@ STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env,
 /// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
 template <class Method, class System>
 STICTION_HD std::uint32_t unsupported_flags(const System& s) {
-  std::uint32_t flags = Method::room().matrices > 0 && s.n > kDirectRows ? kFlagNoRoom : 0U;
+  constexpr MethodRoom kRoom = Method::room();
+  std::uint32_t flags = kRoom.matrices > 0 && kRoom.instead == 0 && !kRoom.has_matrices(s.n) ? kFlagNoRoom : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }
@@ -294,7 +299,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Both, for machines that do all in one go. Returns the flags.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw)) | unsupported_flags<Method>(s);
+  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw, s.n)) | unsupported_flags<Method>(s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(block, env, s);
   return flags;
 }

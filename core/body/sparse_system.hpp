@@ -21,16 +21,16 @@ struct SparseSystem : FileOrderSystem<RealType> {
     value = this->carve_all(memory, room);
   }
 
-  /// start + row i of A times in, over four interleaved partial sums in stored order.
-  template <bool kAbsolute = false>
-  [[nodiscard]] STICTION_HD Real gather(Index i, Strided<Real, 1> in, Real start) const {
+  /// start + row i of A times in, over four interleaved partial sums in stored order; in double if `in` is.
+  template <bool kAbsolute = false, class In, class Sum>
+  [[nodiscard]] STICTION_HD Sum gather(Index i, const In& in, Sum start) const {
     const EnvView<Real>& own = *this->env;
     const Offset begin = own.row_offsets[i];
     const Real* a = value.data + (begin - own.row_offsets[0]);
     const Index* column = own.columns(i);
     const Offset count = own.entries(i);
-    const auto entry = [](Real v) { return kAbsolute ? abs_(v) : v; };
-    Real sum[4] = {start, Real(0), Real(0), Real(0)};
+    const auto entry = [](Real v) { return static_cast<Sum>(kAbsolute ? abs_(v) : v); };
+    Sum sum[4] = {start, Sum(0), Sum(0), Sum(0)};
     Offset k = 0;
     for (; k + 4 <= count; k += 4)
       for (int lane = 0; lane < 4; ++lane) sum[lane] = fma_(entry(a[k + lane]), in[column[k + lane]], sum[lane]);

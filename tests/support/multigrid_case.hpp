@@ -58,7 +58,7 @@ GradientOutcome iterate(const BlockMatrix& H, const Preconditioner& precondition
   x.assign(b.size(), 0.0);
   std::vector<double> memory(b.size() * kGradientVectors);
   SerialBlock block;
-  return solve_gradients(block, {H, b.data(), x.data(), memory.data(), tolerance, most}, preconditioner);
+  return solve_gradients(block, H, {H.unknowns(), b.data(), x.data(), memory.data(), tolerance, most}, preconditioner);
 }
 
 }  // namespace stiction::test

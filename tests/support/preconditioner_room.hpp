@@ -106,7 +106,8 @@ struct PreconditionerRoom {
     SerialBlock block;
     GradientOutcome outcome;
     use(block, [&](const auto& preconditioner) {
-      outcome = solve_gradients(block, {system.matrix(), b.data(), x.data(), vectors.data(), tolerance, most},
+      outcome = solve_gradients(block, system.matrix(),
+                                {system.matrix().unknowns(), b.data(), x.data(), vectors.data(), tolerance, most},
                                 preconditioner);
     });
     return outcome;

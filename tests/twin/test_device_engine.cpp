@@ -203,6 +203,21 @@ TEST(DeviceEngine, a_giant_among_many_changes_nobodys_bits) {
   EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
 }
 
+TEST(DeviceEngine, a_method_with_matrices_has_room_for_the_small_beside_the_giant) {
+  // The giant gets no matrices, and so needs less memory than those that do.
+  ContactBatch<double> batch(Law::convex);
+  for (std::uint64_t e = 0; e < 4; ++e) {
+    if (e == 1) batch.add(scenes::make("stack", 9, e, 90).system);
+    batch.add(scenes::make("stack", 9, e, 12).system);
+  }
+  SolverOptions options = quick(SolverKind::ipm);
+  options.max_iterations = 2;
+  cuda::HostDevice device({2, 3, 2});
+  const ContactBatch<float> single = convert<float>(batch);
+  EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
+  for (const EnvStatus& status : solve(single, options).status) EXPECT_EQ(status.iterations, 2);
+}
+
 TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 4));
   const SolverOptions options = quick(SolverKind::npgs);

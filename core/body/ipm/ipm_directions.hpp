@@ -45,7 +45,7 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
     }
     store(v, p.force, row);
   });
-  solve_step(block, s, p);
+  solve_step(block, s, p, kPredictorAccuracy);
   double reciprocal = 0.0;
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
@@ -131,7 +131,7 @@ STICTION_HD_OUTLINE void correct(B& block, const System& s, const IpmSpace& p, d
     }
     store(v, p.force, row);
   });
-  solve_step(block, s, p);
+  solve_step(block, s, p, kCorrectorAccuracy);
   double reciprocal = 0.0;
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);

@@ -3,6 +3,8 @@
 #include "core/block/reduce.hpp"
 #include "core/body/direct/fill_matrix.hpp"
 #include "core/body/ipm/cone_scaling.hpp"
+#include "core/body/ipm/wide_product.hpp"
+#include "core/body/linear/conjugate_gradient.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -29,8 +31,10 @@ struct IpmSpace {
     kVectors
   };
   static constexpr Index kMatrices = 2;
+  static constexpr Index kGradientRoom = kGradientVectors + kMaxConeRows + 1;  ///< vectors, instead of matrices
 
   Index n;
+  bool has_matrices;    ///< else steps are found by conjugate gradients, and A and K are not there
   double* x;            ///< primal point
   double* z;            ///< cone: dual; row: multiplier of the lower bound
   double* slack;        ///< row: x - lo
@@ -49,9 +53,12 @@ struct IpmSpace {
   double* work;         ///< scratch
   DenseMatrix A;        ///< A + diag R
   DenseMatrix K;        ///< Q' (A + diag R) Q + D, then its factor
+  double* diagonal;     ///< D
+  double* cone_factor;  ///< of the cone's block of K, from 6 row on
+  double* gradients;    ///< vectors of conjugate gradients
 
   template <class System>
-  STICTION_HD explicit IpmSpace(const System& s) : n(s.n) {
+  STICTION_HD IpmSpace(const System& s, const MethodRoom& room) : n(s.n), has_matrices(room.has_matrices(s.n)) {
     const auto take = [&](Vector k) { return s.wide_vector(k, s.n); };
     x = take(kPoint);
     z = take(kDual);
@@ -69,8 +76,12 @@ struct IpmSpace {
     mirror = take(kMirror);
     force = take(kForce);
     work = take(kWork);
-    A = DenseMatrix{take(kVectors), n};
-    K = DenseMatrix{A.data + static_cast<Offset>(n) * n, n};
+    double* const rest = take(kVectors);
+    A = DenseMatrix{has_matrices ? rest : nullptr, n};
+    K = DenseMatrix{has_matrices ? rest + static_cast<Offset>(n) * n : nullptr, n};
+    diagonal = has_matrices ? nullptr : rest;
+    cone_factor = has_matrices ? nullptr : rest + n;
+    gradients = has_matrices ? nullptr : rest + static_cast<Offset>(kMaxConeRows + 1) * n;
   }
 
   template <int M>
@@ -116,9 +127,16 @@ STICTION_HD RowBounds row_bounds(Shape, const System& s, Index cone) {
   }
 }
 
-/// store(i, row i of A times v), each row summed over columns from the left.
-template <Block B, class Store>
-STICTION_HD_OUTLINE void multiply_wide(B& block, const DenseMatrix& A, const double* v, Store&& store) {
+/// store(i, row i of A + diag R times v), each row summed over columns from the left.
+template <Block B, class System, class Store>
+STICTION_HD_OUTLINE void multiply_wide(B& block, const System& s, const IpmSpace& p, const double* v, Store&& store) {
+  if constexpr (kMultipliesWide<System>)
+    if (!p.has_matrices) {
+      prepare_wide_product(block, s, v);
+      for_each(block, p.n, [&](Index i) { store(i, wide_row(s, i, v)); });
+      return;
+    }
+  const DenseMatrix& A = p.A;
   constexpr Index kTile = B::kRowTile;
   for_each(block, (A.n + kTile - 1) / kTile, [&](Index tile) {
     const Index first = tile * kTile;

@@ -1,15 +1,16 @@
 #pragma once
 
-#include "core/body/ipm/ipm_space.hpp"
+#include "core/body/ipm/ipm_gradients.hpp"
 
 /// The first point of an interior-point method: well inside the cones, centred, of the problem's size.
 namespace stiction::inline STICTION_ISA {
 
 /// What a cone's rows resist with, on average: the unit in which x and z of that cone compare.
-template <int M>
-STICTION_HD double mean_diagonal(const IpmSpace& p, Index row) {
+template <int M, class System>
+STICTION_HD double mean_diagonal(const System& s, const IpmSpace& p, Index row) {
   double sum = 0.0;
-  for (int k = 0; k < M; ++k) sum = sum + p.A(row + k, row + k);
+  for (int k = 0; k < M; ++k)
+    sum = sum + (p.has_matrices ? p.A(row + k, row + k) : static_cast<double>(s.block_entry(row, k, k)));
   const double mean = div_(sum, static_cast<double>(M));
   return mean > 0.0 ? mean : 1.0;
 }
@@ -58,11 +59,28 @@ STICTION_HD_OUTLINE void start_cone(const IpmSpace& p, Index row, double (&wish)
   }
 }
 
+/// step = (A + diag force)^-1 step. Leaves p.force as it is.
+template <Block B, class System>
+STICTION_HD_OUTLINE void solve_start(B& block, const System& s, const IpmSpace& p) {
+  if constexpr (kMultipliesWide<System>)
+    if (!p.has_matrices) {
+      start_by_gradients(block, s, p);
+      return;
+    }
+  for_each(block, p.n * p.n, [&](Index k) {
+    const Index i = k % p.n;
+    const Index j = k / p.n;
+    p.K.data[k] = 0.5 * (p.A(i, j) + p.A(j, i)) + (i == j ? p.force[i] : 0.0);
+  });
+  factor_ldl(block, p.K, 0.0);
+  solve_ldl(block, p.K, p.step);
+}
+
 /// Fills the space and returns the number of barrier terms. The point is the minimiser of the problem without cones
 /// but with each cone's own mean diagonal added, pushed inside; its size gives all cones one complementarity.
 template <Block B, class System>
 STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p) {
-  fill_matrix(block, s, p.A);
+  if (p.has_matrices) fill_matrix(block, s, p.A);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     for (int k = 0; k < Shape::kRows; ++k) {
@@ -70,7 +88,7 @@ STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p
       p.x[i] = p.z[i] = p.upper_z[i] = p.shift[i] = p.lambda[i] = p.stretch[i] = p.mirror[i] = p.affine[i] = 0.0;
       p.slack[i] = p.upper_slack[i] = 1.0;
       p.work[i] = k == 0 ? 1.0 : 0.0;
-      p.force[i] = mean_diagonal<Shape::kRows>(p, row);
+      p.force[i] = mean_diagonal<Shape::kRows>(s, p, row);
     }
     if constexpr (Shape::kKind != ConeKind::friction) {
       const RowBounds bounds = row_bounds(shape, s, cone);
@@ -81,17 +99,11 @@ STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p
     }
   });
   const double terms = sum_values(block, p.work, p.n);
-  multiply_wide(block, p.A, p.x, [&](Index i, double value) {
+  multiply_wide(block, s, p, p.x, [&](Index i, double value) {
     p.motion[i] = value + static_cast<double>(s.b[i]);
     p.step[i] = 0.0 - p.motion[i];
   });
-  for_each(block, p.n * p.n, [&](Index k) {
-    const Index i = k % p.n;
-    const Index j = k / p.n;
-    p.K.data[k] = 0.5 * (p.A(i, j) + p.A(j, i)) + (i == j ? p.force[i] : 0.0);
-  });
-  factor_ldl(block, p.K, 0.0);
-  solve_ldl(block, p.K, p.step);
+  solve_start(block, s, p);
   for_each(block, p.n, [&](Index i) { p.work[i] = 0.0 - p.step[i] * p.motion[i]; });
   const double energy = sum_values(block, p.work, p.n);
   const double gap = terms > 0.0 ? div_(energy, terms) : 0.0;

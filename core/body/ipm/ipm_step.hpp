@@ -1,8 +1,9 @@
 #pragma once
 
-#include "core/body/ipm/ipm_space.hpp"
+#include "core/body/ipm/ipm_gradients.hpp"
 
-/// The linear algebra of an interior point's step: one matrix, factored once, solved for predictor and corrector.
+/// The linear algebra of an interior point's step: one matrix, factored once, solved for predictor and corrector, or
+/// the same system by conjugate gradients where there is no room for it.
 namespace stiction::inline STICTION_ISA {
 
 /// A fixed row's place on the diagonal of K: no step.
@@ -39,9 +40,27 @@ STICTION_HD_OUTLINE void scale_cones(B& block, const System& s, const IpmSpace& 
   });
 }
 
-/// K = Q' (A + diag R) Q + D, factored.
+/// D, for conjugate gradients.
+template <Block B, class System>
+STICTION_HD_OUTLINE void fill_diagonal(B& block, const System& s, const IpmSpace& p) {
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    using Shape = decltype(shape);
+    bool is_held = false;
+    if constexpr (Shape::kKind != ConeKind::friction) is_held = row_bounds(shape, s, cone).is_fixed();
+    for (int k = 0; k < Shape::kRows; ++k)
+      p.diagonal[row + k] = is_held ? kHeldRow : barrier_diagonal(shape, p, row, k);
+  });
+}
+
+/// K = Q' (A + diag R) Q + D, factored; its cones' blocks are where it has no room.
 template <Block B, class System>
 STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& p) {
+  if constexpr (kMultipliesWide<System>)
+    if (!p.has_matrices) {
+      fill_diagonal(block, s, p);
+      prepare_gradients(block, s, p);
+      return;
+    }
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     for (Index i = 0; i < p.n; ++i) {
@@ -72,9 +91,15 @@ STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& 
   factor_ldl(block, p.K, 0.0);
 }
 
-/// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back.
+/// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back. Conjugate
+/// gradients stop at `accuracy`.
 template <Block B, class System>
-STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p) {
+STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p, double accuracy) {
+  if constexpr (kMultipliesWide<System>)
+    if (!p.has_matrices) {
+      solve_by_gradients(block, s, p, accuracy);
+      return;
+    }
   constexpr int kRefinements = 2;
   for_each(block, p.n, [&](Index i) { p.step[i] = p.force[i]; });
   solve_ldl(block, p.K, p.step);
@@ -86,7 +111,7 @@ STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p
       if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).from_frame(v);
       store(v, p.work, row);
     });
-    multiply_wide(block, p.A, p.work, [&](Index i, double value) { p.dual_step[i] = value; });
+    multiply_wide(block, s, p, p.work, [&](Index i, double value) { p.dual_step[i] = value; });
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);
       double v[Shape::kRows];

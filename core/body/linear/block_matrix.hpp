@@ -9,12 +9,24 @@ namespace stiction::inline STICTION_ISA {
 
 inline constexpr Index kBlockEntries = kBodyBlock * kBodyBlock;
 
+struct BlockMatrix;
+/// y = A x.
+template <Block B>
+STICTION_HD_OUTLINE void multiply_blocks(B& block, const BlockMatrix& A, const double* x, double* y);
+
 /// A pattern with its numbers: each block row by row, blocks in the pattern's order.
 struct BlockMatrix {
   BlockPattern pattern;
   double* values = nullptr;
 
   [[nodiscard]] STICTION_HD double* block(Index k) const { return values + static_cast<Offset>(k) * kBlockEntries; }
+  [[nodiscard]] STICTION_HD Index unknowns() const { return pattern.rows * kBodyBlock; }
+
+  /// As an operator (core/body/linear/conjugate_gradient.hpp).
+  template <Block B>
+  STICTION_HD void apply(B& on, const double* x, double* y) const {
+    multiply_blocks(on, *this, x, y);
+  }
 };
 
 /// sum = sum + K v for one block.
@@ -35,7 +47,6 @@ STICTION_HD void multiply_row(const BlockMatrix& A, Index row, const double* x, 
     multiply_block(A.block(k), x + static_cast<Offset>(A.pattern.columns[k]) * kBodyBlock, sum);
 }
 
-/// y = A x.
 template <Block B>
 STICTION_HD_OUTLINE void multiply_blocks(B& block, const BlockMatrix& A, const double* x, double* y) {
   for_each(block, A.pattern.rows, [&](Index row) {

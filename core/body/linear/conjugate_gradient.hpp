@@ -25,27 +25,27 @@ struct GradientOutcome {
 /// What a method of gradients is asked: A x = b from x = 0, until its residual is `tolerance` times the first or `most`
 /// iterations are done. Which norm that is in, and how many vectors are kept, the method says.
 ///
-/// A preconditioner has `template <Block B> void apply(B&, const double* r, double* z) const`, z = M^-1 r with M
-/// symmetric positive definite and z, r apart. It has room of its own.
+/// The operator A has `template <Block B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
+/// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has room of its own.
 struct GradientProblem {
-  BlockMatrix A;
-  const double* b;  ///< (6 rows)
-  double* x;        ///< the answer                                 (6 rows)
-  double* memory;   ///< the method's vectors, 6 rows doubles each
+  Index unknowns;
+  const double* b;  ///< (unknowns)
+  double* x;        ///< the answer                                 (unknowns)
+  double* memory;   ///< the method's vectors, `unknowns` doubles each
   double tolerance;
   Index most;
 
-  [[nodiscard]] STICTION_HD Index unknowns() const { return A.pattern.rows * kBodyBlock; }
-  [[nodiscard]] STICTION_HD double* vector(Index k) const { return memory + static_cast<Offset>(k) * unknowns(); }
+  [[nodiscard]] STICTION_HD double* vector(Index k) const { return memory + static_cast<Offset>(k) * unknowns; }
 };
 
 /// Preconditioned conjugate gradients (Golub and Van Loan 2013, algorithm 11.5.1) in kGradientVectors vectors. The
 /// residual is measured in the norm that M^-1 makes. A direction without curvature ends it: A is then not positive
-/// definite to working precision, and x is the best there is. The outcome is on every lane.
-template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const GradientProblem& problem,
+/// definite to working precision. However it ends, x is the best there was: each iterate is nearer to the solution
+/// than the last in the norm that A makes. The outcome is on every lane.
+template <Block B, class Operator, class Preconditioner>
+STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const Operator& A, const GradientProblem& problem,
                                                     const Preconditioner& preconditioner) {
-  const Index n = problem.unknowns();
+  const Index n = problem.unknowns;
   double* const x = problem.x;
   double* const r = problem.vector(0);
   double* const z = problem.vector(1);
@@ -62,7 +62,7 @@ STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const GradientProb
   GradientOutcome outcome;
   outcome.is_met = !(energy > enough);
   while (!outcome.is_met && outcome.iterations < problem.most) {
-    multiply_blocks(block, problem.A, p, q);
+    A.apply(block, p, q);
     const double curvature = dot_product(block, n, p, q);
     if (!(curvature > 0.0)) break;
     const double alpha = div_(energy, curvature);

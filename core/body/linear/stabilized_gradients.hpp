@@ -10,10 +10,10 @@ inline constexpr Index kStabilizedVectors = 7;
 /// Biconjugate gradients stabilized (van der Vorst 1992) for an A that need not be symmetric, preconditioned from the
 /// right, in kStabilizedVectors vectors. The residual is measured by its length. A breakdown ends it: x is then what
 /// there is. The outcome is on every lane.
-template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_stabilized(B& block, const GradientProblem& problem,
+template <Block B, class Operator, class Preconditioner>
+STICTION_HD_OUTLINE GradientOutcome solve_stabilized(B& block, const Operator& A, const GradientProblem& problem,
                                                      const Preconditioner& preconditioner) {
-  const Index n = problem.unknowns();
+  const Index n = problem.unknowns;
   double* const x = problem.x;
   double* const r = problem.vector(0);
   double* const shadow = problem.vector(1);
@@ -32,13 +32,13 @@ STICTION_HD_OUTLINE GradientOutcome solve_stabilized(B& block, const GradientPro
   outcome.is_met = !(rho > enough);
   while (!outcome.is_met && outcome.iterations < problem.most) {
     preconditioner.apply(block, p, p_hat);
-    multiply_blocks(block, problem.A, p_hat, v);
+    A.apply(block, p_hat, v);
     const double along = dot_product(block, n, shadow, v);
     if (!(abs_(along) > 0.0)) break;
     const double alpha = div_(rho, along);
     for_each(block, n, [&](Index i) { r[i] = fma_(0.0 - alpha, v[i], r[i]); });
     preconditioner.apply(block, r, r_hat);
-    multiply_blocks(block, problem.A, r_hat, t);
+    A.apply(block, r_hat, t);
     const double square = dot_product(block, n, t, t);
     const double omega = square > 0.0 ? div_(dot_product(block, n, t, r), square) : 0.0;
     for_each(block, n, [&](Index i) {

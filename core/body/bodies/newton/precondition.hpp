@@ -51,13 +51,12 @@ enum class SpaceSystem { symmetric, sliding };
 template <Block B, class Preconditioner>
 STICTION_HD_OUTLINE void solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
                                     SpaceSystem system, double tolerance) {
-  GradientProblem problem{room.H, room.force, room.step, room.gradients, tolerance, kMostGradientSteps};
-  if (system == SpaceSystem::symmetric) {
-    solve_gradients(block, problem, preconditioner);
-  } else {
-    problem.A = room.sliding;
-    solve_stabilized(block, problem, preconditioner);
-  }
+  const GradientProblem problem{room.H.unknowns(), room.force, room.step,
+                                room.gradients,    tolerance,  kMostGradientSteps};
+  if (system == SpaceSystem::symmetric)
+    solve_gradients(block, room.H, problem, preconditioner);
+  else
+    solve_stabilized(block, room.sliding, problem, preconditioner);
 }
 template <Block B, class Preconditioner>
 STICTION_HD_OUTLINE void prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
