@@ -93,11 +93,33 @@ STICTION_HD Real saturated(double value) {
   return static_cast<Real>(clamp_(value, -kLargest, kLargest));
 }
 
+/// What a judge sees of an answer.
+struct Judgement {
+  double residual = 0.0;  ///< the largest of a cone's natural map [w]
+  double blur = 0.0;      ///< what one rounding hides of the largest number that it is a difference of [w]
+};
+
+/// What one rounding hides of a cone's natural map of (x, y).
+template <int M>
+STICTION_HD double blur_of(const double (&x)[M], const double (&y)[M], double a) {
+  double size = 0.0;
+  for (int k = 0; k < M; ++k) size = max_(abs_(y[k]), max_(abs_(a * x[k]), size));
+  return 0x1p-53 * size;
+}
+
+/// The residual that may be held against `allowed` > 0: where roundings hide more than that, what they hide. A reaction
+/// so large that b is lost beside it would otherwise pass for exact (docs/math/residual.md).
+STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
+  const bool is_blind = allowed > 0.0 && judged.blur > allowed && judged.blur > judged.residual;
+  return is_blind ? judged.blur : judged.residual;
+}
+
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
-/// batch's own numbers (docs/math/residual.md). Writes env.w; returns the largest cone residual [w].
+/// batch's own numbers (docs/math/residual.md). Writes env.w.
 template <Block B, class Real, class Rows>
-STICTION_HD_SHARED double final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
+STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
   double largest = 0.0;
+  double blur = 0.0;
   for_each(block, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
@@ -125,12 +147,14 @@ STICTION_HD_SHARED double final_residual(B& block, const EnvView<Real>& env, con
       const double norm = env.law == Law::coulomb ? natural_map<Law::coulomb>(shape, x, y, a, lo, hi)
                                                   : natural_map<Law::convex>(shape, x, y, a, lo, hi);
       largest = max_(norm, largest);
+      blur = max_(blur_of(x, y, a), blur);
     });
   });
-  return block.max(largest);
+  largest = block.max(largest);
+  return {largest, block.max(blur)};
 }
 template <Block B, class Real>
-STICTION_HD double final_residual(B& block, const EnvView<Real>& env) {
+STICTION_HD Judgement final_residual(B& block, const EnvView<Real>& env) {
   return final_residual(block, env, StoredRows<Real>{&env});
 }
 

@@ -58,6 +58,10 @@ STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System
   });
 }
 
+/// Relative residual beyond which no reaction at all is looked at as an answer: a method that collapsed, not one that
+/// was short of iterations.
+inline constexpr double kWorseThanNothing = 1e3;
+
 /// Looks at an environment between chunks: true when it is finished, and then its answer and status are written. The
 /// estimate the iteration works with only nominates; the residual that decides, and is reported, is computed in double
 /// from the batch's own numbers and the very bits of lambda that are returned.
@@ -82,11 +86,19 @@ STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System
   if (!nominated && !ended) return false;
   publish(block, env, s);
   const double scale = residual_scale(block, env);
-  double absolute = final_residual(block, env, residual_rows(block, env, s));
-  if (ended && !finite_(div_(absolute, scale))) {
-    // Not one iterate had a finite answer in the batch's units: zero is the one that always does.
+  const double allowed = rule.tolerance * scale;
+  const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
+  double absolute = judge();
+  if (ended && !(div_(absolute, scale) <= kWorseThanNothing)) {
+    // Not one iterate had an answer of any use in the batch's units: zero always does.
     for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
-    absolute = final_residual(block, env, residual_rows(block, env, s));
+    const double of_nothing = judge();
+    if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
+      publish(block, env, s);
+      absolute = judge();
+    } else {
+      absolute = of_nothing;
+    }
   }
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;

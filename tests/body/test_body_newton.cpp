@@ -371,6 +371,17 @@ TEST(BodyNewton, misuse_is_named) {
   unknown.space.preconditioner = static_cast<BodyPreconditioner>(77);
   EXPECT_THAT(error_message([&] { const BodySolver solver(Device::cpu(), {}, unknown); }),
               HasSubstr("preconditioner = 77"));
+  const auto refusal_of = [](auto&& change) {
+    BodySolverOptions wrong = newton(Law::convex, 1e-8);
+    change(wrong.space);
+    return error_message([&] { const BodySolver solver(Device::cpu(), {}, wrong); });
+  };
+  EXPECT_THAT(refusal_of([](BodySpaceOptions& space) { space.ordering = static_cast<Ordering>(77); }),
+              HasSubstr("ordering = 77"));
+  EXPECT_THAT(refusal_of([](BodySpaceOptions& space) { space.multigrid.cycle = static_cast<Cycle>(3); }),
+              HasSubstr("cycle = 3"));
+  EXPECT_THAT(refusal_of([](BodySpaceOptions& space) { space.multigrid.prolongation = static_cast<Prolongation>(9); }),
+              HasSubstr("prolongation = 9"));
   EXPECT_THAT(error_message([&] { body_preconditioner_from_string("ilu"); }),
               HasSubstr("sparse_inverse, factor, multigrid"));
   EXPECT_THAT(error_message([&] { solver_from_string("multigrid"); }), HasSubstr("BodySolver"));

@@ -34,7 +34,7 @@ struct Iterated {
       ++iterations;
     }
     publish(prepared.block, prepared.env, s);
-    absolute = final_residual(prepared.block, prepared.env);
+    absolute = final_residual(prepared.block, prepared.env).residual;
   }
   double absolute = 0.0;
 

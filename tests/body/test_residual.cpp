@@ -21,7 +21,7 @@ double body_residual(const Environment<double>& env, const std::vector<double>& 
                      std::vector<double>* w = nullptr) {
   Prepared<Pgs, kLaw, Dense> p(env);
   for (std::size_t i = 0; i < lambda.size(); ++i) p.env.lambda[i] = lambda[i];
-  const double result = final_residual(p.block, p.env);
+  const double result = final_residual(p.block, p.env).residual;
   if (w != nullptr) w->assign(p.env.w, p.env.w + p.env.n);
   return result;
 }

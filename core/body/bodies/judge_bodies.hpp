@@ -41,13 +41,15 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
   return {static_cast<double>(env.inv_mass[side]), load6<double>(env.inv_inertia + 6 * static_cast<Offset>(side))};
 }
 
-/// Writes s.exact and, if it is an answer, env.w; returns the largest contact residual [w] of the iterate `x`.
+/// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double residual_of(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                       const ContactTiles<Real, kStride>& x, const SiParams& params, bool is_answer) {
+STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                          const ContactTiles<Real, kStride>& x, const SiParams& params,
+                                          bool is_answer) {
   gather_exact(block, env, s, x, params);
   const double r = div_(params.cfm, params.step);
   double largest = 0.0;
+  double blur = 0.0;
   share_out(block, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     const Vector3<double> u = relative_velocity(twist_at<double>(s.exact_row(slot_of(contact.side_a))), contact.arm_a,
@@ -71,15 +73,17 @@ STICTION_HD_OUTLINE double residual_of(B& block, const BodyEnv<Real>& env, const
     }
     const double weight = div_(block_of.nn + block_of.t11 + block_of.t22 + 3.0 * r, 3.0);
     largest = max_(natural_map<kLaw>(ContactShape{}, reaction, y, weight, 0.0, 0.0), largest);
+    blur = max_(blur_of(reaction, y, weight), blur);
   });
-  return block.max(largest);
+  largest = block.max(largest);
+  return {largest, block.max(blur)};
 }
 
-/// The same for the best iterate, which is the answer.
+/// The residual of the best iterate, which is the answer, as it may be held against the tolerance (seen_residual).
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                const SiParams& params) {
-  return residual_of(block, env, s, s.best, params, true);
+                                const SiParams& params, double scale) {
+  return seen_residual(residual_of(block, env, s, s.best, params, true), params.tolerance * scale);
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.

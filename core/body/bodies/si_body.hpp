@@ -152,10 +152,10 @@ STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const B
   const bool nominated =
       static_cast<double>(progress.best) <= params.tolerance * progress.scale && progress.best != progress.verified;
   if (!nominated && !ended) return false;
-  double absolute = judge_bodies(block, env, s, params);
+  double absolute = judge_bodies(block, env, s, params, progress.scale);
   if (ended && !finite_(div_(absolute, progress.scale))) {
     progress.scale = max_(fall_back(block, env, s, params), 1e-300);
-    absolute = judge_bodies(block, env, s, params);
+    absolute = judge_bodies(block, env, s, params, progress.scale);
   }
   const double relative = div_(absolute, progress.scale);
   const bool solved = finite_(relative) && relative <= params.tolerance;

@@ -50,7 +50,7 @@ struct SpaceProgress {
 template <Block B, class Real, Law kLaw>
 STICTION_HD double look_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                    const SiParams& params, SpaceProgress& progress) {
-  const double residual = residual_of(block, env, s, s.x, params, false);
+  const double residual = residual_of(block, env, s, s.x, params, false).residual;
   if (!progress.has_best || residual < progress.best) {
     progress.best = residual;
     progress.has_best = true;
@@ -218,10 +218,10 @@ STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const B
     end = solve_substep(block, env, s, params, space, room, progress, steps);
     if (step + 1 < params.substeps) leave_with_best(block, env, s, params);
   }
-  double absolute = judge_bodies(block, env, s, params);
+  double absolute = judge_bodies(block, env, s, params, entry.scale);
   if (!finite_(div_(absolute, entry.scale))) {
     entry.scale = max_(fall_back(block, env, s, params), 1e-300);
-    absolute = judge_bodies(block, env, s, params);
+    absolute = judge_bodies(block, env, s, params, entry.scale);
   }
   const double relative = div_(absolute, entry.scale);
   const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved

@@ -1,0 +1,78 @@
+#include <gtest/gtest.h>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// Problems without a solution, and coefficients without sense: a reaction or a friction so large that everything else
+/// is rounding beside it has a residual of zero, and is not solved.
+namespace stiction::test {
+namespace {
+
+constexpr double kTolerance = 1e-6;
+
+struct Hopeless {
+  std::string name;
+  Environment<double> env;
+};
+
+std::vector<Hopeless> hopeless() {
+  // Reaction and motion of every one of these contradict each other, whatever the reaction is.
+  return {{"two free rows that differ", system({free_row(), free_row()}, {1, 1, 1, 1}, {1, -1})},
+          {"nothing that could move a free row", system({free_row()}, {0}, {1})},
+          {"a body between walls that meet", system({unilateral(), unilateral()}, {1, -1, -1, 1}, {-1, -1})}};
+}
+
+TEST(rounded_away, no_solver_calls_a_problem_without_a_solution_solved) {
+  std::vector<SolverKind> solvers(std::begin(kEverySolver), std::end(kEverySolver));
+  solvers.push_back(SolverKind::automatic);
+  for (const auto& [name, env] : hopeless())
+    for (const SolverKind solver : solvers)
+      for (const Law law : kBothLaws) {
+        const ContactBatch<double> batch = batch_of({env}, law);
+        SolverOptions asked = options(solver, kTolerance, 2000);
+        asked.invalid = InvalidPolicy::isolate;
+        const auto in_double = solve(batch, asked).status[0];
+        const auto in_single = solve(convert<float>(batch), asked).status[0];
+        for (const EnvStatus& status : {in_double, in_single}) {
+          EXPECT_NE(status.code, EnvCode::solved) << name << ", " << to_string(solver);
+          EXPECT_FALSE(status.residual <= kTolerance) << name << ", " << to_string(solver);
+        }
+      }
+}
+
+TEST(rounded_away, what_has_a_solution_is_solved_as_far_as_doubles_reach) {
+  for (const SolverKind solver : {SolverKind::npgs, SolverKind::admm, SolverKind::ipm, SolverKind::automatic}) {
+    const auto batch = batch_of({system({free_row(), unilateral()}, {2, 1, 1, 3}, {1e3, -1})});
+    const EnvStatus status = solve(batch, options(solver, 1e-12, 5000)).status[0];
+    EXPECT_EQ(status.code, EnvCode::solved) << to_string(solver) << ": " << status.residual;
+  }
+}
+
+TEST(rounded_away, friction_beyond_all_sense_hides_no_contact_that_penetrates) {
+  const auto batch = batch_of({contact({1, 1, 1}, {-1, 1, 0}, 1e100)}, Law::coulomb);
+  for (const SolverKind solver : kAllSolvers) {
+    const EnvStatus status = solve(batch, options(solver, kTolerance, 50)).status[0];
+    EXPECT_TRUE(status.code != EnvCode::solved || status.residual <= kTolerance) << to_string(solver);
+    const auto verified = solve(batch, options(solver, kTolerance, 50));
+    if (status.code == EnvCode::solved) EXPECT_NEAR(verified.lambda[0], 1.0, 1e-5) << to_string(solver);
+  }
+}
+
+TEST(rounded_away, nor_does_it_in_body_form) {
+  BodyEnvironment<double> stack = scenes::make_body_stack(3, 4);
+  for (auto& one : stack.contacts) one.mu = 1e100;
+  BodyBatch<double> batch;
+  batch.add(stack);
+  for (const BodyMethod method : {BodyMethod::impulses, BodyMethod::newton}) {
+    BodySolverOptions asked;
+    asked.method = method;
+    asked.tolerance = kTolerance;
+    const auto solution = solve_bodies(batch, {}, asked);
+    double pushed = 0;
+    for (std::size_t row = 0; row < solution.impulse.size(); row += 3) pushed += solution.impulse[row];
+    EXPECT_TRUE(solution.status[0].code != EnvCode::solved || pushed > 0) << to_string(method);
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
