@@ -161,13 +161,14 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
     // A smaller environment may have matrices, and with them take more room than the largest.
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements = at_least(elements, SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, room.method));
+      elements =
+          larger_of<Offset>(elements, SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, room.method));
     shape.launch.whole_device = size_class == SizeClass::sparse_device;
     shape.shared = false;
   } else if (size_class == SizeClass::factor_warp) {
     if (capacity.env_dofs == 0) return {};
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements = at_least(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, room.method));
+      elements = larger_of<Offset>(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, room.method));
     per_processor = 16;
   } else {
     if (size_class > finest_) return {};

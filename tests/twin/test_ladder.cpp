@@ -27,7 +27,7 @@ ContactBatch<double> mixed_lot() {
 }
 
 TEST(Ladder, names_an_answerer_that_there_is) {
-  SolverOptions chosen = automatic(1e-6, 400);
+  SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
   const Solution<double> answer = solve(mixed_lot(), chosen);
   for (const EnvStatus& status : answer.status) EXPECT_LT(static_cast<int>(status.solver), kSolverKindCount);
@@ -35,7 +35,7 @@ TEST(Ladder, names_an_answerer_that_there_is) {
 
 TEST(Ladder, threads_neighbours_and_order_change_nothing) {
   const ContactBatch<double> batch = mixed_lot();
-  SolverOptions chosen = automatic(1e-6, 200);
+  SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
   const auto expected = solve_hashes(batch, chosen);
   chosen.threads = 3;
