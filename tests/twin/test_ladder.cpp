@@ -60,8 +60,9 @@ void expect_device_twin(double tolerance, Index max_iterations) {
 }
 
 TEST(Ladder, a_device_climbs_as_the_cpu_does) {
-  expect_device_twin<float>(1e-5, 8);
-  expect_device_twin<double>(1e-7, 8);
+  // So few iterations leave most environments to every rung.
+  expect_device_twin<float>(1e-5, 3);
+  expect_device_twin<double>(1e-7, 3);
 }
 
 TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
