@@ -77,18 +77,17 @@ STICTION_HD int first_rung(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
   const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
   if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
-  const bool is_split = seen.spread > kSpreadForSplitting && seen.friction_cones > 0;
-  if (is_split && can_stand_on(kSplittingRung)) return kSplittingRung;
+  if (seen.spread > kSpreadForSplitting && can_stand_on(kSplittingRung)) return kSplittingRung;
   return 0;
 }
 
-/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. After sweeps, Newton's
-/// method comes first where the problem is smooth, and the interior point where there is no friction cone: both then
-/// end in some ten factorisations.
+/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Newton's method comes
+/// right after sweeps where the problem is smooth, the interior point instead of it where there is no friction cone:
+/// both then end in some ten factorisations.
 STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
   const bool is_smooth = seen.law == Law::convex && seen.is_compliant;
-  const int shortcut = is_smooth ? kNewtonRung : seen.friction_cones == 0 ? kInteriorRung : tried;
-  if (tried == 0 && shortcut > 0 && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
+  const int shortcut = is_smooth ? kNewtonRung : seen.friction_cones == 0 ? kInteriorRung : 0;
+  if (tried < kNewtonRung && shortcut > tried && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
   for (int rung = tried + 1; rung < kLadderRungs; ++rung)
     if (can_treat(ladder_rung(rung).solver, seen)) return rung;
   return tried;

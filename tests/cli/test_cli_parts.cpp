@@ -12,7 +12,6 @@
 #include "tools/cli/convergence.hpp"
 #include "tools/cli/permute.hpp"
 #include "tools/cli/quantiles.hpp"
-#include "tools/cli/spectrum.hpp"
 
 namespace stiction::cli {
 namespace {
@@ -72,7 +71,7 @@ TEST(Convergence, PointsAreTwoAnOctaveAndTheLimit) {
   EXPECT_EQ(convergence_iterations(std::numeric_limits<Index>::max()).back(), std::numeric_limits<Index>::max());
 }
 
-/// n unilateral rows with the second-difference matrix: eigenvalues 2 - 2 cos(k pi / (n + 1)).
+/// n unilateral rows with the second-difference matrix.
 ContactBatch<double> laplacian(Index n) {
   Environment<double> environment;
   environment.cones.assign(static_cast<std::size_t>(n), {ConeKind::unilateral, 1, -1});
@@ -88,39 +87,6 @@ ContactBatch<double> laplacian(Index n) {
   ContactBatch<double> batch;
   batch.add(environment);
   return batch;
-}
-
-TEST(Spectrum, IsThatOfTheSecondDifference) {
-  const double pi = std::acos(-1.0);
-  for (const Index n : {1, 2, 7, 96}) {
-    const auto batch = laplacian(n);
-    const Spectrum spectrum = estimate_spectrum(batch.view(), 0);
-    EXPECT_TRUE(spectrum.complete);
-    EXPECT_NEAR(spectrum.smallest, 2 - 2 * std::cos(pi / (n + 1)), 1e-13) << n;
-    EXPECT_NEAR(spectrum.largest, 2 + 2 * std::cos(pi / (n + 1)), 1e-13) << n;
-  }
-}
-
-TEST(Spectrum, OfALargeSystemIsEstimatedFromInside) {
-  const auto batch = laplacian(500);
-  const Spectrum spectrum = estimate_spectrum(batch.view(), 0);
-  const double pi = std::acos(-1.0);
-  EXPECT_FALSE(spectrum.complete);
-  EXPECT_LE(spectrum.largest, 2 + 2 * std::cos(pi / 501) + 1e-13);
-  EXPECT_GE(spectrum.largest, 3.99);
-  EXPECT_GE(spectrum.smallest, 2 - 2 * std::cos(pi / 501) - 1e-13);
-}
-
-TEST(Spectrum, ASingularMatrixHasNoFiniteCondition) {
-  Environment<double> environment;
-  environment.cones.assign(3, {ConeKind::free, 1, -1});
-  environment.set_dense(std::vector<double>(9, 1.0), 3);
-  environment.b = {1, 1, 1};
-  ContactBatch<double> batch;
-  batch.add(environment);
-  const Spectrum spectrum = estimate_spectrum(batch.view(), 0);
-  EXPECT_NEAR(spectrum.largest, 3, 1e-14);
-  EXPECT_TRUE(std::isinf(spectrum.condition(3)));
 }
 
 TEST(ConeGraph, JoinsWhatACouplesAndNothingElse) {

@@ -49,7 +49,13 @@ TEST(Ladder, threads_neighbours_and_order_change_nothing) {
 
 template <class Real>
 void expect_device_twin(double tolerance, Index max_iterations) {
-  const ContactBatch<Real> batch = convert<Real>(mixed_lot());
+  // Emulated factorisations of the largest would take a minute.
+  const ContactBatch<double> all = mixed_lot();
+  std::vector<Offset> small;
+  for (Offset env = 0; env < all.env_count(); ++env)
+    if (all.view().env_rows(env) <= 100) small.push_back(env);
+  ASSERT_GT(small.size(), 12U);
+  const ContactBatch<Real> batch = convert<Real>(gather(all, small));
   SolverOptions chosen = automatic(tolerance, max_iterations);
   chosen.invalid = InvalidPolicy::isolate;
   const Solution<Real> here = solve(batch, chosen);
@@ -61,8 +67,8 @@ void expect_device_twin(double tolerance, Index max_iterations) {
 
 TEST(Ladder, a_device_climbs_as_the_cpu_does) {
   // So few iterations leave most environments to every rung.
-  expect_device_twin<float>(1e-5, 3);
-  expect_device_twin<double>(1e-7, 3);
+  expect_device_twin<float>(1e-5, 5);
+  expect_device_twin<double>(1e-7, 5);
 }
 
 TEST(Ladder, whatever_the_first_solver_solves_is_solved) {

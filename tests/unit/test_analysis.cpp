@@ -38,6 +38,20 @@ OperatorAnalysis settled(const std::vector<double>& matrix, Index n) {
 
 constexpr double kSettled = 1e-8;
 
+TEST(Analysis, TheSecondDifferenceHasItsEigenvalues) {
+  const double pi = std::acos(-1.0);
+  for (const Index n : {1, 2, 7}) {
+    std::vector<double> matrix(static_cast<std::size_t>(n * n), 0.0);
+    for (Index i = 0; i < n; ++i)
+      for (const Index j : {i - 1, i, i + 1})
+        if (j >= 0 && j < n) matrix[static_cast<std::size_t>(i * n + j)] = i == j ? 2 : -1;
+    const OperatorAnalysis seen = settled(matrix, n);
+    EXPECT_NEAR(seen.smallest, 2 - 2 * std::cos(pi / (n + 1)), kSettled) << n;
+    EXPECT_NEAR(seen.largest, 2 + 2 * std::cos(pi / (n + 1)), kSettled) << n;
+    EXPECT_EQ(seen.definiteness, Definiteness::positive_definite);
+  }
+}
+
 TEST(Analysis, ADiagonalIsItsOwnAnswer) {
   const OperatorAnalysis seen = settled(diagonal({2, 8, 1}), 3);
   EXPECT_EQ(seen.rows, 3);
