@@ -96,21 +96,9 @@ TEST(Ipm, BoundsOfEveryKind) {
   const double bounds[][2] = {{-1, 1},        {-1, kInfinity}, {-kInfinity, 1}, {-kInfinity, kInfinity},
                               {0.5, 0.5},     {0.25, 0.75},    {-3, -2},        {-1e-9, 1e-9},
                               {0, kInfinity}, {-1e12, 1e12},   {2, kInfinity},  {0, 0}};
-  constexpr std::size_t n = std::size(bounds);
   for (const double push : {-4.0, -0.1, 0.0, 0.1, 4.0}) {
     SCOPED_TRACE(push);
-    std::vector<double> A(n * n, 0.0);
-    for (std::size_t i = 0; i < n; ++i) {
-      A[i * n + i] = 2;
-      if (i > 0) A[i * n + i - 1] = A[(i - 1) * n + i] = -0.9;
-    }
-    std::vector<double> b(n, push);
-    b[0] = 1;
-    Environment<double> env = system(std::vector<Cone>(n, box()), A, b);
-    for (const auto& bound : bounds) {
-      env.lo.push_back(bound[0]);
-      env.hi.push_back(bound[1]);
-    }
+    const Environment<double> env = chain_of_boxes(bounds, push);
     const Solution<double> solution = solved<double>(env, Law::convex, 1e-12, 100);
     const Certificate found = certify(env, Law::convex, solution.lambda);
     EXPECT_LE(found.primal, 0.0L);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,6 +47,24 @@ inline std::vector<double> diagonal(const std::vector<double>& entries) {
 inline Environment<double> contact(const std::vector<double>& entries, std::vector<double> b, double mu) {
   Environment<double> env = system({friction(3)}, diagonal(entries), std::move(b));
   env.mu = {0, mu, mu};
+  return env;
+}
+
+/// Rows with those bounds, each coupled to the next, all pushed alike but the first.
+inline Environment<double> chain_of_boxes(std::span<const double[2]> bounds, double push) {
+  const std::size_t n = bounds.size();
+  std::vector<double> A(n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    A[i * n + i] = 2;
+    if (i > 0) A[i * n + i - 1] = A[(i - 1) * n + i] = -0.9;
+  }
+  std::vector<double> b(n, push);
+  b[0] = 1;
+  Environment<double> env = system(std::vector<Cone>(n, box()), A, std::move(b));
+  for (const auto& bound : bounds) {
+    env.lo.push_back(bound[0]);
+    env.hi.push_back(bound[1]);
+  }
   return env;
 }
 

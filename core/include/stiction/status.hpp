@@ -44,7 +44,7 @@ inline constexpr int kEnvFlagCount = 13;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {
-  double residual;           ///< natural-map residual of the returned lambda / max|b|  [-]
+  double residual;           ///< natural map of the returned lambda / max|b|, or what rounding hides of it  [-]
   double residual_absolute;  ///< the same in units of w
   std::uint32_t flags;       ///< EnvFlag bits
   std::int32_t iterations;   ///< iterations of the solver that answered
