@@ -49,6 +49,7 @@ build_packages=(
   "cmake: nothing can be built"
   "ninja-build: nothing can be built"
   "ccache: repeated builds take as long as the first"
+  "lld: linking the tests takes five times as long"
   "python3: lint, PTX gate and the test summary are skipped"
   "python3-venv: recording tests and pictures are skipped"
   "libhdf5-dev: no files and no command line"
