@@ -17,7 +17,8 @@ struct ReadBatch {
 };
 
 auto& batches() {
-  static auto& table = *new HandleTable<::stiction_batch, ReadBatch>("batch", "stiction_batch");
+  static auto& table =
+      *new HandleTable<::stiction_batch, ReadBatch>({"batch", "stiction_batch", "stiction_batch_read"});
   return table;
 }
 

@@ -44,7 +44,8 @@ struct PlannedBodies {
 };
 
 auto& body_solvers() {
-  static auto& table = *new HandleTable<::stiction_body_solver, PlannedBodies>("solver", "stiction_body_solver");
+  static auto& table = *new HandleTable<::stiction_body_solver, PlannedBodies>(
+      {"solver", "stiction_body_solver", "stiction_body_solver_create"});
   return table;
 }
 

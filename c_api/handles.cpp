@@ -10,10 +10,10 @@ std::uintptr_t next_ticket() noexcept {
   return next.fetch_add(2, std::memory_order_relaxed);
 }
 
-void refuse_handle(const char* argument, const char* type, std::uintptr_t ticket) {
-  if (ticket == 0) refuse(std::string(argument) + " is null: create one with " + type + "_create or _read");
-  refuse(std::string(argument) + " is no live " + type +
-         ": it was destroyed, or is something else; create one and keep it until its last use");
+void refuse_handle(const HandleNames& names, std::uintptr_t ticket) {
+  if (ticket == 0) refuse(std::string(names.argument) + " is null: make one with " + names.maker);
+  refuse(std::string(names.argument) + " is no live " + names.type +
+         ": it was destroyed, or is something else; make one with " + names.maker + " and keep it until its last use");
 }
 
 }  // namespace stiction::c

@@ -13,8 +13,15 @@ namespace stiction::c {
 /// A number that no handle has had before, and no address of an object either.
 std::uintptr_t next_ticket() noexcept;
 
+/// What texts call a handle.
+struct HandleNames {
+  const char* argument;
+  const char* type;
+  const char* maker;  ///< the call that makes one
+};
+
 /// \throws Error(invalid_argument) for a handle that is null or not in its table.
-[[noreturn]] void refuse_handle(const char* argument, const char* type, std::uintptr_t ticket);
+[[noreturn]] void refuse_handle(const HandleNames& names, std::uintptr_t ticket);
 
 /// The objects behind one type of handle. Handles are tickets, so that one that was destroyed, or is of another type,
 /// is refused instead of followed. A call holds its object until it returns. The tables are never destroyed: programs
@@ -22,7 +29,7 @@ std::uintptr_t next_ticket() noexcept;
 template <class Handle, class Object>
 class HandleTable {
  public:
-  HandleTable(const char* argument, const char* type) : argument_(argument), type_(type) {}
+  explicit HandleTable(const HandleNames& names) : names_(names) {}
 
   Handle* add(std::shared_ptr<Object> object) {
     const std::uintptr_t ticket = next_ticket();
@@ -35,7 +42,7 @@ class HandleTable {
     const auto ticket = reinterpret_cast<std::uintptr_t>(handle);
     const std::lock_guard lock(mutex_);
     const auto found = objects_.find(ticket);
-    if (found == objects_.end()) refuse_handle(argument_, type_, ticket);
+    if (found == objects_.end()) refuse_handle(names_, ticket);
     return found->second;
   }
 
@@ -48,8 +55,7 @@ class HandleTable {
   }
 
  private:
-  const char* argument_;
-  const char* type_;
+  HandleNames names_;
   mutable std::mutex mutex_;
   std::unordered_map<std::uintptr_t, std::shared_ptr<Object>> objects_;
 };

@@ -16,8 +16,8 @@ namespace {
 using AnyJacobianSolver = std::variant<JacobianSolver<float>, JacobianSolver<double>>;
 
 auto& jacobian_solvers() {
-  static auto& table =
-      *new HandleTable<::stiction_jacobian_solver, AnyJacobianSolver>("solver", "stiction_jacobian_solver");
+  static auto& table = *new HandleTable<::stiction_jacobian_solver, AnyJacobianSolver>(
+      {"solver", "stiction_jacobian_solver", "stiction_jacobian_solver_create"});
   return table;
 }
 

@@ -17,7 +17,8 @@ struct PlannedSolver {
 };
 
 auto& solvers() {
-  static auto& table = *new HandleTable<::stiction_solver, PlannedSolver>("solver", "stiction_solver");
+  static auto& table =
+      *new HandleTable<::stiction_solver, PlannedSolver>({"solver", "stiction_solver", "stiction_solver_create"});
   return table;
 }
 

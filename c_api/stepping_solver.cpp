@@ -16,8 +16,8 @@ namespace {
 using AnySteppingSolver = std::variant<SteppingSolver<float>, SteppingSolver<double>>;
 
 auto& stepping_solvers() {
-  static auto& table =
-      *new HandleTable<::stiction_stepping_solver, AnySteppingSolver>("solver", "stiction_stepping_solver");
+  static auto& table = *new HandleTable<::stiction_stepping_solver, AnySteppingSolver>(
+      {"solver", "stiction_stepping_solver", "stiction_stepping_solver_create"});
   return table;
 }
 

@@ -4,8 +4,8 @@
  * on every device (docs/c_api.md). C99 and C++.
  *
  * Calls return a stiction_code and let no exception out; what went wrong is in stiction_last_error() of the same
- * thread. A call that failed has written nothing, unless it says otherwise. Numerical trouble is no failure: it is in
- * the status record of the environment.
+ * thread. A call that failed has written nothing, unless the device itself failed. Numerical trouble is no failure: it
+ * is in the status record of the environment.
  *
  * Structs that begin with `size` are set up by their stiction_..._init(&it, sizeof it), which fills in the defaults. A
  * later version of the library may append fields and still takes the shorter struct of a program compiled before it;
@@ -190,6 +190,11 @@ STICTION_API stiction_code stiction_batch_get_view(stiction_batch* batch, int32_
 STICTION_API stiction_code stiction_batch_get_cone_ids(stiction_batch* batch, const uint64_t** cone_id);
 /** Writes a host batch as a contact-batch file. source: free text, or null. */
 STICTION_API stiction_code stiction_batch_write(const char* path, const stiction_batch_view* batch, const char* source);
+/** Writes reactions of a host batch as a solution file. options: what the solver was made with, of which the file says
+ * solver and law; null: defaults. source: free text, or null. w and status may be left out of the solution. */
+STICTION_API stiction_code stiction_solution_write(const char* path, const stiction_batch_view* batch,
+                                                   const stiction_solution* solution,
+                                                   const stiction_solver_options* options, const char* source);
 
 #ifdef __cplusplus
 }

@@ -40,6 +40,7 @@ int main(int count, char** arguments) {
   }
   STICTION_CHECK_OK(stiction_batch_destroy(batch));
 
+  STICTION_CHECK_FAILS(stiction_batch_write("no_such_folder/a.h5", &blocks, NULL), STICTION_IO, "no_such_folder", "");
   STICTION_CHECK_FAILS(stiction_batch_read("no_such_file.h5", &batch), STICTION_IO, "no_such_file.h5", "");
   return failures != 0;
 }

@@ -14,6 +14,10 @@
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/random_systems.hpp"
 
+#ifdef STICTION_TEST_HAS_IO
+#include "stiction/io.hpp"
+#endif
+
 // The C interface against the C++ one in the same process: the same problems, the same bits, whatever the struct.
 namespace {
 
@@ -285,5 +289,28 @@ TEST(CSameBits, Stepping) {
   }
   STICTION_OK_OR_SAY(stiction_stepping_solver_destroy(solver));
 }
+
+#ifdef STICTION_TEST_HAS_IO
+TEST(CSameBits, ASolutionFileHoldsTheSolution) {
+  const ContactBatch<float> batch = convert<float>(contacts());
+  Solution<float> solution = solve(batch);
+  const stiction_batch_view view = c_view(batch.view());
+  const stiction_solution answer = c_view(solution);
+  stiction_solver_options options;
+  stiction_solver_options_init(&options, sizeof options);
+  options.law = STICTION_LAW_CONVEX;
+  const std::string path = ::testing::TempDir() + "stiction_c_solution.h5";
+  STICTION_OK_OR_SAY(stiction_solution_write(path.c_str(), &view, &answer, &options, "a test"));
+  const io::SolutionFile file = io::read_solution(path);
+  EXPECT_EQ(file.precision, Precision::f32);
+  EXPECT_EQ(file.law, Law::convex);
+  EXPECT_EQ(file.solver, "npgs");
+  EXPECT_EQ(file.source, "a test");
+  EXPECT_EQ(file.env_row_offsets, batch.arrays().env_row_offsets);
+  EXPECT_EQ(file.lambda, std::vector<double>(solution.lambda.begin(), solution.lambda.end()));
+  EXPECT_EQ(file.w, std::vector<double>(solution.w.begin(), solution.w.end()));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(solution.status), std::span<const EnvStatus>(file.status)));
+}
+#endif
 
 }  // namespace

@@ -29,3 +29,7 @@ stiction_code stiction_batch_get_cone_ids(stiction_batch*, const uint64_t**) {
 stiction_code stiction_batch_write(const char*, const stiction_batch_view*, const char*) {
   return no_files();
 }
+stiction_code stiction_solution_write(const char*, const stiction_batch_view*, const stiction_solution*,
+                                      const stiction_solver_options*, const char*) {
+  return no_files();
+}
