@@ -211,13 +211,19 @@ TEST(CSameBits, JacobianBatches) {
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 
-BodyBatch<double> thrown_bodies(std::uint64_t seed) {
+/// `press`: how much deeper than the one before each contact is, beside what chance gives it [m].
+BodyBatch<double> thrown_bodies(std::uint64_t seed, double press) {
   BodyBatch<double> batch;
-  for (std::uint64_t env = 0; env < 3; ++env) batch.add(random_bodies(seed + env, 6, 12));
+  for (std::uint64_t env = 0; env < 3; ++env) {
+    BodyEnvironment<double> thrown = random_bodies(seed + env, 6, 12);
+    for (std::size_t k = 0; k < thrown.contacts.size(); ++k) thrown.contacts[k].depth += press * static_cast<double>(k);
+    batch.add(thrown);
+  }
   return batch;
 }
 
-/// Several batches through one handle: it has to see that a plan no longer holds.
+/// Several batches through one handle: it has to see that a plan no longer holds, be it for the depths, which say what
+/// a capacity leaves out.
 TEST(CSameBits, BodiesWhoseStructureChanges) {
   BodySolverOptions options;
   options.substeps = 2;
@@ -235,8 +241,12 @@ TEST(CSameBits, BodiesWhoseStructureChanges) {
   step.erp = 0.3;
   stiction_body_solver* solver = nullptr;
   STICTION_OK_OR_SAY(stiction_body_solver_create("cpu", &step, &same, &solver));
-  for (const std::uint64_t seed : {1, 1, 5, 9}) {
-    const BodyBatch<double> batch = thrown_bodies(seed);
+  struct Case {
+    std::uint64_t seed;
+    double press;
+  };
+  for (const Case& one : {Case{1, 0}, {1, 0}, {1, 1}, {1, -1}, {5, 0}, {9, 0}}) {
+    const BodyBatch<double> batch = thrown_bodies(one.seed, one.press);
     const auto expected = solve_bodies(batch, stepping, options);
     std::vector<double> impulse(expected.impulse.size()), twist(expected.twist.size()), w(expected.w.size());
     std::vector<EnvStatus> status(expected.status.size());
