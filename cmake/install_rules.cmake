@@ -1,11 +1,11 @@
 # What `cmake --install` puts where, so that find_package(stiction CONFIG) gives stiction::stiction and, when files are
-# supported, stiction::io. The installed tree names no path of the build and may be moved.
+# supported, stiction::io; and C programs stiction::c or pkg-config's stiction. The installed tree names no path of the build and may be moved.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(_stiction_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/stiction")
 set(_stiction_targets)
-foreach(name IN ITEMS core cpu device cuda)
+foreach(name IN ITEMS core cpu device cuda c)
   if(TARGET stiction_${name})
     set_target_properties(stiction_${name} PROPERTIES EXPORT_NAME ${name})
     list(APPEND _stiction_targets stiction_${name})
@@ -27,6 +27,21 @@ install(TARGETS ${_stiction_targets} EXPORT stictionTargets
         ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}"
         INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
 install(DIRECTORY core/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
+if(TARGET stiction_c)
+  install(DIRECTORY c_api/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.h")
+  # Relative to the file itself, so that the tree may be moved; not if somebody fixed where libraries go.
+  if(IS_ABSOLUTE "${CMAKE_INSTALL_LIBDIR}" OR IS_ABSOLUTE "${CMAKE_INSTALL_INCLUDEDIR}")
+    set(STICTION_PC_LIBDIR "${CMAKE_INSTALL_FULL_LIBDIR}")
+    set(STICTION_PC_INCLUDEDIR "${CMAKE_INSTALL_FULL_INCLUDEDIR}")
+  else()
+    file(RELATIVE_PATH _to_prefix "/prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/prefix")
+    string(REGEX REPLACE "/$" "" _to_prefix "${_to_prefix}")
+    set(STICTION_PC_LIBDIR "\${pcfiledir}/${_to_prefix}/${CMAKE_INSTALL_LIBDIR}")
+    set(STICTION_PC_INCLUDEDIR "\${pcfiledir}/${_to_prefix}/${CMAKE_INSTALL_INCLUDEDIR}")
+  endif()
+  configure_file(cmake/stiction.pc.in "${CMAKE_CURRENT_BINARY_DIR}/stiction.pc" @ONLY)
+  install(FILES "${CMAKE_CURRENT_BINARY_DIR}/stiction.pc" DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
+endif()
 # Files are an export of their own: a consumer that has no HDF5 still gets the solver.
 if(TARGET stiction_io)
   set_target_properties(stiction_io PROPERTIES EXPORT_NAME io)

@@ -15,7 +15,7 @@ import sys
 import tempfile
 
 SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
-SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "bench", "examples", "tools", "tests", "python"]
+SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
 # What a body or a Block may take from the standard library: types and compile-time facts, no arithmetic.
@@ -54,6 +54,8 @@ TABLE = [
     Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
+    Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
+    Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/base/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
@@ -78,7 +80,7 @@ WORDS = [
      "every rounding and selection goes through core/base/real.hpp"),
     (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/runtime", "core/schedule", "cuda", "cpu_fallback"], [],
      "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
-    (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback"], [],
+    (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api"], [],
      "a machine holds a Block, memory and launches; arithmetic belongs in core/body"),
     (r"\blong double\b|_Float16|__float128", ["core/body", "core/base", "core/block", "cuda", "cpu_fallback"], [],
      "float and double are the two precisions whose bits are promised"),
@@ -133,6 +135,7 @@ def resolve(root, path, included):
     candidates = [str(beside), included]
     if included.startswith("stiction/"):
         candidates += ["core/include/" + included, "core/io/include/" + included]
+    candidates.append("c_api/include/" + included)
     for candidate in candidates:
         if (root / candidate).is_file():
             return str(pathlib.PurePosixPath(*(root / candidate).resolve().relative_to(root.resolve()).parts))
@@ -221,6 +224,8 @@ def self_test():
         "cuda/pgs.cu": '#include <cuda_runtime.h>\n#include "core/body/pgs_body.hpp"\n',
         "cpu_fallback/pgs.cpp": '#include "core/body/pgs_body.hpp"\n',
         "cpu_fallback/serial_block.hpp": "#pragma once\n",
+        "c_api/include/stiction.h": "#pragma once\n#include <stdint.h>\n",
+        "c_api/solver.cpp": '#include <memory>\n#include "stiction.h"\n#include "stiction/types.hpp"\n',
         "examples/hello.cpp": '#include "stiction/types.hpp"\n',
         "tools/cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/schedule/plan.hpp"\n#include "stiction/io.hpp"\n',
     }
@@ -247,6 +252,9 @@ def self_test():
         ("cpu_fallback/pgs.cpp", '#include "cuda/pgs.cu"'),
         ("cpu_fallback/pgs.cpp", "#include <cuda_runtime_api.h>"),
         ("cpu_fallback/pgs.cpp", "#include <Eigen/Dense>"),
+        ("c_api/include/stiction.h", '#include "stiction/types.hpp"'),
+        ("c_api/include/stiction.h", "#include <cstdint>"),
+        ("c_api/solver.cpp", '#include "core/runtime/backend.hpp"'),
         ("examples/hello.cpp", '#include "core/base/real.hpp"'),
         ("examples/hello.cpp", '#include "stiction/no_such.hpp"'),
         ("tools/cli/main.cpp", '#include "core/body/pgs_body.hpp"'),

@@ -1,0 +1,201 @@
+#pragma once
+
+/* The C interface of stiction: many environments' frictional contact problems, solved in one call, with the same bits
+ * on every device (docs/c_api.md). C99 and C++.
+ *
+ * Calls return a stiction_code and let no exception out; what went wrong is in stiction_last_error() of the same
+ * thread. A call that failed has written nothing, unless the device itself failed. Numerical trouble is no failure: it
+ * is in the status record of the environment.
+ *
+ * Structs that begin with `size` are set up by their stiction_..._init(&it, sizeof it), which fills in the defaults. A
+ * later version of the library may append fields and still takes the shorter struct of a program compiled before it;
+ * a longer struct than the library knows is refused. Enumerators are kept in fields of type int32_t.
+ *
+ * A handle is a ticket: one that was destroyed is refused, and never comes up again. Use one handle from one thread at
+ * a time; different handles from any threads. Null is a handle that destroy accepts.
+ *
+ * Text arguments are null-terminated. Arrays are the caller's, are not kept after the call (on a device: after the work
+ * queued on the stream is done), and have lengths given in brackets. "Real" is float or double, as `precision` says. */
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "stiction_structs.h"
+
+#if defined(__GNUC__)
+#define STICTION_API __attribute__((visibility("default")))
+#else
+#define STICTION_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- The library ---- */
+
+/** Version of the library, "major.minor.patch". */
+STICTION_API const char* stiction_version(void);
+/** STICTION_ABI_VERSION that the library was built with: the number in the name libstiction.so.N. */
+STICTION_API int32_t stiction_abi_version(void);
+/** Numerics epoch: results keep their bits within one (docs/numerics.md). */
+STICTION_API int32_t stiction_epoch(void);
+
+/** What the last call that failed on this thread had to say; "" if none did. Valid until the next failure here. */
+STICTION_API const char* stiction_last_error(void);
+/** "ok", "invalid_argument", ...; "unknown" for a number that is no code. */
+STICTION_API const char* stiction_code_name(int32_t code);
+/** Name of an env_code of a status record ("solved", ...), of a solver ("npgs", ...), of one flag bit. */
+STICTION_API const char* stiction_env_code_name(int32_t env_code);
+STICTION_API const char* stiction_solver_name(int32_t solver);
+STICTION_API const char* stiction_flag_name(uint32_t flag);
+/** The solver of that name. */
+STICTION_API stiction_code stiction_solver_from_name(const char* name, int32_t* solver);
+
+/** The devices of this machine, one to a line: "cpu: AVX2", "cuda: not usable: ...". Writes at most `room` bytes with
+ * the terminating zero, and to `length` (may be null) the length of the whole text without it; text may be null if room
+ * is 0. */
+STICTION_API stiction_code stiction_devices(char* text, size_t room, size_t* length);
+
+/* ---- Structs: defaults. `size` is sizeof of the struct that the caller has. ---- */
+
+STICTION_API stiction_code stiction_solver_options_init(stiction_solver_options* options, size_t size);
+STICTION_API stiction_code stiction_capacity_init(stiction_capacity* capacity, size_t size);
+STICTION_API stiction_code stiction_batch_view_init(stiction_batch_view* batch, size_t size);
+STICTION_API stiction_code stiction_solution_init(stiction_solution* solution, size_t size);
+STICTION_API stiction_code stiction_jacobian_capacity_init(stiction_jacobian_capacity* capacity, size_t size);
+STICTION_API stiction_code stiction_jacobian_view_init(stiction_jacobian_view* batch, size_t size);
+STICTION_API stiction_code stiction_jacobian_solution_init(stiction_jacobian_solution* solution, size_t size);
+STICTION_API stiction_code stiction_time_stepping_init(stiction_time_stepping* stepping, size_t size);
+STICTION_API stiction_code stiction_body_options_init(stiction_body_options* options, size_t size);
+STICTION_API stiction_code stiction_body_view_init(stiction_body_view* batch, size_t size);
+STICTION_API stiction_code stiction_body_solution_init(stiction_body_solution* solution, size_t size);
+STICTION_API stiction_code stiction_warm_start_options_init(stiction_warm_start_options* options, size_t size);
+
+/** Options of a preset: "navigation", "locomotion", "grasping", "assembly" (docs/cli.md). `options` was set up before.
+ */
+STICTION_API stiction_code stiction_solver_options_preset(stiction_solver_options* options, const char* preset);
+/** Capacity that a batch in host memory needs. `capacity` was set up before. */
+STICTION_API stiction_code stiction_capacity_of(const stiction_batch_view* batch, stiction_capacity* capacity);
+
+/* ---- Contact batches: A, b and cones ---- */
+
+/** Makes a solver. device: "auto", "cpu", "cuda", "cuda:N", "emulated". options and capacity may be null: defaults.
+ * Without a capacity a GPU makes room as batches need it; a solve that is captured into a graph needs one. */
+STICTION_API stiction_code stiction_solver_create(const char* device, const stiction_solver_options* options,
+                                                  const stiction_capacity* capacity, stiction_solver** solver);
+STICTION_API stiction_code stiction_solver_destroy(stiction_solver* solver);
+
+/** Solves every environment. warm_start (Real, row_count, same memory) may be null: from zero. stream: a cudaStream_t,
+ * or null for the default stream; the CPU ignores it. Host batches are complete on return. Batches in device memory are
+ * planned there: nothing waits or is allocated within the capacity, and the call can be captured. */
+STICTION_API stiction_code stiction_solver_solve(stiction_solver* solver, const stiction_batch_view* batch,
+                                                 const stiction_solution* solution, const void* warm_start,
+                                                 void* stream);
+/** Decides in advance, from a batch's structure, what solve would decide every time. The solver keeps the latest plan.
+ */
+STICTION_API stiction_code stiction_solver_plan(stiction_solver* solver, const stiction_batch_view* batch,
+                                                void* stream);
+/** Solves a batch of the structure that was planned. */
+STICTION_API stiction_code stiction_solver_solve_planned(stiction_solver* solver, const stiction_batch_view* batch,
+                                                         const stiction_solution* solution, const void* warm_start,
+                                                         void* stream);
+/** Returns when what was queued on `stream` is done; at once on the CPU. */
+STICTION_API stiction_code stiction_solver_synchronize(stiction_solver* solver, void* stream);
+
+/** Looks for the first broken precondition of a host batch; found: STICTION_INVALID_ARGUMENT, and the error text says
+ * where. solver: stiction_solver_kind, for lemke takes what others do not. */
+STICTION_API stiction_code stiction_validate(const stiction_batch_view* batch, int32_t solver);
+/** The residual of given reactions in f64, by code that the solvers do not share. lambda: Real (row_count); residual:
+ * (env_count). The batch's own law; host memory. */
+STICTION_API stiction_code stiction_verify(const stiction_batch_view* batch, const void* lambda,
+                                           stiction_residual* residual);
+/** Hash of the bits of an array on the host, the one that the command line prints. precision: stiction_precision. */
+STICTION_API stiction_code stiction_hash(int32_t precision, const void* values, int64_t count, uint64_t* hash);
+
+/* ---- Jacobian batches: J, M and velocities (docs/jacobian.md) ---- */
+
+/** Room that a host batch needs, or any batch of so many environments the largest of which has so many rows, cones and
+ * degrees of freedom. `capacity` was set up before, and its factor_use is read. */
+STICTION_API stiction_code stiction_jacobian_capacity_of(const stiction_jacobian_view* batch,
+                                                         stiction_jacobian_capacity* capacity);
+STICTION_API stiction_code stiction_jacobian_capacity_of_largest(int64_t envs, int32_t env_rows, int32_t env_cones,
+                                                                 int32_t env_dofs,
+                                                                 stiction_jacobian_capacity* capacity);
+/** Makes a solver for batches of capacity->precision. options may be null: defaults. */
+STICTION_API stiction_code stiction_jacobian_solver_create(const char* device, const stiction_solver_options* options,
+                                                           const stiction_jacobian_capacity* capacity,
+                                                           stiction_jacobian_solver** solver);
+STICTION_API stiction_code stiction_jacobian_solver_destroy(stiction_jacobian_solver* solver);
+/** Assembles, solves and moves the velocities; arguments as in stiction_solver_solve. */
+STICTION_API stiction_code stiction_jacobian_solver_solve(stiction_jacobian_solver* solver,
+                                                          const stiction_jacobian_view* batch,
+                                                          const stiction_jacobian_solution* solution,
+                                                          const void* warm_start, void* stream);
+STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
+
+/* ---- Bodies and contact points (docs/bodies.md) ---- */
+
+/** Makes a solver. stepping and options may be null: defaults. */
+STICTION_API stiction_code stiction_body_solver_create(const char* device, const stiction_time_stepping* stepping,
+                                                       const stiction_body_options* options,
+                                                       stiction_body_solver** solver);
+STICTION_API stiction_code stiction_body_solver_destroy(stiction_body_solver* solver);
+/** Plans a batch: colours, order, who touches whom. For batches in device memory, whose structure solve cannot see:
+ * call it before the first solve and whenever offsets, body numbers, `kinematic` or, with max_contacts_per_env, depths
+ * changed. */
+STICTION_API stiction_code stiction_body_solver_plan(stiction_body_solver* solver, const stiction_body_view* batch,
+                                                     void* stream);
+/** Solves every environment. warm_start (Real, 3 * contact_count, same memory) may be null: from zero. A host batch is
+ * planned here whenever its structure is not the one before; a batch in device memory has to be planned. */
+STICTION_API stiction_code stiction_body_solver_solve(stiction_body_solver* solver, const stiction_body_view* batch,
+                                                      const stiction_body_solution* solution, const void* warm_start,
+                                                      void* stream);
+
+/* ---- A simulation loop: reactions remembered by contact id (docs/warm_start.md) ---- */
+
+/** Makes a solver for batches of capacity->precision with at most the capacity's envs, rows and cones. options and
+ * warm_start may be null: defaults. */
+STICTION_API stiction_code stiction_stepping_solver_create(const char* device, const stiction_solver_options* options,
+                                                           const stiction_capacity* capacity,
+                                                           const stiction_warm_start_options* warm_start,
+                                                           stiction_stepping_solver** solver);
+STICTION_API stiction_code stiction_stepping_solver_destroy(stiction_stepping_solver* solver);
+/** Recalls, solves and remembers a step of length dt [s]. cone_id: contact ids, unique within an environment
+ * (cone_count), in the batch's memory. */
+STICTION_API stiction_code stiction_stepping_solver_solve(stiction_stepping_solver* solver,
+                                                          const stiction_batch_view* batch, const uint64_t* cone_id,
+                                                          double dt, const stiction_solution* solution, void* stream);
+/** Forgets the reactions of environments that start over: a list on the host (count), or those whose mask is not zero
+ * (capacity.envs, in the device's memory), or all. */
+STICTION_API stiction_code stiction_stepping_solver_reset(stiction_stepping_solver* solver, const int64_t* envs,
+                                                          int64_t count, void* stream);
+STICTION_API stiction_code stiction_stepping_solver_reset_where(stiction_stepping_solver* solver, const uint8_t* mask,
+                                                                void* stream);
+STICTION_API stiction_code stiction_stepping_solver_reset_all(stiction_stepping_solver* solver, void* stream);
+/** What was remembered for the first `count` environments, on the host; waits for the stream. */
+STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_solver* solver,
+                                                            stiction_warm_start_record* records, int64_t count,
+                                                            void* stream);
+STICTION_API stiction_code stiction_stepping_solver_synchronize(stiction_stepping_solver* solver, void* stream);
+
+/* ---- Files (docs/file_formats.md); STICTION_UNSUPPORTED from a library built without HDF5 ---- */
+
+/** Reads a contact-batch or FCLIB file. */
+STICTION_API stiction_code stiction_batch_read(const char* path, stiction_batch** batch);
+STICTION_API stiction_code stiction_batch_destroy(stiction_batch* batch);
+/** The batch in f32 or f64 (stiction_precision), in host memory that lives as long as the handle. */
+STICTION_API stiction_code stiction_batch_get_view(stiction_batch* batch, int32_t precision, stiction_batch_view* view);
+/** Contact ids (cone_count) of the file, null if it has none; they live as long as the handle. */
+STICTION_API stiction_code stiction_batch_get_cone_ids(stiction_batch* batch, const uint64_t** cone_id);
+/** Writes a host batch as a contact-batch file. source: free text, or null. */
+STICTION_API stiction_code stiction_batch_write(const char* path, const stiction_batch_view* batch, const char* source);
+/** Writes reactions of a host batch as a solution file. options: what the solver was made with, of which the file says
+ * solver and law; null: defaults. source: free text, or null. w and status may be left out of the solution. */
+STICTION_API stiction_code stiction_solution_write(const char* path, const stiction_batch_view* batch,
+                                                   const stiction_solution* solution,
+                                                   const stiction_solver_options* options, const char* source);
+
+#ifdef __cplusplus
+}
+#endif

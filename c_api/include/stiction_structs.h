@@ -1,0 +1,372 @@
+#pragma once
+
+/* Numbers and structs of the C interface; included by stiction.h. What a field means in full: docs/data_layout.md. */
+
+#include <stddef.h>
+#include <stdint.h>
+
+/** Raised when a program compiled before can no longer use the library. */
+#define STICTION_ABI_VERSION 0
+
+typedef enum stiction_code {
+  STICTION_OK = 0,
+  STICTION_INVALID_ARGUMENT = 1, /**< an argument is wrong; the text names it, its value and the remedy */
+  STICTION_BAD_FILE = 2,         /**< a file is not what it claims to be */
+  STICTION_IO = 3,               /**< the operating system refused to read or write */
+  STICTION_OUT_OF_MEMORY = 4,    /**< host or device memory */
+  STICTION_NO_DEVICE = 5,        /**< the requested device is not there; the text says why */
+  STICTION_DEVICE_FAILURE = 6,   /**< the device failed in a call; results of that call are not valid */
+  STICTION_UNSUPPORTED = 7,      /**< this build lacks the feature; the text says what adds it */
+  STICTION_INTERNAL = 8          /**< a fault of the library */
+} stiction_code;
+
+typedef enum stiction_precision { STICTION_F32 = 0, STICTION_F64 = 1 } stiction_precision;
+typedef enum stiction_space { STICTION_SPACE_HOST = 0, STICTION_SPACE_CUDA = 1 } stiction_space;
+
+/** Kind of a cone; one byte each in cone_kind. */
+typedef enum stiction_cone_kind {
+  STICTION_CONE_FREE = 0,       /**< 1 row, w = 0 */
+  STICTION_CONE_UNILATERAL = 1, /**< 1 row, 0 <= lambda _|_ w >= 0 */
+  STICTION_CONE_BOX = 2,        /**< 1 row, lo <= lambda <= hi */
+  STICTION_CONE_FRICTION = 3    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
+} stiction_cone_kind;
+
+typedef enum stiction_law {
+  STICTION_LAW_OF_BATCH = -1, /**< in options alone: what the batch says */
+  STICTION_LAW_CONVEX = 0,
+  STICTION_LAW_COULOMB = 1
+} stiction_law;
+
+typedef enum stiction_solver_kind {
+  STICTION_SOLVER_PGS = 0,
+  STICTION_SOLVER_NPGS = 1,
+  STICTION_SOLVER_JACOBI = 2,
+  STICTION_SOLVER_APGD = 3,
+  STICTION_SOLVER_NSGS = 4,
+  STICTION_SOLVER_ADMM = 5,
+  STICTION_SOLVER_NEWTON = 6,
+  STICTION_SOLVER_LEMKE = 7,
+  STICTION_SOLVER_IPM = 8,
+  STICTION_SOLVER_MULTIGRID = 254, /**< of bodies alone, in status records */
+  STICTION_SOLVER_AUTO = 255       /**< chosen for each environment; its status says who answered */
+} stiction_solver_kind;
+
+/** What to do with an environment whose numbers break a precondition. */
+typedef enum stiction_invalid_policy {
+  STICTION_INVALID_REJECT = 0, /**< the call fails before anything is changed */
+  STICTION_INVALID_ISOLATE = 1 /**< that environment is flagged and gets zeros; the others are solved */
+} stiction_invalid_policy;
+
+typedef enum stiction_islands { STICTION_ISLANDS_TOGETHER = 0, STICTION_ISLANDS_APART = 1 } stiction_islands;
+typedef enum stiction_mass_form { STICTION_MASS_MATRIX = 0, STICTION_MASS_FACTOR = 1 } stiction_mass_form;
+
+/** Which environments of a Jacobian batch keep A as a factor. */
+typedef enum stiction_factor_use {
+  STICTION_FACTOR_NEVER = 0,
+  STICTION_FACTOR_BY_SIZE = 1,
+  STICTION_FACTOR_ALWAYS = 2
+} stiction_factor_use;
+
+typedef enum stiction_body_method { STICTION_BODY_IMPULSES = 0, STICTION_BODY_NEWTON = 1 } stiction_body_method;
+
+typedef enum stiction_body_preconditioner {
+  STICTION_PRECONDITIONER_DIAGONAL = 0,
+  STICTION_PRECONDITIONER_BLOCK_DIAGONAL = 1,
+  STICTION_PRECONDITIONER_INCOMPLETE_CHOLESKY = 2,
+  STICTION_PRECONDITIONER_SPARSE_INVERSE = 3,
+  STICTION_PRECONDITIONER_FACTOR = 4,
+  STICTION_PRECONDITIONER_MULTIGRID = 5
+} stiction_body_preconditioner;
+
+typedef enum stiction_prolongation {
+  STICTION_PROLONGATION_PLAIN = 0,
+  STICTION_PROLONGATION_SMOOTHED = 1
+} stiction_prolongation;
+typedef enum stiction_cycle { STICTION_CYCLE_V = 1, STICTION_CYCLE_W = 2 } stiction_cycle;
+
+typedef enum stiction_ordering {
+  STICTION_ORDERING_NATURAL = 0,
+  STICTION_ORDERING_REVERSE_CUTHILL_MCKEE = 1,
+  STICTION_ORDERING_MINIMUM_DEGREE = 2,
+  STICTION_ORDERING_SUITESPARSE_MINIMUM_DEGREE = 3,
+  STICTION_ORDERING_NESTED_DISSECTION = 4
+} stiction_ordering;
+
+/** What a change of the time step does to a remembered reaction (docs/warm_start.md). */
+typedef enum stiction_step_scaling {
+  STICTION_STEP_CAPPED = 0,      /**< min(1, dt_prev / dt) */
+  STICTION_STEP_NONE = 1,        /**< 1 */
+  STICTION_STEP_PROPORTIONAL = 2 /**< dt / dt_prev */
+} stiction_step_scaling;
+
+/** How the solve of one environment ended. */
+typedef enum stiction_env_code {
+  STICTION_ENV_SOLVED = 0,
+  STICTION_ENV_MAX_ITERATIONS = 1,
+  STICTION_ENV_STALLED = 2,
+  STICTION_ENV_NUMERICAL = 3,
+  STICTION_ENV_INVALID_INPUT = 4,
+  STICTION_ENV_UNSUPPORTED = 5
+} stiction_env_code;
+
+/** What was noticed about one environment; any number of bits at once. */
+typedef enum stiction_env_flag {
+  STICTION_FLAG_NON_FINITE_INPUT = 1 << 0,
+  STICTION_FLAG_NEGATIVE_FRICTION = 1 << 1,
+  STICTION_FLAG_CROSSED_BOUNDS = 1 << 2,
+  STICTION_FLAG_NEGATIVE_COMPLIANCE = 1 << 3,
+  STICTION_FLAG_BAD_DIAGONAL = 1 << 4,
+  STICTION_FLAG_WARM_START_REJECTED = 1 << 5,
+  STICTION_FLAG_ASYMMETRIC = 1 << 6,
+  STICTION_FLAG_CAPACITY = 1 << 7,
+  STICTION_FLAG_BAD_MASS = 1 << 8,
+  STICTION_FLAG_NO_ROOM = 1 << 9,
+  STICTION_FLAG_BAD_STRUCTURE = 1 << 10,
+  STICTION_FLAG_UNSUPPORTED_CONE = 1 << 11,
+  STICTION_FLAG_RAY = 1 << 12
+} stiction_env_flag;
+
+typedef struct stiction_solver stiction_solver;
+typedef struct stiction_jacobian_solver stiction_jacobian_solver;
+typedef struct stiction_body_solver stiction_body_solver;
+typedef struct stiction_stepping_solver stiction_stepping_solver;
+typedef struct stiction_batch stiction_batch;
+
+/* ---- Records. Arrays of them are shared with the device, so they have no size field and do not grow. ---- */
+
+/** The record every environment gets. 32 bytes. */
+typedef struct stiction_status {
+  double residual;          /**< natural map of the answer / max|b| [-] */
+  double residual_absolute; /**< the same in units of w */
+  uint32_t flags;           /**< stiction_env_flag bits */
+  int32_t iterations;       /**< of the solver that answered */
+  uint8_t code;             /**< stiction_env_code */
+  uint8_t solver;           /**< stiction_solver_kind that answered */
+  uint8_t reserved[6];      /**< zero */
+} stiction_status;
+
+typedef struct stiction_residual {
+  double relative; /**< largest cone residual / max|b| [-] */
+  double absolute; /**< largest cone residual [w] */
+} stiction_residual;
+
+/** What a stepping solver remembered for one environment. 16 bytes. */
+typedef struct stiction_warm_start_record {
+  int32_t hits;       /**< cones of the last step that started from a remembered reaction */
+  int32_t misses;     /**< cones of the last step that started from zero */
+  uint32_t flags;     /**< WarmStartFlag bits (docs/warm_start.md) */
+  uint32_t too_large; /**< steps in which it did not fit */
+} stiction_warm_start_record;
+
+/* ---- Options ---- */
+
+typedef struct stiction_solver_options {
+  size_t size;
+  double tolerance;       /**< on the relative natural-map residual; 0: all iterations [-] */
+  double omega;           /**< relaxation of pgs and npgs, in (0, 2) [-] */
+  int32_t solver;         /**< stiction_solver_kind */
+  int32_t law;            /**< stiction_law */
+  int32_t max_iterations; /**< per environment, >= 0 */
+  int32_t stall_window;   /**< stop after that many iterations without a better residual; 0: never */
+  int32_t threads;        /**< of the CPU; 0: all cores */
+  int32_t invalid;        /**< stiction_invalid_policy */
+  int32_t islands;        /**< stiction_islands */
+  int32_t reserved;       /**< zero */
+} stiction_solver_options;
+
+/** Room that a solver on a GPU takes when it is made; zero: as the batches need it. Counts as in stiction_batch_view.
+ */
+typedef struct stiction_capacity {
+  size_t size;
+  int64_t envs;
+  int64_t rows;
+  int64_t cones;
+  int64_t nonzeros;
+  int64_t env_nonzeros; /**< entries of the environment with the most */
+  int32_t env_rows;     /**< rows of the largest environment */
+  int32_t env_dofs;     /**< columns of the widest factor */
+  int32_t precision;    /**< stiction_precision, the widest that batches will have; of a stepping solver: the one */
+  int32_t reserved;     /**< zero */
+} stiction_capacity;
+
+typedef struct stiction_warm_start_options {
+  size_t size;
+  double beta;     /**< part of the last reaction to start from, in (0, 1] [-] */
+  int32_t scaling; /**< stiction_step_scaling */
+  int32_t threads; /**< of the CPU; 0: all cores */
+} stiction_warm_start_options;
+
+/* ---- Contact batches: (A + diag R) lambda + b = w in every environment ---- */
+
+/** Rows of all environments follow one another; columns of A count from the environment's own first row. Arrays marked
+ * "or null" may be left out. */
+typedef struct stiction_batch_view {
+  size_t size;
+  int32_t precision;   /**< stiction_precision of A, factor, b, R, mu, lo, hi and of the solution */
+  int32_t space;       /**< stiction_space of all arrays */
+  int32_t law;         /**< stiction_law */
+  int32_t normal_last; /**< nonzero: friction cones have their normal row last */
+  int64_t env_count;
+  int64_t cone_count;
+  int64_t row_count;
+  int64_t nonzero_count;
+  const int64_t* env_row_offsets;    /**< first row of each environment (env_count + 1) */
+  const int64_t* env_cone_offsets;   /**< first cone of each environment (env_count + 1) */
+  const int32_t* env_row_counts;     /**< rows in use, or null: all (env_count) */
+  const int32_t* env_cone_counts;    /**< cones in use, or null: all (env_count) */
+  const uint32_t* env_flags;         /**< stiction_env_flag bits found by who made the batch, or null (env_count) */
+  const double* env_tolerance;       /**< in place of the option; below zero: the option; or null (env_count) */
+  const int32_t* env_max_iterations; /**< in place of the option; below zero: the option; or null (env_count) */
+  const uint8_t* cone_kind;          /**< stiction_cone_kind (cone_count) */
+  const int64_t* cone_row_offsets;   /**< first row of each cone (cone_count + 1) */
+  const int32_t* cone_group;         /**< manifold of each cone, -1: none; or null (cone_count) */
+  const int64_t* row_offsets;        /**< CSR rows of A (row_count + 1) */
+  const int32_t* row_counts;         /**< entries in use of each row, or null: all (row_count) */
+  const int32_t* column;             /**< CSR columns within the environment (nonzero_count) */
+  const int64_t* column_offsets;     /**< first column of each row where rows share columns, or null (row_count) */
+  int64_t column_count;              /**< length of column where column_offsets is given */
+  const void* A;                     /**< Delassus operator without R [w / lambda] (nonzero_count) */
+  const int64_t* factor_offsets;     /**< first entry of Y of each environment, A = Y Y', or null (env_count + 1) */
+  const void* factor;                /**< Y, row-major, rows x dofs, or null (factor_count) */
+  int64_t factor_count;
+  const void* b;             /**< right-hand side [w] (row_count) */
+  const void* R;             /**< compliance, >= 0 [w / lambda] (row_count) */
+  const void* mu;            /**< friction on a friction cone's tangential rows [-] (row_count) */
+  const int64_t* mu_offsets; /**< where in mu the friction of each row is, or null: at the row (row_count) */
+  int64_t mu_count;          /**< length of mu where mu_offsets is given */
+  const void* lo;            /**< lower bound of box rows [lambda] (row_count) */
+  const void* hi;            /**< upper bound of box rows [lambda] (row_count) */
+} stiction_batch_view;
+
+/** Where a solve writes; memory and precision are the batch's. */
+typedef struct stiction_solution {
+  size_t size;
+  void* lambda;            /**< reactions [lambda] (row_count) */
+  void* w;                 /**< residual motion [w], or null (row_count) */
+  stiction_status* status; /**< (env_count) */
+} stiction_solution;
+
+/* ---- Jacobian batches: A = J M^-1 J', b = J v_free - target ---- */
+
+typedef struct stiction_jacobian_capacity {
+  size_t size;
+  int64_t envs;
+  int64_t rows;
+  int64_t cones;
+  int64_t matrix;     /**< entries of all A together */
+  int64_t factor;     /**< entries of all factors together */
+  int32_t env_rows;   /**< rows of the largest environment */
+  int32_t env_dofs;   /**< degrees of freedom of the largest */
+  int32_t precision;  /**< stiction_precision of the batches */
+  int32_t factor_use; /**< stiction_factor_use; it reaches the last bits of the answer */
+} stiction_jacobian_capacity;
+
+typedef struct stiction_jacobian_view {
+  size_t size;
+  int32_t precision;  /**< stiction_precision of all Real arrays */
+  int32_t space;      /**< stiction_space of all arrays */
+  int32_t law;        /**< stiction_law */
+  int32_t mass_form;  /**< stiction_mass_form */
+  int32_t mass_block; /**< rows of the blocks of M; 0: M is one block */
+  int32_t reserved;   /**< zero */
+  int64_t env_count;
+  int64_t cone_count;
+  int64_t row_count;
+  int64_t dof_count;
+  int64_t entry_count;               /**< length of J */
+  int64_t mass_count;                /**< length of M */
+  const int64_t* env_row_offsets;    /**< (env_count + 1) */
+  const int64_t* env_cone_offsets;   /**< (env_count + 1) */
+  const int64_t* env_dof_offsets;    /**< (env_count + 1) */
+  const int64_t* env_mass_offsets;   /**< first entry of M of each environment (env_count + 1) */
+  const int32_t* env_row_counts;     /**< as in stiction_batch_view, or null (env_count) */
+  const int32_t* env_cone_counts;    /**< as in stiction_batch_view, or null (env_count) */
+  const uint32_t* env_flags;         /**< as in stiction_batch_view, or null (env_count) */
+  const double* env_tolerance;       /**< as in stiction_batch_view, or null (env_count) */
+  const int32_t* env_max_iterations; /**< as in stiction_batch_view, or null (env_count) */
+  const uint8_t* cone_kind;          /**< stiction_cone_kind (cone_count) */
+  const int64_t* cone_row_offsets;   /**< (cone_count + 1) */
+  const int32_t* cone_group;         /**< as in stiction_batch_view, or null (cone_count) */
+  const int64_t* row_offsets;        /**< first entry of J of each row (row_count + 1) */
+  const int32_t* column;             /**< degree of freedom of each entry, or null: dense rows (entry_count) */
+  const void* J;                     /**< constraint Jacobian [w / v] (entry_count) */
+  const void* M;                     /**< blocks, row-major, lower triangles [lambda w / v^2] (mass_count) */
+  const void* v_free;                /**< velocity without reactions [v] (dof_count) */
+  const void* target;                /**< motion that rows aim at [w], or null: zeros (row_count) */
+  const void* R;                     /**< compliance, >= 0 [w / lambda] (row_count) */
+  const void* mu;                    /**< friction per axis (row_count) */
+  const void* lo;                    /**< bounds of box rows [lambda] (row_count) */
+  const void* hi;                    /**< (row_count) */
+} stiction_jacobian_view;
+
+typedef struct stiction_jacobian_solution {
+  size_t size;
+  void* lambda;            /**< reactions [lambda] (row_count) */
+  void* w;                 /**< residual motion [w], or null (row_count) */
+  void* velocity;          /**< v_free + M^-1 J' lambda [v], or null (dof_count) */
+  stiction_status* status; /**< (env_count) */
+} stiction_jacobian_solution;
+
+/* ---- Bodies ---- */
+
+/** How a step becomes b and R (docs/bodies.md). */
+typedef struct stiction_time_stepping {
+  size_t size;
+  double dt;                    /**< the step, > 0 [s] */
+  double erp;                   /**< share of a penetration undone in one step, in [0, 1] [-] */
+  double slop;                  /**< penetration left alone, >= 0 [m] */
+  double cfm;                   /**< velocity a contact yields per force, >= 0 [m/(N s)] */
+  double restitution_threshold; /**< slower approach does not bounce, >= 0 [m/s] */
+} stiction_time_stepping;
+
+typedef struct stiction_body_options {
+  size_t size;
+  double tolerance;             /**< on the relative residual; 0: all iterations [-] */
+  double omega;                 /**< relaxation, in (0, 2) [-] */
+  int32_t law;                  /**< stiction_law */
+  int32_t method;               /**< stiction_body_method */
+  int32_t iterations;           /**< sweeps or Newton steps of each sub-step, at most, >= 0 */
+  int32_t momentum;             /**< nonzero: Nesterov's, for sweeps */
+  int32_t substeps;             /**< >= 1 */
+  int32_t max_contacts_per_env; /**< 0: no limit; else the deepest are solved */
+  int32_t threads;              /**< of the CPU; 0: all cores */
+  int32_t invalid;              /**< stiction_invalid_policy */
+  int32_t preconditioner;       /**< stiction_body_preconditioner, for Newton's method; so are those below */
+  int32_t prolongation;         /**< stiction_prolongation */
+  int32_t cycle;                /**< stiction_cycle */
+  int32_t ordering;             /**< stiction_ordering */
+} stiction_body_options;
+
+/** Bodies and contact points. World axes; a twist is (velocity of the centre of mass [m/s], angular velocity [rad/s]).
+ * Body numbers count from the environment's first body; -1 is the world. */
+typedef struct stiction_body_view {
+  size_t size;
+  int32_t precision; /**< stiction_precision of all Real arrays */
+  int32_t space;     /**< stiction_space of all arrays */
+  int64_t env_count;
+  int64_t body_count;
+  int64_t contact_count;
+  const int64_t* env_body_offsets;    /**< (env_count + 1) */
+  const int64_t* env_contact_offsets; /**< (env_count + 1) */
+  const void* inv_mass;               /**< [1/kg] (body_count) */
+  const void* inv_inertia;            /**< xx, xy, xz, yy, yz, zz [1/(kg m^2)] (6 * body_count) */
+  const void* twist;                  /**< at the beginning of the step (6 * body_count) */
+  const void* twist_change;           /**< by all forces but contact over the step, or null (6 * body_count) */
+  const uint8_t* kinematic;           /**< nonzero: moves as `twist` says, or null (body_count) */
+  const int32_t* body_a;              /**< (contact_count) */
+  const int32_t* body_b;              /**< (contact_count) */
+  const void* arm_a;                  /**< contact point from a's centre of mass [m] (3 * contact_count) */
+  const void* arm_b;                  /**< contact point from b's centre of mass [m] (3 * contact_count) */
+  const void* normal;                 /**< unit vector from a to b (3 * contact_count) */
+  const void* mu;                     /**< friction, >= 0 [-] (contact_count) */
+  const void* depth;                  /**< penetration; negative: a gap [m] (contact_count) */
+  const void* restitution;            /**< in [0, 1] [-] (contact_count) */
+} stiction_body_view;
+
+typedef struct stiction_body_solution {
+  size_t size;
+  void* impulse;           /**< (normal, tangent 1, tangent 2) on b [N s] (3 * contact_count) */
+  void* twist;             /**< after the step (6 * body_count) */
+  void* w;                 /**< residual motion of the last sub-step [m/s], or null (3 * contact_count) */
+  stiction_status* status; /**< (env_count) */
+} stiction_body_solution;

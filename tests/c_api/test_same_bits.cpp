@@ -1,0 +1,326 @@
+#include <gtest/gtest.h>
+
+#include <type_traits>
+#include <vector>
+
+#include "stiction.h"
+#include "stiction/bodies.hpp"
+#include "stiction/hash.hpp"
+#include "stiction/jacobian_solver.hpp"
+#include "stiction/residual.hpp"
+#include "stiction/stepping.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/body_systems.hpp"
+#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/random_systems.hpp"
+
+#ifdef STICTION_TEST_HAS_IO
+#include "stiction/io.hpp"
+#endif
+
+// The C interface against the C++ one in the same process: the same problems, the same bits, whatever the struct.
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+#define STICTION_OK_OR_SAY(call) ASSERT_EQ(call, STICTION_OK) << stiction_last_error()
+
+template <class Real>
+constexpr std::int32_t kPrecision = std::is_same_v<Real, double> ? STICTION_F64 : STICTION_F32;
+
+stiction_status* records(std::vector<EnvStatus>& status) {
+  return reinterpret_cast<stiction_status*>(status.data());
+}
+
+template <class Real>
+Solution<Real> room_for(Offset rows, Offset envs) {
+  return {std::vector<Real>(static_cast<std::size_t>(rows)), std::vector<Real>(static_cast<std::size_t>(rows)),
+          std::vector<EnvStatus>(static_cast<std::size_t>(envs))};
+}
+
+template <class Real>
+stiction_solution c_view(Solution<Real>& solution) {
+  stiction_solution c;
+  stiction_solution_init(&c, sizeof c);
+  c.lambda = solution.lambda.data();
+  c.w = solution.w.data();
+  c.status = records(solution.status);
+  return c;
+}
+
+template <class C, class Cpp>
+void copy_common(C& c, const Cpp& cpp) {
+  c.law = static_cast<std::int32_t>(cpp.law);
+  c.env_count = cpp.env_count;
+  c.cone_count = cpp.cone_count;
+  c.row_count = cpp.row_count;
+  c.env_row_offsets = cpp.env_row_offsets;
+  c.env_cone_offsets = cpp.env_cone_offsets;
+  c.cone_kind = reinterpret_cast<const std::uint8_t*>(cpp.cone_kind);
+  c.cone_row_offsets = cpp.cone_row_offsets;
+  c.cone_group = cpp.cone_group;
+  c.row_offsets = cpp.row_offsets;
+  c.column = cpp.column;
+  c.R = cpp.R;
+  c.mu = cpp.mu;
+  c.lo = cpp.lo;
+  c.hi = cpp.hi;
+}
+
+template <class Real>
+stiction_batch_view c_view(const ContactBatchView<Real>& batch) {
+  stiction_batch_view c;
+  stiction_batch_view_init(&c, sizeof c);
+  copy_common(c, batch);
+  c.precision = kPrecision<Real>;
+  c.nonzero_count = batch.nonzero_count;
+  c.A = batch.A;
+  c.b = batch.b;
+  return c;
+}
+
+stiction_jacobian_view c_view(const JacobianBatchView<double>& batch) {
+  stiction_jacobian_view c;
+  stiction_jacobian_view_init(&c, sizeof c);
+  copy_common(c, batch);
+  c.precision = STICTION_F64;
+  c.mass_form = static_cast<std::int32_t>(batch.mass_form);
+  c.mass_block = batch.mass_block;
+  c.dof_count = batch.dof_count;
+  c.entry_count = batch.entry_count;
+  c.mass_count = batch.mass_count;
+  c.env_dof_offsets = batch.env_dof_offsets;
+  c.env_mass_offsets = batch.env_mass_offsets;
+  c.J = batch.J;
+  c.M = batch.M;
+  c.v_free = batch.v_free;
+  c.target = batch.target;
+  return c;
+}
+
+stiction_body_view c_view(const BodyBatchView<double>& batch) {
+  stiction_body_view c;
+  stiction_body_view_init(&c, sizeof c);
+  c.precision = STICTION_F64;
+  c.env_count = batch.env_count;
+  c.body_count = batch.body_count;
+  c.contact_count = batch.contact_count;
+  c.env_body_offsets = batch.env_body_offsets;
+  c.env_contact_offsets = batch.env_contact_offsets;
+  c.inv_mass = batch.inv_mass;
+  c.inv_inertia = batch.inv_inertia;
+  c.twist = batch.twist;
+  c.twist_change = batch.twist_change;
+  c.kinematic = batch.kinematic;
+  c.body_a = batch.body_a;
+  c.body_b = batch.body_b;
+  c.arm_a = batch.arm_a;
+  c.arm_b = batch.arm_b;
+  c.normal = batch.normal;
+  c.mu = batch.mu;
+  c.depth = batch.depth;
+  c.restitution = batch.restitution;
+  return c;
+}
+
+ContactBatch<double> contacts() {
+  ContactBatch<double> batch(Law::coulomb);
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    Recipe recipe;
+    recipe.seed = seed;
+    batch.add(random_contacts(recipe));
+  }
+  return batch;
+}
+
+/// One batch through both interfaces, under options that are not the defaults.
+template <class Real>
+void same_contacts(const ContactBatch<Real>& batch, SolverKind kind) {
+  SCOPED_TRACE(to_string(kind));
+  SolverOptions options;
+  options.solver = kind;
+  options.law = Law::convex;
+  options.tolerance = 1e-3;
+  options.max_iterations = 77;
+  options.omega = 1.25;
+  const Solution<Real> expected = solve(batch, options);
+
+  stiction_solver_options same;
+  stiction_solver_options_init(&same, sizeof same);
+  same.solver = static_cast<std::int32_t>(kind);
+  same.law = STICTION_LAW_CONVEX;
+  same.tolerance = 1e-3;
+  same.max_iterations = 77;
+  same.omega = 1.25;
+  stiction_solver* solver = nullptr;
+  STICTION_OK_OR_SAY(stiction_solver_create("cpu", &same, nullptr, &solver));
+  Solution<Real> found = room_for<Real>(batch.row_count(), batch.env_count());
+  const stiction_solution answer = c_view(found);
+  const stiction_batch_view view = c_view(batch.view());
+  STICTION_OK_OR_SAY(stiction_solver_solve(solver, &view, &answer, nullptr, nullptr));
+  EXPECT_TRUE(same_bits(expected, found));
+  std::uint64_t hash = 0;
+  STICTION_OK_OR_SAY(stiction_hash(kPrecision<Real>, found.lambda.data(), batch.row_count(), &hash));
+  EXPECT_EQ(hash, hash_bits(std::span<const Real>(expected.lambda)));
+
+  std::vector<stiction_residual> judged(static_cast<std::size_t>(batch.env_count()));
+  STICTION_OK_OR_SAY(stiction_verify(&view, found.lambda.data(), judged.data()));
+  const auto residuals = verify(batch.view(), std::span<const Real>(found.lambda));
+  for (std::size_t e = 0; e < judged.size(); ++e) {
+    EXPECT_EQ(judged[e].relative, residuals[e].relative);
+    EXPECT_EQ(judged[e].absolute, residuals[e].absolute);
+  }
+  STICTION_OK_OR_SAY(stiction_solver_destroy(solver));
+}
+
+TEST(CSameBits, ContactBatchesOfEitherPrecision) {
+  const ContactBatch<double> batch = contacts();
+  for (const SolverKind kind : {SolverKind::pgs, SolverKind::npgs, SolverKind::ipm, SolverKind::automatic}) {
+    same_contacts(batch, kind);
+    same_contacts(convert<float>(batch), kind);
+  }
+}
+
+TEST(CSameBits, JacobianBatches) {
+  JacobianBatch<double> batch(Law::coulomb);
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    JacobianRecipe recipe;
+    recipe.seed = seed;
+    batch.add(random_jacobian(recipe));
+  }
+  const auto expected = solve(batch, SolverOptions{}, Device::cpu(), {}, FactorUse::always);
+  const stiction_jacobian_view view = c_view(batch.view());
+  stiction_jacobian_capacity capacity;
+  stiction_jacobian_capacity_init(&capacity, sizeof capacity);
+  capacity.factor_use = STICTION_FACTOR_ALWAYS;
+  STICTION_OK_OR_SAY(stiction_jacobian_capacity_of(&view, &capacity));
+  stiction_jacobian_solver* solver = nullptr;
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_create("cpu", nullptr, &capacity, &solver));
+  Solution<double> found = room_for<double>(batch.row_count(), batch.env_count());
+  std::vector<double> velocity(static_cast<std::size_t>(batch.dof_count()));
+  stiction_jacobian_solution answer;
+  stiction_jacobian_solution_init(&answer, sizeof answer);
+  answer.lambda = found.lambda.data();
+  answer.w = found.w.data();
+  answer.velocity = velocity.data();
+  answer.status = records(found.status);
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_solve(solver, &view, &answer, nullptr, nullptr));
+  EXPECT_TRUE(same_bits(expected.contact, found));
+  EXPECT_TRUE(same_bits(std::span<const double>(expected.velocity), std::span<const double>(velocity)));
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
+}
+
+/// `press`: how much deeper than the one before each contact is, beside what chance gives it [m].
+BodyBatch<double> thrown_bodies(std::uint64_t seed, double press) {
+  BodyBatch<double> batch;
+  for (std::uint64_t env = 0; env < 3; ++env) {
+    BodyEnvironment<double> thrown = random_bodies(seed + env, 6, 12);
+    for (std::size_t k = 0; k < thrown.contacts.size(); ++k) thrown.contacts[k].depth += press * static_cast<double>(k);
+    batch.add(thrown);
+  }
+  return batch;
+}
+
+/// Several batches through one handle: it has to see that a plan no longer holds, be it for the depths, which say what
+/// a capacity leaves out.
+TEST(CSameBits, BodiesWhoseStructureChanges) {
+  BodySolverOptions options;
+  options.substeps = 2;
+  options.max_contacts_per_env = 9;
+  TimeStepping stepping;
+  stepping.dt = 0.01;
+  stepping.erp = 0.3;
+  stiction_body_options same;
+  stiction_body_options_init(&same, sizeof same);
+  same.substeps = 2;
+  same.max_contacts_per_env = 9;
+  stiction_time_stepping step;
+  stiction_time_stepping_init(&step, sizeof step);
+  step.dt = 0.01;
+  step.erp = 0.3;
+  stiction_body_solver* solver = nullptr;
+  STICTION_OK_OR_SAY(stiction_body_solver_create("cpu", &step, &same, &solver));
+  struct Case {
+    std::uint64_t seed;
+    double press;
+  };
+  for (const Case& one : {Case{1, 0}, {1, 0}, {1, 1}, {1, -1}, {5, 0}, {9, 0}}) {
+    const BodyBatch<double> batch = thrown_bodies(one.seed, one.press);
+    const auto expected = solve_bodies(batch, stepping, options);
+    std::vector<double> impulse(expected.impulse.size()), twist(expected.twist.size()), w(expected.w.size());
+    std::vector<EnvStatus> status(expected.status.size());
+    stiction_body_solution answer;
+    stiction_body_solution_init(&answer, sizeof answer);
+    answer.impulse = impulse.data();
+    answer.twist = twist.data();
+    answer.w = w.data();
+    answer.status = records(status);
+    const stiction_body_view view = c_view(batch.view());
+    STICTION_OK_OR_SAY(stiction_body_solver_solve(solver, &view, &answer, nullptr, nullptr));
+    EXPECT_TRUE(same_bits(std::span<const double>(expected.impulse), std::span<const double>(impulse)));
+    EXPECT_TRUE(same_bits(std::span<const double>(expected.twist), std::span<const double>(twist)));
+    EXPECT_TRUE(same_bits(std::span<const double>(expected.w), std::span<const double>(w)));
+    EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(status)));
+  }
+  STICTION_OK_OR_SAY(stiction_body_solver_destroy(solver));
+}
+
+/// Three steps of different lengths, so that options of the warm start reach the answers.
+TEST(CSameBits, Stepping) {
+  const ContactBatch<double> batch = contacts();
+  std::vector<std::uint64_t> cone_id;
+  for (std::uint64_t cone = 0; cone < static_cast<std::uint64_t>(batch.view().cone_count); ++cone)
+    cone_id.push_back(1000 - cone);
+  WarmStartOptions warm;
+  warm.beta = 0.5;
+  warm.scaling = StepScaling::proportional;
+  const Capacity room = Capacity::of(batch.view());
+  SteppingSolver<double> stepper(Device::cpu(), SolverOptions{}, room, warm);
+
+  stiction_warm_start_options same;
+  stiction_warm_start_options_init(&same, sizeof same);
+  same.beta = 0.5;
+  same.scaling = STICTION_STEP_PROPORTIONAL;
+  const stiction_batch_view view = c_view(batch.view());
+  stiction_capacity capacity;
+  stiction_capacity_init(&capacity, sizeof capacity);
+  STICTION_OK_OR_SAY(stiction_capacity_of(&view, &capacity));
+  stiction_stepping_solver* solver = nullptr;
+  STICTION_OK_OR_SAY(stiction_stepping_solver_create("cpu", nullptr, &capacity, &same, &solver));
+  for (const double dt : {0.01, 0.005, 0.02}) {
+    Solution<double> expected = room_for<double>(batch.row_count(), batch.env_count());
+    Solution<double> found = expected;
+    stepper.solve(batch.view(), cone_id.data(), dt,
+                  {expected.lambda.data(), expected.w.data(), expected.status.data()});
+    const stiction_solution answer = c_view(found);
+    STICTION_OK_OR_SAY(stiction_stepping_solver_solve(solver, &view, cone_id.data(), dt, &answer, nullptr));
+    EXPECT_TRUE(same_bits(expected, found));
+  }
+  STICTION_OK_OR_SAY(stiction_stepping_solver_destroy(solver));
+}
+
+#ifdef STICTION_TEST_HAS_IO
+TEST(CSameBits, ASolutionFileHoldsTheSolution) {
+  const ContactBatch<float> batch = convert<float>(contacts());
+  Solution<float> solution = solve(batch);
+  const stiction_batch_view view = c_view(batch.view());
+  const stiction_solution answer = c_view(solution);
+  stiction_solver_options options;
+  stiction_solver_options_init(&options, sizeof options);
+  options.law = STICTION_LAW_CONVEX;
+  const std::string path = ::testing::TempDir() + "stiction_c_solution.h5";
+  STICTION_OK_OR_SAY(stiction_solution_write(path.c_str(), &view, &answer, &options, "a test"));
+  const io::SolutionFile file = io::read_solution(path);
+  EXPECT_EQ(file.precision, Precision::f32);
+  EXPECT_EQ(file.law, Law::convex);
+  EXPECT_EQ(file.solver, "npgs");
+  EXPECT_EQ(file.source, "a test");
+  EXPECT_EQ(file.env_row_offsets, batch.arrays().env_row_offsets);
+  EXPECT_EQ(file.lambda, std::vector<double>(solution.lambda.begin(), solution.lambda.end()));
+  EXPECT_EQ(file.w, std::vector<double>(solution.w.begin(), solution.w.end()));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(solution.status), std::span<const EnvStatus>(file.status)));
+}
+#endif
+
+}  // namespace

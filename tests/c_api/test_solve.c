@@ -1,0 +1,214 @@
+#include "check.h"
+#include "two_blocks.h"
+
+static double lambda[6], w[6];
+static float float_lambda[6];
+static stiction_status status[2];
+
+static stiction_solution answer(void* reactions, void* motion) {
+  stiction_solution solution;
+  stiction_solution_init(&solution, sizeof solution);
+  memset(lambda, 0, sizeof lambda);
+  memset(w, 0, sizeof w);
+  memset(float_lambda, 0, sizeof float_lambda);
+  memset(status, 0xff, sizeof status);
+  solution.lambda = reactions;
+  solution.w = motion;
+  solution.status = status;
+  return solution;
+}
+
+/* The relative residual is at most 1e-4 of max|b| = 9.81, and A is the identity: that is the error, doubled to be sure. */
+static const double kDistance = 2e-4 * 9.81;
+
+static int near_to(double value, double expected, double distance) {
+  return value - expected <= distance && expected - value <= distance;
+}
+
+static int is_answer(void) {
+  int i, held = 1;
+  for (i = 0; i < 6; ++i) held &= near_to(lambda[i], kReactions[i], kDistance) && near_to(w[i], kMotion[i], kDistance);
+  return held && status[0].code == STICTION_ENV_SOLVED && status[1].code == STICTION_ENV_SOLVED;
+}
+
+static void solves(const char* device, int32_t space) {
+  stiction_solver* solver = NULL;
+  stiction_batch_view batch;
+  stiction_solution solution = answer(lambda, w);
+  stiction_residual residual[2];
+  stiction_capacity capacity;
+  int i;
+  two_blocks(&batch, STICTION_F64);
+  STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
+  STICTION_CHECK_OK(stiction_capacity_of(&batch, &capacity));
+  STICTION_CHECK(capacity.envs == 2 && capacity.rows == 6 && capacity.cones == 2 && capacity.nonzeros == 6);
+  STICTION_CHECK(capacity.env_rows == 3 && capacity.env_nonzeros == 3 && capacity.precision == STICTION_F64);
+  batch.space = space;
+  STICTION_CHECK_OK(stiction_solver_create(device, NULL, &capacity, &solver));
+  STICTION_CHECK_OK(stiction_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK_OK(stiction_solver_synchronize(solver, NULL));
+  STICTION_CHECK(is_answer());
+  STICTION_CHECK(status[0].solver == STICTION_SOLVER_NPGS && status[0].flags == 0 && status[0].iterations > 0);
+
+  solution = answer(lambda, w);
+  STICTION_CHECK_FAILS(stiction_solver_solve_planned(solver, &batch, &solution, NULL, NULL), STICTION_INVALID_ARGUMENT,
+                       "no plan", "stiction_solver_plan");
+  STICTION_CHECK_OK(stiction_solver_plan(solver, &batch, NULL));
+  STICTION_CHECK_OK(stiction_solver_solve_planned(solver, &batch, &solution, kReactions, NULL));
+  STICTION_CHECK_OK(stiction_solver_synchronize(solver, NULL));
+  STICTION_CHECK(is_answer());
+
+  batch.space = STICTION_SPACE_HOST;
+  STICTION_CHECK_OK(stiction_verify(&batch, kReactions, residual));
+  for (i = 0; i < 2; ++i) STICTION_CHECK(residual[i].relative <= 1e-15 && residual[i].absolute <= 1e-14);
+  STICTION_CHECK_OK(stiction_verify(&batch, kZeros, residual));
+  /* Of no reaction (docs/math/residual.md): with de Saxce's shift y is (2/2 - 9.81, 2/2) and (6/2 - 9.81, 6/2), and -y lies
+     in the unit cone, so that the residual is its length. */
+  STICTION_CHECK(near_to(residual[0].absolute, 8.866572, 1e-6) && near_to(residual[1].absolute, 7.441512, 1e-6));
+  STICTION_CHECK(near_to(residual[1].relative * 9.81, residual[1].absolute, 1e-12));
+  STICTION_CHECK_OK(stiction_solver_destroy(solver));
+}
+
+static void solves_floats(void) {
+  stiction_solver* solver = NULL;
+  stiction_batch_view batch;
+  stiction_solution solution = answer(float_lambda, NULL);
+  int i;
+  two_blocks(&batch, STICTION_F32);
+  STICTION_CHECK_OK(stiction_solver_create("cpu", NULL, NULL, &solver));
+  STICTION_CHECK_OK(stiction_solver_solve(solver, &batch, &solution, NULL, NULL));
+  for (i = 0; i < 6; ++i) STICTION_CHECK(near_to((double)float_lambda[i], kReactions[i], kDistance));
+  STICTION_CHECK_OK(stiction_solver_destroy(solver));
+}
+
+/* The blocks as bodies with one contact each are their own Jacobian: J = M = 1, v_free = b. */
+static void jacobians(void) {
+  const double identity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const int64_t entries[] = {0, 3, 6, 9, 12, 15, 18};
+  double velocity[6];
+  int i;
+  stiction_jacobian_solver* solver = NULL;
+  stiction_jacobian_capacity capacity, largest;
+  stiction_jacobian_view batch;
+  stiction_jacobian_solution solution;
+  STICTION_CHECK_OK(stiction_jacobian_view_init(&batch, sizeof batch));
+  batch.precision = STICTION_F64;
+  batch.law = STICTION_LAW_COULOMB;
+  batch.mass_block = 1;
+  batch.env_count = 2, batch.cone_count = 2, batch.row_count = 6;
+  batch.dof_count = 6, batch.entry_count = 18, batch.mass_count = 6;
+  batch.env_row_offsets = batch.env_dof_offsets = batch.env_mass_offsets = batch.cone_row_offsets = kEnvRows;
+  batch.env_cone_offsets = kEnvCones;
+  batch.cone_kind = kKinds;
+  batch.row_offsets = entries;
+  batch.J = identity;
+  batch.M = kA;
+  batch.v_free = kB;
+  batch.mu = kMu;
+  batch.R = batch.lo = batch.hi = kZeros;
+  STICTION_CHECK_OK(stiction_jacobian_solution_init(&solution, sizeof solution));
+  memset(status, 0xff, sizeof status);
+  solution.lambda = lambda, solution.w = w, solution.velocity = velocity, solution.status = status;
+  STICTION_CHECK_OK(stiction_jacobian_capacity_init(&capacity, sizeof capacity));
+  largest = capacity;
+  STICTION_CHECK_OK(stiction_jacobian_capacity_of(&batch, &capacity));
+  STICTION_CHECK_OK(stiction_jacobian_capacity_of_largest(2, 3, 1, 3, &largest));
+  STICTION_CHECK(capacity.matrix == 18 && capacity.env_dofs == 3 && capacity.precision == STICTION_F64);
+  STICTION_CHECK(largest.envs == 2 && largest.rows == 6 && largest.cones == 2 && largest.matrix == 18);
+  STICTION_CHECK_OK(stiction_jacobian_solver_create("cpu", NULL, &capacity, &solver));
+  STICTION_CHECK_OK(stiction_jacobian_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK_OK(stiction_jacobian_solver_synchronize(solver, NULL));
+  STICTION_CHECK(is_answer());
+  for (i = 0; i < 6; ++i) STICTION_CHECK(near_to(velocity[i], kMotion[i], kDistance));
+  batch.precision = STICTION_F32;
+  STICTION_CHECK_FAILS(stiction_jacobian_solver_solve(solver, &batch, &solution, NULL, NULL), STICTION_INVALID_ARGUMENT,
+                       "batch.precision is f32", "made for f64");
+  STICTION_CHECK_OK(stiction_jacobian_solver_destroy(solver));
+}
+
+/* A body of 2 kg that gravity pushes into the floor for 5 ms: the floor gives 2 kg * 9.81 m/s2 * 5 ms = 0.0981 N s back. */
+static void bodies(void) {
+  const int64_t offsets[] = {0, 1};
+  const double half = 0.5, ones[] = {1, 0, 0, 1, 0, 1}, fall[] = {0, 0, -9.81 * 0.005, 0, 0, 0}, up[] = {0, 0, 1};
+  const double friction = 0.5, zeros[6] = {0};
+  const int32_t world = -1, first = 0;
+  const uint8_t moves[] = {0}, fixed[] = {1};
+  double impulse[3], twist[6];
+  stiction_body_solver* solver = NULL;
+  stiction_body_view batch;
+  stiction_body_solution solution;
+  STICTION_CHECK_OK(stiction_body_view_init(&batch, sizeof batch));
+  batch.precision = STICTION_F64;
+  batch.env_count = batch.body_count = batch.contact_count = 1;
+  batch.env_body_offsets = batch.env_contact_offsets = offsets;
+  batch.inv_mass = &half;
+  batch.inv_inertia = ones;
+  batch.twist = zeros;
+  batch.twist_change = fall;
+  batch.body_a = &world;
+  batch.body_b = &first;
+  batch.arm_a = batch.arm_b = zeros;
+  batch.normal = up;
+  batch.mu = &friction;
+  batch.depth = batch.restitution = zeros;
+  batch.kinematic = moves;
+  STICTION_CHECK_OK(stiction_body_solution_init(&solution, sizeof solution));
+  solution.impulse = impulse, solution.twist = twist, solution.status = status;
+  STICTION_CHECK_OK(stiction_body_solver_create("cpu", NULL, NULL, &solver));
+  STICTION_CHECK_OK(stiction_body_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK(near_to(impulse[0], 0.0981, 1e-12) && near_to(twist[2], 0, 1e-12));
+  /* What makes the solver plan anew: the same body, held fast. */
+  batch.kinematic = fixed;
+  STICTION_CHECK_OK(stiction_body_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK(impulse[0] == 0 && twist[2] == 0);
+  batch.kinematic = NULL;
+  STICTION_CHECK_OK(stiction_body_solver_plan(solver, &batch, NULL));
+  STICTION_CHECK_OK(stiction_body_solver_solve(solver, &batch, &solution, impulse, NULL));
+  STICTION_CHECK(near_to(impulse[0], 0.0981, 1e-12));
+  STICTION_CHECK_OK(stiction_body_solver_destroy(solver));
+}
+
+/* Contacts 7 and 9 are remembered, whichever way a step ends; one environment starts over. */
+static void steps(void) {
+  const uint64_t cone_id[] = {7, 9};
+  const int64_t second = 1;
+  const uint8_t mask[] = {1, 0};
+  stiction_capacity capacity;
+  stiction_stepping_solver* solver = NULL;
+  stiction_warm_start_record record[2];
+  stiction_batch_view batch;
+  stiction_solution solution = answer(lambda, w);
+  two_blocks(&batch, STICTION_F64);
+  STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
+  STICTION_CHECK_OK(stiction_capacity_of(&batch, &capacity));
+  STICTION_CHECK_OK(stiction_stepping_solver_create("cpu", NULL, &capacity, NULL, &solver));
+  STICTION_CHECK_OK(stiction_stepping_solver_solve(solver, &batch, cone_id, 0.01, &solution, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_records(solver, record, 2, NULL));
+  STICTION_CHECK(is_answer() && record[0].misses == 1 && record[1].misses == 1);
+  STICTION_CHECK_OK(stiction_stepping_solver_reset(solver, &second, 1, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_solve(solver, &batch, cone_id, 0.01, &solution, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_records(solver, record, 2, NULL));
+  STICTION_CHECK(is_answer() && record[0].hits == 1 && record[1].misses == 1);
+  STICTION_CHECK_OK(stiction_stepping_solver_reset_where(solver, mask, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_solve(solver, &batch, cone_id, 0.01, &solution, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_records(solver, record, 2, NULL));
+  STICTION_CHECK(is_answer() && record[0].misses == 1 && record[1].hits == 1);
+  STICTION_CHECK_OK(stiction_stepping_solver_reset_all(solver, NULL));
+  STICTION_CHECK_OK(stiction_stepping_solver_synchronize(solver, NULL));
+  STICTION_CHECK_FAILS(stiction_stepping_solver_solve(solver, &batch, cone_id, -1, &solution, NULL),
+                       STICTION_INVALID_ARGUMENT, "dt", "-1");
+  STICTION_CHECK_FAILS(stiction_stepping_solver_reset(solver, NULL, 1, NULL), STICTION_INVALID_ARGUMENT, "envs is null",
+                       "one entry");
+  STICTION_CHECK_OK(stiction_stepping_solver_destroy(solver));
+}
+
+int main(void) {
+  solves("cpu", STICTION_SPACE_HOST);
+  solves("emulated", STICTION_SPACE_HOST);
+  solves("emulated", STICTION_SPACE_CUDA); /* whose device memory is any memory */
+  solves_floats();
+  jacobians();
+  bodies();
+  steps();
+  return failures != 0;
+}
