@@ -13,8 +13,9 @@ struct Rung {
 };
 
 /// The ladder, in the order in which it is climbed. None is left out of the order for an environment that begins higher
-/// up. The last two are for what nobody else could: slow, but without a matrix and without a region of convergence.
-inline constexpr int kLadderRungs = 7;
+/// up. The last three are for what nobody else could: gradients and sweeps, slow, but without a matrix and without a
+/// region of convergence, and from where they came to rest Newton's method with patience.
+inline constexpr int kLadderRungs = 8;
 STICTION_HD constexpr Rung ladder_rung(int rung) {
   constexpr Rung kLadder[kLadderRungs] = {{SolverKind::npgs, 512, 1.0},
                                           {SolverKind::admm, 256, 1.0},
@@ -22,7 +23,8 @@ STICTION_HD constexpr Rung ladder_rung(int rung) {
                                           {SolverKind::ipm, 128, 1.0},
                                           {SolverKind::lemke, 4 * kDirectRows, 1.0},
                                           {SolverKind::apgd, 4096, 1.0},
-                                          {SolverKind::npgs, 4096, 0.8}};
+                                          {SolverKind::npgs, 4096, 0.8},
+                                          {SolverKind::newton, 192, 1.0}};
   return kLadder[rung];
 }
 inline constexpr int kSplittingRung = 1;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/direct/ratio_test.hpp"
+#include "core/body/direct/pair_start.hpp"
 #include "core/body/pgs_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -16,7 +16,8 @@ struct Lemke {
   /// A pivot costs as much as a look at the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most
-  static constexpr double kRays = 2.0;      ///< met before one is believed
+  static constexpr double kRays = 2.0;      ///< met before paths begin elsewhere
+  static constexpr double kRestarts = 8.0;  ///< begun elsewhere at most, and at most one for each row
   static constexpr double kLongPath = 3.0;  ///< pivots for each row before a path is begun anew
   static constexpr double kGoldenRatio = 0.61803398874989485;
   static constexpr double kFeasible = 1e-11;  ///< of the largest value
@@ -55,7 +56,7 @@ struct Lemke {
       t.side[row] = is_free ? 0.0 : side;
       t.ratio[row] = is_free ? 1.0 : 0.0;
     });
-    begin_path(block, s, t);
+    begin_path(block, s, t, false);
   }
 
   template <Law kLaw, Block B, class System>
@@ -84,11 +85,14 @@ struct Lemke {
     }
   }
 
-  /// The dictionary in which the x_j with t.ratio[j] = 1 are basic, and z0's column: positive where a basic variable
-  /// has a lower bound only, negative where it has an upper one only, so that a large z0 makes every row feasible. A
-  /// variable between two bounds has no entry: if it has left them it goes to rest at the one it passed.
+  /// Rays after which the last one is believed.
+  static STICTION_HD double most_rays(const Tableau& t) { return kRays + min_(kRestarts, static_cast<double>(t.n)); }
+
+  /// The dictionary in which the x_j with t.ratio[j] = 1 are basic, and z0's column. A variable between two bounds has
+  /// no entry there: if it has left them it goes to rest at the one it passed. After `kRays` rays a path that begins
+  /// `anew` does so as one of Lemke and Howson's, with labels spread over the rows.
   template <Block B, class System>
-  static STICTION_HD_OUTLINE void begin_path(B& block, const System& s, const Tableau& t) {
+  static STICTION_HD_OUTLINE void begin_path(B& block, const System& s, const Tableau& t, bool anew) {
     write_dictionary(block, s, t);
     write_values(block, s, t);
     bring_in(block, t, t.ratio);
@@ -102,15 +106,40 @@ struct Lemke {
       exchange(block, t, row, y, div_(bound - value, t.T(row, t.column_of(y))));
       single(block, [&] { t.side[x] = value < t.lo[x] ? 1.0 : -1.0; });
     }
+    const double restart = t.state[kRaysMet] - kRays;
+    Index label = -1;
+    if (anew && restart >= 0.0) {
+      const double step = div_(static_cast<double>(t.n), most_rays(t) - kRays);
+      label = static_cast<Index>(restart * step);
+      if (label >= t.n || !begin_at_pair(block, t, label)) label = -1;
+    }
+    cover(block, t, label);
+    single(block, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
+  }
+
+  /// z0's column: positive where a basic variable has a lower bound only, negative where it has an upper one only, so
+  /// that a large z0 makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
+  /// and covers no row that needs no covering.
+  template <Block B>
+  static STICTION_HD_OUTLINE void cover(B& block, const Tableau& t, Index label) {
     const double paths = t.state[kPathsBegun];
+    const Index column = label < 0 ? 0 : t.column_of(t.n + label);
+    const double noise = kFeasible * max_over<double>(block, t.n, [&](Index i) { return abs_(t.value(i)); });
     for_each(block, t.n, [&](Index i) {
-      const bool lower = finite_(t.lower(t.variable_of(i)));
-      const bool upper = finite_(t.upper(t.variable_of(i)));
+      const Index variable = t.variable_of(i);
+      const bool lower = finite_(t.lower(variable));
+      const bool upper = finite_(t.upper(variable));
       const double turns = paths * static_cast<double>(i + 1) * kGoldenRatio;
       const double weight = 1.0 + (turns - static_cast<double>(static_cast<Index>(turns)));
-      t.T(i, 1) = lower == upper ? 0.0 : lower ? weight : 0.0 - weight;
+      const double sign = lower == upper ? 0.0 : lower ? 1.0 : -1.0;
+      double entry = weight;
+      if (label >= 0) {
+        const bool is_feasible = !(max_(t.lower(variable) - t.value(i), t.value(i) - t.upper(variable)) > noise);
+        const double lift = sign * t.T(i, column);
+        entry = lift > Tableau::kRelativePivot ? lift : is_feasible ? 0.0 : weight;
+      }
+      t.T(i, 1) = sign * entry;
     });
-    single(block, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
   }
 
   template <Block B, class System>
@@ -145,11 +174,11 @@ struct Lemke {
     const double rays = t.state[kRaysMet];
     if (!(violation > kFeasible * size)) {
       end(block, s, kFinished);
-    } else if (rays >= kRays) {
+    } else if (rays >= most_rays(t)) {
       end(block, s, kRayDetected);
     } else {
       const Blocking worst = first_blocking(block, t, t.artificial(), -1.0, true);
-      if (paths >= kPaths || !(worst.step < 0.0)) {
+      if (paths >= kPaths + max_(rays - kRays, 0.0) || !(worst.step < 0.0)) {
         end(block, s, kGaveUp);
         return;
       }
@@ -179,7 +208,10 @@ struct Lemke {
       return;
     }
     const double pivots = t.state[kPivots] + 1.0;
-    const bool is_long = pivots > kLongPath * static_cast<double>(t.n) && t.state[kPathsBegun] < kPaths;
+    const double rays = t.state[kRaysMet];
+    const bool is_elsewhere = rays >= kRays;
+    const bool may_leave = is_elsewhere ? rays + 1.0 < most_rays(t) : t.state[kPathsBegun] < kPaths;
+    const bool is_long = pivots > kLongPath * static_cast<double>(t.n) && may_leave;
     Index leaving = Blocking::kNothing;
     if (next.row != Blocking::kNothing) {
       leaving = t.variable_of(next.row);
@@ -193,16 +225,16 @@ struct Lemke {
       }
     }
     // After a ray from the beginning, with another covering vector: where A is not semidefinite the ray belongs to the
-    // path and not to the problem.
-    const bool is_ray = leaving == Blocking::kNothing;
+    // path and not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
+    const bool anew = leaving == Blocking::kNothing || (is_elsewhere && leaving != t.artificial());
     for_each(block, t.n, [&](Index j) {
-      const bool wanted = is_ray ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);
+      const bool wanted = anew ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);
       t.ratio[j] = wanted ? 1.0 : 0.0;
     });
     single(block, [&] {
-      if (is_ray) t.state[kRaysMet] = t.state[kRaysMet] + 1.0;
+      if (anew) t.state[kRaysMet] = rays + 1.0;
     });
-    begin_path(block, s, t);
+    begin_path(block, s, t, anew);
   }
 
   /// The dictionary's own solution, clipped to the bounds.

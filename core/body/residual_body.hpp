@@ -99,12 +99,16 @@ struct Judgement {
   double blur = 0.0;      ///< what one rounding hides of the largest number that it is a difference of [w]
 };
 
-/// What one rounding hides of a cone's natural map of (x, y).
+/// What one rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
+/// not move inward, however fast it slides.
 template <int M>
-STICTION_HD double blur_of(const double (&x)[M], const double (&y)[M], double a) {
-  double size = 0.0;
-  for (int k = 0; k < M; ++k) size = max_(abs_(y[k]), max_(abs_(a * x[k]), size));
-  return 0x1p-53 * size;
+STICTION_HD double blur_of(Law law, const double (&x)[M], const double (&y)[M], double a) {
+  double reaction = 0.0;
+  double size = abs_(y[0]);
+  for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
+  const bool is_open = law == Law::coulomb && reaction == 0.0 && y[0] >= 0.0;
+  for (int k = 1; k < M; ++k) size = is_open ? size : max_(abs_(y[k]), size);
+  return 0x1p-53 * max_(reaction, size);
 }
 
 /// The residual that may be held against `allowed` > 0: where roundings hide more than that, what they hide. A reaction
@@ -147,7 +151,7 @@ STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, 
       const double norm = env.law == Law::coulomb ? natural_map<Law::coulomb>(shape, x, y, a, lo, hi)
                                                   : natural_map<Law::convex>(shape, x, y, a, lo, hi);
       largest = max_(norm, largest);
-      blur = max_(blur_of(x, y, a), blur);
+      blur = max_(blur_of(env.law, x, y, a), blur);
     });
   });
   largest = block.max(largest);

@@ -57,6 +57,19 @@ TEST(rounded_away, friction_beyond_all_sense_hides_no_contact_that_penetrates) {
   }
 }
 
+TEST(rounded_away, an_open_contact_may_slide_as_fast_as_it_likes) {
+  // The first contact is pressed, w = lambda - 1; its reaction moves the second one along, by 1e25 a unit, and not
+  // inward.
+  Environment<double> env =
+      system({friction(3), friction(3)}, diagonal(std::vector<double>(6, 1.0)), {-1, 0, 0, 1, 0, 0});
+  env.A[4 * 6 + 0] = 1e25;
+  SolverOptions asked = options(SolverKind::automatic, kTolerance, 200);
+  const Solution<double> answer = solve(batch_of({env}, Law::coulomb), asked);
+  EXPECT_EQ(answer.status[0].code, EnvCode::solved) << answer.status[0].residual;
+  EXPECT_NEAR(answer.lambda[0], 1.0, 1e-6);
+  EXPECT_EQ(answer.lambda[3], 0.0);
+}
+
 TEST(rounded_away, nor_does_it_in_body_form) {
   BodyEnvironment<double> stack = scenes::make_body_stack(3, 4);
   for (auto& one : stack.contacts) one.mu = 1e100;

@@ -7,13 +7,15 @@
 
 /// Semismooth Newton on the natural map with a proximal term: Coulomb's law, and the convex law where some row has no
 /// compliance (docs/math/newton.md). It converges from nearby, so sweeps with momentum bring it there, at the beginning
-/// and whenever a step does not make the natural map smaller.
+/// and whenever a step does not make the natural map smaller; the term is then weighted more again.
 namespace stiction::inline STICTION_ISA {
 
 inline constexpr int kSweepsBefore = 10;  ///< sweeps at the beginning and when Newton's method is of no use
-inline constexpr int kBacktracks = 12;
+inline constexpr int kBacktracks = 6;
 inline constexpr float kProximalStart = 1e-2F;  ///< weight of the proximal term over the mean diagonal
-inline constexpr float kProximalFall = 0.3F;    ///< its factor once the problem with it is solved
+inline constexpr float kProximalMost = 1.0F;    ///< the same at most
+inline constexpr float kProximalFall = 0.3F;    ///< its factor once the problem with it is solved, and where no step
+inline constexpr float kProximalRise = 3.0F;    ///< makes it smaller
 inline constexpr float kProximalLeast = 1e-12F;
 /// Part of the natural map that the proximal problem may leave before its centre moves.
 inline constexpr double kInnerPart = 0.1;
@@ -123,22 +125,28 @@ STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pu
   });
 }
 
+/// Mean diagonal of A + R, the unit of the proximal term's weight.
+template <class Real, Block B>
+STICTION_HD_OUTLINE Real mean_diagonal(B& block, const DenseMatrix& A) {
+  const double trace = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < A.n; i += kReduceLeaves) sum = sum + A(i, i);
+    return sum;
+  });
+  const double mean = div_(trace, static_cast<double>(A.n));
+  return static_cast<Real>(mean > 0.0 ? mean : 1.0);
+}
+
 /// Takes A + R as a matrix of doubles. The weight of the proximal term is negative until the first sweeps are done.
 template <Block B, class System>
 STICTION_HD_OUTLINE void start_proximal(B& block, System& s) {
   using Real = typename System::Real;
-  const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
+  const DenseMatrix A = newton_room(s).matrix(0);
   fill_matrix(block, s, A);
-  const double trace = sum_leaves<double>(block, [&](Index leaf) {
-    double sum = 0.0;
-    for (Index i = leaf; i < s.n; i += kReduceLeaves) sum = sum + A(i, i);
-    return sum;
-  });
-  const double mean = div_(trace, static_cast<double>(s.n));
+  const Real mean = mean_diagonal<Real>(block, A);
   single(block, [&] {
     s.scalar[kTheta] = Real(0);
-    s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * static_cast<Real>(mean > 0.0 ? mean : 1.0);
+    s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
   });
 }
 
@@ -226,9 +234,15 @@ STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
       s.x[i] = static_cast<Real>(x);
     });
   }
+  Real next = abs_(weight);
+  if (is_solved) next = max_(next * Real(kProximalFall), Real(kProximalLeast));
+  if (!is_better) {
+    const Real most = Real(kProximalMost) * mean_diagonal<Real>(block, room.matrix(0));
+    next = max_(next, min_(next * Real(kProximalRise), most));
+  }
   single(block, [&] {
     if (is_better) s.scalar[kTheta] = Real(0);
-    s.scalar[kLipschitz] = is_solved ? max_(abs_(weight) * Real(kProximalFall), Real(kProximalLeast)) : abs_(weight);
+    s.scalar[kLipschitz] = next;
   });
   if (!is_better) sweep_closer<kLaw>(block, s, params);
   return !is_better && here.natural <= noise;
