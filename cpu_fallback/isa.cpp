@@ -10,6 +10,7 @@ cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
+cpu::WorldKernelSet world_kernels();
 }  // namespace isa_baseline
 
 #if defined(STICTION_HAS_AVX2)
@@ -18,6 +19,7 @@ cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
+cpu::WorldKernelSet world_kernels();
 }  // namespace isa_avx2
 #endif
 
@@ -29,10 +31,10 @@ namespace {
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
-     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels},
+     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels},
 #endif
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
-     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels},
+     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels},
 };
 
 const Isa& choose_isa() {

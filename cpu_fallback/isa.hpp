@@ -3,6 +3,7 @@
 #include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/jacobian_kernels.hpp"
 #include "cpu_fallback/job.hpp"
+#include "cpu_fallback/world_kernels.hpp"
 #include "stiction/types.hpp"
 
 namespace stiction::cpu {
@@ -15,6 +16,7 @@ struct Isa {
   BodyKernelSet (*body_kernels)();
   NewtonBodyKernelSet (*newton_body_kernels)();
   JacobianKernelSet (*jacobian)();
+  WorldKernelSet (*world_kernels)();
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA

@@ -26,7 +26,8 @@ IO_PUBLIC = "core/io/include/stiction"
 MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/schedule/body_plan.hpp",
            "core/schedule/structure_view.hpp",
            "core/runtime/backend.hpp", "core/runtime/body_backend.hpp",
-           "core/runtime/jacobian_machine.hpp", "core/runtime/warm_start_machine.hpp"]
+           "core/runtime/jacobian_machine.hpp", "core/runtime/warm_start_machine.hpp",
+           "core/runtime/world_machine.hpp"]
 
 
 class Row:

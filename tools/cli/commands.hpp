@@ -87,6 +87,25 @@ struct ConvertArguments {
   std::optional<std::int64_t> environment;
 };
 
+struct StepArguments {
+  bool list = false;
+  std::string scene;
+  std::int64_t environments = 4096;
+  std::int64_t steps = 200;
+  std::uint64_t seed = 0;
+  std::optional<double> dt;  ///< without it: the scene's
+  std::string device = "auto";
+  std::string precision = "f64";
+  Index iterations = 50;
+  double tolerance = 1e-3;
+  double warm_start = 0.95;
+  Index max_contacts = 0;
+  int threads = 0;
+  std::int64_t every = 0;  ///< states of every so many steps are written; 0: those of the last
+  bool quiet = false;
+  std::optional<std::filesystem::path> output, json;
+};
+
 /// One function a command, each in the file of its name. They return an exit status and throw stiction::Error.
 int run_info(const InfoArguments& arguments);
 int run_generate(const GenerateArguments& arguments);
@@ -97,5 +116,6 @@ int run_verify(const VerifyArguments& arguments);
 int run_hash(const HashArguments& arguments);
 int run_diff(const DiffArguments& arguments);
 int run_convert(const ConvertArguments& arguments);
+int run_step(const StepArguments& arguments);
 
 }  // namespace stiction::cli

@@ -111,6 +111,33 @@ void declare_convert(CLI::App& app, ConvertArguments& a) {
   app.add_option("--env", a.environment, "The environment an FCLIB file is to hold");
 }
 
+void declare_step(CLI::App& app, StepArguments& a) {
+  app.add_option("scene", a.scene, "Scene; --list shows them");
+  app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--seed", a.seed, "Seed; where an environment begins depends on scene, seed and its index alone")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
+  app.add_option("--device", a.device, "auto, cpu, cuda, cuda:I or emulated: where reactions are solved")
+      ->capture_default_str();
+  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--iterations", a.iterations, "Sweeps of a step at most")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all sweeps")->capture_default_str();
+  app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
+  app.add_option("--max-contacts", a.max_contacts, "The deepest of an environment that are solved; 0: all")
+      ->capture_default_str();
+  app.add_option("--threads", a.threads, "CPU threads (0: all cores)")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("-o,--output", a.output, "CSV of states to write; - is standard output");
+  app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--json", a.json, "JSON report to write; - is standard output");
+  app.add_flag("--list", a.list, "List the scenes");
+  app.add_flag("--quiet", a.quiet, "No progress, no summary");
+}
+
 void declare_all(CLI::App& app, Command& chosen) {
   app.set_version_flag("--version", std::string("stiction ") + kVersion);
   app.require_subcommand(1);
@@ -125,6 +152,7 @@ void declare_all(CLI::App& app, Command& chosen) {
   add_command(app, chosen, "hash", "Hash of a solution's bits", run_hash, declare_hash);
   add_command(app, chosen, "diff", "First difference of two solutions, in ulps", run_diff, declare_diff);
   add_command(app, chosen, "convert", "FCLIB to contact batch and back", run_convert, declare_convert);
+  add_command(app, chosen, "step", "Step environments of a scene of rigid bodies", run_step, declare_step);
   app.footer(
       "Exit status: 0 done; 1 solved but an environment missed the tolerance, or a difference was found;\n"
       "2 bad input or usage.");

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "stiction/error.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/json_text.hpp"
 
@@ -127,6 +128,13 @@ std::string to_text(const SolveReport& report) {
 
 std::string hex(std::uint64_t hash) {
   return fmt::format("{:016x}", hash);
+}
+
+Precision precision_from_option(const std::string& text) {
+  for (const Precision precision : {Precision::f32, Precision::f64}) {
+    if (text == to_string(precision)) return precision;
+  }
+  throw Error(ErrorCode::invalid_argument, fmt::format("--precision {}: expected f32 or f64", text));
 }
 
 std::string to_string(Device device) {

@@ -45,6 +45,8 @@ std::string to_text(const SolveReport& report);
 
 /// 16 hexadecimal digits.
 std::string hex(std::uint64_t hash);
+/// The precision of a --precision option. \throws Error(invalid_argument) for any but f32 and f64.
+Precision precision_from_option(const std::string& text);
 /// "cpu", "cuda:0".
 std::string to_string(Device device);
 /// "min 1.0e-07  median ...", or "-" for no values.

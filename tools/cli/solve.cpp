@@ -36,13 +36,6 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-Precision precision_from_option(const std::string& text) {
-  for (const Precision precision : {Precision::f32, Precision::f64}) {
-    if (text == to_string(precision)) return precision;
-  }
-  throw Error(ErrorCode::invalid_argument, fmt::format("--precision {}: expected f32 or f64", text));
-}
-
 SolverOptions solver_options(const SolveArguments& arguments) {
   SolverOptions options = arguments.preset ? options_for(preset_from_string(*arguments.preset)) : SolverOptions{};
   if (arguments.solver) options.solver = solver_from_string(*arguments.solver);

@@ -18,3 +18,4 @@
 #include "stiction/trace.hpp"
 #include "stiction/types.hpp"
 #include "stiction/warm_start.hpp"
+#include "stiction/world.hpp"

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "stiction/world.hpp"
+
+/// Worlds to step (docs/stepping.md): what `stiction step` runs.
+namespace stiction::scenes {
+
+/// Positions, orientations and twists of one environment's bodies, shapes as in WorldState.
+struct WorldStart {
+  std::vector<double> position, orientation, twist;
+};
+
+struct WorldScene {
+  std::string name, summary;
+  WorldDescription description;
+  TimeStepping stepping;  ///< suits the scene
+};
+
+/// The names there are, in the order of docs/stepping.md.
+std::vector<std::string> world_names();
+
+/// \throws Error(invalid_argument) for a name that is not in world_names().
+WorldScene make_world(const std::string& name);
+
+/// Where environment `index` begins: a function of name, seed and index alone, with the same bits from every compiler.
+/// \throws as make_world
+WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_t index);
+
+/// Puts environments 0 to world.env_count() - 1 of a world of that scene to where they begin.
+template <class Real>
+void start_all(World<Real>& world, const std::string& name, std::uint64_t seed);
+
+/// The rimless wheel of scene `walker` (McGeer, Passive dynamic walking, IJRR 9(2), 1990, section 2): eight spokes
+/// about a hub that carries all mass.
+struct RimlessWheel {
+  static constexpr int kSpokes = 8;
+  static constexpr double kLength = 1.0;       ///< hub to the foot's end [m]
+  static constexpr double kFootRadius = 0.01;  ///< [m]
+  static constexpr double kGyration = 0.5;     ///< square of the radius of gyration over the length [-]
+  static constexpr double kSlope = 0.1;        ///< tangent of the slope [-]
+};
+
+}  // namespace stiction::scenes

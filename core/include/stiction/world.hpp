@@ -1,0 +1,133 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "stiction/bodies.hpp"
+
+namespace stiction {
+
+enum class ShapeKind : std::uint8_t {
+  sphere = 0,   ///< size[0] radius
+  capsule = 1,  ///< size[0] radius, size[1] half length of the segment along the shape's z axis
+  box = 2,      ///< size: half extents
+  plane = 3,    ///< half space below the shape's x-y plane; its normal is the shape's z axis; of the world alone
+};
+
+/// A shape fixed to a body or to the world. Lengths in m.
+struct WorldShape {
+  Index body = -1;  ///< -1: the world
+  ShapeKind kind = ShapeKind::sphere;
+  std::array<double, 3> size{};
+  std::array<double, 3> position{};               ///< of its centre, in the body's axes
+  std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z), from the shape's axes to the body's
+  double mu = 0.5;           ///< friction, >= 0; a pair has the square root of the product of its two [-]
+  double restitution = 0.0;  ///< Newton's, in [0, 1]; a pair has the larger of its two [-]
+};
+
+/// A rigid body, and where every environment begins unless reset() says otherwise. Its axes are its principal axes.
+struct WorldBody {
+  double mass = 1;                                ///< > 0 [kg]
+  std::array<double, 3> inertia{1, 1, 1};         ///< about the centre of mass, along its axes, > 0 [kg m^2]
+  std::array<double, 3> position{};               ///< of the centre of mass [m]
+  std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z), from the body's axes to the world's
+  std::array<double, 6> twist{};                  ///< velocity [m/s], spin [rad/s], world axes
+};
+
+/// What all environments of a world have in common.
+struct WorldDescription {
+  std::vector<WorldBody> bodies;
+  std::vector<WorldShape> shapes;
+  std::array<double, 3> gravity{0, 0, -9.81};  ///< [m/s^2]
+};
+
+/// Mass and principal moments of a body of uniform density (kg/m^3) that has this shape, its centre and axes.
+/// \throws Error(invalid_argument) for a plane, which has no mass.
+WorldBody solid_body(const WorldShape& shape, double density);
+
+struct WorldOptions {
+  TimeStepping stepping;
+  BodySolverOptions solver;  ///< substeps must be 1: a world detects contacts in every step
+  double margin = 0.01;      ///< gap up to which a pair is a contact even if it does not close, >= 0 [m]
+  double warm_start = 0.95;  ///< share of a contact's last impulse its next one starts from, in [0, 1]; 0: none [-]
+};
+
+/// Bodies of all environments, environment after environment.
+template <class Real>
+struct WorldState {
+  std::span<const Real> position;     ///< of the centres of mass [m]             (3 * body_count * env_count)
+  std::span<const Real> orientation;  ///< unit quaternions (w, x, y, z)          (4 * body_count * env_count)
+  std::span<const Real> twist;        ///< velocity [m/s], spin [rad/s]           (6 * body_count * env_count)
+};
+
+/// What is conserved, or should be, of one environment; summed in double.
+struct WorldMotion {
+  double kinetic = 0;                      ///< [J]
+  double potential = 0;                    ///< in gravity, zero at the origin [J]
+  double momentum[3] = {0, 0, 0};          ///< [N s]
+  double angular_momentum[3] = {0, 0, 0};  ///< about the origin [N m s]
+};
+
+/// Where the time of all steps so far went [s].
+struct WorldSeconds {
+  double detect = 0;     ///< contacts, their order, first guesses
+  double plan = 0;       ///< colours and order of the solve
+  double solve = 0;      ///< reactions and velocities
+  double integrate = 0;  ///< positions
+};
+
+/// Many environments of the same rigid bodies, stepped together (docs/stepping.md): contacts of spheres, capsules,
+/// boxes and planes, one body solve a step with first guesses by contact, semi-implicit Euler. An environment's bits
+/// depend on description, options and its own state alone: not on its neighbours, the threads, or the device.
+///
+/// The reactions are solved on `device`; contacts and positions are computed on the CPU. All shapes are tested against
+/// all others, for tens of bodies an environment.
+template <class Real>
+class World {
+ public:
+  /// \throws Error(invalid_argument) for a description or option out of range, as BodySolver's constructor else.
+  World(Device device, WorldDescription description, Offset env_count, const WorldOptions& options = {});
+  ~World();
+  World(World&&) noexcept;
+  World& operator=(World&&) noexcept;
+
+  /// One step of options.stepping.dt. An environment whose state or wrench is not finite ends as `invalid_input` and
+  /// stays where it is; nobody else notices.
+  void step();
+
+  [[nodiscard]] WorldState<Real> state() const;
+  /// Force [N] and torque about the centre of mass [N m] on every body, world axes, in every step until changed; zero
+  /// at first (6 * body_count * env_count).
+  [[nodiscard]] std::span<Real> wrench();
+  /// Puts environment e into the state given for it wherever mask[e] is not zero, and forgets its contacts. Quaternions
+  /// are normalised. \throws Error(invalid_argument) if a length is wrong or a quaternion is zero or not finite.
+  void reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state);
+  /// The same, to the description's state.
+  void reset(std::span<const std::uint8_t> mask);
+
+  /// How the last step's solve ended: a record per environment, all zero before the first step.
+  [[nodiscard]] std::span<const EnvStatus> status() const;
+  /// Where the last step's contacts of each environment begin (env_count + 1).
+  [[nodiscard]] std::span<const Offset> contact_offsets() const;
+  /// The last step's contacts and what they ended with; valid until the next step.
+  [[nodiscard]] BodyBatchView<Real> contacts() const;
+  [[nodiscard]] std::span<const Real> impulses() const;  ///< normal, tangential, tangential [N s]  (3 * contacts)
+
+  [[nodiscard]] std::vector<WorldMotion> motion() const;
+  /// Hash of all positions, orientations and twists.
+  [[nodiscard]] std::uint64_t hash() const;
+  [[nodiscard]] const WorldSeconds& seconds() const;
+  [[nodiscard]] Offset env_count() const;
+  [[nodiscard]] Index body_count() const;
+  [[nodiscard]] const WorldDescription& description() const;
+  [[nodiscard]] const WorldOptions& options() const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace stiction

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "core/base/world_job.hpp"
+
+namespace stiction::cpu {
+
+/// The stages of a world's step on one environment, compiled for one instruction set.
+template <class Real>
+struct WorldKernels {
+  std::size_t (*room_bytes)(const WorldModelView<Real>& model);  ///< scratch of the first two
+  Index (*find_contacts)(const WorldJob<Real>& job, Offset env, void* room);
+  void (*list_contacts)(const WorldJob<Real>& job, Offset env, void* room, FoundContact<Real>* out);
+  void (*hand_over)(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
+                    const FoundContact<Real>* found);
+  void (*integrate)(const WorldJob<Real>& job, Offset env);
+  WorldMotion (*motion)(const WorldJob<Real>& job, Offset env);
+};
+
+/// Both precisions.
+struct WorldKernelSet {
+  WorldKernels<float> f32;
+  WorldKernels<double> f64;
+};
+
+}  // namespace stiction::cpu

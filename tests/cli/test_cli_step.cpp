@@ -1,0 +1,105 @@
+// stiction step, as a user runs it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/cli/process.hpp"
+
+namespace stiction::test {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using testing::HasSubstr;
+
+Json report_of(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), "step");
+  arguments.insert(arguments.end(), {"--json", "-"});
+  const Finished run = run_stiction(arguments);
+  EXPECT_EQ(run.status, 0) << run.err;
+  return Json::parse(run.out);
+}
+
+}  // namespace
+
+TEST(Step, ReportsWhatItDid) {
+  const Json report = report_of({"pile", "--envs", "3", "--steps", "90", "--seed", "2"});
+  EXPECT_EQ(report["scene"], "pile");
+  EXPECT_EQ(report["environments"], 3);
+  EXPECT_EQ(report["steps"], 90);
+  EXPECT_EQ(report["bodies"], 12);
+  EXPECT_GT(report["sps"], 0);
+  EXPECT_GT(report["contacts"], 0);
+  const double quality = report["quality"];
+  EXPECT_GT(quality, 0);
+  EXPECT_LE(quality, 1);
+  EXPECT_DOUBLE_EQ(report["effective_sps"].get<double>(), report["sps"].get<double>() * quality);
+  EXPECT_LE(report["solver_share"], 1);
+  std::int64_t ended = 0;
+  for (const auto& [code, count] : report["ended"].items()) ended += count.get<std::int64_t>();
+  EXPECT_EQ(ended, 3 * 90);
+  EXPECT_LT(report["energy"]["end"], report["energy"]["begin"]);
+  EXPECT_LT(report["momentum_drift"], 1e-9);
+}
+
+TEST(Step, TheHashIsThatOfScenePrecisionSeedAndStepsAlone) {
+  const std::vector<std::string> base{"walker", "--envs", "5", "--steps", "40"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), base.begin(), base.end());
+    return report_of(more)["hash"].get<std::string>();
+  };
+  const std::string hash = with({});
+  EXPECT_EQ(with({"--threads", "1"}), hash);
+  EXPECT_EQ(with({"--device", "emulated"}), hash);
+  EXPECT_NE(with({"--seed", "1"}), hash);
+  EXPECT_NE(with({"--precision", "f32"}), hash);
+  EXPECT_NE(with({"--dt", "0.003"}), hash);
+}
+
+TEST(Step, QualityFallsWithTheResidual) {
+  const auto quality = [](const char* sweeps) {
+    return report_of({"stack", "--envs", "1", "--steps", "30", "--iterations", sweeps, "--warm-start", "0"})["quality"]
+        .get<double>();
+  };
+  EXPECT_LT(quality("2"), 0.5 * quality("400"));
+  EXPECT_EQ(quality("4000"), 1);
+}
+
+TEST(Step, WritesStatesAsCsv) {
+  const Folder folder;
+  const std::string path = folder / "states.csv";
+  const Finished run =
+      run_stiction({"step", "bounce", "--envs", "2", "--steps", "20", "--every", "10", "-o", path, "--quiet"});
+  EXPECT_EQ(run.status, 0);
+  EXPECT_EQ(run.out, "");
+  std::istringstream lines(read_text(path));
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_EQ(line, "step,environment,body,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz");
+  int count = 0;
+  while (std::getline(lines, line)) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 15);
+    ++count;
+  }
+  EXPECT_EQ(count, 3 * 2 * 3);  // steps 0, 10, 20; environments; balls
+  EXPECT_THAT(line = read_text(path), HasSubstr("\n20,1,2,"));
+}
+
+TEST(Step, CountsOverflows) {
+  EXPECT_GT(report_of({"stack", "--envs", "2", "--steps", "20", "--max-contacts", "5"})["overflows"], 0);
+}
+
+TEST(Step, ListsScenesAndRefusesOthers) {
+  EXPECT_THAT(run_stiction({"step", "--list"}).out, HasSubstr("walker"));
+  const Finished unknown = run_stiction({"step", "nonsense"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("choose one of pile, walker, stack, bounce, slide"));
+  EXPECT_EQ(unknown.out, "");
+  EXPECT_EQ(run_stiction({"step"}).status, 2);
+  EXPECT_EQ(run_stiction({"step", "pile", "--envs", "1", "--dt", "-1"}).status, 2);
+  EXPECT_EQ(run_stiction({"step", "pile", "--envs", "1", "-o", "/no/such/folder/x.csv"}).status, 2);
+}
+
+}  // namespace stiction::test

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "stiction/world.hpp"
+#include "tools/cli/quantiles.hpp"
+
+namespace stiction::cli {
+
+/// Everything `stiction step` reports, gathered once and printed as text and as JSON.
+struct StepReport {
+  std::string scene, device, device_name;
+  Precision precision = Precision::f64;
+  std::int64_t environments = 0, steps = 0, bodies = 0;
+  std::uint64_t seed = 0;
+  double dt = 0, tolerance = 0;
+  Index iterations = 0;
+  int threads = 0;
+  double wall = 0;  ///< seconds of all steps
+  double cpu = 0;   ///< processor seconds of all steps
+  WorldSeconds seconds;
+  double quality = 1;
+  std::optional<Quantiles<double>> residual;
+  std::array<std::int64_t, kEnvCodeCount> codes{};
+  std::int64_t contacts = 0, overflows = 0;
+  double energy_begin = 0, energy_end = 0, largest_rise = 0, momentum_drift = 0;
+  std::uint64_t hash = 0;
+
+  /// Environment-steps per second.
+  [[nodiscard]] double rate() const;
+  /// Share of the steps' time that the solve took.
+  [[nodiscard]] double solver_share() const;
+  /// Processor time over what all threads had.
+  [[nodiscard]] double utilisation() const;
+};
+
+/// Keys: docs/cli.md. Closed by a line feed.
+std::string to_json(const StepReport& report);
+/// The table a person reads.
+std::string to_text(const StepReport& report);
+
+}  // namespace stiction::cli
