@@ -2,7 +2,7 @@
 
 #include "core/body/direct/line_search.hpp"
 #include "core/body/newton/compliant_cone.hpp"
-#include "core/body/newton/newton_room.hpp"
+#include "core/body/newton/primal_gradients.hpp"
 
 /// Newton's method for the convex law with compliance on every row: minimise phi(zeta) = zeta'A zeta / 2 + psi(A zeta +
 /// b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the iterates of
@@ -31,18 +31,20 @@ STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   double* const R = room.vector(kCompliance);
-  fill_matrix(block, s, A);
+  if (room.has_matrices) fill_matrix(block, s, A);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int k = 0; k < kRows; ++k) {
-      A(row + k, row + k) = A(row + k, row + k) - R[row + k];
+      double& diagonal = room.has_matrices ? A(row + k, row + k) : room.vector(kDiagonal)[row + k];
+      if (!room.has_matrices) diagonal = static_cast<double>(s.block_entry(row, k, k));
+      diagonal = diagonal - R[row + k];
       // An axis without friction has no motion here either, and any compliance keeps its reaction at zero.
       if (!(R[row + k] > 0.0)) R[row + k] = R[row];
       room.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
     }
     room.vector(kZones)[cone] = -1.0;
   });
-  renew_motion(block, s, kPoint, kMotion);
+  renew_motion<false>(block, s, kPoint, kMotion);
 }
 
 /// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
@@ -70,10 +72,15 @@ STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
   return block.max(changed) > 0.0;
 }
 
-/// The second matrix becomes the factors of I + C'AC.
+/// The second matrix becomes the factors of I + C'AC; its cones' blocks are factored where it has no room.
 template <Block B, class System>
 STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      prepare_curvature(block, s);
+      return;
+    }
   const DenseMatrix A = room.matrix(0);
   const DenseMatrix K = room.matrix(1);
   const double* const C = room.vector(kFactor);
@@ -103,6 +110,18 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   factor_ldl(block, K, 0.0);
 }
 
+/// kUnknown, the right-hand side, becomes the solution: of what was factored, or by gradients.
+template <Block B, class System>
+STICTION_HD void solve_curvature(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      solve_curvature_by_gradients(block, s);
+      return;
+    }
+  solve_ldl(block, room.matrix(1), room.vector(kUnknown));
+}
+
 /// d = -r + C t with (I + C'AC) t = C'A r, and A d.
 template <Block B, class System>
 STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
@@ -112,7 +131,7 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
   const double* const C = room.vector(kFactor);
   const auto zero = [](Index) { return 0.0; };
   const auto into_image = [&](Index i, double value) { image[i] = value; };
-  multiply_dense(block, room.matrix(0), room.vector(kGap), zero, into_image);
+  multiply_motion<false>(block, s, room.vector(kGap), zero, into_image);
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int j = 0; j < kRows; ++j) {
@@ -121,7 +140,7 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
       t[row + j] = sum;
     }
   });
-  solve_ldl(block, room.matrix(1), t);
+  solve_curvature(block, s);
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int k = 0; k < kRows; ++k) {
@@ -130,7 +149,7 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
       room.vector(kStep)[row + k] = sum;
     }
   });
-  multiply_dense(block, room.matrix(0), room.vector(kStep), zero, into_image);
+  multiply_motion<false>(block, s, room.vector(kStep), zero, into_image);
 }
 
 /// phi' and phi'' on the line, at zeta + alpha d.
@@ -175,12 +194,11 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
 template <Block B, class System>
 STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
   const double terms = sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
       const double reaction = abs_(room.vector(kPoint)[i]);
-      const double motion = fma_(A(i, i), reaction, abs_(room.vector(kMotion)[i]));
+      const double motion = fma_(room.diagonal(i), reaction, abs_(room.vector(kMotion)[i]));
       const double answer = reaction + div_(motion, room.vector(kCompliance)[i]);
       sum = fma_(abs_(room.vector(kImage)[i]), answer, sum);
     }
@@ -204,7 +222,7 @@ STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
                    : search_line([&](double at) { return look_along(block, s, at); }, here.slope, kSlopeLeft, noise);
   for_each(block, s.n,
            [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
-  renew_motion(block, s, kPoint, kMotion);
+  renew_motion<false>(block, s, kPoint, kMotion);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
