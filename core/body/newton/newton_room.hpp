@@ -30,6 +30,7 @@ enum NewtonVector : Index {
   // Instead of matrices.
   kDiagonal = kNewtonVectors,                   ///< of A; proximal: of A + R
   kTurned,                                      ///< primal: C times a vector; proximal: derivative of norm(y_t)
+  kGuess,                                       ///< primal: where the search for t begins
   kConeFactors,                                 ///< the cones' blocks of the step's matrix: factors; proximal: inverses
   kDerivative = kConeFactors + kConeBlockRoom,  ///< proximal: P', six columns
   kGradients = kDerivative + kConeBlockRoom,    ///< vectors of the method of gradients

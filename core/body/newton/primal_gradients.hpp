@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/newton/compliant_cone.hpp"
 #include "core/body/newton/newton_room.hpp"
 
 /// The linear system of the primal branch, (I + C'AC) t = C'A r, without a matrix: conjugate gradients, preconditioned
@@ -8,10 +9,36 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Part of the residual that a step's conjugate gradients leave, in the norm that the preconditioner makes: the forcing
-/// term of an inexact Newton method. Any t on the way gives a direction of descent.
-inline constexpr double kPrimalAccuracy = 1e-2;
+/// term of an inexact Newton method.
+inline constexpr double kPrimalAccuracy = 1e-3;
+/// The same where that did not lead downhill: because there is nothing left to gain, or for want of accuracy.
+inline constexpr double kPrimalCare = 1e-9;
 /// Steps for one linear system at most.
 inline constexpr Index kMostPrimalSteps = 500;
+
+/// A guess of t in kGuess: C'H r, H being R and the curvature of the cone's boundary. It takes from r what the cone
+/// itself would (C C'H projects onto the directions in which its reaction can change), so that the residual that is
+/// left is that of the cones' own laws instead of a reaction's.
+template <class Shape, int M>
+STICTION_HD void guess_unknown(Shape, const NewtonRoom& room, Index row, const CompliantPoint<M>& point,
+                               const double (&R)[M], const double (&C)[M][M]) {
+  double force[M];
+  double along = 0.0;
+  for (int k = 0; k < M; ++k) force[k] = R[k] * room.vector(kGap)[row + k];
+  if constexpr (Shape::kKind == ConeKind::friction)
+    if (point.zone == kSlides) {
+      for (int k = 1; k < M; ++k) along = fma_(point.s[k], room.vector(kGap)[row + k], along);
+      for (int k = 1; k < M; ++k) {
+        const double across = fma_(0.0 - along, point.s[k], room.vector(kGap)[row + k]);
+        force[k] = fma_(point.stiffness, across, force[k]);
+      }
+    }
+  for (int j = 0; j < M; ++j) {
+    double sum = 0.0;
+    for (int k = 0; k < M; ++k) sum = fma_(C[k][j], force[k], sum);
+    room.vector(kGuess)[row + j] = sum;
+  }
+}
 
 /// I + C'AC. kTurned is its scratch.
 template <class System>
@@ -73,12 +100,12 @@ STICTION_HD_OUTLINE void prepare_curvature(B& block, const System& s) {
 
 /// kUnknown becomes the solution for the right-hand side that it is. Overwrites kImage.
 template <Block B, class System>
-STICTION_HD_OUTLINE void solve_curvature_by_gradients(B& block, const System& s) {
+STICTION_HD_OUTLINE void solve_curvature_by_gradients(B& block, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   double* const t = room.vector(kUnknown);
   double* const found = room.vector(kImage);
   solve_gradients(block, CurvatureOperator<System>{&s},
-                  {s.n, t, found, room.vector(kGradients), kPrimalAccuracy, kMostPrimalSteps},
+                  {s.n, t, found, room.vector(kGradients), accuracy, kMostPrimalSteps},
                   ConeBlocks<System>{&s, room.vector(kConeFactors)});
   for_each(block, s.n, [&](Index i) { t[i] = found[i]; });
 }

@@ -64,6 +64,8 @@ STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
       room.vector(kGap)[row + k] = room.vector(kPoint)[row + k] - point.x[k];
       for (int j = 0; j < kRows; ++j) room.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
     }
+    if constexpr (kMultipliesWide<System>)
+      if (!room.has_matrices) guess_unknown(shape, room, row, point, R, C);
     double& zone = room.vector(kZones)[cone];
     const auto now = static_cast<double>(point.zone);
     if (zone != now || point.zone == kSlides) changed = 1.0;
@@ -110,46 +112,50 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   factor_ldl(block, K, 0.0);
 }
 
-/// kUnknown, the right-hand side, becomes the solution: of what was factored, or by gradients.
+/// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
 template <Block B, class System>
-STICTION_HD void solve_curvature(B& block, const System& s) {
+STICTION_HD void solve_curvature(B& block, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!room.has_matrices) {
-      solve_curvature_by_gradients(block, s);
+      solve_curvature_by_gradients(block, s, accuracy);
       return;
     }
   solve_ldl(block, room.matrix(1), room.vector(kUnknown));
 }
 
-/// d = -r + C t with (I + C'AC) t = C'A r, and A d.
+/// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
 template <Block B, class System>
-STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
+STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   double* const image = room.vector(kImage);
   double* const t = room.vector(kUnknown);
+  double* const d = room.vector(kStep);
   const double* const C = room.vector(kFactor);
   const auto zero = [](Index) { return 0.0; };
   const auto into_image = [&](Index i, double value) { image[i] = value; };
-  multiply_motion<false>(block, s, room.vector(kGap), zero, into_image);
+  const auto add_answers = [&](const double* unknown) {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      for (int k = 0; k < kRows; ++k)
+        for (int j = 0; j < kRows; ++j) d[row + k] = fma_(C[Offset{6} * (row + k) + j], unknown[row + j], d[row + k]);
+    });
+  };
+  for_each(block, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
+  if (!room.has_matrices) add_answers(room.vector(kGuess));
+  multiply_motion<false>(block, s, d, zero, into_image);
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int j = 0; j < kRows; ++j) {
       double sum = 0.0;
       for (int k = 0; k < kRows; ++k) sum = fma_(C[Offset{6} * (row + k) + j], image[row + k], sum);
-      t[row + j] = sum;
+      t[row + j] = 0.0 - sum;
+      if (!room.has_matrices) t[row + j] = t[row + j] - room.vector(kGuess)[row + j];
     }
   });
-  solve_curvature(block, s);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
-    constexpr int kRows = decltype(shape)::kRows;
-    for (int k = 0; k < kRows; ++k) {
-      double sum = 0.0 - room.vector(kGap)[row + k];
-      for (int j = 0; j < kRows; ++j) sum = fma_(C[Offset{6} * (row + k) + j], t[row + j], sum);
-      room.vector(kStep)[row + k] = sum;
-    }
-  });
-  multiply_motion<false>(block, s, room.vector(kStep), zero, into_image);
+  solve_curvature(block, s, accuracy);
+  add_answers(t);
+  multiply_motion<false>(block, s, d, zero, into_image);
 }
 
 /// phi' and phi'' on the line, at zeta + alpha d.
@@ -213,9 +219,14 @@ STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
   if (linearise(block, s)) factor_curvature(block, s);
-  find_direction(block, s);
-  const double noise = slope_noise(block, s);
-  const LinePoint here = look_along(block, s, 0.0);
+  find_direction(block, s, kPrimalAccuracy);
+  double noise = slope_noise(block, s);
+  LinePoint here = look_along(block, s, 0.0);
+  if (!room.has_matrices && !(here.slope < 0.0 - noise)) {
+    find_direction(block, s, kPrimalCare);
+    noise = slope_noise(block, s);
+    here = look_along(block, s, 0.0);
+  }
   const bool is_exhausted = !(here.slope < 0.0 - noise);
   const double alpha =
       is_exhausted ? 1.0

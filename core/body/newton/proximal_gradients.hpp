@@ -9,7 +9,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Part of the residual that a step's gradients leave, in length.
-inline constexpr double kProximalAccuracy = 1e-2;
+inline constexpr double kProximalAccuracy = 1e-1;
 /// Steps for one linear system at most.
 inline constexpr Index kMostProximalSteps = 250;
 
