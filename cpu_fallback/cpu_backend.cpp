@@ -81,7 +81,7 @@ class CpuBackend final : public Backend {
     const ScopedFpEnv fp_env;
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
-    const cpu::Job<Real> job{
+    cpu::Job<Real> job{
         request.batch,
         {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),
          plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data(), plan.color_count.data()},
@@ -94,10 +94,12 @@ class CpuBackend final : public Backend {
         options.stall_window,
         static_cast<Real>(options.omega),
         request.law};
-    if (options.solver == SolverKind::automatic)
+    if (options.solver == SolverKind::automatic) {
       climb(request, job);
-    else
+    } else {
+      job.direct_rows = options.direct_rows;
       solve_by(request, job, options.solver, [](Offset) { return true; });
+    }
   }
 
   /// Solves the environments that `takes` says.

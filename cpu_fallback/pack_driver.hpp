@@ -109,10 +109,11 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
 template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, Method::room());
+  const MethodRoom room = Method::room().up_to(job.direct_rows);
+  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, room);
   if (job.plan.path[env] == EnvPath::factor)
-    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, Method::room());
-  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), Method::room());
+    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, room);
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), room);
 }
 
 template <class Method, Law kLaw, class Real>
@@ -120,17 +121,18 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
   const MethodParams<Real> params{job.omega, job.is_rung()};
   const EnvView<Real> view = slice(job, env);
+  const MethodRoom room = Method::room().up_to(job.direct_rows);
   SerialBlock block;
   if (job.plan.path[env] == EnvPath::empty) {
     answer_empty(block, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
-    DenseSystem<Real> system(view.counts, Method::room(), scratch);
+    DenseSystem<Real> system(view.counts, room, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
-    FactorSystem<Real> system(view, Method::room(), scratch);
+    FactorSystem<Real> system(view, room, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   } else {
-    SparseSystem<Real> system(view, Method::room(), scratch);
+    SparseSystem<Real> system(view, room, scratch);
     solve_environment<Method, kLaw>(block, view, system, params, rule);
   }
 }

@@ -4,8 +4,10 @@
 
 namespace stiction {
 
-/// Largest environment for which a method may keep a matrix of its own.
+/// Largest environment for which a method may keep a matrix of its own, unless the caller says otherwise.
 inline constexpr Index kDirectRows = 1024;
+/// The most that a caller may say: a matrix of 8 GiB.
+inline constexpr Index kMostDirectRows = 32768;
 
 /// What a method keeps beside the system. Vectors and matrices of double are for methods that factorise: whatever the
 /// solve's precision, an elimination of hundreds of rows is done in double. Such a method takes environments one at a
@@ -16,7 +18,7 @@ struct MethodRoom {
   Index wide = 0;                   ///< of n doubles
   Index matrices = 0;               ///< of n x n doubles, for environments of at most direct_rows rows
   Index instead = 0;                ///< of n doubles, for larger ones; 0: the method has no other way
-  Index direct_rows = kDirectRows;  ///< at most kDirectRows
+  Index direct_rows = kDirectRows;  ///< no less than dense systems have rows
 
   /// Whether an environment of n rows gets the matrices.
   [[nodiscard]] STICTION_HD constexpr bool has_matrices(Offset n) const { return n <= direct_rows; }
@@ -28,6 +30,12 @@ struct MethodRoom {
   template <class Real>
   [[nodiscard]] STICTION_HD constexpr Offset double_elements(Offset n) const {
     return doubles(n) * static_cast<Offset>((sizeof(double) + sizeof(Real) - 1) / sizeof(Real));
+  }
+  /// The same with matrices for environments of up to `rows` rows.
+  [[nodiscard]] STICTION_HD constexpr MethodRoom up_to(Index rows) const {
+    MethodRoom room = *this;
+    room.direct_rows = rows;
+    return room;
   }
   /// Whether the method factorises.
   [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return wide > 0 || matrices > 0; }

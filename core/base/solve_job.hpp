@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/method_room.hpp"
 #include "core/base/plan_view.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/status.hpp"
@@ -22,6 +23,7 @@ struct SolveJob {
   Law law;
   int rung =
       -1;  ///< of the ladder, none below 0: iterations are the rung's, and an answer that is there is not given up
+  Index direct_rows = kDirectRows;  ///< rows of the largest environment that gets a method's matrices
 
   [[nodiscard]] STICTION_HD bool is_rung() const { return rung >= 0; }
 };

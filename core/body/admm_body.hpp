@@ -1,60 +1,22 @@
 #pragma once
 
 #include "core/body/admm/anderson.hpp"
-#include "core/body/direct/fill_matrix.hpp"
+#include "core/body/admm/penalized_system.hpp"
 #include "core/body/pgs_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
-/// The vectors and the factor that admm keeps, in coordinates in which every cone's block has a mean diagonal of one:
-/// cone c's rows of x are scale * z, its rows of y are motion / scale.
-struct AdmmState {
-  Index n;
-  double* scale;         ///< of each row; the same on all rows of a cone
-  double* g;             ///< what is iterated: z is its projection, u = g - z the dual over -rho
-  double* z;             ///< feasible
-  double* v;             ///< minimiser near z - u, on no cone
-  double* f;             ///< change of g that a plain step makes
-  double* f_before;      ///< the same at the iterate before
-  double* image_before;  ///< where a plain step leads from the iterate before
-  double* skew;          ///< (K - K') z / 2, where A is not symmetric
-  double* changes;       ///< remembered changes of f, then of the image  (2 kAndersonMemory n)
-  DenseMatrix factor;    ///< of K + rho
-
-  static constexpr Index kVectors = 8 + 2 * kAndersonMemory;
-  template <class System>
-  static STICTION_HD AdmmState of(const System& s) {
-    const Index n = s.n;
-    const auto vector = [&](Index k) { return s.wide_vector(k, n); };
-    return {n,
-            vector(0),
-            vector(1),
-            vector(2),
-            vector(3),
-            vector(4),
-            vector(5),
-            vector(6),
-            vector(7),
-            vector(8),
-            {vector(kVectors), n}};
-  }
-  [[nodiscard]] STICTION_HD double* change_of_f(Index slot) const { return changes + static_cast<Offset>(slot) * n; }
-  [[nodiscard]] STICTION_HD double* change_of_image(Index slot) const { return change_of_f(slot + kAndersonMemory); }
-};
-
-/// Alternating directions with a cached factor (docs/math/admm.md): a solve with K + rho, a projection, a dual update,
-/// over-relaxed; de Saxce's shift is taken from the dual. Anderson's acceleration on the whole iteration, and a ladder
-/// of rho.
+/// Alternating directions (docs/math/admm.md): a solve with K + rho, a projection, a dual update, over-relaxed; de
+/// Saxce's shift is taken from the dual. Anderson's acceleration on the whole iteration, and a ladder of rho.
 struct Admm {
   static constexpr SolverKind kKind = SolverKind::admm;
-  static STICTION_HD constexpr MethodRoom room() { return {0, AdmmState::kVectors, 1}; }
+  static STICTION_HD constexpr MethodRoom room() { return {0, AdmmState::kVectors, 1, AdmmState::kGradientRoom}; }
   static constexpr Index kChunk = 4;
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
   static constexpr double kRelaxation = 1.6;
-  static constexpr double kFreeShare = 1e-4;  ///< rho of free rows, which nothing splits, over rho of the others
   static constexpr double kGrowth = 2.0;      ///< of the plain step's length beyond which a guess is taken back
   static constexpr double kImbalance = 10.0;  ///< of primal and dual residual beyond which rho changes
   static constexpr Index kCheckInterval = 12;
@@ -79,15 +41,16 @@ struct Admm {
       for (int k = 0; k < kRows; ++k) a.scale[row + k] = mean > 0.0 ? div_(1.0, sqrt_(mean)) : 1.0;
     });
     const double skewness = fill_scaled(block, s, a);
-    const double largest = largest_eigenvalue(block, a);
+    const double largest = largest_eigenvalue(block, s, a);
     single(block, [&] {
       s.scalar[kLipschitz] = static_cast<Real>(largest);
       s.scalar[kAsymmetry] = static_cast<Real>(skewness);
       s.scalar[kRung] = Real(kFirstRung);
       s.scalar[kSwitches] = s.scalar[kAge] = Real(0);
     });
-    factorise(block, s, a);
     const double rho = penalty(s);
+    factor_penalized(block, s, a, rho);
+    if (a.form == AdmmForm::gradients) for_each(block, a.n, [&](Index i) { a.answer[i] = 0.0; });
     // The dual that the start's own motion says.
     s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
@@ -112,7 +75,7 @@ struct Admm {
     const double rho = penalty(s);
     const Index age = static_cast<Index>(s.scalar[kAge]);
     const bool is_skew = s.scalar[kAsymmetry] > Real(0);
-    if (is_skew && age % kChunk == 0) find_skew(block, s, a);
+    if (is_skew && age % kChunk == 0) find_skew(block, s, a, rho);
     s.for_each_cone(block, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double u[kRows];
@@ -126,7 +89,7 @@ struct Admm {
       if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
         a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
     });
-    solve_ldl(block, a.factor, a.v);
+    solve_penalized(block, s, a, rho);
     double apart = 0.0;
     s.for_each_cone(block, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
@@ -166,87 +129,6 @@ struct Admm {
   static STICTION_HD double penalty(const System& s) {
     return rung(static_cast<Index>(s.scalar[kRung])) * static_cast<double>(s.scalar[kLipschitz]);
   }
-  template <class Shape>
-  static STICTION_HD double own_penalty(Shape, double rho) {
-    return Shape::kKind == ConeKind::free ? kFreeShare * rho : rho;
-  }
-
-  /// K = scale (A + R) scale, symmetrised. Returns the largest difference that this took.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE double fill_scaled(B& block, const System& s, const AdmmState& a) {
-    const DenseMatrix& K = a.factor;
-    fill_matrix(block, s, K);
-    double difference = 0.0;
-    for_each(block, a.n, [&](Index i) {
-      for (Index j = 0; j <= i; ++j) {
-        difference = max_(abs_(K(i, j) - K(j, i)), difference);
-        K(i, j) = K(j, i) = (0.5 * K(i, j) + 0.5 * K(j, i)) * (a.scale[i] * a.scale[j]);
-      }
-    });
-    return block.max(difference);
-  }
-
-  /// What the factor does not know of an A that is not symmetric, from the motion that was recorded with x: the motion
-  /// less load, less K + rho as the factor has it, plus rho. Once in a chunk is often enough, since it is small.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void find_skew(B& block, const System& s, const AdmmState& a) {
-    const DenseMatrix& L = a.factor;
-    const double rho = penalty(s);
-    for_each(block, a.n, [&](Index j) {
-      double sum = a.z[j];
-      for (Index i = j + 1; i < a.n; ++i) sum = fma_(L(i, j), a.z[i], sum);
-      a.f[j] = sum * L(j, j);
-    });
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
-      for (Index i = row; i < row + decltype(shape)::kRows; ++i) {
-        double known = a.f[i];
-        for (Index j = 0; j < i; ++j) known = fma_(L(j, i), a.f[j], known);
-        const double motion = static_cast<double>(s.y[i]) - static_cast<double>(s.b[i]);
-        a.skew[i] = fma_(own_penalty(shape, rho), a.z[i], fma_(motion, a.scale[i], 0.0 - known));
-      }
-    });
-  }
-
-  /// The largest eigenvalue of K, from below: a few steps of the power method from a start that is the same for all.
-  template <Block B>
-  static STICTION_HD_OUTLINE double largest_eigenvalue(B& block, const AdmmState& a) {
-    constexpr int kSteps = 8;
-    const DenseMatrix& K = a.factor;
-    const auto length = [&](const double* v) {
-      return sqrt_(sum_leaves<double>(block, [&](Index leaf) {
-        double sum = 0.0;
-        for (Index i = leaf; i < a.n; i += kReduceLeaves) sum = fma_(v[i], v[i], sum);
-        return sum;
-      }));
-    };
-    for_each(block, a.n, [&](Index i) { a.v[i] = 1.0 + 0.125 * static_cast<double>((i * 5) % 7); });
-    double largest = 0.0;
-    double known = length(a.v);
-    for (int step = 0; step < kSteps; ++step) {
-      const double inverse = known > 0.0 ? div_(1.0, known) : 0.0;
-      for_each(block, a.n, [&](Index i) {
-        double sum = 0.0;
-        for (Index j = 0; j < a.n; ++j) sum = fma_(K(j, i), a.v[j], sum);
-        a.f[i] = sum * inverse;
-      });
-      for_each(block, a.n, [&](Index i) { a.v[i] = a.f[i]; });
-      known = length(a.v);
-      largest = max_(known, largest);
-    }
-    return largest > 0.0 ? largest : 1.0;
-  }
-
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void factorise(B& block, const System& s, const AdmmState& a) {
-    constexpr double kFloor = 0x1p-48;
-    const double rho = penalty(s);
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
-      for (int k = 0; k < decltype(shape)::kRows; ++k)
-        a.factor(row + k, row + k) = a.factor(row + k, row + k) + own_penalty(shape, rho);
-    });
-    factor_ldl(block, a.factor, kFloor * rho);
-  }
-
   /// z of one cone from its g, and x.
   template <class System, class Shape>
   static STICTION_HD void project(System& s, const AdmmState& a, Shape shape, Index cone, Index row) {
@@ -345,7 +227,7 @@ struct Admm {
     const double ratio = div_(before, penalty(s));
     for_each(block, a.n, [&](Index i) { a.g[i] = fma_(a.g[i] - a.z[i], ratio, a.z[i]); });
     fill_scaled(block, s, a);
-    factorise(block, s, a);
+    factor_penalized(block, s, a, penalty(s));
     forget(block, s);
   }
 };

@@ -7,13 +7,12 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md). One
-/// factorisation an iteration; above kMostDirect rows conjugate gradients instead. Under the Coulomb law de Saxce's
-/// shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
-template <Index kMostDirect>
-struct InteriorPoint {
+/// factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb law
+/// de Saxce's shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
+struct Ipm {
   static constexpr SolverKind kKind = SolverKind::ipm;
   static STICTION_HD constexpr MethodRoom room() {
-    return {0, IpmSpace::kVectors, IpmSpace::kMatrices, IpmSpace::kGradientRoom, kMostDirect};
+    return {0, IpmSpace::kVectors, IpmSpace::kMatrices, IpmSpace::kGradientRoom};
   }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
@@ -30,7 +29,7 @@ struct InteriorPoint {
   template <Law kLaw, Block B, class System>
   static STICTION_HD_OUTLINE void start(B& block, System& s) {
     using Real = typename System::Real;
-    const IpmSpace p(s, room());
+    const IpmSpace p(s);
     const double terms = start_interior(block, s, p);
     single(block, [&] {
       s.scalar[kTheta] = static_cast<Real>(terms);
@@ -41,7 +40,7 @@ struct InteriorPoint {
 
   template <Law kLaw, Block B, class System>
   static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
-    const IpmSpace p(s, room());
+    const IpmSpace p(s);
     const auto terms = static_cast<double>(s.scalar[kTheta]);
     const double drift = refresh_motion_wide<kLaw>(block, s, p);
     scale_cones(block, s, p);
@@ -124,8 +123,5 @@ struct InteriorPoint {
     });
   }
 };
-
-/// As the library has it.
-struct Ipm : InteriorPoint<kDirectRows> {};
 
 }  // namespace stiction::inline STICTION_ISA

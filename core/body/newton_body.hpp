@@ -11,7 +11,9 @@ namespace stiction::inline STICTION_ISA {
 /// search. Anything else: semismooth Newton on the natural map with a proximal term, in alternation with sweeps.
 struct Newton {
   static constexpr SolverKind kKind = SolverKind::newton;
-  static STICTION_HD constexpr MethodRoom room() { return {Npgs::room().vectors, kNewtonVectors, kNewtonMatrices}; }
+  static STICTION_HD constexpr MethodRoom room() {
+    return {Npgs::room().vectors, kNewtonVectors, kNewtonMatrices, kNewtonGradientRoom};
+  }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>

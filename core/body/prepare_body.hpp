@@ -234,10 +234,10 @@ struct LoadRules {
 };
 /// Whoever goes without the matrices it has for smaller environments takes conjugate gradients, for which A has to be
 /// symmetric under any law.
-template <class Method>
-STICTION_HD LoadRules load_rules(Law law, Index rows) {
+template <class Method, class System>
+STICTION_HD LoadRules load_rules(Law law, const System& s) {
   constexpr MethodRoom kRoom = Method::room();
-  const bool takes_gradients = kRoom.instead > 0 && !kRoom.has_matrices(rows);
+  const bool takes_gradients = kRoom.instead > 0 && !s.has_matrices;
   return {Method::needs_symmetry(law) || takes_gradients, requires {Method::kTakesAnyDiagonal;
 }
 };
@@ -275,7 +275,7 @@ STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env,
 template <class Method, class System>
 STICTION_HD std::uint32_t unsupported_flags(const System& s) {
   constexpr MethodRoom kRoom = Method::room();
-  std::uint32_t flags = kRoom.matrices > 0 && kRoom.instead == 0 && !kRoom.has_matrices(s.n) ? kFlagNoRoom : 0U;
+  std::uint32_t flags = kRoom.matrices > 0 && kRoom.instead == 0 && !s.has_matrices ? kFlagNoRoom : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }
@@ -299,7 +299,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Both, for machines that do all in one go. Returns the flags.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw, s.n)) | unsupported_flags<Method>(s);
+  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(block, env, s);
   return flags;
 }

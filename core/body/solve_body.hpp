@@ -75,7 +75,7 @@ STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, con
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
-  LoadRules rules = load_rules<Method>(kLaw, s.n);
+  LoadRules rules = load_rules<Method>(kLaw, s);
   if (params.is_rung) rules.needs_symmetry = false;
   const std::uint32_t flags = load_system(block, env, s, rules) | unsupported_flags<Method>(s);
   solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);

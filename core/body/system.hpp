@@ -51,6 +51,7 @@ struct SystemArrays {
   Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
   Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (MethodRoom::doubles)
+  bool has_matrices = false;        ///< whether matrices are among them, or what a method has instead
 
   static constexpr Offset elements(Offset n, Offset cones, const MethodRoom& room) {
     return (4 + room.vectors) * n + 6 * cones + kStateScalars + room.double_elements<Real>(n);
@@ -62,6 +63,7 @@ struct SystemArrays {
   STICTION_HD Real* carve_wide(Real* memory, Offset n, const MethodRoom& room) {
     if (!room.is_direct()) return memory;
     wide = reinterpret_cast<double*>(memory);
+    has_matrices = room.has_matrices(n);
     return memory + room.double_elements<Real>(n);
   }
   /// Lays the arrays out one after the other from `memory`; returns the first element behind them.

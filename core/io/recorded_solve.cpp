@@ -50,6 +50,7 @@ std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::siz
   solve.omega = file.reals("solve/omega", 1).front();
   solve.max_iterations = read_index(file, "solve/max_iterations");
   solve.stall_window = read_index(file, "solve/stall_window");
+  if (file.has("solve/direct_rows")) solve.direct_rows = read_index(file, "solve/direct_rows");
   solve.numerics_epoch = read_index(file, "solve/numerics_epoch");
   solve.left_out = file.integers<std::int64_t>("solve/left_out", 1).front();
   return solve;
@@ -78,6 +79,7 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   number("solve/omega", solve.omega);
   number("solve/max_iterations", std::int32_t{solve.max_iterations});
   number("solve/stall_window", std::int32_t{solve.stall_window});
+  if (solve.direct_rows != RecordedSolve{}.direct_rows) number("solve/direct_rows", std::int32_t{solve.direct_rows});
   number("solve/numerics_epoch", std::int32_t{solve.numerics_epoch});
   number("solve/left_out", std::int64_t{solve.left_out});
 }

@@ -110,7 +110,8 @@ void Recorder::require_same(const RecordedSolve& solve, Law law) const {
   const bool same = before.solver == solve.solver && before.precision == solve.precision &&
                     before.tolerance == solve.tolerance && before.omega == solve.omega &&
                     before.max_iterations == solve.max_iterations && before.stall_window == solve.stall_window &&
-                    before.islands == solve.islands && recording_.batch.law() == law;
+                    before.direct_rows == solve.direct_rows && before.islands == solve.islands &&
+                    recording_.batch.law() == law;
   if (same) return;
   throw Error(ErrorCode::invalid_argument,
               "the solver's options, law or precision are not those that " + path_.string() +
@@ -155,6 +156,7 @@ Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch,
   solve.omega = options.omega;
   solve.max_iterations = options.max_iterations;
   solve.stall_window = options.stall_window;
+  solve.direct_rows = options.direct_rows;
   solve.islands = options.islands;
   solve.numerics_epoch = kNumericsEpoch;
   const Law law = options.law.value_or(batch.law);

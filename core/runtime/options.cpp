@@ -1,6 +1,7 @@
 #include <cmath>
 #include <string>
 
+#include "core/base/method_room.hpp"
 #include "core/runtime/check_options.hpp"
 #include "stiction/error.hpp"
 
@@ -20,6 +21,12 @@ void check_options(const SolverOptions& options) {
     fail(
         "solver = multigrid: works on bodies, not on contact batches; give the bodies to a BodySolver with "
         "BodyMethod::newton (docs/bodies.md), or choose ipm or newton here");
+  if (options.direct_rows < kDirectRows || options.direct_rows > kMostDirectRows)
+    fail("direct_rows = " + std::to_string(options.direct_rows) + ": must be from " + std::to_string(kDirectRows) +
+         " to " + std::to_string(kMostDirectRows));
+  if (options.direct_rows != kDirectRows && options.solver == SolverKind::automatic)
+    fail("direct_rows = " + std::to_string(options.direct_rows) + ": solver auto chooses for matrices of up to " +
+         std::to_string(kDirectRows) + " rows; name a solver, or leave direct_rows as it is");
   if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
     fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
          ": no such mode; use IslandMode::together or apart");

@@ -93,6 +93,11 @@ Capacity Capacity::of(const ContactBatchView<Real>& batch) {
 Solver::Solver(Device device, const SolverOptions& options, const Capacity& capacity)
     : device_(device), options_(options) {
   check_options(options);
+  if (options.direct_rows != SolverOptions{}.direct_rows && device.kind != DeviceKind::cpu)
+    throw Error(ErrorCode::invalid_argument, "direct_rows = " + std::to_string(options.direct_rows) +
+                                                 ": a device's memory is laid out for matrices of up to " +
+                                                 std::to_string(SolverOptions{}.direct_rows) +
+                                                 " rows; use Device::cpu(), or leave direct_rows as it is");
   backend_ = make_backend(device);
   if (capacity.envs > 0) backend_->reserve(capacity, options.solver);
 }

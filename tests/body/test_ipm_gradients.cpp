@@ -10,6 +10,7 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/certificate.hpp"
 #include "tests/support/jitter_block.hpp"
+#include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solved_by_body.hpp"
 #include "tests/support/torture_block.hpp"
@@ -21,7 +22,7 @@ using namespace stiction;
 using namespace stiction::test;
 
 /// The same method, to which every environment is too large.
-using WithoutMatrices = InteriorPoint<0>;
+using WithoutMatrices = Matrixless<Ipm>;
 
 template <Law kLaw = Law::convex, class Real = double>
 Solution<Real> solved(const Environment<double>& env, double tolerance, Index iterations) {

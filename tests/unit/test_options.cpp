@@ -2,9 +2,11 @@
 
 #include <functional>
 #include <limits>
+#include <string>
 
 #include "core/runtime/check_options.hpp"
 #include "stiction/error.hpp"
+#include "stiction/solver.hpp"
 #include "stiction/status.hpp"
 
 namespace {
@@ -51,6 +53,30 @@ TEST(Options, EveryNumberOutOfRangeIsNamedWithItsValueAndTheRemedy) {
   EXPECT_EQ(complaint([](SolverOptions& o) { o.threads = -2; }), "threads = -2: must be >= 0 (0 takes all cores)");
   for (const double bad : {0.0, 2.0, -0.5, 2.5, nan})
     EXPECT_NE(complaint([bad](SolverOptions& o) { o.omega = bad; }).find("0 < omega < 2"), std::string::npos) << bad;
+}
+
+TEST(Options, MatricesMayBeLargerWhereTheUserHasTheMemoryAndTheDeviceIsTheCpu) {
+  EXPECT_EQ(complaint([](SolverOptions& o) { o.direct_rows = 32768; }), "no error");
+  for (const Index bad : {-1, 0, 1023, 32769})
+    EXPECT_EQ(complaint([bad](SolverOptions& o) { o.direct_rows = bad; }),
+              "direct_rows = " + std::to_string(bad) + ": must be from 1024 to 32768");
+  EXPECT_EQ(
+      complaint([](SolverOptions& o) {
+        o.solver = SolverKind::automatic;
+        o.direct_rows = 2048;
+      }),
+      "direct_rows = 2048: solver auto chooses for matrices of up to 1024 rows; name a solver, or leave direct_rows "
+      "as it is");
+  SolverOptions options;
+  options.direct_rows = 2048;
+  try {
+    const Solver solver(Device::emulated(), options);
+    FAIL() << "a device took it";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
+    EXPECT_EQ(std::string(error.what()).rfind("direct_rows = 2048: a device's memory is laid out", 0), 0U)
+        << error.what();
+  }
 }
 
 TEST(Options, IslandModesAreFoundByTheirNamesAndNoOthersAreTaken) {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "stiction/solver.hpp"
 #include "stiction/types.hpp"
 
 namespace stiction::cli {
@@ -49,6 +50,7 @@ struct SolveArguments {
   std::optional<double> tolerance;
   std::optional<Index> max_iterations;
   double omega = 1.0;
+  Index direct_rows = SolverOptions{}.direct_rows;
   int threads = 0;
   int pyramid = 0;  ///< sides of the pyramids that replace friction cones; 0: cones stay
   bool isolate = false;

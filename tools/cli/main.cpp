@@ -63,6 +63,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
   app.add_option("--max-iterations", a.max_iterations, "Per environment [1000]");
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
+  app.add_option("--direct-rows", a.direct_rows, "Rows up to which a matrix is factorised, CPU only")
+      ->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
   app.add_option("--pyramid", a.pyramid, "Replace friction cones by pyramids of 4, 8 or 16 sides, law convex")
       ->check(CLI::IsMember({4, 8, 16}));

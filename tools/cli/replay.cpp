@@ -26,6 +26,7 @@ SolverOptions options_of(const io::RecordedSolve& recorded, int threads) {
   options.max_iterations = recorded.max_iterations;
   options.stall_window = recorded.stall_window;
   options.islands = recorded.islands;
+  options.direct_rows = recorded.direct_rows;
   options.threads = threads;
   // What was recorded because its numbers are broken was isolated then too, or it would not have been solved.
   options.invalid = InvalidPolicy::isolate;

@@ -93,6 +93,7 @@ std::string to_json(const SolveReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
+  if (report.options.direct_rows != SolverOptions{}.direct_rows) json["direct_rows"] = report.options.direct_rows;
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
   return dump(json);
 }

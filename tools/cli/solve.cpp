@@ -42,6 +42,7 @@ SolverOptions solver_options(const SolveArguments& arguments) {
   options.tolerance = arguments.tolerance.value_or(options.tolerance);
   options.max_iterations = arguments.max_iterations.value_or(options.max_iterations);
   options.omega = arguments.omega;
+  options.direct_rows = arguments.direct_rows;
   options.islands = island_mode_from_string(arguments.islands);
   options.threads = arguments.threads;
   options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;

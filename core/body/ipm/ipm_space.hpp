@@ -3,8 +3,9 @@
 #include "core/block/reduce.hpp"
 #include "core/body/direct/fill_matrix.hpp"
 #include "core/body/ipm/cone_scaling.hpp"
-#include "core/body/ipm/wide_product.hpp"
+#include "core/body/linear/cone_blocks.hpp"
 #include "core/body/linear/conjugate_gradient.hpp"
+#include "core/body/linear/wide_product.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -58,7 +59,7 @@ struct IpmSpace {
   double* gradients;    ///< vectors of conjugate gradients
 
   template <class System>
-  STICTION_HD IpmSpace(const System& s, const MethodRoom& room) : n(s.n), has_matrices(room.has_matrices(s.n)) {
+  STICTION_HD explicit IpmSpace(const System& s) : n(s.n), has_matrices(s.has_matrices) {
     const auto take = [&](Vector k) { return s.wide_vector(k, s.n); };
     x = take(kPoint);
     z = take(kDual);
@@ -95,16 +96,6 @@ struct IpmSpace {
     return result;
   }
 };
-
-/// The rows of one cone.
-template <int M>
-STICTION_HD void load(const double* from, Index row, double (&to)[M]) {
-  for (int k = 0; k < M; ++k) to[k] = from[row + k];
-}
-template <int M>
-STICTION_HD void store(const double (&from)[M], double* to, Index row) {
-  for (int k = 0; k < M; ++k) to[row + k] = from[k];
-}
 
 /// Bounds of a row outside friction cones.
 struct RowBounds {

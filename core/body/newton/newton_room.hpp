@@ -2,6 +2,9 @@
 
 #include "core/body/direct/dense_product.hpp"
 #include "core/body/direct/fill_matrix.hpp"
+#include "core/body/linear/cone_blocks.hpp"
+#include "core/body/linear/stabilized_gradients.hpp"
+#include "core/body/linear/wide_product.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -24,23 +27,38 @@ enum NewtonVector : Index {
   kPivots = kFactor,           ///< proximal: exchanged rows
   kTrial = kFactor + 1,        ///< proximal: the point tried
   kTrialMotion = kFactor + 2,  ///< proximal: its motion
+  // Instead of matrices.
+  kDiagonal = kNewtonVectors,                   ///< of A; proximal: of A + R
+  kTurned,                                      ///< primal: C times a vector; proximal: derivative of norm(y_t)
+  kGuess,                                       ///< primal: where the search for t begins
+  kConeFactors,                                 ///< the cones' blocks of the step's matrix: factors; proximal: inverses
+  kDerivative = kConeFactors + kConeBlockRoom,  ///< proximal: P', six columns
+  kGradients = kDerivative + kConeBlockRoom,    ///< vectors of the method of gradients
+  kNewtonEnd = kGradients + kStabilizedVectors,
 };
+static_assert(kGradientVectors <= kStabilizedVectors);
 
 inline constexpr Index kNewtonMatrices = 2;
+inline constexpr Index kNewtonGradientRoom = kNewtonEnd - kNewtonVectors;  ///< vectors, instead of the matrices
 
 /// The vectors and matrices of one environment.
 struct NewtonRoom {
   double* first;
   Index n;
+  bool has_matrices;  ///< else steps are found by gradients
 
   [[nodiscard]] STICTION_HD double* vector(Index k) const { return first + Offset{k} * n; }
   [[nodiscard]] STICTION_HD DenseMatrix matrix(Index k) const {
     return {first + Offset{kNewtonVectors} * n + Offset{k} * n * n, n};
   }
+  /// Entry i of the diagonal of A; proximal: of A + R.
+  [[nodiscard]] STICTION_HD double diagonal(Index i) const {
+    return has_matrices ? matrix(0)(i, i) : vector(kDiagonal)[i];
+  }
 };
 template <class System>
 STICTION_HD NewtonRoom newton_room(const System& s) {
-  return {s.wide, s.n};
+  return {s.wide, s.n, s.has_matrices};
 }
 
 /// A cone's rows of a vector.
@@ -49,13 +67,30 @@ STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
   for (int k = 0; k < M; ++k) to[k] = static_cast<double>(from[row + k]);
 }
 
-/// Matrix 0 times one vector, plus b, into another.
-template <Block B, class System>
+/// store(i, base(i) + row i of A times in); with kCompliance of A + R. Matrix 0, where it is there, is that one.
+template <bool kCompliance, Block B, class System, class Base, class Store>
+STICTION_HD_OUTLINE void multiply_motion(B& block, const System& s, const double* in, const Base& base,
+                                         const Store& store) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      prepare_wide_product(block, s, in);
+      for_each(block, s.n, [&](Index i) {
+        const double start = kCompliance ? fma_(static_cast<double>(s.R[i]), in[i], base(i)) : base(i);
+        store(i, wide_row(s, i, in, start));
+      });
+      return;
+    }
+  multiply_dense(block, room.matrix(0), in, base, store);
+}
+
+/// One vector's motion, b included, into another.
+template <bool kCompliance, Block B, class System>
 STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
   const NewtonRoom room = newton_room(s);
   double* const y = room.vector(motion);
-  multiply_dense(
-      block, room.matrix(0), room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
+  multiply_motion<kCompliance>(
+      block, s, room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
       [&](Index i, double value) { y[i] = value; });
 }
 

@@ -2,7 +2,7 @@
 
 #include "core/body/direct/line_search.hpp"
 #include "core/body/newton/compliant_cone.hpp"
-#include "core/body/newton/newton_room.hpp"
+#include "core/body/newton/primal_gradients.hpp"
 
 /// Newton's method for the convex law with compliance on every row: minimise phi(zeta) = zeta'A zeta / 2 + psi(A zeta +
 /// b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the iterates of
@@ -31,18 +31,20 @@ STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   double* const R = room.vector(kCompliance);
-  fill_matrix(block, s, A);
+  if (room.has_matrices) fill_matrix(block, s, A);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int k = 0; k < kRows; ++k) {
-      A(row + k, row + k) = A(row + k, row + k) - R[row + k];
+      double& diagonal = room.has_matrices ? A(row + k, row + k) : room.vector(kDiagonal)[row + k];
+      if (!room.has_matrices) diagonal = static_cast<double>(s.block_entry(row, k, k));
+      diagonal = diagonal - R[row + k];
       // An axis without friction has no motion here either, and any compliance keeps its reaction at zero.
       if (!(R[row + k] > 0.0)) R[row + k] = R[row];
       room.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
     }
     room.vector(kZones)[cone] = -1.0;
   });
-  renew_motion(block, s, kPoint, kMotion);
+  renew_motion<false>(block, s, kPoint, kMotion);
 }
 
 /// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
@@ -62,6 +64,8 @@ STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
       room.vector(kGap)[row + k] = room.vector(kPoint)[row + k] - point.x[k];
       for (int j = 0; j < kRows; ++j) room.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
     }
+    if constexpr (kMultipliesWide<System>)
+      if (!room.has_matrices) guess_unknown(shape, room, row, point, R, C);
     double& zone = room.vector(kZones)[cone];
     const auto now = static_cast<double>(point.zone);
     if (zone != now || point.zone == kSlides) changed = 1.0;
@@ -70,10 +74,15 @@ STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
   return block.max(changed) > 0.0;
 }
 
-/// The second matrix becomes the factors of I + C'AC.
+/// The second matrix becomes the factors of I + C'AC; its cones' blocks are factored where it has no room.
 template <Block B, class System>
 STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      prepare_curvature(block, s);
+      return;
+    }
   const DenseMatrix A = room.matrix(0);
   const DenseMatrix K = room.matrix(1);
   const double* const C = room.vector(kFactor);
@@ -103,34 +112,50 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   factor_ldl(block, K, 0.0);
 }
 
-/// d = -r + C t with (I + C'AC) t = C'A r, and A d.
+/// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
 template <Block B, class System>
-STICTION_HD_OUTLINE void find_direction(B& block, const System& s) {
+STICTION_HD void solve_curvature(B& block, const System& s, double accuracy) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      solve_curvature_by_gradients(block, s, accuracy);
+      return;
+    }
+  solve_ldl(block, room.matrix(1), room.vector(kUnknown));
+}
+
+/// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
+template <Block B, class System>
+STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   double* const image = room.vector(kImage);
   double* const t = room.vector(kUnknown);
+  double* const d = room.vector(kStep);
   const double* const C = room.vector(kFactor);
   const auto zero = [](Index) { return 0.0; };
   const auto into_image = [&](Index i, double value) { image[i] = value; };
-  multiply_dense(block, room.matrix(0), room.vector(kGap), zero, into_image);
+  const auto add_answers = [&](const double* unknown) {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      for (int k = 0; k < kRows; ++k)
+        for (int j = 0; j < kRows; ++j) d[row + k] = fma_(C[Offset{6} * (row + k) + j], unknown[row + j], d[row + k]);
+    });
+  };
+  for_each(block, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
+  if (!room.has_matrices) add_answers(room.vector(kGuess));
+  multiply_motion<false>(block, s, d, zero, into_image);
   s.for_each_cone(block, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int j = 0; j < kRows; ++j) {
       double sum = 0.0;
       for (int k = 0; k < kRows; ++k) sum = fma_(C[Offset{6} * (row + k) + j], image[row + k], sum);
-      t[row + j] = sum;
+      t[row + j] = 0.0 - sum;
+      if (!room.has_matrices) t[row + j] = t[row + j] - room.vector(kGuess)[row + j];
     }
   });
-  solve_ldl(block, room.matrix(1), t);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
-    constexpr int kRows = decltype(shape)::kRows;
-    for (int k = 0; k < kRows; ++k) {
-      double sum = 0.0 - room.vector(kGap)[row + k];
-      for (int j = 0; j < kRows; ++j) sum = fma_(C[Offset{6} * (row + k) + j], t[row + j], sum);
-      room.vector(kStep)[row + k] = sum;
-    }
-  });
-  multiply_dense(block, room.matrix(0), room.vector(kStep), zero, into_image);
+  solve_curvature(block, s, accuracy);
+  add_answers(t);
+  multiply_motion<false>(block, s, d, zero, into_image);
 }
 
 /// phi' and phi'' on the line, at zeta + alpha d.
@@ -175,12 +200,11 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
 template <Block B, class System>
 STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
   const double terms = sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
       const double reaction = abs_(room.vector(kPoint)[i]);
-      const double motion = fma_(A(i, i), reaction, abs_(room.vector(kMotion)[i]));
+      const double motion = fma_(room.diagonal(i), reaction, abs_(room.vector(kMotion)[i]));
       const double answer = reaction + div_(motion, room.vector(kCompliance)[i]);
       sum = fma_(abs_(room.vector(kImage)[i]), answer, sum);
     }
@@ -195,16 +219,21 @@ STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
   if (linearise(block, s)) factor_curvature(block, s);
-  find_direction(block, s);
-  const double noise = slope_noise(block, s);
-  const LinePoint here = look_along(block, s, 0.0);
+  find_direction(block, s, kPrimalAccuracy);
+  double noise = slope_noise(block, s);
+  LinePoint here = look_along(block, s, 0.0);
+  if (!room.has_matrices && !(here.slope < 0.0 - noise)) {
+    find_direction(block, s, kPrimalCare);
+    noise = slope_noise(block, s);
+    here = look_along(block, s, 0.0);
+  }
   const bool is_exhausted = !(here.slope < 0.0 - noise);
   const double alpha =
       is_exhausted ? 1.0
                    : search_line([&](double at) { return look_along(block, s, at); }, here.slope, kSlopeLeft, noise);
   for_each(block, s.n,
            [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
-  renew_motion(block, s, kPoint, kMotion);
+  renew_motion<false>(block, s, kPoint, kMotion);
   s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];

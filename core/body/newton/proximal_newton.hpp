@@ -2,7 +2,7 @@
 
 #include "core/body/direct/dense_lu.hpp"
 #include "core/body/newton/cone_derivative.hpp"
-#include "core/body/newton/newton_room.hpp"
+#include "core/body/newton/proximal_gradients.hpp"
 #include "core/body/npgs_body.hpp"
 
 /// Semismooth Newton on the natural map with a proximal term: Coulomb's law, and the convex law where some row has no
@@ -33,8 +33,7 @@ template <Law kLaw, class Shape, class System, int M>
 STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index cone, const double (&x)[M],
                                                   const double (&y)[M], const double (&centre)[M], double pull) {
   ProximalPoint<M> point;
-  const auto inverse = static_cast<double>(s.inv_cone[cone]);
-  const double D = inverse > 0.0 ? inverse : 1.0;
+  const double D = natural_step(s, cone);
   point.weight = div_(1.0, D);
   point.lo = point.hi = 0.0;
   if constexpr (Shape::kKind == ConeKind::box) {
@@ -84,8 +83,8 @@ STICTION_HD_OUTLINE Merit merit_at(B& block, const System& s, Index point, Index
   return {natural, sum_values(block, room.vector(kOfConeToo), s.cones)};
 }
 
-/// Gap and derivative of the proximal natural map: the second matrix becomes I - P' + P' D (S (A + R) + pull I), where
-/// S adds the derivative of de Saxce's term to the normal row.
+/// Gap and derivative of the proximal natural map: the second matrix becomes F', its cones' blocks where it has no
+/// room.
 template <Law kLaw, Block B, class System>
 STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pull) {
   const NewtonRoom room = newton_room(s);
@@ -97,53 +96,77 @@ STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pu
     double x[kRows];
     double y[kRows];
     double centre[kRows];
-    double P[kRows][kRows];
     read_cone(room.vector(kPoint), row, x);
     read_cone(room.vector(kMotion), row, y);
     read_cone(room.vector(kCentre), row, centre);
     const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, pull);
-    projection_derivative(shape, at.z, at.lo, at.hi, P);
-    const double D = div_(1.0, at.weight);
-    double turn[kRows] = {};  // the derivative of norm(y_t)
+    NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), pull};
+    projection_derivative(shape, at.z, at.lo, at.hi, slope.P);
     if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb) {
       const double length = tangential_norm<kRows>(y);
       if (length > 0.0)
-        for (int k = 1; k < kRows; ++k) turn[k] = div_(y[k], length);
+        for (int k = 1; k < kRows; ++k) slope.turn[k] = div_(y[k], length);
     }
     for (int k = 0; k < kRows; ++k) d[row + k] = 0.0 - at.gap[k];
-    for (Index j = 0; j < s.n; ++j) {
-      double motion[kRows];
-      for (int k = 0; k < kRows; ++k) motion[k] = A(row + k, j);
-      for (int k = 1; k < kRows; ++k) motion[0] = fma_(turn[k], motion[k], motion[0]);
-      for (int k = 0; k < kRows; ++k) motion[k] = D * (motion[k] + (row + k == j ? pull : 0.0));
-      for (int i = 0; i < kRows; ++i) {
-        double sum = row + i == j ? 1.0 : 0.0;
-        for (int k = 0; k < kRows; ++k) sum = fma_(P[i][k], motion[k] - (row + k == j ? 1.0 : 0.0), sum);
-        K(row + i, j) = sum;
+    if constexpr (kMultipliesWide<System>)
+      if (!room.has_matrices) {
+        prepare_slope(s, row, slope);
+        return;
       }
+    for (Index j = 0; j < s.n; ++j) {
+      double own[kRows];
+      double image[kRows];
+      double entry[kRows];
+      for (int k = 0; k < kRows; ++k) {
+        own[k] = row + k == j ? 1.0 : 0.0;
+        image[k] = A(row + k, j);
+      }
+      slope.apply(own, image, entry);
+      for (int k = 0; k < kRows; ++k) K(row + k, j) = entry[k];
     }
   });
+}
+
+/// kStep, the right-hand side, becomes the solution.
+template <Block B, class System>
+STICTION_HD_OUTLINE void solve_natural(B& block, const System& s, double pull) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      solve_natural_by_gradients(block, s, pull);
+      return;
+    }
+  factor_lu(block, room.matrix(1), room.vector(kPivots));
+  solve_lu(block, room.matrix(1), room.vector(kPivots), room.vector(kStep));
 }
 
 /// Mean diagonal of A + R, the unit of the proximal term's weight.
 template <class Real, Block B>
-STICTION_HD_OUTLINE Real mean_diagonal(B& block, const DenseMatrix& A) {
+STICTION_HD_OUTLINE Real mean_diagonal(B& block, const NewtonRoom& room) {
   const double trace = sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
-    for (Index i = leaf; i < A.n; i += kReduceLeaves) sum = sum + A(i, i);
+    for (Index i = leaf; i < room.n; i += kReduceLeaves) sum = sum + room.diagonal(i);
     return sum;
   });
-  const double mean = div_(trace, static_cast<double>(A.n));
+  const double mean = div_(trace, static_cast<double>(room.n));
   return static_cast<Real>(mean > 0.0 ? mean : 1.0);
 }
 
-/// Takes A + R as a matrix of doubles. The weight of the proximal term is negative until the first sweeps are done.
+/// Takes A + R as a matrix of doubles, or its diagonal. The weight of the proximal term is negative until the first
+/// sweeps are done.
 template <Block B, class System>
 STICTION_HD_OUTLINE void start_proximal(B& block, System& s) {
   using Real = typename System::Real;
-  const DenseMatrix A = newton_room(s).matrix(0);
-  fill_matrix(block, s, A);
-  const Real mean = mean_diagonal<Real>(block, A);
+  const NewtonRoom room = newton_room(s);
+  if (room.has_matrices) {
+    fill_matrix(block, s, room.matrix(0));
+  } else {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      for (int k = 0; k < decltype(shape)::kRows; ++k)
+        room.vector(kDiagonal)[row + k] = static_cast<double>(s.block_entry(row, k, k));
+    });
+  }
+  const Real mean = mean_diagonal<Real>(block, room);
   single(block, [&] {
     s.scalar[kTheta] = Real(0);
     s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
@@ -166,7 +189,7 @@ STICTION_HD_OUTLINE void sweep_closer(B& block, System& s, const MethodParams<Sc
   Npgs::refresh(block, s, true);
   for_each(block, s.n,
            [&](Index i) { room.vector(kPoint)[i] = room.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
-  renew_motion(block, s, kPoint, kMotion);
+  renew_motion<true>(block, s, kPoint, kMotion);
 }
 
 /// The point `length` along d, projected onto the cones, and its motion.
@@ -181,18 +204,17 @@ STICTION_HD_OUTLINE void try_step(B& block, const System& s, double length) {
     proximal_point<Law::convex>(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]));
     for (int k = 0; k < kRows; ++k) room.vector(kTrial)[row + k] = x[k];
   });
-  renew_motion(block, s, kTrial, kTrialMotion);
+  renew_motion<true>(block, s, kTrial, kTrialMotion);
 }
 
 /// The natural map that rounding leaves of a solution, squared.
 template <Block B, class System>
 STICTION_HD_OUTLINE double merit_noise(B& block, const System& s) {
   const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
   const double terms = sum_leaves<double>(block, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
-      const double term = A(i, i) * room.vector(kPoint)[i];
+      const double term = room.diagonal(i) * room.vector(kPoint)[i];
       sum = fma_(term, term, sum);
     }
     return sum;
@@ -213,8 +235,7 @@ STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
   const Merit here = merit_at<kLaw>(block, s, kPoint, kMotion, pull);
   const double noise = merit_noise(block, s);
   linearise_proximal<kLaw>(block, s, pull);
-  factor_lu(block, room.matrix(1), room.vector(kPivots));
-  solve_lu(block, room.matrix(1), room.vector(kPivots), room.vector(kStep));
+  solve_natural(block, s, pull);
   double length = 1.0;
   Merit there = here;
   bool is_better = false;
@@ -237,7 +258,7 @@ STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
   Real next = abs_(weight);
   if (is_solved) next = max_(next * Real(kProximalFall), Real(kProximalLeast));
   if (!is_better) {
-    const Real most = Real(kProximalMost) * mean_diagonal<Real>(block, room.matrix(0));
+    const Real most = Real(kProximalMost) * mean_diagonal<Real>(block, room);
     next = max_(next, min_(next * Real(kProximalRise), most));
   }
   single(block, [&] {

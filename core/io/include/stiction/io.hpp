@@ -29,6 +29,7 @@ struct RecordedSolve {
   double tolerance = 0, omega = 1;
   IslandMode islands = IslandMode::together;
   Index max_iterations = 0, stall_window = 0;
+  Index direct_rows = SolverOptions{}.direct_rows;
   int numerics_epoch = 0;          ///< bits are promised within one epoch
   std::vector<double> warm_start;  ///< empty: from zero                          (rows)
   std::vector<double> lambda;      ///< the answer                                (rows)

@@ -14,6 +14,12 @@ inline constexpr bool kMultipliesWide<SparseSystem<Real>> = true;
 template <class Real>
 inline constexpr bool kMultipliesWide<FactorSystem<Real>> = true;
 
+/// Whether its A is kept as Y Y'.
+template <class System>
+inline constexpr bool kHasVelocity = false;
+template <class Real>
+inline constexpr bool kHasVelocity<FactorSystem<Real>> = true;
+
 /// What all rows share: nothing, or the velocity Y' v.
 template <Block B, class Real>
 STICTION_HD void prepare_wide_product(B&, const SparseSystem<Real>&, const double*) {}
@@ -33,17 +39,23 @@ STICTION_HD_OUTLINE void prepare_wide_product(B& block, const FactorSystem<Real>
   });
 }
 
-/// Row i of the product, v being what the product was prepared for.
+/// start + row i of A times v, v being what the product was prepared for.
 template <class Real>
-STICTION_HD_OUTLINE double wide_row(const SparseSystem<Real>& s, Index i, const double* v) {
-  return s.gather(i, v, static_cast<double>(s.R[i]) * v[i]);
+STICTION_HD_OUTLINE double wide_row(const SparseSystem<Real>& s, Index i, const double* v, double start) {
+  return s.gather(i, v, start);
 }
 template <class Real>
-STICTION_HD_OUTLINE double wide_row(const FactorSystem<Real>& s, Index i, const double* v) {
+STICTION_HD_OUTLINE double wide_row(const FactorSystem<Real>& s, Index i, const double*, double start) {
   const Real* const entry = s.row(i);
-  double sum = static_cast<double>(s.R[i]) * v[i];
+  double sum = start;
   for (Index k = 0; k < s.dofs; ++k) sum = fma_(static_cast<double>(entry[k]), s.exact[k], sum);
   return sum;
+}
+
+/// Row i of A + diag R times v.
+template <class System>
+STICTION_HD double wide_row(const System& s, Index i, const double* v) {
+  return wide_row(s, i, v, static_cast<double>(s.R[i]) * v[i]);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "core/base/method_room.hpp"
+
+namespace stiction::test {
+
+/// A method to which every environment is too large for matrices.
+template <class Method>
+struct Matrixless : Method {
+  static constexpr MethodRoom room() { return Method::room().up_to(0); }
+};
+
+}  // namespace stiction::test
