@@ -16,6 +16,8 @@ namespace {
 
 /// How far a quaternion's length may be from one.
 constexpr double kUnitTolerance = 1e-6;
+/// All shapes are tested against all others: beyond this, memory and time are not what a caller expects.
+constexpr std::size_t kMostShapes = 2048;
 /// What bounding radii are enlarged by, so that no rounding of a later step makes them too small.
 constexpr double kBoundSlack = 1.0001;
 
@@ -165,6 +167,9 @@ std::vector<WorldPair<Real>> pairs_of(const std::vector<WorldShape>& shapes) {
 }  // namespace
 
 void check_description(const WorldDescription& description) {
+  if (description.shapes.size() > kMostShapes)
+    refuse("shapes has " + std::to_string(description.shapes.size()) + " entries: at most " +
+           std::to_string(kMostShapes) + ", since each is tested against all others in every environment");
   for (std::size_t k = 0; k < description.bodies.size(); ++k)
     check_body("bodies[" + std::to_string(k) + "]", description.bodies[k]);
   for (std::size_t k = 0; k < description.shapes.size(); ++k)

@@ -135,6 +135,7 @@ StepReport step_all(const StepArguments& arguments, const scenes::WorldScene& sc
   report.energy_end = monitor.energy_end();
   report.largest_rise = monitor.largest_rise();
   report.momentum_drift = monitor.momentum_drift();
+  report.deepest = monitor.deepest();
   report.hash = world.hash();
   return report;
 }

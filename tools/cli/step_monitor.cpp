@@ -76,6 +76,9 @@ void StepMonitor<Real>::look(const World<Real>& world) {
     momentum_drift_ = std::max(momentum_drift_, std::sqrt(square));
   }
   before_ = now;
+  const BodyBatchView<Real> contacts = world.contacts();
+  for (Offset c = 0; c < contacts.contact_count; ++c)
+    deepest_ = std::max(deepest_, static_cast<double>(contacts.depth[c]));
   contacts_ += world.contact_offsets().back();
   env_steps_ += world.env_count();
   ++steps_;

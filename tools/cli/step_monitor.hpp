@@ -29,6 +29,7 @@ class StepMonitor {
   [[nodiscard]] double largest_rise() const { return largest_rise_; }  ///< of one environment's energy in one step [J]
   /// Largest change of an environment's momentum in a step that neither weight nor the world's contacts explain [N s].
   [[nodiscard]] double momentum_drift() const { return momentum_drift_; }
+  [[nodiscard]] double deepest() const { return deepest_; }  ///< penetration of any contact that was found [m]
 
  private:
   std::array<double, 3> push_of_world(const World<Real>& world, Offset env) const;
@@ -39,7 +40,7 @@ class StepMonitor {
   std::vector<WorldMotion> before_;
   std::vector<double> residuals_;
   std::array<std::int64_t, kEnvCodeCount> codes_{};
-  double quality_sum_ = 0, energy_begin_ = 0, largest_rise_ = 0, momentum_drift_ = 0;
+  double quality_sum_ = 0, energy_begin_ = 0, largest_rise_ = 0, momentum_drift_ = 0, deepest_ = 0;
   std::int64_t steps_ = 0, env_steps_ = 0, contacts_ = 0, overflows_ = 0;
 };
 

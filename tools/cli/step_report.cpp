@@ -55,6 +55,7 @@ std::string to_json(const StepReport& report) {
       {"overflows", report.overflows},
       {"energy", {{"begin", report.energy_begin}, {"end", report.energy_end}, {"largest_rise", report.largest_rise}}},
       {"momentum_drift", report.momentum_drift},
+      {"deepest", report.deepest},
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   return dump(json);
@@ -80,6 +81,7 @@ std::string to_text(const StepReport& report) {
   line("utilisation", fmt::format("{:.1f} % of the threads' time", 100 * report.utilisation()));
   line("contacts", fmt::format("{:.4g} per environment-step",
                                env_steps > 0 ? static_cast<double>(report.contacts) / env_steps : 0));
+  line("penetration", fmt::format("at most {:.3g} m", report.deepest));
   line("residual", quantile_text(report.residual));
   std::vector<std::string> ended;
   for (std::size_t code = 0; code < report.codes.size(); ++code)

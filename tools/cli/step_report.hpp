@@ -26,7 +26,7 @@ struct StepReport {
   std::optional<Quantiles<double>> residual;
   std::array<std::int64_t, kEnvCodeCount> codes{};
   std::int64_t contacts = 0, overflows = 0;
-  double energy_begin = 0, energy_end = 0, largest_rise = 0, momentum_drift = 0;
+  double energy_begin = 0, energy_end = 0, largest_rise = 0, momentum_drift = 0, deepest = 0;
   std::uint64_t hash = 0;
 
   /// Environment-steps per second.

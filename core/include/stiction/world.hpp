@@ -84,7 +84,7 @@ struct WorldSeconds {
 /// depend on description, options and its own state alone: not on its neighbours, the threads, or the device.
 ///
 /// The reactions are solved on `device`; contacts and positions are computed on the CPU. All shapes are tested against
-/// all others, for tens of bodies an environment.
+/// all others: tens of bodies an environment, and at most 2048 shapes.
 template <class Real>
 class World {
  public:
