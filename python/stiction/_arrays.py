@@ -4,6 +4,7 @@ import numpy as np
 
 from . import _core
 
+FLOATS = ("float32", "float64")
 #: Record of one environment: how its solve ended. 32 bytes.
 STATUS_DTYPE = np.dtype({
     "names": ["residual", "residual_abs", "flags", "iterations", "code", "solver"],
