@@ -92,8 +92,9 @@ class Solver(Machine):
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
     islands: "together" or "apart" (docs/islands.md).
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
-    callback: called with a dict after every solve (stiction.monitor). record_failures: folder for environments that were
-        not solved, as batch files for `stiction solve` and `stiction replay`.
+    callback: called with a dict after every solve that is complete on return (stiction.monitor).
+    record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
+        `stiction replay`.
 
     Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
     """
