@@ -51,7 +51,8 @@ build_packages=(
   "ccache: repeated builds take as long as the first"
   "lld: linking the tests takes five times as long"
   "python3: lint, PTX gate and the test summary are skipped"
-  "python3-venv: recording tests and pictures are skipped"
+  "python3-venv: recording tests and pictures are skipped, the Python package is not built"
+  "python3-dev: the Python package is not built"
   "libhdf5-dev: no files and no command line"
   "libcli11-dev: no command line"
   "libfmt-dev: no command line"
@@ -111,7 +112,14 @@ configure_and_build() {
   if command -v ccache > /dev/null; then
     options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
   fi
-  [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python")
+  [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python" "-DPython_EXECUTABLE=$python")
+  if [ -n "${python:-}" ] && "$python" -c '
+import nanobind, pathlib, sysconfig
+assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2> /dev/null; then
+    options+=(-DSTICTION_BUILD_PYTHON=ON)
+  else
+    note "no nanobind or no Python.h: the Python package is not built"
+  fi
   if [ -n "${CUDACXX:-}" ] && grep -qs '^CMAKE_CUDA_COMPILER:.*NOTFOUND' "$build/CMakeCache.txt"; then
     options+=(-U CMAKE_CUDA_COMPILER)  # an earlier configuration found none and remembers it
   fi
