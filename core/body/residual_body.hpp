@@ -99,8 +99,8 @@ struct Judgement {
   double blur = 0.0;      ///< what one rounding hides of the largest number that it is a difference of [w]
 };
 
-/// What one rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
-/// not move inward, however fast it slides.
+/// What one rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it
+/// does not move inward, however fast it slides.
 template <int M>
 STICTION_HD double blur_of(Law law, const double (&x)[M], const double (&y)[M], double a) {
   double reaction = 0.0;

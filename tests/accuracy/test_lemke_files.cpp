@@ -64,10 +64,10 @@ TEST(LemkeFiles, ComplementarityProblemsOfOtherLibrariesAreSolvedOrEndOnARay) {
   if (!std::filesystem::exists(folder + "siconos.h5")) GTEST_SKIP() << "no shared data";
   using Rays = std::vector<std::size_t>;
   EXPECT_EQ(rays_among(folder + "dart.h5"), Rays{});
-  // One bimatrix game in two collections: its diagonal blocks are zero, so that every path ends at its first pivot.
-  EXPECT_EQ(rays_among(folder + "drake.h5"), Rays{3});
-  EXPECT_EQ(rays_among(folder + "siconos.h5"), Rays{2});
-  // Nobody has solutions of these. The first has none: w = -1 - lambda.
+  // With one bimatrix game in both: every path from the start ends on a ray, and one begun elsewhere does not.
+  EXPECT_EQ(rays_among(folder + "drake.h5"), Rays{});
+  EXPECT_EQ(rays_among(folder + "siconos.h5"), Rays{});
+  // These have no solution: w = -1 - lambda, and w_0 = -1e-4 - lambda_1 - lambda_2.
   EXPECT_EQ(rays_among(folder + "drake_unsolved.h5"), Rays{0});
   EXPECT_EQ(rays_among(folder + "siconos_unsolved.h5"), Rays{0});
 }
