@@ -42,18 +42,16 @@ TEST(DirectRows, PivotingRefusesWhatItHasNoMatrixForAndTakesItWhenAsked) {
 
 TEST(DirectRows, BothWaysOfAMethodHaveTheSameAnswer) {
   const Environment<double> env = chain(1030);
-  for (const SolverKind solver : {SolverKind::admm, SolverKind::ipm}) {
-    SolverOptions o = options(solver, 1e-9, 1000);
-    const Solution<double> by_gradients = solve(batch_of({env}), o);
-    o.direct_rows = 2048;
-    const Solution<double> by_matrix = solve(batch_of({env}), o);
-    EXPECT_EQ(by_gradients.status[0].code, EnvCode::solved) << to_string(solver);
-    EXPECT_EQ(by_matrix.status[0].code, EnvCode::solved) << to_string(solver);
-    // A's eigenvalues are at least one: reactions are as near as residuals.
-    for (std::size_t i = 0; i < env.b.size(); ++i)
-      EXPECT_NEAR(by_matrix.lambda[i], by_gradients.lambda[i], 1e-6) << to_string(solver) << ", row " << i;
-    EXPECT_NE(by_matrix.lambda, by_gradients.lambda) << to_string(solver) << ": one way was taken twice";
-  }
+  SolverOptions o = options(SolverKind::admm, 1e-9, 1000);
+  const Solution<double> by_gradients = solve(batch_of({env}), o);
+  o.direct_rows = 2048;
+  const Solution<double> by_matrix = solve(batch_of({env}), o);
+  EXPECT_EQ(by_gradients.status[0].code, EnvCode::solved) << by_gradients.status[0].residual;
+  EXPECT_EQ(by_matrix.status[0].code, EnvCode::solved) << by_matrix.status[0].residual;
+  // A's eigenvalues are at least one: reactions are as near as residuals.
+  for (std::size_t i = 0; i < env.b.size(); ++i)
+    EXPECT_NEAR(by_matrix.lambda[i], by_gradients.lambda[i], 1e-6) << "row " << i;
+  EXPECT_NE(by_matrix.lambda, by_gradients.lambda) << "one way was taken twice";
 }
 
 }  // namespace
