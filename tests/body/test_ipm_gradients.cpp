@@ -9,9 +9,11 @@
 #include "core/body/ipm_body.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/certificate.hpp"
+#include "tests/support/factor_systems.hpp"
 #include "tests/support/jitter_block.hpp"
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
+#include "tests/support/solve_alone.hpp"
 #include "tests/support/solved_by_body.hpp"
 #include "tests/support/torture_block.hpp"
 
@@ -89,6 +91,27 @@ TEST(IpmGradients, AHundredBoxesAreCertifiedWithAndWithoutCompliance) {
     const Environment<double> env = compliant("stack", 100, compliance);
     ASSERT_GT(env.b.size(), static_cast<std::size_t>(kDirectRows));
     const Solution<double> solution = solved_by_body<Ipm, Law::convex, double, SparseSystem>(env, 1e-7, 100);
+    EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
+    EXPECT_EQ(solution.status[0].flags, 0U);
+    const Certificate found = certify(env, Law::convex, solution.lambda);
+    EXPECT_LE(found.worst(), 1e-6L) << "primal " << found.primal << ", dual " << found.dual << ", complementarity "
+                                    << found.complementarity;
+  }
+}
+
+TEST(IpmGradients, FactorsAreCertifiedBelowAndAboveTheLimitOfRows) {
+  for (const bool is_large : {false, true}) {
+    JacobianRecipe recipe;
+    recipe.contacts = is_large ? 340 : 20;
+    recipe.others = 10;
+    recipe.dofs = is_large ? 40 : 12;
+    const JacobianEnvironment<double> contacts = random_jacobian(recipe);
+    const Environment<double> env = as_matrix(contacts);
+    const ContactBatch<double> batch = as_factor(contacts, Law::convex);
+    ASSERT_EQ(make_plan(batch.view()).path[0], EnvPath::factor);
+    ASSERT_EQ(env.b.size() > static_cast<std::size_t>(kDirectRows), is_large);
+    const SolverOptions o = options(SolverKind::ipm, 1e-8, 100);
+    const Solution<double> solution = is_large ? solve(batch, o) : solve_alone<WithoutMatrices, Law::convex>(batch, o);
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
     EXPECT_EQ(solution.status[0].flags, 0U);
     const Certificate found = certify(env, Law::convex, solution.lambda);
