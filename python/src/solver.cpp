@@ -189,7 +189,7 @@ void bind_solver(nb::module_& module) {
           [](FormSolver* self, const std::string& device, const SolverOptions& options, const Capacity& capacity) {
             new (self) FormSolver(Device::from_string(device), options, capacity);
           },
-          nb::arg("device"), nb::arg("options"), nb::arg("capacity"))
+          nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::keep_alive<1, 3>())
       .def(
           "solve_contacts",
           [](FormSolver& self, const ContactView& batch, const Array* lambda, const Array* w, const Array* status,
