@@ -1,0 +1,115 @@
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "python/src/names.hpp"
+#include "python/src/solver.hpp"
+#include "stiction/error.hpp"
+#include "stiction/hash.hpp"
+#include "stiction/preset.hpp"
+#include "stiction/residual.hpp"
+#include "stiction/status.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+Law law_from(const std::string& name) {
+  for (const Law law : {Law::convex, Law::coulomb})
+    if (name == to_string(law)) return law;
+  throw Error(ErrorCode::invalid_argument, "law \"" + name + "\" is not known: use \"convex\" or \"coulomb\"");
+}
+
+namespace {
+
+std::string name_of(Device device) {
+  if (device.kind == DeviceKind::cuda) return "cuda:" + std::to_string(device.ordinal);
+  return device.kind == DeviceKind::emulated ? "emulated" : "cpu";
+}
+
+nb::list device_list() {
+  nb::list all;
+  for (const DeviceReport& report : devices()) {
+    nb::dict entry;
+    entry["device"] = name_of(report.device);
+    entry["usable"] = report.usable;
+    entry["name"] = report.name;
+    entry["reason"] = report.reason;
+    all.append(entry);
+  }
+  return all;
+}
+
+nb::dict preset_options(const std::string& name) {
+  const SolverOptions options = options_for(preset_from_string(name));
+  nb::dict out;
+  out["solver"] = to_string(options.solver);
+  out["tolerance"] = options.tolerance;
+  out["max_iterations"] = options.max_iterations;
+  return out;
+}
+
+nb::list names_of_codes() {
+  nb::list names;
+  for (int code = 0; code < kEnvCodeCount; ++code) names.append(to_string(static_cast<EnvCode>(code)));
+  return names;
+}
+
+nb::list names_of_flags() {
+  nb::list names;
+  for (int bit = 0; bit < kEnvFlagCount; ++bit) names.append(flag_name(static_cast<EnvFlag>(1U << bit)));
+  return names;
+}
+
+nb::list names_of_solvers() {
+  nb::list names;
+  for (int kind = 0; kind < kSolverKindCount; ++kind) names.append(to_string(static_cast<SolverKind>(kind)));
+  return names;
+}
+
+/// (relative, absolute) of each environment.
+std::vector<std::pair<double, double>> residuals(const ContactView& batch, const Array& lambda) {
+  std::vector<std::pair<double, double>> out;
+  std::visit(
+      [&]<class Real>(const ContactBatchView<Real>& view) {
+        const std::span<const Real> rows(lambda.read<Real>("lambda_"), static_cast<std::size_t>(lambda.size()));
+        const nb::gil_scoped_release unlocked;
+        for (const Residual& residual : verify(view, rows)) out.emplace_back(residual.relative, residual.absolute);
+      },
+      batch.view);
+  return out;
+}
+
+std::uint64_t hash_of(const Array& values) {
+  const auto count = static_cast<std::size_t>(values.size());
+  if (values.dtype() == "float32") return hash_bits(std::span(values.read<float>("values"), count));
+  return hash_bits(std::span(values.read<double>("values"), count));
+}
+
+}  // namespace
+
+void bind_reports(nb::module_& module) {
+  module.def("devices", &device_list, "One dict for each device: device, usable, name, reason.");
+  module.def("preset", &preset_options, nb::arg("name"), "solver, tolerance and max_iterations of a preset.");
+  module.def("preset_names", [] {
+    nb::list names;
+    for (int preset = 0; preset < kPresetCount; ++preset) names.append(to_string(static_cast<Preset>(preset)));
+    return names;
+  });
+  module.def("code_names", &names_of_codes, "Names of status codes, by number.");
+  module.def("flag_names", &names_of_flags, "Names of status flags, by bit.");
+  module.def("solver_names", &names_of_solvers, "Names of solvers, by number.");
+  module.def("hash_bits", &hash_of, nb::arg("values"), "Hash of the bits of an array of float32 or float64.");
+  module.def(
+      "verify",
+      [](const ContactView& batch, const Array& lambda) {
+        nb::list out;
+        for (const auto& [relative, absolute] : residuals(batch, lambda))
+          out.append(nb::make_tuple(relative, absolute));
+        return out;
+      },
+      nb::arg("batch"), nb::arg("lambda_"), "(relative, absolute) residual of each environment, recomputed in double.");
+  module.attr("version") = kVersion;
+  module.attr("numerics_epoch") = kNumericsEpoch;
+}
+
+}  // namespace stiction::python

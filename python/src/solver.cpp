@@ -1,0 +1,269 @@
+#include "python/src/solver.hpp"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include "python/src/names.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+namespace {
+
+SolverOptions options_from(const std::string& solver, const std::optional<std::string>& law, double tolerance,
+                           Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
+                           const std::string& islands) {
+  SolverOptions options;
+  options.solver = solver_from_string(solver);
+  if (law) options.law = law_from(*law);
+  options.tolerance = tolerance;
+  options.max_iterations = max_iterations;
+  options.stall_window = stall_window;
+  options.omega = omega;
+  options.threads = threads;
+  options.invalid = isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
+  options.islands = island_mode_from_string(islands);
+  return options;
+}
+
+BodySolverOptions body_options(const SolverOptions& options, Law law, Index substeps, Index max_contacts) {
+  BodySolverOptions body;
+  body.law = options.law.value_or(law);
+  const bool newton = options.solver == SolverKind::newton || options.solver == SolverKind::multigrid;
+  body.method = newton ? BodyMethod::newton : BodyMethod::impulses;
+  body.momentum = options.solver != SolverKind::pgs;
+  if (options.solver == SolverKind::newton) body.space.preconditioner = BodyPreconditioner::block_diagonal;
+  body.iterations = options.max_iterations;
+  body.tolerance = options.tolerance;
+  body.omega = options.omega;
+  body.substeps = substeps;
+  body.max_contacts_per_env = max_contacts;
+  body.threads = options.threads;
+  body.invalid = options.invalid;
+  return body;
+}
+
+bool fits(const JacobianCapacity& need, const JacobianCapacity& room) {
+  return need.envs <= room.envs && need.rows <= room.rows && need.cones <= room.cones &&
+         need.env_rows <= room.env_rows && need.env_dofs <= room.env_dofs && need.matrix <= room.matrix &&
+         need.factor <= room.factor;
+}
+
+/// Room for what either has room for.
+Capacity larger_of(const Capacity& a, const Capacity& b) {
+  const auto larger = [](auto x, auto y) { return x < y ? y : x; };
+  return {larger(a.envs, b.envs),         larger(a.rows, b.rows),          larger(a.cones, b.cones),
+          larger(a.nonzeros, b.nonzeros), larger(a.env_rows, b.env_rows),  larger(a.env_nonzeros, b.env_nonzeros),
+          larger(a.env_dofs, b.env_dofs), larger(a.precision, b.precision)};
+}
+
+bool same(const Capacity& a, const Capacity& b) {
+  return a.envs == b.envs && a.rows == b.rows && a.cones == b.cones && a.nonzeros == b.nonzeros &&
+         a.env_rows == b.env_rows && a.env_nonzeros == b.env_nonzeros && a.env_dofs == b.env_dofs &&
+         a.precision == b.precision;
+}
+
+Outputs outputs(const Array* lambda, const Array* w, const Array* velocity, const Array* status) {
+  return {lambda, w, velocity, status};
+}
+
+}  // namespace
+
+template <class Real>
+SolutionView<Real> solution_view(const Outputs& out, Offset row_count, Offset env_count) {
+  const auto bytes = env_count * static_cast<Offset>(sizeof(EnvStatus));
+  return {room_for<Real>(out.lambda, "lambda_", row_count), room_for<Real>(out.w, "w", row_count),
+          reinterpret_cast<EnvStatus*>(room_for<std::uint8_t>(out.status, "status", bytes))};
+}
+
+template <class Real>
+const Real* guess_of(const Array* array, Offset row_count) {
+  if (array == nullptr) return nullptr;
+  if (array->size() < row_count)
+    throw nb::value_error(
+        ("warm_start: expected " + std::to_string(row_count) + " numbers, got " + std::to_string(array->size()))
+            .c_str());
+  return array->read<Real>("warm_start");
+}
+
+FormSolver::FormSolver(Device device, const SolverOptions& options, const Capacity& capacity)
+    : capacity_(capacity), contact_(device, options, capacity) {}
+
+void FormSolver::reserve(const Capacity& need, StreamRef stream) {
+  const Capacity room = larger_of(need, capacity_);
+  if (same(room, capacity_)) return;
+  contact_.synchronize(stream);
+  contact_ = Solver(contact_.device(), contact_.options(), room);
+  capacity_ = room;
+}
+
+void FormSolver::solve(const ContactView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+                       const std::optional<Capacity>& room) {
+  std::visit(
+      [&]<class Real>(const ContactBatchView<Real>& view) {
+        const auto solution = solution_view<Real>(out, view.row_count, view.env_count);
+        const Real* guess = guess_of<Real>(warm_start, view.row_count);
+        const nb::gil_scoped_release unlocked;
+        const std::lock_guard lock(mutex_);
+        if (view.space != MemorySpace::host) reserve(room ? *room : Capacity::of(view), stream);
+        if (!batch.fixed || view.space != MemorySpace::host) {
+          contact_.solve(view, solution, guess, stream);
+          return;
+        }
+        if (!batch.plan) batch.plan = contact_.plan(view, stream);
+        contact_.solve(*batch.plan, view, solution, guess, stream);
+      },
+      batch.view);
+}
+
+template <class Real>
+JacobianSolver<Real>& FormSolver::jacobian(const JacobianBatchView<Real>& batch,
+                                           const std::optional<JacobianCapacity>& room) {
+  auto& solver = [this]() -> auto& {
+    if constexpr (std::is_same_v<Real, float>)
+      return jacobian_f32_;
+    else
+      return jacobian_f64_;
+  }
+  ();
+  const bool on_cpu = contact_.device().kind == DeviceKind::cpu;
+  const JacobianCapacity need = on_cpu ? JacobianCapacity{} : room ? *room : JacobianCapacity::of(batch);
+  if (!solver || !fits(need, solver->capacity()))
+    solver = std::make_unique<JacobianSolver<Real>>(contact_.device(), contact_.options(), need);
+  return *solver;
+}
+
+void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+                       const std::optional<JacobianCapacity>& room) {
+  std::visit(
+      [&]<class Real>(const JacobianBatchView<Real>& view) {
+        const auto contact = solution_view<Real>(out, view.row_count, view.env_count);
+        Real* velocity = room_for<Real>(out.velocity, "velocities", view.dof_count);
+        const Real* guess = guess_of<Real>(warm_start, view.row_count);
+        const nb::gil_scoped_release unlocked;
+        const std::lock_guard lock(mutex_);
+        jacobian(view, room).solve(view, {contact.lambda, contact.w, velocity, contact.status}, guess, stream);
+      },
+      batch.view);
+}
+
+void FormSolver::solve(const BodyView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+                       const TimeStepping& stepping, const BodySolverOptions& options) {
+  std::visit(
+      [&]<class Real>(const BodyBatchView<Real>& view) {
+        const auto contact = solution_view<Real>(out, 3 * view.contact_count, view.env_count);
+        Real* twist = room_for<Real>(out.velocity, "velocities", 6 * view.body_count);
+        const Real* guess = guess_of<Real>(warm_start, 3 * view.contact_count);
+        const nb::gil_scoped_release unlocked;
+        const std::lock_guard lock(mutex_);
+        bodies_ = std::make_unique<BodySolver>(contact_.device(), stepping, options);
+        const BodyPlan plan = bodies_->plan(view, stream);
+        bodies_->solve(plan, view, {contact.lambda, twist, contact.w, contact.status}, guess, stream);
+      },
+      batch.view);
+}
+
+void FormSolver::synchronize(StreamRef stream) {
+  const nb::gil_scoped_release unlocked;
+  const std::lock_guard lock(mutex_);
+  contact_.synchronize(stream);
+}
+
+void bind_solver(nb::module_& module) {
+  nb::class_<Capacity>(module, "Capacity", "Room that a solver on a GPU takes when it is made.")
+      .def(
+          "__init__",
+          [](Capacity* self, Offset envs, Offset rows, Offset cones, Offset nonzeros, Index env_rows,
+             Offset env_nonzeros, Index env_dofs, bool wide) {
+            new (self) Capacity{envs,     rows,         cones,    nonzeros,
+                                env_rows, env_nonzeros, env_dofs, wide ? Precision::f64 : Precision::f32};
+          },
+          nb::arg("envs") = 0, nb::arg("rows") = 0, nb::arg("cones") = 0, nb::arg("nonzeros") = 0,
+          nb::arg("env_rows") = 0, nb::arg("env_nonzeros") = 0, nb::arg("env_dofs") = 0, nb::arg("wide") = true);
+  nb::class_<JacobianCapacity>(module, "JacobianCapacity", "Room that a Jacobian solver on a GPU takes.")
+      .def_static(
+          "of_largest",
+          [](Offset envs, Index env_rows, Index env_cones, Index env_dofs) {
+            return JacobianCapacity::of_largest(envs, env_rows, env_cones, env_dofs);
+          },
+          nb::arg("envs"), nb::arg("env_rows"), nb::arg("env_cones"), nb::arg("env_dofs"));
+  nb::class_<SolverOptions>(module, "Options", "Options of a solver, checked when the solver is made.")
+      .def(
+          "__init__",
+          [](SolverOptions* self, const std::string& solver, const std::optional<std::string>& law, double tolerance,
+             Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
+             const std::string& islands) {
+            new (self) SolverOptions(
+                options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads, isolate, islands));
+          },
+          nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
+          nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"));
+  nb::class_<TimeStepping>(module, "TimeStepping", "How a step of bodies becomes a contact problem.")
+      .def(
+          "__init__",
+          [](TimeStepping* self, double dt, double erp, double slop, double cfm, double restitution_threshold) {
+            new (self) TimeStepping{dt, erp, slop, cfm, restitution_threshold};
+          },
+          nb::arg("dt"), nb::arg("erp"), nb::arg("slop"), nb::arg("cfm"), nb::arg("restitution_threshold"));
+
+  nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
+      .def(
+          "__init__",
+          [](FormSolver* self, const std::string& device, const SolverOptions& options, const Capacity& capacity) {
+            new (self) FormSolver(Device::from_string(device), options, capacity);
+          },
+          nb::arg("device"), nb::arg("options"), nb::arg("capacity"))
+      .def(
+          "solve_contacts",
+          [](FormSolver& self, const ContactView& batch, const Array* lambda, const Array* w, const Array* status,
+             const Array* warm_start, std::uintptr_t stream, const std::optional<Capacity>& room) {
+            self.solve(batch, outputs(lambda, w, nullptr, status), warm_start, stream_from(stream), room);
+          },
+          nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("status"), nb::arg("warm_start").none(),
+          nb::arg("stream"), nb::arg("room").none())
+      .def(
+          "solve_jacobian",
+          [](FormSolver& self, const JacobianView& batch, const Array* lambda, const Array* w, const Array* velocity,
+             const Array* status, const Array* warm_start, std::uintptr_t stream,
+             const std::optional<JacobianCapacity>& room) {
+            self.solve(batch, outputs(lambda, w, velocity, status), warm_start, stream_from(stream), room);
+          },
+          nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities").none(), nb::arg("status"),
+          nb::arg("warm_start").none(), nb::arg("stream"), nb::arg("room").none())
+      .def(
+          "solve_bodies",
+          [](FormSolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,
+             const Array* status, const Array* warm_start, std::uintptr_t stream, const TimeStepping& stepping,
+             const std::string& law, Index substeps, Index max_contacts) {
+            self.solve(batch, outputs(lambda, w, velocity, status), warm_start, stream_from(stream), stepping,
+                       body_options(self.contact().options(), law_from(law), substeps, max_contacts));
+          },
+          nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities"), nb::arg("status"),
+          nb::arg("warm_start").none(), nb::arg("stream"), nb::arg("stepping"), nb::arg("law"), nb::arg("substeps"),
+          nb::arg("max_contacts"))
+      .def(
+          "synchronize", [](FormSolver& self, std::uintptr_t stream) { self.synchronize(stream_from(stream)); },
+          nb::arg("stream"))
+      .def_prop_ro(
+          "device",
+          [](const FormSolver& self) {
+            const Device device = self.contact().device();
+            switch (device.kind) {
+              case DeviceKind::cuda:
+                return "cuda:" + std::to_string(device.ordinal);
+              case DeviceKind::emulated:
+                return std::string("emulated");
+              default:
+                return std::string("cpu");
+            }
+          },
+          "The device that \"auto\" became.");
+}
+
+template SolutionView<float> solution_view(const Outputs&, Offset, Offset);
+template SolutionView<double> solution_view(const Outputs&, Offset, Offset);
+template const float* guess_of(const Array*, Offset);
+template const double* guess_of(const Array*, Offset);
+
+}  // namespace stiction::python

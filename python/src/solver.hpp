@@ -1,0 +1,86 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <variant>
+
+#include "python/src/array.hpp"
+#include "python/src/views.hpp"
+#include "stiction/bodies.hpp"
+#include "stiction/jacobian_solver.hpp"
+#include "stiction/solver.hpp"
+
+namespace stiction::python {
+
+/// Arrays that a solve writes; those that may be left out are null.
+struct Outputs {
+  const Array* lambda = nullptr;
+  const Array* w = nullptr;
+  const Array* velocity = nullptr;
+  const Array* status = nullptr;
+};
+
+/// The C++ solvers of one device and one set of options, each made when the first batch of its form comes. Calls from
+/// several threads wait for one another.
+class FormSolver {
+ public:
+  FormSolver(Device device, const SolverOptions& options, const Capacity& capacity);
+
+  /// A batch in device memory takes `room`, or what it needs itself where its structure can be read here.
+  void solve(const ContactView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+             const std::optional<Capacity>& room);
+  void solve(const JacobianView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+             const std::optional<JacobianCapacity>& room);
+  void solve(const BodyView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+             const TimeStepping& stepping, const BodySolverOptions& options);
+  void synchronize(StreamRef stream);
+
+  [[nodiscard]] const Solver& contact() const noexcept { return contact_; }
+
+ private:
+  /// Makes the solver anew where it has too little room.
+  void reserve(const Capacity& need, StreamRef stream);
+  template <class Real>
+  JacobianSolver<Real>& jacobian(const JacobianBatchView<Real>& batch, const std::optional<JacobianCapacity>& room);
+
+  std::mutex mutex_;
+  Capacity capacity_;
+  Solver contact_;
+  std::unique_ptr<JacobianSolver<float>> jacobian_f32_;
+  std::unique_ptr<JacobianSolver<double>> jacobian_f64_;
+  std::unique_ptr<BodySolver> bodies_;
+};
+
+/// What a solve writes, as the C++ interface takes it. \throws nanobind errors if an array has another type or is
+/// short.
+template <class Real>
+SolutionView<Real> solution_view(const Outputs& out, Offset row_count, Offset env_count);
+
+/// Memory for `length` numbers, or null for None. \throws nanobind::value_error if the array is shorter.
+template <class T>
+T* room_for(const Array* array, const char* name, Offset length) {
+  if (array == nullptr) return nullptr;
+  if (array->size() < length)
+    throw nanobind::value_error((std::string(name) + ": expected room for " + std::to_string(length) +
+                                 " numbers, got " + std::to_string(array->size()))
+                                    .c_str());
+  return array->write<T>(name);
+}
+
+/// A warm start, or null. \throws as room_for
+template <class Real>
+const Real* guess_of(const Array* array, Offset row_count);
+
+inline StreamRef stream_from(std::uintptr_t handle) {
+  return StreamRef(reinterpret_cast<void*>(handle));
+}
+
+void bind_solver(nanobind::module_& module);
+void bind_stepper(nanobind::module_& module);
+void bind_reports(nanobind::module_& module);
+void bind_files(nanobind::module_& module);
+
+}  // namespace stiction::python

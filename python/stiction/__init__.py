@@ -1,0 +1,20 @@
+"""Batched frictional contact for Python, with the same bits on every machine.
+
+    batch = stiction.Batch.from_delassus(A, b, mu=0.5, law="coulomb")   # arrays of NumPy, PyTorch, JAX, CuPy, Warp
+    solution = stiction.Solver(device="cpu", tolerance=1e-6).solve(batch)
+    solution.lambda_, solution.status, solution.solved
+"""
+
+from . import _core, monitor
+from ._arrays import STATUS_DTYPE
+from ._batch import Batch
+from ._solution import CODES, FLAGS, SOLVERS, Solution
+from ._solver import Solver, verify
+
+Error = _core.Error
+devices = _core.devices
+__version__ = _core.version
+numerics_epoch = _core.numerics_epoch
+
+__all__ = ["Batch", "CODES", "Error", "FLAGS", "SOLVERS", "STATUS_DTYPE", "Solution", "Solver", "devices", "monitor",
+           "numerics_epoch", "verify"]

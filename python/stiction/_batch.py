@@ -1,0 +1,578 @@
+"""Batches: many environments' contact problems over arrays that stay where they are."""
+
+import os
+
+import numpy as np
+
+from . import _core
+from ._arrays import NUMPY, as_numpy, framework_of, look, take
+from ._layout import Flat, Padded, cone_list, default_dims, dense_rows, offsets_of, tiles
+
+_FLOATS = ("float32", "float64")
+_BOUNDS = ("R", "lo", "hi")
+
+
+def _float_type(name, seen):
+    if seen.dtype not in _FLOATS:
+        raise TypeError(f"{name}: expected float32 or float64, got {seen.dtype}")
+    return seen.dtype
+
+
+class Batch:
+    """Contact problems of many environments, made by one of the `from_` functions.
+
+    With n rows tiled by cones, each environment asks for reactions lambda in the cones and residual motion
+    w = (A + diag R) lambda + b, complementary to lambda by the cones' law. w has the unit of whatever motion the caller
+    uses (m/s, m/s2), lambda the one that belongs to it (N s, N).
+
+    Arrays of NumPy, PyTorch, JAX, CuPy and Warp are read where they are, in float32 or float64; change them in place
+    between solves and the next solve sees it. What cannot be read in place raises TypeError (not an array, another
+    dtype) or ValueError (shape, device, strides) that names the argument, what was expected and what came. Lists, one
+    entry per environment, are copied.
+
+    Attributes: form ("delassus", "jacobian" or "bodies"), dtype ("float32" or "float64"), device ("cpu", "cuda:0"),
+    law ("convex" or "coulomb"), arrays (the batch's arrays by argument name).
+    """
+
+    def __init__(self, form, framework, dtype, device, law):
+        self.form, self.framework, self.dtype, self.device, self.law = form, framework, dtype, device, law
+        self.arrays = {}   # argument name -> the caller's array
+        self.extras = {}   # what a file holds beside the problem
+        self._seen = {}    # C++ name -> _core.Array
+        self._views = {}   # whether in device memory -> view
+        self._keep = []
+        self.layout = None
+
+    # -- making one ---------------------------------------------------------------------------------------------------
+
+    @classmethod
+    def from_delassus(cls, A, b, *, cones=None, kinds=None, dims=None, counts=None, cone_counts=None, offsets=None,
+                      indptr=None, indices=None, mu=None, R=None, lo=None, hi=None, law="convex", groups=None,
+                      env_tolerance=None, env_max_iterations=None):
+        """Delassus operators A = J M^-1 J' (without R) and right-hand sides b.
+
+        Three ways to say where environments are; B environments, n rows, K cones:
+
+        * padded: A (B, n, n), b (B, n); `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
+          anew at every solve; none: all. What lies behind the rows in use is not read.
+        * lists: A one (n_e, n_e) array or SciPy CSR matrix per environment, b one (n_e,); copied.
+        * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment; A the dense matrices one behind
+          the other (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32, columns
+          counted from the environment's first row.
+
+        cones: of every environment, a kind's name that tiles all rows ("friction", the default, by three rows;
+            "unilateral", "box", "free"), or a list of names and (name, rows) pairs; with lists also one such list per
+            environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,) flat.
+        mu: friction per axis [-; torsional and rolling: m], on rows after a friction cone's first: one number, one per
+            row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows [lambda]. Like b in shape;
+            None: zeros.
+        law: "convex" or "coulomb". groups: int32 manifold of each cone, or None.
+        env_tolerance float64 (B,), env_max_iterations int32 (B,): instead of the solver's, where not negative.
+        """
+        law = _law(law)
+        accuracy = (env_tolerance, env_max_iterations)
+        if isinstance(A, (list, tuple)):
+            return cls._from_list(A, b, cones, mu, R, lo, hi, law, groups, accuracy)
+        seen = look("A", A)
+        self = cls("delassus", framework_of(A), _float_type("A", seen), seen.device, law)
+        if offsets is None:
+            if len(seen.shape) != 3 or seen.shape[1] != seen.shape[2]:
+                take("A", A, self.dtype, ("environments", "rows", "rows"), self.device)
+                raise ValueError(f"A: expected square matrices (environments, rows, rows), got {seen.shape}")
+            env_count, room, _ = seen.shape
+            self._numbers("A", A, (env_count, room, room))
+            self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
+                                 counts=counts, cone_counts=cone_counts)
+            self._integers(self.layout.dense_blocks())
+        else:
+            self._flat_layout(offsets, cones, kinds, dims)
+            if indptr is None:
+                sizes = np.diff(self.layout.integers["env_row_offsets"]).astype(np.int64)
+                self._numbers("A", A, (int((sizes * sizes).sum()),))
+                self._integers(self.layout.dense_blocks())
+            else:
+                self._numbers("A", A, ("nonzeros",))
+                entries = self._seen["A"].size
+                self._given("row_offsets", "indptr", indptr, "int64", (self.layout.row_count + 1,))
+                self._given("column", "indices", indices, "int32", (entries,))
+        self._numbers("b", b, self.layout.row_shape)
+        self._rows(mu, R, lo, hi, groups, accuracy)
+        return self
+
+    @classmethod
+    def from_jacobian(cls, J, M, v_free, target=None, *, cones=None, kinds=None, dims=None, counts=None,
+                      cone_counts=None, offsets=None, dof_offsets=None, indptr=None, indices=None, mass_block=None,
+                      mass_form="matrix", mu=None, R=None, lo=None, hi=None, law="convex", groups=None,
+                      env_tolerance=None, env_max_iterations=None):
+        """Constraint Jacobians, mass matrices and velocities without contact: A = J M^-1 J', b = J v_free - target,
+        and the velocities v = v_free + M^-1 J' lambda come with the solution. With accelerations in place of
+        velocities, as MuJoCo has them, lambda is a force.
+
+        J (B, n, nv) [w / v]; v_free (B, nv) [v]; target (B, n) [w], None: zeros; M (B, nv, nv) dense, (B, nv) diagonal
+        or (B, nv / m, m, m) blocks [lambda w / v2], of which lower triangles are read; mass_form "factor": lower
+        Cholesky factors instead. Lists: one array per environment, copied. Flat: J (sum n_e nv_e,), or CSR values with
+        indptr int64 and indices int32, offsets and dof_offsets (B + 1,) int64, M (entries,) with mass_block, the rows of
+        its blocks (0: one block per environment). All else as in from_delassus.
+        """
+        law = _law(law)
+        if mass_form not in ("matrix", "factor"):
+            raise ValueError(f"mass_form: expected 'matrix' or 'factor', got {mass_form!r}")
+        accuracy = (env_tolerance, env_max_iterations)
+        if isinstance(J, (list, tuple)):
+            J, M, v_free, target, offsets, dof_offsets, mass_block, kinds, dims, mu, R, lo, hi, groups = _join_jacobians(
+                J, M, v_free, target, mass_block, cones, mu, R, lo, hi, groups)
+            cones = None
+        seen = look("J", J)
+        self = cls("jacobian", framework_of(J), _float_type("J", seen), seen.device, law)
+        self.factored = mass_form == "factor"
+        if offsets is None:
+            if len(seen.shape) != 3:
+                take("J", J, self.dtype, ("environments", "rows", "dofs"), self.device)
+            env_count, room, dofs = seen.shape
+            self._numbers("J", J, (env_count, room, dofs))
+            self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
+                                 counts=counts, cone_counts=cone_counts)
+            self.mass_block = self._mass(M, env_count, dofs)
+            entries = dofs * (self.mass_block or dofs)
+            self._integers({"row_offsets": np.arange(env_count * room + 1, dtype=np.int64) * dofs,
+                            "env_dof_offsets": np.arange(env_count + 1, dtype=np.int64) * dofs,
+                            "env_mass_offsets": np.arange(env_count + 1, dtype=np.int64) * entries})
+            self.dof_shape = (env_count, dofs)
+        else:
+            self._flat_layout(offsets, cones, kinds, dims)
+            self._flat_jacobian(J, M, dof_offsets, indptr, indices, mass_block)
+        self._numbers("v_free", v_free, self.dof_shape)
+        if target is not None:
+            self._numbers("target", target, self.layout.row_shape)
+        self._rows(mu, R, lo, hi, groups, accuracy)
+        return self
+
+    @classmethod
+    def from_bodies(cls, inv_mass, inv_inertia, twist, body_a, body_b, arm_a, arm_b, normal, mu, depth,
+                    restitution=None, *, twist_change=None, kinematic=None, body_offsets=None, contact_offsets=None,
+                    law="coulomb", dt=0.005, erp=0.2, slop=0.0, cfm=0.0, restitution_threshold=0.1, substeps=1,
+                    max_contacts_per_env=0):
+        """Rigid bodies and contact points, without a matrix (sequential impulses, or Newton's method).
+
+        Either all environments have as many bodies and contacts, arrays (B, bodies, ...) and (B, contacts, ...), or
+        they follow one another, (bodies, ...) and (contacts, ...), with body_offsets and contact_offsets (B + 1,) int64.
+
+        inv_mass (...) [1/kg]; inv_inertia (..., 6): xx, xy, xz, yy, yz, zz about the centre of mass, in world axes
+        [1/(kg m2)]; twist (..., 6): velocity [m/s] and spin [rad/s]; twist_change (..., 6): what all forces but contact
+        change it by over the step; kinematic (...) uint8. body_a, body_b (...) int32, -1 the world; arm_a, arm_b
+        (..., 3): contact point from the centres of mass [m]; normal (..., 3): unit, from a to b; mu (...) [-];
+        depth (...): penetration, negative: a gap [m]; restitution (...) in [0, 1].
+        dt: step [s]; erp: share of a penetration undone in a step; slop [m]; cfm [m/(N s)]; restitution_threshold [m/s];
+        substeps; max_contacts_per_env: the deepest are solved, 0: all.
+        """
+        seen = look("inv_mass", inv_mass)
+        self = cls("bodies", framework_of(inv_mass), _float_type("inv_mass", seen), seen.device, _law(law))
+        self.stepping = _core.TimeStepping(dt, erp, slop, cfm, restitution_threshold)
+        self.substeps, self.max_contacts = int(substeps), int(max_contacts_per_env)
+        if body_offsets is None:
+            bodies = look("inv_mass", inv_mass).shape
+            contacts = look("body_a", body_a).shape
+            for name, shape in (("inv_mass", bodies), ("body_a", contacts)):
+                if len(shape) != 2:
+                    raise ValueError(f"{name}: expected (environments, {'bodies' if name == 'inv_mass' else 'contacts'}), "
+                                     f"or body_offsets and contact_offsets, got {shape}")
+            env_count = bodies[0]
+            self._integers({"env_body_offsets": np.arange(env_count + 1, dtype=np.int64) * bodies[1],
+                            "env_contact_offsets": np.arange(env_count + 1, dtype=np.int64) * contacts[1]})
+        else:
+            self._given("env_body_offsets", "body_offsets", body_offsets, "int64", ("environments + 1",))
+            env_count = self._seen["env_body_offsets"].size - 1
+            self._given("env_contact_offsets", "contact_offsets", contact_offsets, "int64", (env_count + 1,))
+            bodies, contacts = ("bodies",), ("contacts",)
+        self._env_count = env_count
+        self._numbers("inv_mass", inv_mass, bodies)
+        self.body_shape = tuple(self._seen["inv_mass"].shape)
+        self._given("body_a", "body_a", body_a, "int32", contacts)
+        self.contact_shape = tuple(self._seen["body_a"].shape)
+        self._given("body_b", "body_b", body_b, "int32", self.contact_shape)
+        self._numbers("inv_inertia", inv_inertia, self.body_shape + (6,))
+        self._numbers("twist", twist, self.body_shape + (6,))
+        if twist_change is not None:
+            self._numbers("twist_change", twist_change, self.body_shape + (6,))
+        if kinematic is not None:
+            self._given("kinematic", "kinematic", kinematic, "uint8", self.body_shape)
+        for name, value in (("arm_a", arm_a), ("arm_b", arm_b), ("normal", normal)):
+            self._numbers(name, value, self.contact_shape + (3,))
+        for name, value in (("mu", mu), ("depth", depth), ("restitution", restitution)):
+            if value is None:
+                value = self.framework.zeros(self.contact_shape, self.dtype, self.device)
+            self._numbers(name, value, self.contact_shape)
+        return self
+
+    @classmethod
+    def from_file(cls, path, dtype="float64"):
+        """The batch of a contact-batch or FCLIB file, numbers rounded to `dtype`.
+
+        `extras` has what the file holds beside the problem, where it does: env_name, lambda_ref (a reference solution),
+        v_ref, v_free, target, cone_id, step, dt, J and M as CSR.
+        """
+        dtype = str(np.dtype(dtype))
+        if dtype not in _FLOATS:
+            raise TypeError(f"dtype: expected float32 or float64, got {dtype}")
+        law, arrays, extras = _core.read(os.fspath(path), dtype == "float64")
+        self = cls("delassus", NUMPY, dtype, "cpu", law)
+        self.extras = extras
+        sizes = np.diff(arrays["cone_row_offsets"])
+        self.layout = Flat(arrays["env_row_offsets"], arrays["cone_kind"], sizes, arrays["env_cone_offsets"])
+        self._integers(self.layout.integers)
+        for name, array in arrays.items():
+            self._put(name, name, array)
+        return self
+
+    # -- what it holds ------------------------------------------------------------------------------------------------
+
+    def __len__(self):
+        """Environments."""
+        return self._env_count if self.form == "bodies" else self.layout.env_count
+
+    def __getattr__(self, name):
+        arrays = self.__dict__.get("arrays", {})
+        if name in arrays:
+            return arrays[name]
+        raise AttributeError(f"a batch of form {self.__dict__.get('form')!r} has no {name!r}; it has "
+                             f"{', '.join(arrays)}")
+
+    def __repr__(self):
+        return f"<stiction.Batch {self.form}, {len(self)} environments, {self.rows} rows, {self.dtype} on {self.device}>"
+
+    @property
+    def rows(self):
+        """Rows of all environments together, room included where arrays are padded."""
+        return 3 * int(np.prod(self.contact_shape)) if self.form == "bodies" else self.layout.row_count
+
+    def rows_of(self, env):
+        """Index of one environment's rows in arrays of the solution's shape."""
+        if not 0 <= env < len(self):
+            raise IndexError(f"env: expected 0 to {len(self) - 1}, got {env}")
+        if self.form == "bodies":
+            if len(self.contact_shape) == 2:
+                return env, slice(None)
+            first, last = as_numpy("contact_offsets", self.contact_offsets)[env:env + 2]
+            return slice(int(first), int(last))
+        return self.layout.rows_of(env)
+
+    def set_accuracy(self, accuracy):
+        """Tolerance and iteration limit of each environment from now on, as `AccuracyPolicy.apply` makes them."""
+        if self.form == "bodies":
+            raise ValueError("accuracy: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        self._accuracy(accuracy.tolerance, accuracy.max_iterations)
+        self._views = {}
+
+    def save(self, path):
+        """Writes the batch to a contact-batch file, in float64 and without room between environments; also the
+        reference, names and contact ids it was read with.
+        """
+        if self.form != "delassus":
+            raise ValueError(f"save: expected a batch of form 'delassus', got {self.form!r}")
+        if self.device != "cpu":
+            raise ValueError(f"save: expected a batch on cpu, got one on {self.device}: copy its arrays to the host")
+        kept = {name: _core.Array(value) for name, value in self.extras.items()
+                if name in ("lambda_ref", "cone_id", "step", "dt")}
+        _core.write(os.fspath(path), self._view(False), kept, self.extras.get("env_name", []),
+                    self.extras.get("source", "") or f"stiction {_core.version}, Python")
+
+    # -- pieces -------------------------------------------------------------------------------------------------------
+
+    def _put(self, name, argument, array):
+        self.arrays[argument] = array
+        self._seen[name] = look(argument, array)
+
+    def _numbers(self, name, value, shape):
+        self._seen[name] = take(name, value, self.dtype, shape, self.device)
+        self.arrays[name] = value
+
+    def _given(self, name, argument, value, dtype, shape):
+        self._seen[name] = take(argument, value, dtype, shape, self.device)
+        self.arrays[argument] = value
+
+    def _integers(self, arrays):
+        for name, array in arrays.items():
+            if self.device != "cpu" and isinstance(array, np.ndarray):
+                array = self.framework.from_numpy(array, self.device)
+            self._keep.append(array)
+            self._seen[name] = look(name, array)
+
+    def _flat_layout(self, offsets, cones, kinds, dims):
+        if self.device != "cpu":
+            raise ValueError(f"offsets: expected padded arrays on {self.device} (environments, room, ...), got flat ones")
+        take("offsets", offsets, "int64", ("environments + 1",), "cpu")
+        self.arrays["offsets"] = offsets
+        offsets = as_numpy("offsets", offsets)
+        if len(offsets) < 1 or offsets[0] != 0 or (np.diff(offsets) < 0).any():
+            raise ValueError("offsets: expected numbers that lead from 0 forward, got " + str(offsets[:4].tolist()))
+        if kinds is None:
+            made = [cone_list("cones", "friction" if cones is None else cones, int(n)) for n in np.diff(offsets)]
+            for env, (_, dims_e) in enumerate(made):
+                tiles(f"cones[env {env}]", dims_e, int(offsets[env + 1] - offsets[env]))
+            kinds = np.concatenate([m[0] for m in made]) if made else np.zeros(0, np.uint8)
+            dims = np.concatenate([m[1] for m in made]) if made else np.zeros(0, np.int64)
+        else:
+            self.arrays["kinds"] = kinds
+            take("kinds", kinds, "uint8", ("cones",), "cpu")
+            kinds = as_numpy("kinds", kinds)
+            dims = default_dims(kinds) if dims is None else as_numpy("dims", dims).astype(np.int64)
+            if dims.shape != kinds.shape:
+                raise ValueError(f"dims: expected one number per cone {kinds.shape}, got {dims.shape}")
+            tiles("dims", dims, int(offsets[-1]))
+        self.layout = Flat(np.ascontiguousarray(offsets), kinds, dims)
+
+    def _flat_jacobian(self, J, M, dof_offsets, indptr, indices, mass_block):
+        env_count = self.layout.env_count
+        self._given("env_dof_offsets", "dof_offsets", dof_offsets, "int64", (env_count + 1,))
+        dofs = np.diff(as_numpy("dof_offsets", dof_offsets))
+        rows = np.diff(self.layout.integers["env_row_offsets"])
+        if indptr is None:
+            self._numbers("J", J, (int((rows * dofs).sum()),))
+            self._integers({"row_offsets": offsets_of(np.repeat(dofs, rows))})
+        else:
+            self._numbers("J", J, ("entries",))
+            self._given("row_offsets", "indptr", indptr, "int64", (self.layout.row_count + 1,))
+            self._given("column", "indices", indices, "int32", (self._seen["J"].size,))
+        self.mass_block = int(mass_block or 0)
+        entries = dofs * (self.mass_block or dofs)
+        self._numbers("M", M, (int(entries.sum()),))
+        self._integers({"env_mass_offsets": offsets_of(entries)})
+        self.dof_shape = (int(dofs.sum()),)
+
+    def _mass(self, M, env_count, dofs):
+        """Takes M and returns the rows of its blocks."""
+        shape = look("M", M).shape
+        if len(shape) == 4 and shape[2] == shape[3] and shape[2] > 0 and shape[1] * shape[2] == dofs:
+            self._numbers("M", M, (env_count, dofs // shape[2], shape[2], shape[2]))
+            return shape[2]
+        if len(shape) == 2:
+            self._numbers("M", M, (env_count, dofs))
+            return 1
+        self._numbers("M", M, (env_count, dofs, dofs))
+        return 0
+
+    def _rows(self, mu, R, lo, hi, groups, accuracy):
+        """What every row, cone and environment has beside the matrix."""
+        layout = self.layout
+        self._integers({name: array for name, array in layout.integers.items()
+                        if self.form == "delassus" or name != "row_counts"})
+        zeros = None
+        for name, value in (("R", R), ("lo", lo), ("hi", hi)):
+            if value is None:
+                zeros = self.framework.zeros(layout.row_shape, self.dtype, self.device) if zeros is None else zeros
+                value = zeros
+            self._numbers(name, value, layout.row_shape)
+        self._friction(mu)
+        if groups is not None:
+            self._given("cone_group", "groups", groups, "int32", layout.cone_shape)
+            if layout.padded:
+                raise ValueError("groups: expected None with padded arrays, got an array: use lists or flat arrays")
+        self._accuracy(*accuracy)
+
+    def _friction(self, mu):
+        layout = self.layout
+        if mu is None or np.isscalar(mu):
+            filled = np.full(layout.row_shape, 0.0 if mu is None else mu, self.dtype)
+            if self.framework is not NUMPY:
+                filled = self.framework.from_numpy(filled, self.device)
+            self._numbers("mu", filled, layout.row_shape)
+            return
+        per_cone = look("mu", mu).shape == tuple(layout.cone_shape) != tuple(layout.row_shape)
+        if per_cone and self.form == "jacobian":
+            raise ValueError(f"mu: expected one number or one per row {layout.row_shape} in the Jacobian form, "
+                             f"got {layout.cone_shape}")
+        self._numbers("mu", mu, layout.cone_shape if per_cone else layout.row_shape)
+        if per_cone:
+            self._integers({"mu_offsets": layout.mu_offsets()})
+
+    def _accuracy(self, tolerance, max_iterations):
+        env_count = len(self)
+        if tolerance is not None:
+            self._given("env_tolerance", "env_tolerance", tolerance, "float64", (env_count,))
+        if max_iterations is not None:
+            self._given("env_max_iterations", "env_max_iterations", max_iterations, "int32", (env_count,))
+
+    @classmethod
+    def _from_list(cls, A, b, cones, mu, R, lo, hi, law, groups, accuracy):
+        joined = _join_matrices(A, b, cones, mu, R, lo, hi, groups)
+        self = cls("delassus", NUMPY, joined.dtype, "cpu", law)
+        self.layout = Flat(joined.offsets, joined.kinds, joined.dims)
+        self.arrays["offsets"] = joined.offsets
+        self._numbers("A", joined.A, joined.A.shape)
+        self._integers(joined.structure)
+        self._numbers("b", joined.b, self.layout.row_shape)
+        self._rows(joined.mu, joined.R, joined.lo, joined.hi, joined.groups, accuracy)
+        return self
+
+    def _refresh(self):
+        """Reads again what may have changed in place since the last solve."""
+        if self.layout is not None:
+            self.layout.refresh()
+
+    def _room(self):
+        """Room that a solver on a device needs for this batch; None where its integers are to be asked."""
+        if self.form == "bodies" or not self.layout.padded:
+            return None
+        envs, rows, cones = self.layout.env_count, self.layout.room, self.layout.cone_room + 1
+        if self.form == "jacobian":
+            return _core.JacobianCapacity.of_largest(envs, rows, cones, self.dof_shape[1])
+        return _core.Capacity(envs, envs * rows, envs * cones, envs * rows * rows, rows, rows * rows, 0,
+                              self.dtype == "float64")
+
+    def _view(self, on_device):
+        view = self._views.get(on_device)
+        if view is None:
+            wide = self.dtype == "float64"
+            if self.form == "delassus":
+                fixed = self.layout.fixed and "indptr" not in self.arrays and "kinds" not in self.arrays
+                view = _core.ContactView(self._seen, wide, self.law, on_device, fixed)
+            elif self.form == "jacobian":
+                view = _core.JacobianView(self._seen, wide, self.law, self.factored, self.mass_block, on_device)
+            else:
+                view = _core.BodyView(self._seen, wide, on_device)
+            self._views[on_device] = view
+        return view
+
+
+def _law(law):
+    if law not in ("convex", "coulomb"):
+        raise ValueError(f"law: expected 'convex' or 'coulomb', got {law!r}")
+    return law
+
+
+class _Joined:
+    """Environments of lists, one behind the other."""
+
+
+def _vectors(name, values, sizes, dtype):
+    """A list of vectors, one per environment, as one; None stays None."""
+    if values is None or np.isscalar(values):
+        return values
+    if len(values) != len(sizes):
+        raise ValueError(f"{name}: expected one entry per environment ({len(sizes)}), got {len(values)}")
+    parts = []
+    for env, (value, size) in enumerate(zip(values, sizes)):
+        if np.isscalar(value):
+            value = np.full(size, value, dtype)
+        part = _host(f"{name}[{env}]", value, dtype)
+        if part.shape != (size,):
+            raise ValueError(f"{name}[{env}]: expected ({size},), got {part.shape}")
+        parts.append(part)
+    return np.concatenate(parts) if parts else np.zeros(0, dtype)
+
+
+def _host(name, value, dtype):
+    """A list's entry as NumPy's; a list of numbers takes the batch's dtype, an array has to have it."""
+    if isinstance(value, (list, tuple)):
+        return np.array(value, dtype)
+    array = as_numpy(name, value)
+    if array.dtype != dtype:
+        raise TypeError(f"{name}: expected {dtype}, got {array.dtype}")
+    return array
+
+
+def _friction_list(mu, rows, dims, dtype):
+    """mu of lists: numbers, or vectors per row or per cone, as one number per row."""
+    if mu is None or np.isscalar(mu):
+        return mu
+    if len(mu) != len(rows):
+        raise ValueError(f"mu: expected one entry per environment ({len(rows)}), got {len(mu)}")
+    spread = []
+    for env, value in enumerate(mu):
+        part = value if np.isscalar(value) else _host(f"mu[{env}]", value, dtype)
+        if not np.isscalar(part) and part.shape == (len(dims[env]),) != (rows[env],):
+            part = np.repeat(part, dims[env])
+        spread.append(part)
+    return _vectors("mu", spread, rows, dtype)
+
+
+def _cone_lists(cones, rows):
+    """(kinds, dims) of every environment; cones may be one list for all, or one per environment."""
+    per_env = isinstance(cones, (list, tuple)) and len(cones) == len(rows) and \
+        all(isinstance(entry, (list, str)) for entry in cones) and any(isinstance(entry, list) for entry in cones)
+    made = []
+    for env, n in enumerate(rows):
+        kinds, dims = cone_list("cones", ("friction" if cones is None else cones[env] if per_env else cones), n)
+        tiles(f"cones[env {env}]", dims, n)
+        made.append((kinds, dims))
+    return made
+
+
+def _join(parts, dtype):
+    return np.concatenate(parts) if parts else np.zeros(0, dtype)
+
+
+def _join_matrices(A, b, cones, mu, R, lo, hi, groups):
+    out = _Joined()
+    first = A[0].data if A and hasattr(A[0], "indptr") else as_numpy("A[0]", A[0]) if A else np.zeros(0)
+    out.dtype = str(first.dtype)
+    if out.dtype not in _FLOATS:
+        raise TypeError(f"A[0]: expected float32 or float64, got {out.dtype}")
+    values, columns, row_sizes, rows = [], [], [], []
+    for env, matrix in enumerate(A):
+        sparse = hasattr(matrix, "indptr")
+        dense = None if sparse else _host(f"A[{env}]", matrix, out.dtype)
+        shape = matrix.shape if sparse else dense.shape
+        if len(shape) != 2 or shape[0] != shape[1]:
+            raise ValueError(f"A[{env}]: expected a square matrix, got {shape}")
+        rows.append(shape[0])
+        if sparse:
+            values.append(_host(f"A[{env}].data", matrix.data, out.dtype))
+            columns.append(matrix.indices.astype(np.int32))
+            row_sizes.append(np.diff(matrix.indptr).astype(np.int64))
+        else:
+            values.append(dense.reshape(-1))
+            columns.append(None)
+            row_sizes.append(np.full(shape[0], shape[0], np.int64))
+    out.A = _join(values, out.dtype)
+    if any(column is not None for column in columns):
+        columns = [np.tile(np.arange(n, dtype=np.int32), n) if c is None else c for c, n in zip(columns, rows)]
+        out.structure = {"row_offsets": offsets_of(_join(row_sizes, np.int64)), "column": _join(columns, np.int32)}
+    else:
+        out.structure = dense_rows(np.array(rows, np.int64))
+    if len(b) != len(A):
+        raise ValueError(f"b: expected one entry per environment ({len(A)}), got {len(b)}")
+    out.b = _vectors("b", b, rows, out.dtype)
+    _join_rows(out, rows, cones, mu, R, lo, hi, groups)
+    return out
+
+
+def _join_rows(out, rows, cones, mu, R, lo, hi, groups):
+    made = _cone_lists(cones, rows)
+    out.offsets = offsets_of(np.array(rows, np.int64))
+    out.kinds = _join([kinds for kinds, _ in made], np.uint8)
+    out.dims = _join([dims for _, dims in made], np.int64)
+    out.mu = _friction_list(mu, rows, [dims for _, dims in made], out.dtype)
+    out.R, out.lo, out.hi = (_spread(name, value, rows, out.dtype) for name, value in zip(_BOUNDS, (R, lo, hi)))
+    out.groups = _vectors("groups", groups, [len(kinds) for kinds, _ in made], "int32")
+
+
+def _spread(name, value, rows, dtype):
+    return np.full(sum(rows), value, dtype) if np.isscalar(value) else _vectors(name, value, rows, dtype)
+
+
+def _join_jacobians(J, M, v_free, target, mass_block, cones, mu, R, lo, hi, groups):
+    out = _Joined()
+    out.dtype = str(as_numpy("J[0]", J[0]).dtype) if J else "float64"
+    parts = [_host(f"J[{env}]", matrix, out.dtype) for env, matrix in enumerate(J)]
+    for env, part in enumerate(parts):
+        if part.ndim != 2:
+            raise ValueError(f"J[{env}]: expected (rows, dofs), got {part.shape}")
+    rows, dofs = [part.shape[0] for part in parts], [part.shape[1] for part in parts]
+    _join_rows(out, rows, cones, mu, R, lo, hi, groups)
+    masses = []
+    if len(M) != len(J):
+        raise ValueError(f"M: expected one entry per environment ({len(J)}), got {len(M)}")
+    for env, (mass, nv) in enumerate(zip(M, dofs)):
+        mass = _host(f"M[{env}]", mass, out.dtype)
+        block = mass_block if mass_block is not None else 1 if mass.ndim == 1 else 0
+        if env > 0 and block != out.block:
+            raise ValueError(f"M[{env}]: expected the form of M[0], got {mass.shape}")
+        out.block = block
+        if mass.size != nv * (block or nv):
+            raise ValueError(f"M[{env}]: expected ({nv}, {nv}) or ({nv},), got {mass.shape}")
+        masses.append(mass.reshape(-1))
+    return (_join([part.reshape(-1) for part in parts], out.dtype), _join(masses, out.dtype),
+            _vectors("v_free", v_free, dofs, out.dtype), _vectors("target", target, rows, out.dtype), out.offsets,
+            offsets_of(np.array(dofs, np.int64)), out.block if J else 0, out.kinds, out.dims, out.mu, out.R, out.lo,
+            out.hi, out.groups)

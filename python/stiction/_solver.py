@@ -1,0 +1,139 @@
+"""The solver: one device, one set of options, any number of batches."""
+
+import time
+
+from . import _core, _streams
+from ._arrays import take
+from ._solution import Solution
+from .monitor import Tally
+
+
+class Solver:
+    """Solves batches on one device. Changing the device changes the speed and not one bit.
+
+    device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated": the GPU's programs run
+        by the CPU, for tests; its device memory is any memory of the process.
+    solver: "auto" (the default: one for each environment, and the next where it falls short), "npgs", "pgs", "apgd",
+        "nsgs", "jacobi", "admm", "newton", "ipm", "lemke". For bodies: "pgs" (sequential impulses), "newton" or
+        "multigrid" (Newton's method with that preconditioner); any other name: sequential impulses with momentum.
+    law: "convex" or "coulomb" instead of the batch's.
+    tolerance: on the relative residual [-], 1e-4 if not given; 0: all iterations. max_iterations: 1000 if not given.
+    threads: of the CPU, 0: all cores. The bits do not depend on it.
+    preset: "navigation", "locomotion", "grasping" or "assembly": solver, tolerance and iterations of that task where
+        they are not given.
+    invalid: "isolate": an environment with NaN, mu < 0 and so on is flagged, gets zeros and spoils no other one;
+        "reject": stiction.Error names the first defect.
+    omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
+    islands: "together" or "apart" (docs/islands.md).
+    capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
+    callback: called with a dict after every solve (stiction.monitor). record_failures: folder for environments that were
+        not solved, as batch files for `stiction solve` and `stiction replay`.
+
+    Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
+    """
+
+    def __init__(self, device="cpu", solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *,
+                 preset=None, invalid="isolate", omega=1.0, stall_window=2000, islands="together", capacity=None,
+                 callback=None, record_failures=None):
+        if invalid not in ("isolate", "reject"):
+            raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
+        chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
+        if preset is not None:
+            chosen = _core.preset(preset)
+        given = {"solver": solver, "tolerance": tolerance, "max_iterations": max_iterations}
+        chosen.update({name: value for name, value in given.items() if value is not None})
+        self.solver, self.tolerance = chosen["solver"], float(chosen["tolerance"])
+        self.max_iterations, self.law = int(chosen["max_iterations"]), law
+        # Sweeps stand in where bodies ask for what only they have: the C++ solver of contacts does not know multigrid.
+        self._options = _core.Options(self.solver, law, self.tolerance, self.max_iterations, int(stall_window),
+                                      float(omega), int(threads), invalid == "isolate", islands)
+        self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**(capacity or {})))
+        self.device = self._core.device
+        self._tally = Tally(self, callback, record_failures)
+        self._in_flight = []  # what the emulated device has yet to read and write
+
+    def __repr__(self):
+        return f"<stiction.Solver {self.solver} on {self.device}, tolerance {self.tolerance:g}>"
+
+    def solve(self, batch, out=None, warm_start=None, stream=None):
+        """Solves every environment of the batch and returns the Solution.
+
+        out: a Solution of an earlier solve, or a dict of arrays lambda_, status (uint8 (B, 32) or STATUS_DTYPE), w and
+            velocities (may be left out), to be written in place; None: new memory.
+        warm_start: reactions to start from, shaped like lambda_; None: zero.
+        stream: CUDA stream to queue on, an int, a PyTorch, CuPy or Warp stream, or an object with __cuda_stream__; None:
+            the one that the batch's framework works in. Solves of host memory are complete on return; of device memory
+            they are queued, unless the framework has no streams.
+        """
+        on_device = self._on_device(batch)
+        handle = _streams.handle_of(stream, batch.framework, batch.device)
+        batch._refresh()
+        solution = Solution.empty(batch) if out is None else Solution.over(batch, out)
+        guess = None
+        if warm_start is not None:
+            if isinstance(warm_start, Solution):
+                warm_start = warm_start.lambda_
+            guess = take("warm_start", warm_start, batch.dtype, tuple(solution._seen["lambda_"].shape), batch.device)
+        start = time.perf_counter()
+        self._queue(batch, solution, guess, handle, on_device)
+        queued = on_device and (stream is not None or batch.framework.has_streams)
+        if queued:
+            self._in_flight.append((batch, solution, guess))
+            solution._wait = lambda: self.synchronize(handle)
+        elif on_device:
+            self._core.synchronize(handle)
+        self._tally.note(batch, solution, guess, time.perf_counter() - start, queued)
+        return solution
+
+    def synchronize(self, stream=0):
+        """Returns when what was queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
+        self._core.synchronize(_streams.handle_of(stream, None, "cpu"))
+        self._in_flight.clear()
+
+    def stats(self):
+        """What was solved since the solver was made: see stiction.monitor.Tally.stats."""
+        return self._tally.stats()
+
+    def _queue(self, batch, solution, guess, handle, on_device):
+        view, seen, room = batch._view(on_device), solution._seen, batch._room() if on_device else None
+        lambda_, w, status = seen["lambda_"], seen.get("w"), seen["status"]
+        if batch.form == "delassus":
+            self._core.solve_contacts(view, lambda_, w, status, guess, handle, room)
+        elif batch.form == "jacobian":
+            self._core.solve_jacobian(view, lambda_, w, seen.get("velocities"), status, guess, handle, room)
+        else:
+            if "velocities" not in seen:
+                raise ValueError("out['velocities']: expected an array for the twists of bodies, got None")
+            self._core.solve_bodies(view, lambda_, w, seen["velocities"], status, guess, handle, batch.stepping,
+                                    batch.law, batch.substeps, batch.max_contacts)
+
+    def _on_device(self, batch):
+        """Whether the batch lies in the memory of this solver's device, and not of the host."""
+        if not hasattr(batch, "_view"):
+            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
+        name = next(iter(batch.arrays), "batch")
+        wanted = "cpu" if self.device in ("cpu", "emulated") else self.device
+        if batch.device != wanted and (batch.device != "cpu" or batch.form == "jacobian"):
+            raise ValueError(f"{name}: expected an array on {wanted}, got one on {batch.device}: move the batch's arrays "
+                             f"there, or make the solver with device={batch.device!r}")
+        return self.device == "emulated" or batch.device != "cpu"
+
+
+def verify(batch, solution):
+    """(relative, absolute) residual of each environment, float64 (B, 2) [-, w], recomputed in double from the batch's own
+    numbers by code that shares nothing with the solvers.
+
+    solution: a Solution of this batch, or its reactions alone.
+    """
+    import numpy as np
+
+    if batch.form == "bodies":
+        raise ValueError("verify: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+    if batch.device != "cpu":
+        raise ValueError(f"verify: expected a batch on cpu, got one on {batch.device}: copy its arrays to the host")
+    if isinstance(solution, Solution):
+        solution.synchronize()
+        solution = solution.lambda_
+    batch._refresh()
+    lambda_ = take("lambda_", solution, batch.dtype, batch.layout.row_shape, "cpu")
+    return np.array(_core.verify(batch._view(False), lambda_), np.float64).reshape(-1, 2)

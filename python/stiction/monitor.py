@@ -1,0 +1,141 @@
+"""What solves did: statistics, loggers for a training run, files of what failed.
+
+    solver = stiction.Solver(callback=stiction.monitor.CsvLogger("solves.csv"))
+    solver.stats()  # totals since the solver was made
+"""
+
+import csv
+import json
+import os
+
+import numpy as np
+
+from . import _core
+from ._solution import CODES, FLAGS, SOLVED, solver_name
+
+#: Environments whose iterations and residuals quantiles are taken of: the last ones.
+WINDOW = 65536
+_MOST_RECORDED = 256
+
+
+class Tally:
+    """Counts what a solver's solves did."""
+
+    def __init__(self, solver, callback=None, record_failures=None):
+        self._solver, self._callback = solver, callback
+        self._folder = None if record_failures is None else os.fspath(record_failures)
+        self._files = {}
+        self._solves, self._environments, self._seconds, self._warm = 0, 0, 0.0, 0
+        self._codes, self._flags, self._solvers = np.zeros(256, int), np.zeros(32, int), np.zeros(256, int)
+        self._recent, self._recent_count = [], 0
+        self._late = []
+
+    def note(self, batch, solution, guess, seconds, queued):
+        """Takes one solve in. One that is still queued is looked at when somebody asks: nothing waits for it here."""
+        self._solves += 1
+        self._environments += len(batch)
+        self._seconds += seconds
+        self._warm += guess is not None
+        if queued:
+            self._late = [solution]
+            return
+        status = solution.status
+        self._take(status)
+        if self._folder is not None and (status["code"] != SOLVED).any():
+            self._record(batch, solution, guess)
+        if self._callback is not None:
+            self._callback(summary(status, seconds))
+
+    def _take(self, status):
+        self._codes += np.bincount(status["code"], minlength=256)
+        self._solvers += np.bincount(status["solver"], minlength=256)
+        if status["flags"].any():
+            self._flags += ((status["flags"][:, None] >> np.arange(32, dtype=np.uint32)) & 1).sum(axis=0)
+        self._recent.append((status["iterations"].copy(), status["residual"].copy()))
+        self._recent_count += len(status)
+        while len(self._recent) > 1 and self._recent_count - len(self._recent[0][0]) >= WINDOW:
+            self._recent_count -= len(self._recent.pop(0)[0])
+
+    def _record(self, batch, solution, guess):
+        if batch.form != "delassus":
+            return
+        key = (batch.law, batch.dtype)
+        if key not in self._files:
+            os.makedirs(self._folder, exist_ok=True)
+            path = os.path.join(self._folder, f"failures_{os.getpid()}_{id(self):x}_{batch.law}_{batch.dtype}.h5")
+            self._files[key] = _core.FailureFile(path, _MOST_RECORDED)
+        self._files[key].take(self._solver._core, batch._view(self._solver.device == "emulated"),
+                              solution._seen["lambda_"], solution._seen["status"], guess)
+
+    def stats(self):
+        """solves, environments, seconds (of solves, queueing alone for those that were queued), warm_started (solves
+        that were given a warm start), recorded (environments written to files), and of the environments looked at:
+        codes, flags and solvers (count by name), iterations and residual (quantiles over the last ones).
+
+        Of solves in device memory only the last one is looked at, and waited for.
+        """
+        for solution in self._late:
+            self._take(solution.status)
+        self._late = []
+        iterations = np.concatenate([part for part, _ in self._recent]) if self._recent else np.zeros(0)
+        residual = np.concatenate([part for _, part in self._recent]) if self._recent else np.zeros(0)
+        return {
+            "solves": self._solves, "environments": self._environments, "seconds": self._seconds,
+            "warm_started": self._warm, "recorded": sum(file.recorded for file in self._files.values()),
+            "codes": {name: int(self._codes[i]) for i, name in enumerate(CODES) if self._codes[i]},
+            "flags": {name: int(self._flags[i]) for i, name in enumerate(FLAGS) if self._flags[i]},
+            "solvers": {solver_name(i): int(count) for i, count in enumerate(self._solvers) if count},
+            "iterations": quantiles(iterations), "residual": quantiles(residual),
+        }
+
+
+def quantiles(values):
+    """p50, p90, p99 and max; empty without values."""
+    if not len(values):
+        return {}
+    p50, p90, p99 = np.quantile(values, [0.5, 0.9, 0.99], method="higher")
+    return {"p50": float(p50), "p90": float(p90), "p99": float(p99), "max": float(values.max())}
+
+
+def summary(status, seconds):
+    """One solve as a flat dict, as callbacks get it: environments, seconds, solved (share), iterations_p50, _p99, _max,
+    residual_p50, _p99, _max.
+    """
+    out = {"environments": len(status), "seconds": seconds,
+           "solved": float((status["code"] == SOLVED).mean()) if len(status) else 1.0}
+    for name in ("iterations", "residual"):
+        found = quantiles(status[name])
+        out.update({f"{name}_{key}": found[key] for key in ("p50", "p99", "max") if found})
+    return out
+
+
+class CsvLogger:
+    """A callback that writes one line per solve. Columns are those of the first."""
+
+    def __init__(self, path):
+        self._file = open(path, "w", newline="", encoding="utf-8")
+        self._writer = None
+
+    def __call__(self, stats):
+        if self._writer is None:
+            self._writer = csv.DictWriter(self._file, list(stats), extrasaction="ignore")
+            self._writer.writeheader()
+        self._writer.writerow(stats)
+        self._file.flush()
+
+    def close(self):
+        self._file.close()
+
+
+class JsonLogger:
+    """A callback that writes one JSON object per line and solve."""
+
+    def __init__(self, path):
+        self._file = open(path, "w", encoding="utf-8")
+
+    def __call__(self, stats):
+        self._file.write(json.dumps(stats) + "\n")
+        self._file.flush()
+
+    def close(self):
+        self._file.close()
