@@ -82,5 +82,6 @@ void bind_solver(nanobind::module_& module);
 void bind_stepper(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);
+void bind_mujoco(nanobind::module_& module);
 
 }  // namespace stiction::python
