@@ -27,6 +27,7 @@ struct MujocoLayout {
   bool sparse;                                  ///< whether efc_J is CSR
   std::vector<Index> mass_rownnz, mass_colind;  ///< lower triangle of M by rows
   std::vector<std::int32_t> row_kind;           ///< by efc_type: a ConeKind, or kPyramid
+  std::vector<Index> rotations;                 ///< first dof of each ball and free joint's rotation that RK4 corrects
   double timestep;                              ///< [s]
 };
 

@@ -49,6 +49,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("M_rownnz", layout.mass_rownnz);
   take("M_colind", layout.mass_colind);
   take("row_kind", layout.row_kind);
+  take("rotations", layout.rotations);
   take("timestep", layout.timestep);
   return layout;
 }

@@ -1,5 +1,6 @@
 // Back into MuJoCo's structures, and the stages of its Runge-Kutta integrator.
 
+#include <cmath>
 #include <cstring>
 
 #include "python/src/mujoco.hpp"
@@ -13,6 +14,18 @@ namespace {
 constexpr double kPart[4] = {0.0, 0.5, 0.5, 1.0};
 constexpr double kWeight[4] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
 
+/// Rate of the rotation vector u [rad] of an orientation that has turned by u and turns by w [rad/s], in body axes: the
+/// inverse of the exponential's derivative (Munthe-Kaas 1998). Replaces w.
+void correct_rotation(const double* u, double* w) {
+  const double angle = std::sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+  const double half = 0.5 * angle;
+  const double second = angle < 1e-4 ? 1.0 / 12.0 : (1.0 - half / std::tan(half)) / (angle * angle);
+  const double first[3] = {u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]};
+  const double twice[3] = {u[1] * first[2] - u[2] * first[1], u[2] * first[0] - u[0] * first[2],
+                           u[0] * first[1] - u[1] * first[0]};
+  for (int axis = 0; axis < 3; ++axis) w[axis] += 0.5 * first[axis] + second * twice[axis];
+}
+
 }  // namespace
 
 void MujocoSimulations::scatter() {
@@ -23,7 +36,6 @@ void MujocoSimulations::scatter() {
     const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
     const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
     std::memcpy(array_at<double>(data, layout_.qacc), velocity, dofs);
-    std::memcpy(array_at<double>(data, layout_.qacc_warmstart), velocity, dofs);
     auto* force = array_at<double>(data, layout_.qfrc_constraint);
     if (rows == 0) {
       std::memset(force, 0, dofs);
@@ -63,9 +75,17 @@ void MujocoSimulations::rk4_leave(int stage) {
   const auto offset = static_cast<std::size_t>(stage) * nv;
   each([&](std::size_t env) {
     const auto* data = static_cast<const std::byte*>(data_[env]);
-    std::memcpy(rk4_[env].velocity.data() + offset, array_at<const double>(data, layout_.qvel), nv * sizeof(double));
+    double* velocity = rk4_[env].velocity.data() + offset;
+    std::memcpy(velocity, array_at<const double>(data, layout_.qvel), nv * sizeof(double));
     std::memcpy(rk4_[env].acceleration.data() + offset, array_at<const double>(data, layout_.qacc),
                 nv * sizeof(double));
+    if (stage == 0) return;
+    const double scale = layout_.timestep * kPart[stage];
+    for (const Index first : layout_.rotations) {
+      const double* before = velocity - nv + first;
+      const double turned[3] = {scale * before[0], scale * before[1], scale * before[2]};
+      correct_rotation(turned, velocity + first);
+    }
   });
 }
 
@@ -105,6 +125,10 @@ void MujocoSimulations::rk4_end() {
         acceleration[dof] += kWeight[stage] * rk4_[env].acceleration[stage * nv + dof];
       }
     advance(env, velocity.data(), acceleration.data(), layout_.timestep);
+    auto* data = static_cast<std::byte*>(data_[env]);
+    std::memcpy(array_at<double>(data, layout_.qacc_warmstart), array_at<double>(data, layout_.qacc),
+                nv * sizeof(double));
+    std::memcpy(array_at<double>(data, layout_.qacc), acceleration.data(), nv * sizeof(double));
   });
 }
 

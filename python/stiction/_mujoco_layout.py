@@ -129,6 +129,15 @@ def _data():
     return structure
 
 
+def _rotations(model):
+    """First degree of freedom of each rotation that MuJoCo's RK4 combines on the sphere, since version 4."""
+    if int(mujoco.__version__.split(".")[0]) < 4:
+        return []
+    free, ball = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+    return [int(first) + 3 * (kind == free) for kind, first in zip(model.jnt_type, model.jnt_dofadr)
+            if kind in (free, ball)]
+
+
 def layout(model, data):
     """Offsets and sizes for stiction._core.MujocoSimulations. Raises LayoutError."""
     structure, contact = _data(), _contact()
@@ -138,5 +147,5 @@ def layout(model, data):
               "contact_friction": contact.friction.offset, "contact_geom": contact.geom.offset,
               "nq": model.nq, "nv": model.nv, "sparse": bool(mujoco.mj_isSparse(model)),
               "M_rownnz": np.asarray(model.M_rownnz).tolist(), "M_colind": np.asarray(model.M_colind).tolist(),
-              "row_kind": ROW_KINDS, "timestep": float(model.opt.timestep)}
+              "row_kind": ROW_KINDS, "rotations": _rotations(model), "timestep": float(model.opt.timestep)}
     return found
