@@ -60,6 +60,7 @@ NB_MODULE(_core, module) {
   stiction::python::bind_array(module);
   stiction::python::bind_views(module);
   stiction::python::bind_solver(module);
+  stiction::python::bind_body_solver(module);
   stiction::python::bind_stepper(module);
   stiction::python::bind_reports(module);
   stiction::python::bind_files(module);

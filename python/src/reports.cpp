@@ -19,12 +19,12 @@ Law law_from(const std::string& name) {
   throw Error(ErrorCode::invalid_argument, "law \"" + name + "\" is not known: use \"convex\" or \"coulomb\"");
 }
 
-namespace {
-
 std::string name_of(Device device) {
   if (device.kind == DeviceKind::cuda) return "cuda:" + std::to_string(device.ordinal);
   return device.kind == DeviceKind::emulated ? "emulated" : "cpu";
 }
+
+namespace {
 
 nb::list device_list() {
   nb::list all;

@@ -27,23 +27,6 @@ SolverOptions options_from(const std::string& solver, const std::optional<std::s
   return options;
 }
 
-BodySolverOptions body_options(const SolverOptions& options, Law law, Index substeps, Index max_contacts) {
-  BodySolverOptions body;
-  body.law = options.law.value_or(law);
-  const bool newton = options.solver == SolverKind::newton || options.solver == SolverKind::multigrid;
-  body.method = newton ? BodyMethod::newton : BodyMethod::impulses;
-  body.momentum = options.solver != SolverKind::pgs;
-  if (options.solver == SolverKind::newton) body.space.preconditioner = BodyPreconditioner::block_diagonal;
-  body.iterations = options.max_iterations;
-  body.tolerance = options.tolerance;
-  body.omega = options.omega;
-  body.substeps = substeps;
-  body.max_contacts_per_env = max_contacts;
-  body.threads = options.threads;
-  body.invalid = options.invalid;
-  return body;
-}
-
 bool fits(const JacobianCapacity& need, const JacobianCapacity& room) {
   return need.envs <= room.envs && need.rows <= room.rows && need.cones <= room.cones &&
          need.env_rows <= room.env_rows && need.env_dofs <= room.env_dofs && need.matrix <= room.matrix &&
@@ -148,22 +131,6 @@ void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Arra
       batch.view);
 }
 
-void FormSolver::solve(const BodyView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
-                       const TimeStepping& stepping, const BodySolverOptions& options) {
-  std::visit(
-      [&]<class Real>(const BodyBatchView<Real>& view) {
-        const auto contact = solution_view<Real>(out, 3 * view.contact_count, view.env_count);
-        Real* twist = room_for<Real>(out.velocity, "velocities", 6 * view.body_count);
-        const Real* guess = guess_of<Real>(warm_start, 3 * view.contact_count);
-        const nb::gil_scoped_release unlocked;
-        const std::lock_guard lock(mutex_);
-        bodies_ = std::make_unique<BodySolver>(contact_.device(), stepping, options);
-        const BodyPlan plan = bodies_->plan(view, stream);
-        bodies_->solve(plan, view, {contact.lambda, twist, contact.w, contact.status}, guess, stream);
-      },
-      batch.view);
-}
-
 void FormSolver::synchronize(StreamRef stream) {
   const nb::gil_scoped_release unlocked;
   const std::lock_guard lock(mutex_);
@@ -199,14 +166,6 @@ void bind_solver(nb::module_& module) {
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
           nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"));
-  nb::class_<TimeStepping>(module, "TimeStepping", "How a step of bodies becomes a contact problem.")
-      .def(
-          "__init__",
-          [](TimeStepping* self, double dt, double erp, double slop, double cfm, double restitution_threshold) {
-            new (self) TimeStepping{dt, erp, slop, cfm, restitution_threshold};
-          },
-          nb::arg("dt"), nb::arg("erp"), nb::arg("slop"), nb::arg("cfm"), nb::arg("restitution_threshold"));
-
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",
@@ -232,32 +191,10 @@ void bind_solver(nb::module_& module) {
           nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities").none(), nb::arg("status"),
           nb::arg("warm_start").none(), nb::arg("stream"), nb::arg("room").none())
       .def(
-          "solve_bodies",
-          [](FormSolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,
-             const Array* status, const Array* warm_start, std::uintptr_t stream, const TimeStepping& stepping,
-             const std::string& law, Index substeps, Index max_contacts) {
-            self.solve(batch, outputs(lambda, w, velocity, status), warm_start, stream_from(stream), stepping,
-                       body_options(self.contact().options(), law_from(law), substeps, max_contacts));
-          },
-          nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities"), nb::arg("status"),
-          nb::arg("warm_start").none(), nb::arg("stream"), nb::arg("stepping"), nb::arg("law"), nb::arg("substeps"),
-          nb::arg("max_contacts"))
-      .def(
           "synchronize", [](FormSolver& self, std::uintptr_t stream) { self.synchronize(stream_from(stream)); },
           nb::arg("stream"))
       .def_prop_ro(
-          "device",
-          [](const FormSolver& self) {
-            const Device device = self.contact().device();
-            switch (device.kind) {
-              case DeviceKind::cuda:
-                return "cuda:" + std::to_string(device.ordinal);
-              case DeviceKind::emulated:
-                return std::string("emulated");
-              default:
-                return std::string("cpu");
-            }
-          },
+          "device", [](const FormSolver& self) { return name_of(self.contact().device()); },
           "The device that \"auto\" became.");
 }
 

@@ -9,7 +9,6 @@
 
 #include "python/src/array.hpp"
 #include "python/src/views.hpp"
-#include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
 
@@ -23,8 +22,8 @@ struct Outputs {
   const Array* status = nullptr;
 };
 
-/// The C++ solvers of one device and one set of options, each made when the first batch of its form comes. Calls from
-/// several threads wait for one another.
+/// The C++ solvers of one device and one set of options for matrices and for Jacobians. Calls from several threads wait
+/// for one another.
 class FormSolver {
  public:
   FormSolver(Device device, const SolverOptions& options, const Capacity& capacity);
@@ -34,8 +33,6 @@ class FormSolver {
              const std::optional<Capacity>& room);
   void solve(const JacobianView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
              const std::optional<JacobianCapacity>& room);
-  void solve(const BodyView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
-             const TimeStepping& stepping, const BodySolverOptions& options);
   void synchronize(StreamRef stream);
 
   [[nodiscard]] const Solver& contact() const noexcept { return contact_; }
@@ -51,7 +48,6 @@ class FormSolver {
   Solver contact_;
   std::unique_ptr<JacobianSolver<float>> jacobian_f32_;
   std::unique_ptr<JacobianSolver<double>> jacobian_f64_;
-  std::unique_ptr<BodySolver> bodies_;
 };
 
 /// What a solve writes, as the C++ interface takes it. \throws nanobind errors if an array has another type or is
@@ -79,6 +75,7 @@ inline StreamRef stream_from(std::uintptr_t handle) {
 }
 
 void bind_solver(nanobind::module_& module);
+void bind_body_solver(nanobind::module_& module);
 void bind_stepper(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);

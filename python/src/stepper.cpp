@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "python/src/names.hpp"
 #include "python/src/solver.hpp"
 #include "stiction/error.hpp"
 #include "stiction/stepping.hpp"
@@ -20,6 +21,12 @@ StepScaling scaling_from(const std::string& name) {
               "scaling \"" + name + "\" is not known: use \"capped\", \"none\" or \"proportional\"");
 }
 
+/// Ids are any 64 bits.
+const std::uint64_t* ids_of(const Array& ids) {
+  if (ids.dtype() == "int64") return reinterpret_cast<const std::uint64_t*>(ids.read<std::int64_t>("ids"));
+  return ids.read<std::uint64_t>("ids");
+}
+
 /// A SteppingSolver in the precision of its batches.
 class Stepper {
  public:
@@ -36,7 +43,7 @@ class Stepper {
           const auto* view = std::get_if<ContactBatchView<Real>>(&batch.view);
           if (view == nullptr) throw nb::type_error("batch: expected the precision that the solver was made for");
           const auto solution = solution_view<Real>(out, view->row_count, view->env_count);
-          const auto* id = ids.read<std::uint64_t>("ids");
+          const std::uint64_t* id = ids_of(ids);
           const nb::gil_scoped_release unlocked;
           const std::lock_guard lock(mutex_);
           solver->solve(*view, id, dt, solution, stream);
@@ -56,6 +63,10 @@ class Stepper {
   }
   void synchronize(StreamRef stream) {
     visit([&](auto& solver) { solver.solver().synchronize(stream); });
+  }
+
+  [[nodiscard]] Device device() const {
+    return std::visit([](const auto& solver) { return solver->solver().device(); }, solver_);
   }
 
   /// (hits, misses) of the last step, over all environments.
@@ -126,6 +137,8 @@ void bind_stepper(nb::module_& module) {
       .def(
           "synchronize", [](Stepper& self, std::uintptr_t stream) { self.synchronize(stream_from(stream)); },
           nb::arg("stream"))
+      .def_prop_ro(
+          "device", [](const Stepper& self) { return name_of(self.device()); }, "The device that \"auto\" became.")
       .def(
           "recalled",
           [](Stepper& self, std::uintptr_t stream) {

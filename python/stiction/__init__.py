@@ -8,13 +8,15 @@
 from . import _core, monitor
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._policy import Accuracy, AccuracyPolicy
 from ._solution import CODES, FLAGS, SOLVERS, Solution
 from ._solver import Solver, verify
+from ._stepping import ParallelContactSolver
 
 Error = _core.Error
 devices = _core.devices
 __version__ = _core.version
 numerics_epoch = _core.numerics_epoch
 
-__all__ = ["Batch", "CODES", "Error", "FLAGS", "SOLVERS", "STATUS_DTYPE", "Solution", "Solver", "devices", "monitor",
-           "numerics_epoch", "verify"]
+__all__ = ["Accuracy", "AccuracyPolicy", "Batch", "CODES", "Error", "FLAGS", "ParallelContactSolver", "SOLVERS",
+           "STATUS_DTYPE", "Solution", "Solver", "devices", "monitor", "numerics_epoch", "verify"]

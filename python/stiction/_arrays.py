@@ -4,6 +4,7 @@ import numpy as np
 
 from . import _core
 
+FLOATS = ("float32", "float64")
 #: Record of one environment: how its solve ended. 32 bytes.
 STATUS_DTYPE = np.dtype({
     "names": ["residual", "residual_abs", "flags", "iterations", "code", "solver"],
@@ -39,7 +40,7 @@ def take(name, obj, dtype, shape, device, writable=False):
     fits = len(seen.shape) == len(shape) and all(
         isinstance(want, str) or want == got for want, got in zip(shape, seen.shape))
     if seen.dtype == dtype and fits and seen.device == device and seen.contiguous:
-        if writable and not seen.writable:
+        if writable and not (seen.writable and framework_of(obj).writable):
             raise ValueError(f"{name}: expected a writable array, got a read-only one")
         return seen
     wrong = TypeError if seen.dtype != dtype else ValueError
@@ -61,8 +62,9 @@ class Framework:
     #: Whether its arrays are written in the order of a stream, so that a solve need not be waited for.
     has_streams = False
 
-    def __init__(self, name):
+    def __init__(self, name, writable=True):
         self.name = name
+        self.writable = writable  # whether its arrays may change; JAX's may not, and do not say so
 
     def zeros(self, shape, dtype, device):
         """New memory on that device."""
@@ -133,8 +135,9 @@ class _Warp(Framework):
         return warp.get_stream(device).cuda_stream if device != "cpu" else 0
 
 
+_JAX = Framework("JAX", writable=False)
 _FRAMEWORKS = {"torch": _Torch("PyTorch"), "cupy": _Cupy("CuPy"), "warp": _Warp("Warp"),
-               "jax": Framework("JAX"), "jaxlib": Framework("JAX")}
+               "jax": _JAX, "jaxlib": _JAX}
 NUMPY = Framework("NumPy")
 
 

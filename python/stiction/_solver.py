@@ -4,11 +4,72 @@ import time
 
 from . import _core, _streams
 from ._arrays import take
-from ._solution import Solution
+from ._solution import SOLVERS, Solution
 from .monitor import Tally
 
 
-class Solver:
+class Machine:
+    """What every solver has: options, statistics, a device and what is queued on it."""
+
+    def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
+                 invalid="isolate", omega=1.0, stall_window=2000, islands="together", callback=None,
+                 record_failures=None):
+        if invalid not in ("isolate", "reject"):
+            raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
+        chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
+        if preset is not None:
+            chosen = _core.preset(preset)
+        given = {"solver": solver, "tolerance": tolerance, "max_iterations": max_iterations}
+        chosen.update({name: value for name, value in given.items() if value is not None})
+        self.solver, self.tolerance = chosen["solver"], float(chosen["tolerance"])
+        self.max_iterations, self.law = int(chosen["max_iterations"]), law
+        if self.solver not in SOLVERS + ("auto", "multigrid"):
+            raise ValueError(f"solver: expected one of auto, {', '.join(SOLVERS)}, multigrid, got {self.solver!r}")
+        # Only bodies have a multigrid solver, which they are told by name.
+        self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver, law, self.tolerance,
+                                      self.max_iterations, int(stall_window), float(omega), int(threads),
+                                      invalid == "isolate", islands)
+        self._tally = Tally(self, callback, record_failures)
+        self._in_flight = []  # what a device has yet to read and write
+
+    def __repr__(self):
+        return f"<stiction.{type(self).__name__} {self.solver} on {self.device}, tolerance {self.tolerance:g}>"
+
+    def synchronize(self, stream=0):
+        """Returns when what was queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
+        self._core.synchronize(_streams.handle_of(stream, None, "cpu"))
+        self._in_flight.clear()
+
+    def stats(self):
+        """What was solved since the solver was made: see stiction.monitor.Tally.stats."""
+        return self._tally.stats()
+
+    def _on_device(self, batch):
+        """Whether the batch lies in the memory of this solver's device, and not of the host."""
+        if not hasattr(batch, "_view"):
+            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
+        name = next(iter(batch.arrays), "batch")
+        wanted = "cpu" if self.device in ("cpu", "emulated") else self.device
+        if batch.device != wanted and (batch.device != "cpu" or batch.form == "jacobian"):
+            raise ValueError(f"{name}: expected an array on {wanted}, got one on {batch.device}: move the batch's arrays "
+                             f"there, or make the solver with device={batch.device!r}")
+        return self.device == "emulated" or batch.device != "cpu"
+
+    def _finish(self, batch, solution, guess, stream, handle, on_device, start):
+        """Waits where the caller could not, counts, and says whether the answer is still queued."""
+        queued = on_device and (stream is not None or batch.framework.has_streams)
+        if queued:
+            # Memory of frameworks with streams outlives its last use on its stream by their own care.
+            if not batch.framework.has_streams:
+                self._in_flight.append((batch, solution, guess))
+            solution._wait = lambda: self.synchronize(handle)
+        elif on_device:
+            self._core.synchronize(handle)
+        self._tally.note(batch, solution, guess, time.perf_counter() - start, queued)
+        return queued
+
+
+class Solver(Machine):
     """Solves batches on one device. Changing the device changes the speed and not one bit.
 
     device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated": the GPU's programs run
@@ -33,27 +94,11 @@ class Solver:
     """
 
     def __init__(self, device="cpu", solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *,
-                 preset=None, invalid="isolate", omega=1.0, stall_window=2000, islands="together", capacity=None,
-                 callback=None, record_failures=None):
-        if invalid not in ("isolate", "reject"):
-            raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
-        chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
-        if preset is not None:
-            chosen = _core.preset(preset)
-        given = {"solver": solver, "tolerance": tolerance, "max_iterations": max_iterations}
-        chosen.update({name: value for name, value in given.items() if value is not None})
-        self.solver, self.tolerance = chosen["solver"], float(chosen["tolerance"])
-        self.max_iterations, self.law = int(chosen["max_iterations"]), law
-        # Sweeps stand in where bodies ask for what only they have: the C++ solver of contacts does not know multigrid.
-        self._options = _core.Options(self.solver, law, self.tolerance, self.max_iterations, int(stall_window),
-                                      float(omega), int(threads), invalid == "isolate", islands)
+                 capacity=None, **options):
+        super().__init__(solver, law, tolerance, max_iterations, threads, **options)
         self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**(capacity or {})))
         self.device = self._core.device
-        self._tally = Tally(self, callback, record_failures)
-        self._in_flight = []  # what the emulated device has yet to read and write
-
-    def __repr__(self):
-        return f"<stiction.Solver {self.solver} on {self.device}, tolerance {self.tolerance:g}>"
+        self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
 
     def solve(self, batch, out=None, warm_start=None, stream=None):
         """Solves every environment of the batch and returns the Solution.
@@ -76,27 +121,15 @@ class Solver:
             guess = take("warm_start", warm_start, batch.dtype, tuple(solution._seen["lambda_"].shape), batch.device)
         start = time.perf_counter()
         self._queue(batch, solution, guess, handle, on_device)
-        queued = on_device and (stream is not None or batch.framework.has_streams)
-        if queued:
-            self._in_flight.append((batch, solution, guess))
-            solution._wait = lambda: self.synchronize(handle)
-        elif on_device:
-            self._core.synchronize(handle)
-        self._tally.note(batch, solution, guess, time.perf_counter() - start, queued)
+        self._finish(batch, solution, guess, stream, handle, on_device, start)
         return solution
-
-    def synchronize(self, stream=0):
-        """Returns when what was queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
-        self._core.synchronize(_streams.handle_of(stream, None, "cpu"))
-        self._in_flight.clear()
-
-    def stats(self):
-        """What was solved since the solver was made: see stiction.monitor.Tally.stats."""
-        return self._tally.stats()
 
     def _queue(self, batch, solution, guess, handle, on_device):
         view, seen, room = batch._view(on_device), solution._seen, batch._room() if on_device else None
         lambda_, w, status = seen["lambda_"], seen.get("w"), seen["status"]
+        if self.solver == "multigrid" and batch.form != "bodies":
+            raise ValueError("solver: expected a solver of contact batches, got 'multigrid', which works on bodies alone "
+                             "(Batch.from_bodies)")
         if batch.form == "delassus":
             self._core.solve_contacts(view, lambda_, w, status, guess, handle, room)
         elif batch.form == "jacobian":
@@ -104,19 +137,10 @@ class Solver:
         else:
             if "velocities" not in seen:
                 raise ValueError("out['velocities']: expected an array for the twists of bodies, got None")
-            self._core.solve_bodies(view, lambda_, w, seen["velocities"], status, guess, handle, batch.stepping,
-                                    batch.law, batch.substeps, batch.max_contacts)
-
-    def _on_device(self, batch):
-        """Whether the batch lies in the memory of this solver's device, and not of the host."""
-        if not hasattr(batch, "_view"):
-            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
-        name = next(iter(batch.arrays), "batch")
-        wanted = "cpu" if self.device in ("cpu", "emulated") else self.device
-        if batch.device != wanted and (batch.device != "cpu" or batch.form == "jacobian"):
-            raise ValueError(f"{name}: expected an array on {wanted}, got one on {batch.device}: move the batch's arrays "
-                             f"there, or make the solver with device={batch.device!r}")
-        return self.device == "emulated" or batch.device != "cpu"
+            key = (batch.law, *batch.stepping)
+            if key not in self._bodies:
+                self._bodies[key] = _core.BodySolver(self.device, self._options, self.solver, *key)
+            self._bodies[key].solve(view, lambda_, w, seen["velocities"], status, guess, handle)
 
 
 def verify(batch, solution):

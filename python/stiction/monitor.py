@@ -50,7 +50,7 @@ class Tally:
         self._codes += np.bincount(status["code"], minlength=256)
         self._solvers += np.bincount(status["solver"], minlength=256)
         if status["flags"].any():
-            self._flags += ((status["flags"][:, None] >> np.arange(32, dtype=np.uint32)) & 1).sum(axis=0)
+            self._flags += ((status["flags"][:, None] >> np.arange(32, dtype=np.uint32)) & 1).sum(axis=0).astype(int)
         self._recent.append((status["iterations"].copy(), status["residual"].copy()))
         self._recent_count += len(status)
         while len(self._recent) > 1 and self._recent_count - len(self._recent[0][0]) >= WINDOW:
@@ -128,13 +128,14 @@ class CsvLogger:
 
 
 class JsonLogger:
-    """A callback that writes one JSON object per line and solve."""
+    """A callback that writes one JSON object per line and solve; what is not finite is null."""
 
     def __init__(self, path):
         self._file = open(path, "w", encoding="utf-8")
 
     def __call__(self, stats):
-        self._file.write(json.dumps(stats) + "\n")
+        finite = {name: value if np.isfinite(value) else None for name, value in stats.items()}
+        self._file.write(json.dumps(finite, allow_nan=False) + "\n")
         self._file.flush()
 
     def close(self):

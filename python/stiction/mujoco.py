@@ -65,6 +65,7 @@ class BatchedSimulation:
         self._core = _core.MujocoSimulations(
             self._layout, address("mj_mulJacTVec"), address("mj_integratePos"), model._address,
             [one._address for one in self.data], self.solver._options, float(warm_start))
+        self._warm = float(warm_start) > 0
         self._functions = {}
         self._tolerance, self._iterations = [], []
         self._active = None
@@ -200,7 +201,7 @@ class BatchedSimulation:
         end = time.perf_counter()
         self.seconds["assemble"] += gathered - start + end - solved
         self.seconds["solve"] += solved - gathered
-        self.solver._tally.note(self, self, None, solved - gathered, False)
+        self.solver._tally.note(self, self, self._warm or None, solved - gathered, False)
 
     def _runge_kutta(self):
         start, before = time.perf_counter(), sum(self.seconds.values())

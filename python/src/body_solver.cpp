@@ -1,0 +1,83 @@
+#include <nanobind/stl/string.h>
+
+#include "python/src/names.hpp"
+#include "python/src/solver.hpp"
+#include "stiction/bodies.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+namespace {
+
+/// "newton" and "multigrid" are Newton's method, "pgs" plain sequential impulses, any other name those with momentum.
+BodySolverOptions body_options(const SolverOptions& options, const std::string& solver) {
+  BodySolverOptions body;
+  const bool newton = solver == "newton" || solver == "multigrid";
+  body.method = newton ? BodyMethod::newton : BodyMethod::impulses;
+  body.momentum = solver != "pgs";
+  if (solver == "newton") body.space.preconditioner = BodyPreconditioner::block_diagonal;
+  body.iterations = options.max_iterations;
+  body.tolerance = options.tolerance;
+  body.omega = options.omega;
+  body.threads = options.threads;
+  body.invalid = options.invalid;
+  return body;
+}
+
+/// A BodySolver whose calls wait for one another.
+class SharedBodySolver {
+ public:
+  SharedBodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options)
+      : solver_(device, stepping, options) {}
+
+  void solve(const BodyView& batch, const Outputs& out, const Array* velocity, const Array* warm_start,
+             StreamRef stream) {
+    std::visit(
+        [&]<class Real>(const BodyBatchView<Real>& view) {
+          const auto contact = solution_view<Real>(out, 3 * view.contact_count, view.env_count);
+          Real* twist = room_for<Real>(velocity, "velocities", 6 * view.body_count);
+          const Real* guess = guess_of<Real>(warm_start, 3 * view.contact_count);
+          const nb::gil_scoped_release unlocked;
+          const std::lock_guard lock(mutex_);
+          solver_.solve(solver_.plan(view, stream), view, {contact.lambda, twist, contact.w, contact.status}, guess,
+                        stream);
+        },
+        batch.view);
+  }
+
+ private:
+  std::mutex mutex_;
+  BodySolver solver_;
+};
+
+}  // namespace
+
+void bind_body_solver(nb::module_& module) {
+  nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, for one way of stepping.")
+      .def(
+          "__init__",
+          [](SharedBodySolver* self, const std::string& device, const SolverOptions& options, const std::string& solver,
+             const std::string& law, double dt, double erp, double slop, double cfm, double restitution_threshold,
+             Index substeps, Index max_contacts) {
+            BodySolverOptions body = body_options(options, solver);
+            body.law = options.law.value_or(law_from(law));
+            body.substeps = substeps;
+            body.max_contacts_per_env = max_contacts;
+            new (self) SharedBodySolver(Device::from_string(device),
+                                        TimeStepping{dt, erp, slop, cfm, restitution_threshold}, body);
+          },
+          nb::arg("device"), nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"),
+          nb::arg("slop"), nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"),
+          nb::arg("max_contacts"))
+      .def(
+          "solve",
+          [](SharedBodySolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,
+             const Array* status, const Array* warm_start, std::uintptr_t stream) {
+            self.solve(batch, {lambda, w, nullptr, status}, velocity, warm_start, stream_from(stream));
+          },
+          nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities"), nb::arg("status"),
+          nb::arg("warm_start").none(), nb::arg("stream"));
+}
+
+}  // namespace stiction::python

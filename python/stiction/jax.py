@@ -1,0 +1,61 @@
+"""Contact problems as a JAX function that can be jitted and vmapped.
+
+    lambda_, w, status = stiction.jax.solve(A, b, mu, law="coulomb")
+
+On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX, and a host callback
+(jax.pure_callback) where it was not: `uses_ffi` says which. Both run the same solver and return the same bits.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ._arrays import STATUS_DTYPE
+from ._batch import Batch
+from ._solver import Solver
+
+
+@functools.lru_cache(maxsize=64)
+def _solver(solver, tolerance, max_iterations):
+    return Solver(solver=solver, tolerance=tolerance, max_iterations=max_iterations)
+
+
+def _on_host(cones, law, options, A, b, mu, R, lo, hi):
+    """Leading axes are environments."""
+    lead = np.shape(b)[:-1]
+    n = np.shape(b)[-1]
+    dtype = np.asarray(A).dtype
+    flat = [np.ascontiguousarray(np.asarray(x), dtype).reshape((-1,) + np.shape(x)[len(lead):])
+            for x in (A, b, mu, R, lo, hi)]
+    batch = Batch.from_delassus(flat[0], flat[1], mu=flat[2], R=flat[3], lo=flat[4], hi=flat[5],
+                                cones=cones if isinstance(cones, str) else list(cones), law=law)
+    solution = _solver(*options).solve(batch)
+    return (solution.lambda_.reshape(lead + (n,)), solution.w.reshape(lead + (n,)),
+            solution.status.view(np.uint8).reshape(lead + (STATUS_DTYPE.itemsize,)))
+
+
+@functools.partial(jax.jit, static_argnames=("cones", "law", "solver", "tolerance", "max_iterations"))
+def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex", solver="auto", tolerance=1e-4,
+          max_iterations=1000):
+    """Reactions, residual motion and status of contact problems.
+
+    A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64; leading axes are
+    environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for all.
+    Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names. It has no
+    derivative: JAX says so when it is asked for one.
+    """
+    A, b = jnp.asarray(A), jnp.asarray(b)
+    if A.shape[-2:] != (b.shape[-1],) * 2:
+        raise ValueError(f"A: expected (..., {b.shape[-1]}, {b.shape[-1]}), got {A.shape}")
+    rows = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
+    shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
+    records = jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
+    host = functools.partial(_on_host, cones, law, (solver, tolerance, max_iterations))
+    return jax.pure_callback(host, (shape, shape, records), A, b.astype(A.dtype), *rows, vmap_method="broadcast_all")
+
+
+def status(records):
+    """The records of `solve` as NumPy's: code, flags, iterations, residual, residual_abs, solver."""
+    return np.asarray(records).view(STATUS_DTYPE).reshape(records.shape[:-1])

@@ -1,0 +1,64 @@
+"""What the tests share: recorded files, the command line to compare with, problems made by NumPy."""
+
+import os
+import pathlib
+
+import numpy as np
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DATA = ROOT / "examples" / "data"
+
+
+@pytest.fixture
+def data():
+    """Folder of the recorded batches."""
+    return DATA
+
+
+@pytest.fixture
+def cli():
+    """The stiction command line of this build."""
+    path = os.environ.get("STICTION_CLI", str(ROOT / "build" / "bin" / "stiction"))
+    if not os.access(path, os.X_OK):
+        pytest.skip(f"no command line at {path}: set STICTION_CLI to compare with it")
+    return path
+
+
+class Scene:
+    """Contacts of one environment with their Jacobian, mass matrix and velocity without contact."""
+
+    def __init__(self, rng, contacts, dofs):
+        self.rows, self.dofs = 3 * contacts, dofs
+        self.J = rng.normal(size=(self.rows, dofs))
+        half = rng.normal(size=(dofs, dofs))
+        self.M = half @ half.T + dofs * np.eye(dofs)
+        self.v_free = rng.normal(size=dofs) - 1
+        self.A = self.J @ np.linalg.solve(self.M, self.J.T)
+        self.A = (self.A + self.A.T) / 2
+        self.b = self.J @ self.v_free
+
+
+@pytest.fixture
+def scenes():
+    """Environments of different sizes, one of them without contacts."""
+    rng = np.random.default_rng(7)
+    return [Scene(rng, contacts, dofs) for contacts, dofs in ((2, 8), (1, 5), (3, 12), (0, 3))]
+
+
+class Padded:
+    """Those scenes in arrays of fixed shape, with NaN wherever nothing may be read."""
+
+    def __init__(self, scenes, room=9):
+        count = len(scenes)
+        self.A = np.full((count, room, room), np.nan)
+        self.b = np.full((count, room), np.nan)
+        self.counts = np.array([scene.rows for scene in scenes], np.int32)
+        for env, scene in enumerate(scenes):
+            self.A[env, :scene.rows, :scene.rows] = scene.A
+            self.b[env, :scene.rows] = scene.b
+
+
+@pytest.fixture
+def padded(scenes):
+    return Padded(scenes)

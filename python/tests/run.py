@@ -1,0 +1,15 @@
+#!/usr/bin/env python3
+"""Runs the package's tests with pytest; without pytest or NumPy says so and exits with 77, which means skipped."""
+
+import pathlib
+import sys
+
+try:
+    import numpy  # noqa: F401
+    import pytest
+except ImportError as error:
+    print(f"the Python package is NOT tested: {error}; pip install numpy pytest")
+    sys.exit(77)
+
+folder = str(pathlib.Path(__file__).parent)
+sys.exit(pytest.main(["-q", "-rs", "-p", "no:cacheprovider", folder, *sys.argv[1:]]))

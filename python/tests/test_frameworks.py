@@ -1,0 +1,164 @@
+"""Arrays of other frameworks, and the functions made for them. Each is skipped, and says so, where it is not installed."""
+
+import numpy as np
+import pytest
+
+import stiction
+from stiction import Batch, Solver
+
+OPTIONS = {"solver": "npgs", "tolerance": 1e-9}
+
+
+def framework(name):
+    try:
+        return pytest.importorskip(name, reason=f"{name} is not installed: stiction with its arrays is NOT tested")
+    except ImportError as error:
+        pytest.skip(f"{name} does not load ({error}): stiction with its arrays is NOT tested")
+
+
+@pytest.fixture
+def problem():
+    rng = np.random.default_rng(5)
+    J = rng.normal(size=(5, 6, 9))
+    return J @ J.transpose(0, 2, 1), rng.normal(size=(5, 6)) - 1
+
+
+@pytest.fixture
+def wanted(problem):
+    return Solver(**OPTIONS).solve(Batch.from_delassus(*problem, mu=0.5, law="coulomb"))
+
+
+class TestTorch:
+    @pytest.fixture(autouse=True)
+    def _torch(self):
+        self.torch = framework("torch")
+
+    def tensors(self, problem):
+        return [self.torch.from_numpy(array.copy()) for array in problem]
+
+    def test_tensors_are_read_and_answers_are_tensors(self, problem, wanted):
+        A, b = self.tensors(problem)
+        mu = self.torch.full_like(b, 0.5)
+        batch = Batch.from_delassus(A, b, mu=mu, law="coulomb")
+        assert batch._seen["A"].pointer == A.data_ptr() and batch._seen["mu"].pointer == mu.data_ptr()
+        solution = Solver(**OPTIONS).solve(batch)
+        assert isinstance(solution.lambda_, self.torch.Tensor) and solution.hash() == wanted.hash()
+        out = {"lambda_": self.torch.zeros_like(b), "status": self.torch.zeros((5, 32), dtype=self.torch.uint8)}
+        Solver(**OPTIONS).solve(batch, out=out)
+        np.testing.assert_array_equal(out["lambda_"].numpy(), wanted.lambda_)
+
+    def test_a_tensor_of_another_type_is_named(self, problem):
+        A, b = self.tensors(problem)
+        with pytest.raises(TypeError, match=r"b: expected float64 \(5, 6\) .* got float32 \(5, 6\)"):
+            Batch.from_delassus(A, b.float())
+        with pytest.raises(ValueError, match="not C-contiguous"):
+            Batch.from_delassus(A.transpose(0, 2), b)
+
+    def test_loops_take_tensors(self, problem):
+        A, b = self.tensors(problem)
+        solver = stiction.ParallelContactSolver(5, max_rows=6, beta=1.0)
+        batch, ids = Batch.from_delassus(A, b, mu=0.5), self.torch.arange(10).reshape(5, 2)
+        solver.step(batch, ids, 0.01)
+        solver.reset(mask=self.torch.tensor([True, False, False, False, False]))
+        assert (solver.step(batch, ids, 0.01).iterations[1:] == 0).all()
+
+    def test_the_operator(self, problem, wanted):
+        import stiction.torch
+
+        A, b = self.tensors(problem)
+        lambda_, w, records = stiction.torch.solve(A, b, 0.5, law="coulomb", **OPTIONS)
+        np.testing.assert_array_equal(lambda_.numpy(), wanted.lambda_)
+        np.testing.assert_array_equal(w.numpy(), wanted.w)
+        np.testing.assert_array_equal(stiction.torch.status(records), wanted.status)
+        one, _, record = stiction.torch.solve(A[1], b[1], 0.5, law="coulomb", **OPTIONS)
+        np.testing.assert_array_equal(one.numpy(), wanted.lambda_[1])
+        assert stiction.torch.status(record)["iterations"] == wanted.iterations[1]
+        rows = [("friction", 3), "box", "unilateral", "free"]
+        assert stiction.torch.solve(A, b, 0.5, cones=rows)[0].shape == (5, 6)
+
+    def test_the_operator_can_be_traced(self, problem):
+        import stiction.torch
+
+        A, b = self.tensors(problem)
+        arguments = (A, b, self.torch.full_like(b, 0.5), None, None, None, None, None, "friction", "coulomb", "npgs", 1e-9, 100)
+        self.torch.library.opcheck(self.torch.ops.stiction.solve.default, arguments)
+
+    def test_gradients_are_refused(self, problem):
+        import stiction.torch
+
+        A, b = self.tensors(problem)
+        with pytest.raises(RuntimeError, match=r"A requires a gradient, and stiction.torch.solve has no derivative"):
+            stiction.torch.solve(A.requires_grad_(), b)
+        with self.torch.no_grad():
+            stiction.torch.solve(A, b)
+
+
+class TestJax:
+    @pytest.fixture(autouse=True)
+    def _jax(self):
+        self.jax = framework("jax")
+        self.jax.config.update("jax_enable_x64", True)
+
+    def test_arrays_are_read_where_they_are(self, problem, wanted):
+        A, b = (self.jax.numpy.asarray(array) for array in problem)
+        batch = Batch.from_delassus(A, b, mu=0.5, law="coulomb")
+        assert batch._seen["A"].pointer == A.unsafe_buffer_pointer()
+        assert Solver(**OPTIONS).solve(batch).hash() == wanted.hash()
+        with pytest.raises(ValueError, match="expected a writable array"):
+            Solver().solve(batch, out={"lambda_": b, "status": np.zeros((5, 32), np.uint8)})
+
+    def test_the_function_and_its_transformations(self, problem, wanted):
+        import stiction.jax
+
+        def solve(A, b):
+            return stiction.jax.solve(A, b, 0.5, law="coulomb", **OPTIONS)
+
+        for transformed in (solve, self.jax.jit(solve), self.jax.vmap(solve), self.jax.jit(self.jax.vmap(solve))):
+            lambda_, w, records = transformed(*problem)
+            np.testing.assert_array_equal(lambda_, wanted.lambda_)
+            np.testing.assert_array_equal(w, wanted.w)
+            np.testing.assert_array_equal(stiction.jax.status(records), wanted.status)
+
+    def test_narrow_numbers(self, problem):
+        import stiction.jax
+
+        A, b = (array.astype(np.float32) for array in problem)
+        lambda_, _, _ = stiction.jax.solve(A, b, 0.5)
+        assert lambda_.dtype == np.float32
+
+    def test_gradients_are_refused(self, problem):
+        import stiction.jax
+
+        with pytest.raises(ValueError, match="JVP|differentiat"):
+            self.jax.grad(lambda b: stiction.jax.solve(problem[0], b)[0].sum())(problem[1])
+
+
+class Other:
+    """An array of a framework that nobody here knows: it speaks DLPack and nothing else."""
+
+    def __init__(self, array):
+        self._array = array
+
+    def __dlpack__(self, **options):
+        return self._array.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return self._array.__dlpack_device__()
+
+
+def test_any_array_that_speaks_dlpack(problem, wanted):
+    batch = Batch.from_delassus(*(Other(array) for array in problem), mu=0.5, law="coulomb")
+    assert batch._seen["A"].pointer == problem[0].ctypes.data
+    assert Solver(**OPTIONS).solve(batch).hash() == wanted.hash()
+
+
+class Stream:
+    def __init__(self, **attributes):
+        self.__dict__.update(attributes)
+
+
+@pytest.mark.parametrize("stream", [0, Stream(cuda_stream=0), Stream(ptr=0), Stream(__cuda_stream__=lambda: (0, 0))])
+def test_streams_of_every_kind(problem, wanted, stream):
+    solver = Solver(device="emulated", **OPTIONS)
+    solution = solver.solve(Batch.from_delassus(*problem, mu=0.5, law="coulomb"), stream=stream)
+    assert solution.hash() == wanted.hash()

@@ -1,0 +1,75 @@
+"""What a solver says about what it did."""
+
+import csv
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+import stiction
+from stiction import Batch, Solver
+
+
+def test_totals_and_quantiles(padded):
+    solver = Solver(solver="npgs", tolerance=0, max_iterations=9)
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    for _ in range(3):
+        last = solver.solve(batch)
+    stats = solver.stats()
+    assert stats["solves"] == 3 and stats["environments"] == 12 and stats["seconds"] > 0
+    assert sum(stats["codes"].values()) == 12 and stats["solvers"] == {"npgs": 12}
+    assert stats["iterations"]["max"] == last.iterations.max()
+    assert stats["residual"]["max"] == last.residual.max()
+
+
+def test_flags_are_counted_by_name(padded):
+    padded.b[1, 0] = np.inf
+    solver = Solver()
+    solver.solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=-1.0))
+    assert solver.stats()["flags"] == {"non_finite_input": 1, "negative_friction": 3}
+    assert solver.stats()["codes"]["invalid_input"] == 3
+
+
+def test_loggers_write_a_line_for_every_solve(padded, tmp_path):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    seen = []
+    for callback in (stiction.monitor.CsvLogger(tmp_path / "log.csv"), stiction.monitor.JsonLogger(tmp_path / "log.json"),
+                     seen.append):
+        solver = Solver(callback=callback)
+        solver.solve(batch)
+        padded.b[0, 0] = np.nan
+        solver.solve(batch)
+        padded.b[0, 0] = -1.0
+    rows = list(csv.DictReader(open(tmp_path / "log.csv", encoding="utf-8")))
+    lines = [json.loads(line) for line in open(tmp_path / "log.json", encoding="utf-8")]
+    for log in (rows, lines, seen):
+        assert [float(entry["solved"]) for entry in log] == [1.0, 0.75]
+        assert int(log[0]["environments"]) == 4
+    assert lines[1]["residual_max"] is None and np.isinf(seen[1]["residual_max"])
+
+
+def test_failures_are_written_for_replay(padded, cli, tmp_path):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
+    solver = Solver(solver="npgs", tolerance=1e-12, max_iterations=4, record_failures=tmp_path / "failures")
+    solution = solver.solve(batch, warm_start=np.full((4, 9), 0.1))
+    failed = int((~solution.solved).sum())
+    assert failed > 0 and solver.stats()["recorded"] == failed
+    (file,) = (tmp_path / "failures").glob("*.h5")
+    replayed = subprocess.run([cli, "replay", file], capture_output=True, text=True, check=False)
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+    assert len(Batch.from_file(file)) == failed
+
+
+def test_nothing_is_written_where_nothing_failed(padded, tmp_path):
+    solver = Solver(record_failures=tmp_path / "failures")
+    solver.solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7))
+    assert not (tmp_path / "failures").exists()
+
+
+def test_a_callback_that_fails_is_heard(padded):
+    def fail(stats):
+        raise KeyError("logger")
+
+    with pytest.raises(KeyError):
+        Solver(callback=fail).solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7))

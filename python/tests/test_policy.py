@@ -1,0 +1,47 @@
+"""Accuracy by rule, down to the iterations that solves make."""
+
+import numpy as np
+
+from stiction import AccuracyPolicy, Batch, Solver
+
+
+def test_the_chapters_curriculum():
+    policy = AccuracyPolicy.curriculum()
+    assert [policy.apply(progress=p) for p in (0, 0.3, 0.34, 0.66, 0.67, 1)] == [
+        (1e-2, 5), (1e-2, 5), (1e-3, 10), (1e-3, 10), (1e-4, 20), (1e-4, 20)]
+
+
+def test_a_custom_curriculum_by_environment():
+    policy = AccuracyPolicy.curriculum([(0, 2, 1e-1), (0.5, 40, 1e-5)])
+    accuracy = policy.apply(progress=np.array([0.1, 0.5, 0.9]))
+    assert accuracy.max_iterations.tolist() == [2, 40, 40] and accuracy.tolerance.tolist() == [1e-1, 1e-5, 1e-5]
+
+
+def test_entropy_buys_iterations():
+    policy = AccuracyPolicy.entropy(base=10, alpha=0.5, tolerance=1e-6)
+    assert policy.apply(entropy=2.0) == (1e-6, 20)
+    assert policy.apply(entropy=np.array([0, 1, -3, 2.1])).max_iterations.tolist() == [10, 15, 10, 20]
+
+
+def test_presets_and_fixed_numbers():
+    assert AccuracyPolicy.preset("grasping").apply().tolerance == 1e-4
+    assert AccuracyPolicy.fixed(1e-5, 50).apply(progress=0.3, entropy=1) == (1e-5, 50)
+
+
+def test_limits_reach_every_environment(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solver = Solver(solver="npgs", tolerance=1e-3)
+    batch.set_accuracy(AccuracyPolicy.fixed(0.0, np.array([3, 5, 7, 9])).apply())
+    assert solver.solve(batch).iterations[[0, 2]].tolist() == [3, 7]
+    batch.set_accuracy(AccuracyPolicy.fixed(1e-9, 500).apply())
+    fine = solver.solve(batch)
+    assert fine.residual.max() <= 1e-9 and fine.solved.all()
+
+
+def test_limits_are_read_in_place(padded):
+    tolerance = np.full(4, 1e-2)
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, env_tolerance=tolerance)
+    solver = Solver(solver="npgs")
+    coarse = solver.solve(batch).iterations.sum()
+    tolerance[:] = 1e-10
+    assert solver.solve(batch).iterations.sum() > coarse

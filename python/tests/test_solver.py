@@ -1,0 +1,158 @@
+"""The solver against recordings, the command line, and itself on the device that stands for a GPU."""
+
+import json
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import stiction
+from stiction import Batch, Solver
+
+FILES = ["hand_cube", "humanoid", "pile", "quadruped_rough", "trajectory"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_recorded_scenes_have_mujocos_answer(data, name):
+    """MuJoCo's own Newton wrote lambda_ref. What is unique is the motion A lambda; both are within their residuals."""
+    batch = Batch.from_file(data / f"{name}.h5")
+    solution = Solver(tolerance=1e-8).solve(batch)
+    assert solution.solved.all()
+    wrong = np.zeros_like(batch.b)
+    for env in range(len(batch)):
+        rows = batch.rows_of(env)
+        for row in range(rows.start, rows.stop):
+            entries = slice(int(batch.row_offsets[row]), int(batch.row_offsets[row + 1]))
+            error = (solution.lambda_ - batch.extras["lambda_ref"])[rows]
+            wrong[row] = batch.A[entries] @ error[batch.column[entries]] + batch.R[row] * error[row - rows.start]
+    assert np.abs(wrong).max() < 1e-4 * np.abs(batch.b).max()
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize("name", ["humanoid", "trajectory"])
+def test_bits_are_those_of_the_command_line(data, cli, tmp_path, name, precision):
+    report = tmp_path / "report.json"
+    subprocess.run([cli, "solve", data / f"{name}.h5", "--solver", "npgs", "--tolerance", "1e-4", "--precision", precision,
+                    "--json", report], check=True, stdout=subprocess.DEVNULL)
+    batch = Batch.from_file(data / f"{name}.h5", dtype={"f32": "float32", "f64": "float64"}[precision])
+    solution = Solver(solver="npgs", tolerance=1e-4).solve(batch)
+    assert solution.hash() == json.loads(report.read_text())["hash"]
+
+
+def test_saved_batches_are_solved_alike_by_the_command_line(padded, cli, tmp_path):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
+    batch.save(tmp_path / "batch.h5")
+    report = tmp_path / "report.json"
+    subprocess.run([cli, "solve", tmp_path / "batch.h5", "--solver", "auto", "--tolerance", "1e-6", "--json", report],
+                   check=True, stdout=subprocess.DEVNULL)
+    assert Solver(tolerance=1e-6).solve(batch).hash() == json.loads(report.read_text())["hash"]
+    again = Batch.from_file(tmp_path / "batch.h5")
+    assert len(again) == 4 and again.law == "coulomb"
+
+
+def test_the_device_that_stands_for_a_gpu_has_the_same_bits(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    hashes = {device: Solver(device=device, solver="npgs", tolerance=1e-9).solve(batch).hash()
+              for device in ("cpu", "emulated")}
+    assert hashes["cpu"] == hashes["emulated"]
+
+
+def test_on_a_device_the_answer_is_there_when_it_was_waited_for(padded):
+    """With a stream the call returns before anything was computed; status waits."""
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solver = Solver(device="emulated", solver="npgs")
+    solution = solver.solve(batch, stream=0)
+    assert (solution.lambda_ == 0).all(), "the emulated device computed before it was waited for"
+    assert solution.solved.all() and (solution.lambda_[0, 0::3] > 0).any()
+    waited = solver.solve(batch)
+    np.testing.assert_array_equal(waited.lambda_, solution.lambda_)
+
+
+def test_queued_solves_keep_their_arrays_alive(padded):
+    solver = Solver(device="emulated", solver="npgs")
+    for _ in range(20):  # each batch and solution is dropped at once
+        solver.solve(Batch.from_delassus(padded.A.copy(), padded.b.copy(), counts=padded.counts.copy(), mu=0.7), stream=0)
+    last = solver.solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7), stream=0)
+    solver.synchronize()
+    assert last.solved.all()
+
+
+def test_answers_are_written_where_asked(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    for device in ("cpu", "emulated"):
+        solver = Solver(device=device, solver="npgs")
+        first = solver.solve(batch)
+        lambda_, status = np.zeros((4, 9)), np.zeros((4, 32), np.uint8)
+        into = solver.solve(batch, out={"lambda_": lambda_, "status": status})
+        assert into.lambda_ is lambda_ and into.w is None
+        np.testing.assert_array_equal(lambda_, first.lambda_)
+        np.testing.assert_array_equal(status.view(stiction.STATUS_DTYPE)[:, 0], first.status)
+        reused = solver.solve(batch, out=first)
+        assert reused.lambda_ is first.lambda_
+
+
+def test_a_solution_is_a_warm_start(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solver = Solver(solver="npgs", tolerance=1e-8)
+    cold = solver.solve(batch)
+    warm = solver.solve(batch, warm_start=cold)
+    assert cold.iterations.max() > 0 and warm.iterations.max() == 0
+    assert solver.stats()["warm_started"] == 1
+
+
+def test_the_judge_agrees_with_the_record(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
+    solution = Solver(tolerance=1e-3).solve(batch)
+    judged = stiction.verify(batch, solution)
+    np.testing.assert_allclose(judged[:, 0], solution.residual, rtol=1e-6)
+    assert (stiction.verify(batch, solution.lambda_ + 1)[:3, 0] > 1e-2).all()
+
+
+def test_a_poisoned_environment_spoils_no_other(padded):
+    clean = Solver().solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7))
+    padded.A[1, 0, 0] = np.nan
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solution = Solver().solve(batch)
+    assert stiction.CODES[solution.status["code"][1]] == "invalid_input"
+    assert (solution[1].lambda_ == 0).all()
+    for env in (0, 2, 3):
+        np.testing.assert_array_equal(solution[env].lambda_, clean[env].lambda_)
+
+
+def test_threads_may_share_a_solver(padded):
+    batches = [Batch.from_delassus(padded.A.copy(), padded.b * scale, counts=padded.counts, mu=0.7) for scale in (1, 2)]
+    solver = Solver(solver="npgs")
+    want = [solver.solve(batch).hash() for batch in batches]
+    got = [[], []]
+
+    def work(which):
+        got[which].extend(solver.solve(batches[which]).hash() for _ in range(50))
+
+    threads = [threading.Thread(target=work, args=(which,)) for which in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [set(hashes) for hashes in got] == [{want[0]}, {want[1]}]
+
+
+def test_presets_choose_what_was_not_said():
+    solver = Solver(preset="locomotion")
+    assert solver.tolerance == 1e-3 and solver.solver == "auto"
+    assert Solver(preset="locomotion", tolerance=1e-5).tolerance == 1e-5
+
+
+def test_options_reach_the_solver(padded):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solution = Solver(solver="pgs", tolerance=0, max_iterations=7).solve(batch)
+    assert solution.iterations.max() == 7
+    assert {stiction.SOLVERS[i] for i in solution.status["solver"]} == {"pgs"}
+    convex, coulomb = (Solver(law=law, tolerance=1e-9).solve(batch).hash() for law in ("convex", "coulomb"))
+    assert convex != coulomb
+
+
+def test_devices_say_why_not():
+    found = {report["device"]: report for report in stiction.devices()}
+    assert found["cpu"]["usable"] and found["emulated"]["usable"]
+    assert all(report["usable"] or report["reason"] for report in found.values())
