@@ -135,6 +135,17 @@ void write(const std::string& path, const ContactView& batch, const nb::dict& ex
   io::write_batch(path, recording);
 }
 
+/// A vector of the batch without the room between environments.
+template <class Real>
+std::vector<Real> rows_in_use(const JacobianBatchView<Real>& batch, const Real* values) {
+  std::vector<Real> packed;
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const Real* first = values + batch.env_row_offsets[env];
+    packed.insert(packed.end(), first, first + batch.env_rows(env));
+  }
+  return packed;
+}
+
 /// Writes environments that were not solved to one file.
 class FailureFile {
  public:
@@ -150,12 +161,36 @@ class FailureFile {
         },
         batch.view);
   }
+  /// What was assembled from Jacobians on the way, with its matrix even where the solver kept a factor.
+  Offset take(const FormSolver& solver, const JacobianView& batch, const Outputs& out, const Array* warm_start) {
+    return std::visit(
+        [&]<class Real>(const JacobianBatchView<Real>& view) {
+          const auto solution = solution_view<Real>(out, view.row_count, view.env_count);
+          const Real* guess = guess_of<Real>(warm_start, view.row_count);
+          const nb::gil_scoped_release unlocked;
+          JacobianBatchView<Real> on_host = view;
+          on_host.space = MemorySpace::host;
+          const ContactBatch<Real> contacts = assemble(on_host, FactorUse::never);
+          std::vector<Real> lambda = rows_in_use(view, solution.lambda);
+          const std::vector<Real> start = guess != nullptr ? rows_in_use(view, guess) : std::vector<Real>{};
+          return recorder_.take(solver.contact(), contacts.view(),
+                                SolutionView<Real>{lambda.data(), nullptr, solution.status},
+                                guess != nullptr ? start.data() : nullptr);
+        },
+        batch.view);
+  }
   [[nodiscard]] Offset recorded() const noexcept { return recorder_.recorded(); }
   [[nodiscard]] Offset left_out() const noexcept { return recorder_.left_out(); }
 
  private:
   io::Recorder recorder_;
 };
+
+template <class View>
+Offset take_failures(FailureFile& file, const FormSolver& solver, const View& batch, const Array* lambda,
+                     const Array* status, const Array* warm_start) {
+  return file.take(solver, batch, {lambda, nullptr, nullptr, status}, warm_start);
+}
 
 }  // namespace
 
@@ -166,13 +201,10 @@ void bind_files(nb::module_& module) {
              nb::arg("source"), "Writes a packed copy of a host batch.");
   nb::class_<FailureFile>(module, "FailureFile", "Environments that were not solved, with what replays them.")
       .def(nb::init<const std::string&, Offset>(), nb::arg("path"), nb::arg("most"))
-      .def(
-          "take",
-          [](FailureFile& self, const FormSolver& solver, const ContactView& batch, const Array* lambda,
-             const Array* status, const Array* warm_start) {
-            return self.take(solver, batch, {lambda, nullptr, nullptr, status}, warm_start);
-          },
-          nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"), nb::arg("status"), nb::arg("warm_start").none())
+      .def("take", &take_failures<ContactView>, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"),
+           nb::arg("status"), nb::arg("warm_start").none())
+      .def("take", &take_failures<JacobianView>, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"),
+           nb::arg("status"), nb::arg("warm_start").none())
       .def_prop_ro("recorded", &FailureFile::recorded)
       .def_prop_ro("left_out", &FailureFile::left_out);
 }

@@ -80,5 +80,6 @@ void bind_stepper(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);
 void bind_mujoco(nanobind::module_& module);
+void bind_jax(nanobind::module_& module);
 
 }  // namespace stiction::python

@@ -27,6 +27,13 @@ class Fields {
   void take_kinds(const char* name, const ConeKind*& target) const {
     if (const Array* array = find(name)) target = reinterpret_cast<const ConeKind*>(array->read<std::uint8_t>(name));
   }
+  /// Bits, which frameworks without unsigned integers keep in signed ones.
+  void take_flags(const char* name, const std::uint32_t*& target) const {
+    const Array* array = find(name);
+    if (array == nullptr) return;
+    target = array->dtype() == "int32" ? reinterpret_cast<const std::uint32_t*>(array->read<std::int32_t>(name))
+                                       : array->read<std::uint32_t>(name);
+  }
   [[nodiscard]] Offset length(const char* name) const {
     const Array* array = find(name);
     return array == nullptr ? 0 : array->size();
@@ -54,7 +61,7 @@ void take_environments(const Fields& fields, View& view) {
   fields.take("env_cone_offsets", view.env_cone_offsets);
   fields.take("env_row_counts", view.env_row_counts);
   fields.take("env_cone_counts", view.env_cone_counts);
-  fields.take("env_flags", view.env_flags);
+  fields.take_flags("env_flags", view.env_flags);
   fields.take("env_tolerance", view.env_tolerance);
   fields.take("env_max_iterations", view.env_max_iterations);
   fields.take_kinds("cone_kind", view.cone_kind);

@@ -1,5 +1,7 @@
 """Batches: many environments' contact problems over arrays that stay where they are."""
 
+from __future__ import annotations
+
 import os
 
 import numpy as np
@@ -8,6 +10,7 @@ from . import _core
 from ._arrays import FLOATS, NUMPY, as_numpy, framework_of, look, take
 from ._layout import Flat, Padded, cone_list, default_dims, offsets_of, tiles
 from ._lists import join_jacobians, join_matrices
+from ._policy import Accuracy
 
 
 def _float_type(name, seen):
@@ -45,8 +48,8 @@ class Batch:
 
     @classmethod
     def from_delassus(cls, A, b, *, cones=None, kinds=None, dims=None, counts=None, cone_counts=None, offsets=None,
-                      indptr=None, indices=None, mu=None, R=None, lo=None, hi=None, law="convex", groups=None,
-                      env_tolerance=None, env_max_iterations=None):
+                      indptr=None, indices=None, mu=None, R=None, lo=None, hi=None, law: str = "convex", groups=None,
+                      env_tolerance=None, env_max_iterations=None) -> Batch:
         """Delassus operators A = J M^-1 J' (without R) and right-hand sides b.
 
         Three ways to say where environments are; B environments, n rows, K cones:
@@ -101,7 +104,7 @@ class Batch:
     def from_jacobian(cls, J, M, v_free, target=None, *, cones=None, kinds=None, dims=None, counts=None,
                       cone_counts=None, offsets=None, dof_offsets=None, indptr=None, indices=None, mass_block=None,
                       mass_form="matrix", mu=None, R=None, lo=None, hi=None, law="convex", groups=None,
-                      env_tolerance=None, env_max_iterations=None):
+                      env_tolerance=None, env_max_iterations=None) -> Batch:
         """Constraint Jacobians, mass matrices and velocities without contact: A = J M^-1 J', b = J v_free - target,
         and the velocities v = v_free + M^-1 J' lambda come with the solution. With accelerations in place of
         velocities, as MuJoCo has them, lambda is a force.
@@ -149,7 +152,7 @@ class Batch:
     def from_bodies(cls, inv_mass, inv_inertia, twist, body_a, body_b, arm_a, arm_b, normal, mu, depth,
                     restitution=None, *, twist_change=None, kinematic=None, body_offsets=None, contact_offsets=None,
                     law="coulomb", dt=0.005, erp=0.2, slop=0.0, cfm=0.0, restitution_threshold=0.1, substeps=1,
-                    max_contacts_per_env=0):
+                    max_contacts_per_env: int = 0) -> Batch:
         """Rigid bodies and contact points, without a matrix (sequential impulses, or Newton's method).
 
         Either all environments have as many bodies and contacts, arrays (B, bodies, ...) and (B, contacts, ...), or
@@ -203,7 +206,7 @@ class Batch:
         return self
 
     @classmethod
-    def from_file(cls, path, dtype="float64"):
+    def from_file(cls, path: str | os.PathLike, dtype: str = "float64") -> Batch:
         """The batch of a contact-batch or FCLIB file, numbers rounded to `dtype`.
 
         `extras` has what the file holds beside the problem, where it does: env_name, lambda_ref (a reference solution),
@@ -224,7 +227,7 @@ class Batch:
 
     # -- what it holds ------------------------------------------------------------------------------------------------
 
-    def __len__(self):
+    def __len__(self) -> int:
         """Environments."""
         return self._env_count if self.form == "bodies" else self.layout.env_count
 
@@ -239,11 +242,11 @@ class Batch:
         return f"<stiction.Batch {self.form}, {len(self)} environments, {self.rows} rows, {self.dtype} on {self.device}>"
 
     @property
-    def rows(self):
+    def rows(self) -> int:
         """Rows of all environments together, room included where arrays are padded."""
         return 3 * int(np.prod(self.contact_shape)) if self.form == "bodies" else self.layout.row_count
 
-    def rows_of(self, env):
+    def rows_of(self, env: int):
         """Index of one environment's rows in arrays of the solution's shape."""
         if not 0 <= env < len(self):
             raise IndexError(f"env: expected 0 to {len(self) - 1}, got {env}")
@@ -254,7 +257,7 @@ class Batch:
             return slice(int(first), int(last))
         return self.layout.rows_of(env)
 
-    def set_accuracy(self, accuracy):
+    def set_accuracy(self, accuracy: Accuracy) -> None:
         """Tolerance and iteration limit from now on, as `AccuracyPolicy.apply` makes them: numbers, or one per
         environment.
         """
@@ -268,7 +271,7 @@ class Batch:
         self._accuracy(spread(accuracy.tolerance, np.float64), spread(accuracy.max_iterations, np.int32))
         self._views = {}
 
-    def save(self, path):
+    def save(self, path: str | os.PathLike) -> None:
         """Writes the batch to a contact-batch file, in float64 and without room between environments; also the
         reference, names and contact ids it was read with.
         """

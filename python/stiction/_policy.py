@@ -28,19 +28,19 @@ class AccuracyPolicy:
         self._rule = rule
 
     @classmethod
-    def fixed(cls, tolerance=1e-4, max_iterations=1000):
+    def fixed(cls, tolerance=1e-4, max_iterations=1000) -> "AccuracyPolicy":
         """The same always; numbers, or arrays (B,) with one entry per environment."""
         accuracy = _accuracy(tolerance, max_iterations)
         return cls(lambda progress, entropy: accuracy)
 
     @classmethod
-    def preset(cls, name):
+    def preset(cls, name: str) -> "AccuracyPolicy":
         """What a task wants: "navigation", "locomotion", "grasping" or "assembly"."""
         chosen = _core.preset(name)
         return cls.fixed(chosen["tolerance"], chosen["max_iterations"])
 
     @classmethod
-    def curriculum(cls, stages=CURRICULUM):
+    def curriculum(cls, stages=CURRICULUM) -> "AccuracyPolicy":
         """By training progress in [0, 1]: the last of the stages (progress, max_iterations, tolerance) that has begun.
         Default: 5 iterations and 1e-2, from a third of the training 10 and 1e-3, from two thirds 20 and 1e-4.
         """
@@ -62,7 +62,7 @@ class AccuracyPolicy:
         return cls(rule)
 
     @classmethod
-    def entropy(cls, base, alpha, tolerance=1e-4):
+    def entropy(cls, base: float, alpha: float, tolerance=1e-4) -> "AccuracyPolicy":
         """base * (1 + alpha * H) iterations, rounded, for policies of entropy H >= 0 [the caller's unit]: an uncertain
         policy explores, and its contacts get more work. H: a number, or one per environment.
         """
@@ -77,7 +77,7 @@ class AccuracyPolicy:
 
         return cls(rule)
 
-    def apply(self, progress=None, entropy=None):
+    def apply(self, progress=None, entropy=None) -> Accuracy:
         """The Accuracy at that progress of the training [0 to 1] and that entropy; numbers or arrays, as they are.
 
         Give it to `Batch.set_accuracy`, its numbers to `Solver`, or its arrays to env_tolerance and env_max_iterations.

@@ -1,5 +1,7 @@
 """What a solve returns."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +54,7 @@ class Solution:
         self._wait = None
 
     @classmethod
-    def empty(cls, batch):
+    def empty(cls, batch) -> Solution:
         """Room for the answer of that batch, zeroed."""
         framework, dtype, device = batch.framework, batch.dtype, batch.device
         rows, velocity = _shapes(batch)
@@ -65,6 +67,8 @@ class Solution:
     def over(cls, batch, out):
         """The caller's arrays as a place for the answer of that batch: a solution, or a dict of arrays by name."""
         if isinstance(out, Solution):
+            if out._batch is batch:
+                return out
             out = {"lambda_": out.lambda_, "w": out.w, "velocities": out.velocities, "status": out._raw}
         if not isinstance(out, dict):
             raise TypeError(f"out: expected a Solution or a dict of arrays, got {type(out).__name__}")
@@ -86,27 +90,27 @@ class Solution:
         return cls(batch, made["lambda_"], made["w"], made["velocities"] if velocity is not None else None,
                    made["status"], seen)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self._batch)
 
     def __repr__(self):
         return f"<stiction.Solution of {len(self)} environments>"
 
-    def __getitem__(self, env):
+    def __getitem__(self, env: int) -> Answer:
         """One environment: views of its reactions, motion, velocities and its record."""
         place = self._batch.rows_of(env)
         return Answer(self.lambda_[place], None if self.w is None else self.w[place],
                       None if self.velocities is None else self.velocities[_velocity_place(self._batch, env)],
                       self.status[env])
 
-    def synchronize(self):
+    def synchronize(self) -> None:
         """Returns when the answer is there."""
         if self._wait is not None:
             wait, self._wait = self._wait, None
             wait()
 
     @property
-    def status(self):
+    def status(self) -> np.ndarray:
         """Records (B,): code, flags, iterations, residual [-], residual_abs [w], solver."""
         self.synchronize()
         raw = self._raw
@@ -116,21 +120,21 @@ class Solution:
         return raw if raw.dtype == STATUS_DTYPE else raw.view(STATUS_DTYPE).reshape(-1)
 
     @property
-    def iterations(self):
+    def iterations(self) -> np.ndarray:
         """Iterations of the solver that answered, int32 (B,)."""
         return self.status["iterations"]
 
     @property
-    def residual(self):
+    def residual(self) -> np.ndarray:
         """Natural-map residual of the returned lambda / max |b|, float64 (B,) [-]."""
         return self.status["residual"]
 
     @property
-    def solved(self):
+    def solved(self) -> np.ndarray:
         """Whether each environment reached its tolerance, bool (B,)."""
         return self.status["code"] == SOLVED
 
-    def hash(self):
+    def hash(self) -> str:
         """Hash of the bits of all reactions in use, as `stiction solve` prints it. The same on every device."""
         self.synchronize()
         values = self.lambda_

@@ -1,9 +1,14 @@
 """The solver: one device, one set of options, any number of batches."""
 
+from __future__ import annotations
+
 import time
+
+import numpy as np
 
 from . import _core, _streams
 from ._arrays import take
+from ._batch import Batch
 from ._solution import SOLVERS, Solution
 from .monitor import Tally
 
@@ -35,18 +40,18 @@ class Machine:
     def __repr__(self):
         return f"<stiction.{type(self).__name__} {self.solver} on {self.device}, tolerance {self.tolerance:g}>"
 
-    def synchronize(self, stream=0):
+    def synchronize(self, stream=0) -> None:
         """Returns when what was queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
         self._core.synchronize(_streams.handle_of(stream, None, "cpu"))
         self._in_flight.clear()
 
-    def stats(self):
+    def stats(self) -> dict:
         """What was solved since the solver was made: see stiction.monitor.Tally.stats."""
         return self._tally.stats()
 
     def _on_device(self, batch):
         """Whether the batch lies in the memory of this solver's device, and not of the host."""
-        if not hasattr(batch, "_view"):
+        if not isinstance(batch, Batch):
             raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
         name = next(iter(batch.arrays), "batch")
         wanted = "cpu" if self.device in ("cpu", "emulated") else self.device
@@ -87,20 +92,22 @@ class Solver(Machine):
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
     islands: "together" or "apart" (docs/islands.md).
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
-    callback: called with a dict after every solve (stiction.monitor). record_failures: folder for environments that were
-        not solved, as batch files for `stiction solve` and `stiction replay`.
+    callback: called with a dict after every solve that is complete on return (stiction.monitor).
+    record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
+        `stiction replay`.
 
     Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
     """
 
-    def __init__(self, device="cpu", solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *,
-                 capacity=None, **options):
+    def __init__(self, device: str = "cpu", solver: str | None = None, law: str | None = None,
+                 tolerance: float | None = None, max_iterations: int | None = None, threads: int = 0, *,
+                 capacity: dict | None = None, **options):
         super().__init__(solver, law, tolerance, max_iterations, threads, **options)
         self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**(capacity or {})))
         self.device = self._core.device
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
 
-    def solve(self, batch, out=None, warm_start=None, stream=None):
+    def solve(self, batch: Batch, out=None, warm_start=None, stream=None) -> Solution:
         """Solves every environment of the batch and returns the Solution.
 
         out: a Solution of an earlier solve, or a dict of arrays lambda_, status (uint8 (B, 32) or STATUS_DTYPE), w and
@@ -143,14 +150,12 @@ class Solver(Machine):
             self._bodies[key].solve(view, lambda_, w, seen["velocities"], status, guess, handle)
 
 
-def verify(batch, solution):
+def verify(batch: Batch, solution) -> np.ndarray:
     """(relative, absolute) residual of each environment, float64 (B, 2) [-, w], recomputed in double from the batch's own
     numbers by code that shares nothing with the solvers.
 
     solution: a Solution of this batch, or its reactions alone.
     """
-    import numpy as np
-
     if batch.form == "bodies":
         raise ValueError("verify: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
     if batch.device != "cpu":

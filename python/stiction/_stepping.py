@@ -1,11 +1,14 @@
 """A simulation loop's solver: every step starts from the last one's reactions, contact by contact."""
 
+from __future__ import annotations
+
 import time
 
 import numpy as np
 
 from . import _core, _streams
 from ._arrays import as_numpy, look, take
+from ._batch import Batch
 from ._solution import Solution
 from ._solver import Machine
 
@@ -28,8 +31,8 @@ class ParallelContactSolver(Machine):
     All memory is taken here; on a GPU a step queues and returns, and may be captured into a CUDA graph.
     """
 
-    def __init__(self, n_envs, device="cpu", *, max_rows, max_cones=None, dtype="float64", beta=0.95, scaling="capped",
-                 **options):
+    def __init__(self, n_envs: int, device: str = "cpu", *, max_rows: int, max_cones: int | None = None,
+                 dtype: str = "float64", beta: float = 0.95, scaling: str = "capped", **options):
         if options.get("record_failures") is not None:
             raise ValueError("record_failures: expected a stiction.Solver, whose warm starts can be recorded, got a "
                              "ParallelContactSolver")
@@ -52,7 +55,7 @@ class ParallelContactSolver(Machine):
         self._hits = self._misses = 0
         self._stream = None  # of steps whose hits have not been looked at
 
-    def step(self, batch, ids, dt, out=None, stream=None):
+    def step(self, batch: Batch, ids, dt: float, out=None, stream=None) -> Solution:
         """Solves this step and returns its Solution.
 
         batch: of form "delassus", padded (B, n, n) or flat. ids: int64 or uint64 contact ids, (B, cones) padded or
@@ -90,7 +93,7 @@ class ParallelContactSolver(Machine):
             self._count(handle)
         return solution
 
-    def reset(self, ids=None, mask=None, stream=None):
+    def reset(self, ids=None, mask=None, stream=None) -> None:
         """Forgets the reactions of environments that start over: those of a list of indices, or wherever mask is not
         zero (bool or uint8 (n_envs,), on the solver's device), or all.
         """
@@ -110,7 +113,7 @@ class ParallelContactSolver(Machine):
         else:
             self._core.reset_all(handle)
 
-    def stats(self):
+    def stats(self) -> dict:
         """Solver.stats(), and warm_start_hits and warm_start_misses: contacts that started from a remembered reaction,
         and that did not. Of steps in device memory only the last one is counted.
         """

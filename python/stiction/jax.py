@@ -3,7 +3,8 @@
     lambda_, w, status = stiction.jax.solve(A, b, mu, law="coulomb")
 
 On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX, and a host callback
-(jax.pure_callback) where it was not: `uses_ffi` says which. Both run the same solver and return the same bits.
+(jax.pure_callback) where it was not, and on other platforms: `uses_ffi` says which. Both run the same solver and return
+the same bits.
 """
 
 import functools
@@ -12,9 +13,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._layout import cone_list
 from ._solver import Solver
+
+#: Whether `solve` is an XLA custom call on the CPU.
+uses_ffi = _core.jax_solve is not None
+if uses_ffi:
+    jax.ffi.register_ffi_target("stiction_solve", _core.jax_solve, platform="cpu")
 
 
 @functools.lru_cache(maxsize=64)
@@ -36,15 +44,16 @@ def _on_host(cones, law, options, A, b, mu, R, lo, hi):
             solution.status.view(np.uint8).reshape(lead + (STATUS_DTYPE.itemsize,)))
 
 
-@functools.partial(jax.jit, static_argnames=("cones", "law", "solver", "tolerance", "max_iterations"))
+@functools.partial(jax.jit, static_argnames=("cones", "law", "solver", "tolerance", "max_iterations",
+                                             "allow_ffi"))
 def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex", solver="auto", tolerance=1e-4,
-          max_iterations=1000):
+          max_iterations=1000, allow_ffi=True):
     """Reactions, residual motion and status of contact problems.
 
     A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64; leading axes are
     environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for all.
     Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names. It has no
-    derivative: JAX says so when it is asked for one.
+    derivative: JAX says so when it is asked for one. allow_ffi False: the host callback in any case.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
     if A.shape[-2:] != (b.shape[-1],) * 2:
@@ -52,8 +61,22 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     rows = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
     shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
     records = jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
-    host = functools.partial(_on_host, cones, law, (solver, tolerance, max_iterations))
-    return jax.pure_callback(host, (shape, shape, records), A, b.astype(A.dtype), *rows, vmap_method="broadcast_all")
+    arguments, results = (A, b.astype(A.dtype), *rows), (shape, shape, records)
+
+    def call_back(*arguments):
+        host = functools.partial(_on_host, cones, law, (solver, tolerance, max_iterations))
+        return jax.pure_callback(host, results, *arguments, vmap_method="broadcast_all")
+
+    if not (uses_ffi and allow_ffi):
+        return call_back(*arguments)
+    kinds, dims = cone_list("cones", cones, b.shape[-1])
+
+    def custom_call(*arguments):
+        call = jax.ffi.ffi_call("stiction_solve", results, vmap_method="broadcast_all")
+        return call(*arguments, kinds=kinds.astype(np.int64), dims=dims, law=law, solver=solver,
+                    tolerance=np.float64(tolerance), max_iterations=np.int64(max_iterations))
+
+    return jax.lax.platform_dependent(*arguments, cpu=custom_call, default=call_back)
 
 
 def status(records):

@@ -11,6 +11,7 @@ import os
 import numpy as np
 
 from . import _core
+from ._arrays import STATUS_DTYPE
 from ._solution import CODES, FLAGS, SOLVED, solver_name
 
 #: Environments whose iterations and residuals quantiles are taken of: the last ones.
@@ -27,7 +28,8 @@ class Tally:
         self._files = {}
         self._solves, self._environments, self._seconds, self._warm = 0, 0, 0.0, 0
         self._codes, self._flags, self._solvers = np.zeros(256, int), np.zeros(32, int), np.zeros(256, int)
-        self._recent, self._recent_count = [], 0
+        self._recent = np.zeros(0, STATUS_DTYPE)  # records of the last environments
+        self._fresh, self._fresh_count = [], 0    # records that are not counted yet
         self._late = []
 
     def note(self, batch, solution, guess, seconds, queued):
@@ -47,17 +49,25 @@ class Tally:
             self._callback(summary(status, seconds))
 
     def _take(self, status):
+        self._fresh.append(status.copy())
+        self._fresh_count += len(status)
+        if self._fresh_count > WINDOW:
+            self._count()
+
+    def _count(self):
+        """Counting is dearer than keeping, for small batches: it is done for many of them at once."""
+        if not self._fresh:
+            return
+        status = np.concatenate(self._fresh)
+        self._fresh, self._fresh_count = [], 0
         self._codes += np.bincount(status["code"], minlength=256)
         self._solvers += np.bincount(status["solver"], minlength=256)
         if status["flags"].any():
             self._flags += ((status["flags"][:, None] >> np.arange(32, dtype=np.uint32)) & 1).sum(axis=0).astype(int)
-        self._recent.append((status["iterations"].copy(), status["residual"].copy()))
-        self._recent_count += len(status)
-        while len(self._recent) > 1 and self._recent_count - len(self._recent[0][0]) >= WINDOW:
-            self._recent_count -= len(self._recent.pop(0)[0])
+        self._recent = np.concatenate([self._recent, status])[-WINDOW:]
 
     def _record(self, batch, solution, guess):
-        if batch.form != "delassus":
+        if batch.form == "bodies":
             return
         key = (batch.law, batch.dtype)
         if key not in self._files:
@@ -77,15 +87,14 @@ class Tally:
         for solution in self._late:
             self._take(solution.status)
         self._late = []
-        iterations = np.concatenate([part for part, _ in self._recent]) if self._recent else np.zeros(0)
-        residual = np.concatenate([part for _, part in self._recent]) if self._recent else np.zeros(0)
+        self._count()
         return {
             "solves": self._solves, "environments": self._environments, "seconds": self._seconds,
             "warm_started": self._warm, "recorded": sum(file.recorded for file in self._files.values()),
             "codes": {name: int(self._codes[i]) for i, name in enumerate(CODES) if self._codes[i]},
             "flags": {name: int(self._flags[i]) for i, name in enumerate(FLAGS) if self._flags[i]},
             "solvers": {solver_name(i): int(count) for i, count in enumerate(self._solvers) if count},
-            "iterations": quantiles(iterations), "residual": quantiles(residual),
+            "iterations": quantiles(self._recent["iterations"]), "residual": quantiles(self._recent["residual"]),
         }
 
 

@@ -145,6 +145,29 @@ def test_narrow_numbers_are_solved_in_narrow_arithmetic(scenes):
     np.testing.assert_allclose(solution.lambda_, wide.lambda_, atol=2e-2)
 
 
+@pytest.mark.parametrize("counted", ["rows", "cones"])
+def test_counts_in_device_memory_lead_to_the_same_integers(monkeypatch, counted):
+    """Where counts cannot be looked at, the framework computes with them: here NumPy plays that framework."""
+    from stiction import _layout
+
+    class Elsewhere:
+        @staticmethod
+        def from_numpy(array, device):
+            return array.copy()
+
+    monkeypatch.setattr(_layout, "take", lambda *arguments, **options: None)
+    cones = np.array([2, 0, 3, 1], np.int32)
+    given = {"counts": 3 * cones} if counted == "rows" else {"cone_counts": cones}
+    host = _layout.Padded(4, 9, "cpu", None, **given)
+    device = _layout.Padded(4, 9, "cuda:0", Elsewhere, **given)
+    for change in (0, 1):
+        next(iter(given.values()))[1] += 3 * change
+        host.refresh()
+        device.refresh()
+        for name, integers in host.integers.items():
+            np.testing.assert_array_equal(device.integers[name], integers, err_msg=name)
+
+
 @pytest.mark.parametrize("mass", ["dense", "factor", "diagonal", "blocks"])
 def test_jacobians_give_reactions_and_velocities(mass):
     rng = np.random.default_rng(3)

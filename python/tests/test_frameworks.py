@@ -107,17 +107,29 @@ class TestJax:
         with pytest.raises(ValueError, match="expected a writable array"):
             Solver().solve(batch, out={"lambda_": b, "status": np.zeros((5, 32), np.uint8)})
 
-    def test_the_function_and_its_transformations(self, problem, wanted):
+    @pytest.mark.parametrize("by", ["custom call", "callback"])
+    def test_the_function_and_its_transformations(self, problem, wanted, by):
         import stiction.jax
 
+        if by == "custom call" and not stiction.jax.uses_ffi:
+            pytest.skip("the package was built without JAX: its custom call is NOT tested")
+
         def solve(A, b):
-            return stiction.jax.solve(A, b, 0.5, law="coulomb", **OPTIONS)
+            return stiction.jax.solve(A, b, 0.5, law="coulomb", allow_ffi=by == "custom call", **OPTIONS)
 
         for transformed in (solve, self.jax.jit(solve), self.jax.vmap(solve), self.jax.jit(self.jax.vmap(solve))):
             lambda_, w, records = transformed(*problem)
             np.testing.assert_array_equal(lambda_, wanted.lambda_)
             np.testing.assert_array_equal(w, wanted.w)
             np.testing.assert_array_equal(stiction.jax.status(records), wanted.status)
+
+    def test_mistakes_come_out_of_a_compiled_function(self, problem):
+        import stiction.jax
+
+        with pytest.raises(Exception, match="solver 'magic' is not known|expected one of auto"):
+            stiction.jax.solve(*problem, solver="magic")[0].block_until_ready()
+        with pytest.raises(ValueError, match=r"A: expected \(..., 5, 5\), got \(5, 6, 6\)"):
+            stiction.jax.solve(problem[0], problem[1][:, :5])
 
     def test_narrow_numbers(self, problem):
         import stiction.jax
@@ -129,7 +141,7 @@ class TestJax:
     def test_gradients_are_refused(self, problem):
         import stiction.jax
 
-        with pytest.raises(ValueError, match="JVP|differentiat"):
+        with pytest.raises((ValueError, NotImplementedError), match="JVP|differentiat"):
             self.jax.grad(lambda b: stiction.jax.solve(problem[0], b)[0].sum())(problem[1])
 
 

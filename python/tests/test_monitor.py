@@ -49,8 +49,14 @@ def test_loggers_write_a_line_for_every_solve(padded, tmp_path):
     assert lines[1]["residual_max"] is None and np.isinf(seen[1]["residual_max"])
 
 
-def test_failures_are_written_for_replay(padded, cli, tmp_path):
-    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
+@pytest.mark.parametrize("form", ["delassus", "jacobian"])
+def test_failures_are_written_for_replay(padded, cli, tmp_path, form):
+    if form == "delassus":
+        batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
+    else:
+        rng = np.random.default_rng(2)
+        J, mass, v_free = rng.normal(size=(4, 9, 12)), np.ones((4, 12)), rng.normal(size=(4, 12)) - 1
+        batch = Batch.from_jacobian(J, mass, v_free, counts=padded.counts, mu=0.7, law="coulomb")
     solver = Solver(solver="npgs", tolerance=1e-12, max_iterations=4, record_failures=tmp_path / "failures")
     solution = solver.solve(batch, warm_start=np.full((4, 9), 0.1))
     failed = int((~solution.solved).sum())

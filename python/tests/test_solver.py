@@ -90,6 +90,8 @@ def test_answers_are_written_where_asked(padded):
         np.testing.assert_array_equal(status.view(stiction.STATUS_DTYPE)[:, 0], first.status)
         reused = solver.solve(batch, out=first)
         assert reused.lambda_ is first.lambda_
+        other = solver.solve(Batch.from_delassus(padded.A, 2 * padded.b, counts=padded.counts, mu=0.7), out=first)
+        assert other.lambda_ is first.lambda_ and other is not first
 
 
 def test_a_solution_is_a_warm_start(padded):
