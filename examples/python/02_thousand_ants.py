@@ -12,7 +12,8 @@ import time
 try:
     from stiction.envs import MujocoVectorEnv
 except ImportError as error:
-    sys.exit(f"this example needs gymnasium and mujoco: {error}")
+    print(f"NOT run, because this example needs gymnasium and mujoco: {error}")
+    sys.exit(77)
 
 
 def main():

@@ -17,7 +17,8 @@ try:
     from stiction.envs import MujocoVectorEnv
     from stiction.envs.sb3 import Sb3VecEnv
 except ImportError as missing:
-    sys.exit(f"the training examples need stable-baselines3, torch, gymnasium and mujoco: {missing}")
+    print(f"NOT run, because this needs stable-baselines3, torch, gymnasium and mujoco: {missing}")
+    sys.exit(77)
 
 ROLLOUT = 128          # steps of each environment between two updates of the policy
 EVALUATION = 1e-8      # tolerance that a finished policy is judged at

@@ -17,6 +17,7 @@ from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._mujoco_layout import LayoutError, address, layout
+from ._solution import SOLVED, Solution
 from ._solver import Solver
 
 __all__ = ["BatchedSimulation", "LayoutError", "gather"]
@@ -201,7 +202,17 @@ class BatchedSimulation:
         end = time.perf_counter()
         self.seconds["assemble"] += gathered - start + end - solved
         self.seconds["solve"] += solved - gathered
-        self.solver._tally.note(self, self, self._warm or None, solved - gathered, False)
+        self._note(solved - gathered)
+
+    def _note(self, seconds):
+        """Statistics, callback and files of failures of the solver, as of its own solves."""
+        tally, guess = self.solver._tally, self._warm or None
+        if tally._folder is None or (self.status["code"] == SOLVED).all():
+            tally.note(self, self, guess, seconds, False)
+            return
+        batch = self.batch()
+        answer = {"lambda_": batch.extras["lambda_"], "velocities": batch.extras["velocities"], "status": self.status}
+        tally.note(batch, Solution.over(batch, answer), None, seconds, False)
 
     def _runge_kutta(self):
         start, before = time.perf_counter(), sum(self.seconds.values())
