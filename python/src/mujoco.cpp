@@ -1,5 +1,6 @@
 #include "python/src/mujoco.hpp"
 
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <utility>
@@ -57,6 +58,7 @@ JacobianBatchView<double> MujocoSystem::view() const {
   view.mu = mu.data();
   view.lo = lo.data();
   view.hi = hi.data();
+  view.mass_form = MassForm::factor;
   return view;
 }
 
@@ -213,7 +215,8 @@ void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index ro
   const auto* values = array_at<const double>(data, layout_.efc_J);
   const auto nv = static_cast<std::size_t>(layout_.nv);
   if (!layout_.sparse) {
-    if (rows > 0) std::memcpy(J, values, static_cast<std::size_t>(rows) * nv * sizeof(double));
+    for (Index row = 0; row < rows; ++row, J += nv, values += nv)
+      for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = values[nv - 1 - dof];
     return;
   }
   const auto* count = array_at<const std::int32_t>(data, layout_.efc_J_rownnz);
@@ -221,7 +224,24 @@ void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index ro
   const auto* column = array_at<const std::int32_t>(data, layout_.efc_J_colind);
   for (Index row = 0; row < rows; ++row, J += nv) {
     for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = 0.0;
-    for (std::int32_t entry = first[row]; entry < first[row] + count[row]; ++entry) J[column[entry]] = values[entry];
+    for (std::int32_t entry = first[row]; entry < first[row] + count[row]; ++entry)
+      J[layout_.nv - 1 - column[entry]] = values[entry];
+  }
+}
+
+void MujocoSimulations::fill_mass(const std::byte* data, double* factor) const {
+  const auto* values = array_at<const double>(data, layout_.qLD);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  std::memset(factor, 0, nv * nv * sizeof(double));
+  std::size_t entry = 0;
+  for (std::size_t row = 0; row < nv; ++row) {
+    const auto count = static_cast<std::size_t>(layout_.mass_rownnz[row]);
+    double* column = factor + (nv - 1 - row);
+    const double root = std::sqrt(values[entry + count - 1]);  // a row's diagonal is its last entry
+    for (std::size_t end = entry + count - 1; entry < end; ++entry)
+      column[(nv - 1 - static_cast<std::size_t>(layout_.mass_colind[entry])) * nv] = root * values[entry];
+    column[(nv - 1 - row) * nv] = root;
+    ++entry;
   }
 }
 
@@ -231,16 +251,10 @@ void MujocoSimulations::fill(std::size_t env) {
   const auto rows = static_cast<Index>(system_.env_row_offsets[env + 1] - row);
   const auto nv = static_cast<Offset>(layout_.nv);
   const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
-
-  const Offset dof = system_.env_dof_offsets[env];
-  std::memcpy(system_.v_free.data() + dof, array_at<const double>(data, layout_.qacc_smooth), bytes_of(nv));
-  double* M = system_.M.data() + system_.env_mass_offsets[env];
-  std::memset(M, 0, bytes_of(nv * nv));
-  const auto* mass = array_at<const double>(data, layout_.mass);
-  std::size_t entry = 0;
-  for (Offset i = 0; i < nv; ++i)
-    for (Index k = 0; k < layout_.mass_rownnz[static_cast<std::size_t>(i)]; ++k, ++entry)
-      M[i * nv + layout_.mass_colind[entry]] = mass[entry];
+  const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
+  double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
+  for (Offset dof = 0; dof < nv; ++dof) v_free[dof] = smooth[nv - 1 - dof];
+  fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;
 
   // Rows of one simulation have as many entries each, and inactive ones have none, so the row's number says where.

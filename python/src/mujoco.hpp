@@ -17,7 +17,7 @@ struct MujocoLayout {
   // mjData: numbers
   std::size_t time, nefc;
   // mjData: pointers
-  std::size_t qpos, qvel, qacc, qacc_smooth, qacc_warmstart, qfrc_constraint, mass;
+  std::size_t qpos, qvel, qacc, qacc_smooth, qacc_warmstart, qfrc_constraint, qLD;
   std::size_t efc_type, efc_id, efc_R, efc_aref, efc_frictionloss, efc_force;
   std::size_t efc_J, efc_J_rownnz, efc_J_rowadr, efc_J_colind, contact;
   // mjContact
@@ -25,7 +25,7 @@ struct MujocoLayout {
   // the model
   Index nq, nv;
   bool sparse;                                  ///< whether efc_J is CSR
-  std::vector<Index> mass_rownnz, mass_colind;  ///< lower triangle of M by rows
+  std::vector<Index> mass_rownnz, mass_colind;  ///< pattern of M's lower triangle and of qLD, by rows
   std::vector<std::int32_t> row_kind;           ///< by efc_type: a ConeKind, or kPyramid
   std::vector<Index> rotations;                 ///< first dof of each ball and free joint's rotation that RK4 corrects
   double timestep;                              ///< [s]
@@ -42,7 +42,8 @@ struct MujocoFunctions {
 using MujocoStage = void (*)(const void* model, void* data);
 
 /// Rows of all simulations as MuJoCo left them, one simulation behind the other: a Jacobian batch of accelerations and
-/// forces, and its answer. Room only grows.
+/// forces, and its answer. Degrees of freedom are in reversed order: MuJoCo has M = L' D L, and backwards that is the
+/// Cholesky factor (L' D^1/2 read from its last row and column) that nobody has to compute again. Room only grows.
 struct MujocoSystem {
   MujocoSystem();  ///< with some room everywhere, because a view of nothing still names arrays
 
@@ -103,6 +104,7 @@ class MujocoSimulations {
   Index count_cones(const std::byte* data, Index rows) const;
   void fill_cones(const std::byte* data, Offset row, Offset cone, Index rows);
   void fill_jacobian(const std::byte* data, double* J, Index rows) const;
+  void fill_mass(const std::byte* data, double* factor) const;
   void advance(std::size_t env, const double* velocity, const double* acceleration, double dt);
   void make_room();
 

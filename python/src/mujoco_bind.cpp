@@ -27,7 +27,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("qacc_smooth", layout.qacc_smooth);
   take("qacc_warmstart", layout.qacc_warmstart);
   take("qfrc_constraint", layout.qfrc_constraint);
-  take("M", layout.mass);
+  take("qLD", layout.qLD);
   take("efc_type", layout.efc_type);
   take("efc_id", layout.efc_id);
   take("efc_R", layout.efc_R);

@@ -35,7 +35,8 @@ void MujocoSimulations::scatter() {
     const auto row = system_.env_row_offsets[env];
     const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
     const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
-    std::memcpy(array_at<double>(data, layout_.qacc), velocity, dofs);
+    auto* qacc = array_at<double>(data, layout_.qacc);
+    for (Index dof = 0; dof < layout_.nv; ++dof) qacc[dof] = velocity[layout_.nv - 1 - dof];
     auto* force = array_at<double>(data, layout_.qfrc_constraint);
     if (rows == 0) {
       std::memset(force, 0, dofs);

@@ -17,7 +17,7 @@ _NUMBERS = {"int": ctypes.c_int, "mjtNum": ctypes.c_double, "double": ctypes.c_d
             "char": ctypes.c_char, "unsigned int": ctypes.c_uint, "unsigned char": ctypes.c_uint8}
 
 #: Fields of mjData that hold a pointer to an array, by the name that they have here and there.
-POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "M", "efc_type", "efc_id",
+POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "efc_type", "efc_id",
             "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_J", "efc_J_rownnz", "efc_J_rowadr",
             "efc_J_colind", "contact")
 
@@ -141,7 +141,7 @@ def _rotations(model):
 def layout(model, data):
     """Offsets and sizes for stiction._core.MujocoSimulations. Raises LayoutError."""
     structure, contact = _data(), _contact()
-    _check(model, data, structure, ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "M"))
+    _check(model, data, structure, ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD"))
     found = {name: getattr(structure, name).offset for name in ("time", "nefc") + POINTERS}
     found |= {"contact_bytes": ctypes.sizeof(contact), "contact_dim": contact.dim.offset,
               "contact_friction": contact.friction.offset, "contact_geom": contact.geom.offset,
