@@ -110,9 +110,7 @@ std::vector<T> copied(const nb::dict& arrays, const char* name) {
 ContactBatch<double> packed(const ContactView& batch) {
   return std::visit(
       []<class Real>(const ContactBatchView<Real>& view) {
-        ContactBatchView<Real> on_host = view;
-        on_host.space = MemorySpace::host;
-        const ContactBatch<Real> copy = Solver(Device::cpu(), {}).to_host(on_host);
+        const ContactBatch<Real> copy = Solver(Device::cpu(), {}).to_host(on_host(view));
         if constexpr (std::is_same_v<Real, double>)
           return copy;
         else
@@ -133,17 +131,6 @@ void write(const std::string& path, const ContactView& batch, const nb::dict& ex
   recording.dt = copied<double>(extras, "dt");
   const nb::gil_scoped_release unlocked;
   io::write_batch(path, recording);
-}
-
-/// A vector of the batch without the room between environments.
-template <class Real>
-std::vector<Real> rows_in_use(const JacobianBatchView<Real>& batch, const Real* values) {
-  std::vector<Real> packed;
-  for (Offset env = 0; env < batch.env_count; ++env) {
-    const Real* first = values + batch.env_row_offsets[env];
-    packed.insert(packed.end(), first, first + batch.env_rows(env));
-  }
-  return packed;
 }
 
 /// Writes environments that were not solved to one file.
@@ -168,9 +155,7 @@ class FailureFile {
           const auto solution = solution_view<Real>(out, view.row_count, view.env_count);
           const Real* guess = guess_of<Real>(warm_start, view.row_count);
           const nb::gil_scoped_release unlocked;
-          JacobianBatchView<Real> on_host = view;
-          on_host.space = MemorySpace::host;
-          const ContactBatch<Real> contacts = assemble(on_host, FactorUse::never);
+          const ContactBatch<Real> contacts = assemble(on_host(view), FactorUse::never);
           std::vector<Real> lambda = rows_in_use(view, solution.lambda);
           const std::vector<Real> start = guess != nullptr ? rows_in_use(view, guess) : std::vector<Real>{};
           return recorder_.take(solver.contact(), contacts.view(),

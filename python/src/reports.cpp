@@ -1,10 +1,13 @@
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
+
+#include <span>
+#include <vector>
 
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
+#include "stiction/jacobian.hpp"
 #include "stiction/preset.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/status.hpp"
@@ -66,17 +69,40 @@ nb::list names_of_solvers() {
   return names;
 }
 
-/// (relative, absolute) of each environment.
-std::vector<std::pair<double, double>> residuals(const ContactView& batch, const Array& lambda) {
-  std::vector<std::pair<double, double>> out;
-  std::visit(
+nb::list pairs_of(const std::vector<Residual>& residuals) {
+  nb::list out;
+  for (const Residual& residual : residuals) out.append(nb::make_tuple(residual.relative, residual.absolute));
+  return out;
+}
+
+nb::list verify_contacts(const ContactView& batch, const Array& lambda) {
+  return std::visit(
       [&]<class Real>(const ContactBatchView<Real>& view) {
         const std::span<const Real> rows(lambda.read<Real>("lambda_"), static_cast<std::size_t>(lambda.size()));
-        const nb::gil_scoped_release unlocked;
-        for (const Residual& residual : verify(view, rows)) out.emplace_back(residual.relative, residual.absolute);
+        std::vector<Residual> residuals;
+        {
+          const nb::gil_scoped_release unlocked;
+          residuals = verify(on_host(view), rows);
+        }
+        return pairs_of(residuals);
       },
       batch.view);
-  return out;
+}
+
+nb::list verify_jacobian(const JacobianView& batch, const Array& lambda) {
+  return std::visit(
+      [&]<class Real>(const JacobianBatchView<Real>& view) {
+        const Real* rows = lambda.read<Real>("lambda_");
+        std::vector<Residual> residuals;
+        {
+          const nb::gil_scoped_release unlocked;
+          const ContactBatch<Real> contacts = assemble(on_host(view), FactorUse::never);
+          const std::vector<Real> packed = rows_in_use(view, rows);
+          residuals = verify(contacts.view(), std::span<const Real>(packed));
+        }
+        return pairs_of(residuals);
+      },
+      batch.view);
 }
 
 std::uint64_t hash_of(const Array& values) {
@@ -99,15 +125,9 @@ void bind_reports(nb::module_& module) {
   module.def("flag_names", &names_of_flags, "Names of status flags, by bit.");
   module.def("solver_names", &names_of_solvers, "Names of solvers, by number.");
   module.def("hash_bits", &hash_of, nb::arg("values"), "Hash of the bits of an array of float32 or float64.");
-  module.def(
-      "verify",
-      [](const ContactView& batch, const Array& lambda) {
-        nb::list out;
-        for (const auto& [relative, absolute] : residuals(batch, lambda))
-          out.append(nb::make_tuple(relative, absolute));
-        return out;
-      },
-      nb::arg("batch"), nb::arg("lambda_"), "(relative, absolute) residual of each environment, recomputed in double.");
+  const char* verify_text = "(relative, absolute) residual of each environment, recomputed in double.";
+  module.def("verify", &verify_contacts, nb::arg("batch"), nb::arg("lambda_"), verify_text);
+  module.def("verify", &verify_jacobian, nb::arg("batch"), nb::arg("lambda_"), verify_text);
   module.attr("version") = kVersion;
   module.attr("numerics_epoch") = kNumericsEpoch;
 }

@@ -94,8 +94,7 @@ void FormSolver::solve(const ContactView& batch, const Outputs& out, const Array
           contact_.solve(view, solution, guess, stream);
           return;
         }
-        if (!batch.plan) batch.plan = contact_.plan(view, stream);
-        contact_.solve(*batch.plan, view, solution, guess, stream);
+        contact_.solve(batch.plan(contact_, view), view, solution, guess, stream);
       },
       batch.view);
 }
@@ -111,7 +110,7 @@ JacobianSolver<Real>& FormSolver::jacobian(const JacobianBatchView<Real>& batch,
   }
   ();
   const bool on_cpu = contact_.device().kind == DeviceKind::cpu;
-  const JacobianCapacity need = on_cpu ? JacobianCapacity{} : room ? *room : JacobianCapacity::of(batch);
+  const JacobianCapacity need = on_cpu ? JacobianCapacity{} : room ? *room : JacobianCapacity::of(on_host(batch));
   if (!solver || !fits(need, solver->capacity()))
     solver = std::make_unique<JacobianSolver<Real>>(contact_.device(), contact_.options(), need);
   return *solver;

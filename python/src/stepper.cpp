@@ -27,6 +27,12 @@ const std::uint64_t* ids_of(const Array& ids) {
   return ids.read<std::uint64_t>("ids");
 }
 
+/// Truth is a byte.
+const std::uint8_t* bytes_of(const Array& mask) {
+  if (mask.dtype() == "bool") return reinterpret_cast<const std::uint8_t*>(mask.read<bool>("mask"));
+  return mask.read<std::uint8_t>("mask");
+}
+
 /// A SteppingSolver in the precision of its batches.
 class Stepper {
  public:
@@ -55,7 +61,7 @@ class Stepper {
     visit([&](auto& solver) { solver.reset(envs, stream); });
   }
   void reset_where(const Array& mask, StreamRef stream) {
-    const auto* bytes = mask.read<std::uint8_t>("mask");
+    const std::uint8_t* bytes = bytes_of(mask);
     visit([&](auto& solver) { solver.reset_where(bytes, stream); });
   }
   void reset_all(StreamRef stream) {

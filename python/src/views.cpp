@@ -153,7 +153,9 @@ void bind_views(nb::module_& module) {
           "__init__",
           [](ContactView* self, const nb::dict& arrays, bool wide, const std::string& law, bool on_device, bool fixed) {
             const Fields fields(arrays);
-            new (self) ContactView{{arrays, {}}, fixed, {}};
+            new (self) ContactView;
+            self->arrays = arrays;
+            self->fixed = fixed;
             if (wide)
               self->view = contact_view<double>(fields, law_from(law), space_of(on_device));
             else

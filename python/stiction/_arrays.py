@@ -24,6 +24,8 @@ def look(name, obj):
     """The array as the module sees it, neither copied nor converted."""
     if isinstance(obj, np.ndarray) and obj.dtype == STATUS_DTYPE:
         obj = status_bytes(obj)
+    if getattr(obj, "requires_grad", False):
+        raise TypeError(f"{name}: expected an array without a gradient, got one that requires it: give {name}.detach()")
     try:
         return _core.Array(obj)
     except (TypeError, RuntimeError):

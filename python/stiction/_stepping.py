@@ -101,13 +101,10 @@ class ParallelContactSolver(Machine):
             raise ValueError("ids: expected ids or mask, got both")
         handle = _streams.handle_of(stream, None, "cpu")
         if mask is not None:
-            if isinstance(mask, np.ndarray) and mask.dtype == bool:
-                mask = mask.view(np.uint8)
-            elif look("mask", mask).dtype == "bool":
-                import torch  # the one framework of these whose bools are asked for as bytes
-                mask = mask.view(torch.uint8)
+            dtype = look("mask", mask).dtype
             device = self.device if self.device.startswith("cuda") else "cpu"
-            self._core.reset_where(take("mask", mask, "uint8", (self.n_envs,), device), handle)
+            self._core.reset_where(take("mask", mask, "bool" if dtype == "bool" else "uint8",
+                                        (self.n_envs,), device), handle)
         elif ids is not None:
             self._core.reset([int(env) for env in np.asarray(ids).reshape(-1)], handle)
         else:
@@ -138,5 +135,8 @@ class ParallelContactSolver(Machine):
             room = batch.framework.zeros((envs, cones + 1), dtype, batch.device)
             self._ids[key] = (room, look("ids", room))
         room, seen = self._ids[key]
-        room[:, :-1] = ids if batch.device != "cpu" or batch.framework.name == "PyTorch" else as_numpy("ids", ids)
+        if batch.device == "cpu":
+            as_numpy("ids", room)[:, :-1] = as_numpy("ids", ids)
+        else:
+            room[:, :-1] = ids
         return seen

@@ -22,6 +22,7 @@ def _solve(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tensor |
            hi: torch.Tensor | None, counts: torch.Tensor | None, warm_start: torch.Tensor | None, cones: str, law: str,
            solver: str, tolerance: float,
            max_iterations: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    A, b, mu, R, lo, hi, warm_start = (None if t is None else t.detach() for t in (A, b, mu, R, lo, hi, warm_start))
     batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
     device = "cpu" if A.device.type == "cpu" else batch.device
     solution = _solver(device, solver, tolerance, max_iterations).solve(batch, warm_start=warm_start)

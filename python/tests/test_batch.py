@@ -199,6 +199,9 @@ def test_jacobians_of_many_sizes_come_as_lists(scenes):
     solution = answer(batch)
     dense = answer(Batch.from_delassus([s.A for s in scenes], [s.b for s in scenes], mu=0.7, law="coulomb"))
     np.testing.assert_allclose(solution.lambda_, dense.lambda_, atol=1e-8)
+    np.testing.assert_allclose(stiction.verify(batch, solution)[:, 0], solution.residual, atol=1e-15)
+    assert (stiction.verify(batch, solution.lambda_ + 1)[:3, 0] > 1e-2).all()
+    assert answer(batch, device="emulated").hash() == solution.hash()
     assert [len(solution[env].velocities) for env in range(4)] == [8, 5, 12, 3]
     np.testing.assert_array_equal(solution[3].velocities, scenes[3].v_free)
 

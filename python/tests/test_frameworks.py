@@ -53,6 +53,8 @@ class TestTorch:
             Batch.from_delassus(A, b.float())
         with pytest.raises(ValueError, match="not C-contiguous"):
             Batch.from_delassus(A.transpose(0, 2), b)
+        with pytest.raises(TypeError, match="A: expected an array without a gradient"):
+            Batch.from_delassus(A.requires_grad_(), b)
 
     def test_loops_take_tensors(self, problem):
         A, b = self.tensors(problem)

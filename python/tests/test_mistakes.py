@@ -92,7 +92,7 @@ MISTAKES = {
             lambda: ParallelContactSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.int32), 0.01)),
     "step of no length": (stiction.Error, "dt", lambda: ParallelContactSolver(2, max_rows=6).step(
         Batch.from_delassus(A, b), np.arange(4, dtype=np.uint64).reshape(2, 2), 0.0)),
-    "mask": (ValueError, "mask: expected uint8 (2,)",
+    "mask": (ValueError, "mask: expected bool (2,)",
              lambda: ParallelContactSolver(2, max_rows=6).reset(mask=np.zeros(3, bool))),
     "reset beyond": (stiction.Error, "5", lambda: ParallelContactSolver(2, max_rows=6).reset(ids=[5])),
     "no progress": (ValueError, "progress: expected the share of the training", lambda: AccuracyPolicy.curriculum().apply()),
