@@ -25,14 +25,14 @@ EVALUATION = 1e-8      # tolerance that a finished policy is judged at
 
 
 class Curve(BaseCallback):
-    """After each rollout: steps, wall seconds, reward per thousand steps, the solver's iterations; sets the accuracy of
-    the next one by the policy."""
+    """After each rollout: steps, seconds of the wall's clock and of the processor's (all threads), reward per thousand
+    steps, the solver's iterations; sets the accuracy of the next one by the policy."""
 
     def __init__(self, envs, accuracy, total):
         super().__init__()
         self._envs, self._accuracy, self._total = envs, accuracy, total
         self.rows, self._sum, self._count = [], 0.0, 0
-        self._start = time.perf_counter()
+        self._start, self._cpu = time.perf_counter(), time.process_time()
 
     def _on_rollout_start(self):
         self._envs.set_accuracy(self._accuracy.apply(progress=min(1.0, self.num_timesteps / self._total)))
@@ -49,6 +49,7 @@ class Curve(BaseCallback):
         now, spent = time.perf_counter(), self._envs.simulation.seconds
         iterations = self._envs.simulation.status["iterations"]
         self.rows.append({"steps": self.num_timesteps, "seconds": round(now - self._start, 2),
+                          "cpu_seconds": round(time.process_time() - self._cpu, 2),
                           "return_per_1000_steps": round(1000 * self._sum / self._count, 1),
                           "simulation_seconds": round(now - self._began, 3),
                           "solver_seconds": round(spent["solve"] + spent["assemble"], 3),
