@@ -4,7 +4,7 @@
     PYTHONPATH=build/python bench/mujoco_agreement.py [--steps 1000] [--tolerance 1e-10] [-o FOLDER]
 
 Each model is driven by noise over the whole range of its actuators, from a disturbed start, all from one seed. At the
-state of every step MuJoCo's Newton (its tolerance 0, restarted from its own answer until that no longer changes) and
+state of every step MuJoCo's Newton (tolerance 1e-15, restarted from its own answer until that no longer changes) and
 stiction give accelerations; the table has the largest difference, divided by max(1, |qacc|). Then trajectories: the
 simulation with stiction, one with MuJoCo's Newton, and one with MuJoCo's Newton whose start is disturbed by 1e-12, for
 the step in which positions first differ by more than 1e-9, 1e-6 and 1e-3. Writes FOLDER/mujoco_agreement.csv.
@@ -25,8 +25,8 @@ RESTARTS = 5
 
 
 def tight(model):
-    """Options of a reference: nothing but rounding ends it."""
-    model.opt.tolerance, model.opt.ls_tolerance = 0.0, 1e-10
+    """Options of a reference: as tight as it goes."""
+    model.opt.tolerance, model.opt.ls_tolerance = 1e-15, 1e-10
     model.opt.iterations = model.opt.ls_iterations = 100
     return model
 
@@ -67,8 +67,8 @@ def at_equal_state(name, cone, steps, tolerance):
 
 
 def parting(name, cone, steps, tolerance):
-    """The first step in which positions differ from MuJoCo's by more than each limit; stiction's, then MuJoCo's own from
-    a start disturbed by 1e-12."""
+    """The first step in which positions differ from MuJoCo's by more than each limit; stiction's, then MuJoCo's own
+    from a start disturbed by 1e-12."""
     model = tight(models.load(name, cone))
     rng = np.random.default_rng(1)
     ours = BatchedSimulation(model, 1, tolerance=tolerance, threads=1)

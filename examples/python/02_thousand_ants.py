@@ -30,13 +30,14 @@ def main():
     envs.reset(seed=0)
     envs.action_space.seed(0)
     envs.simulation.clear()
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     for _ in range(options.steps):
         envs.step(envs.action_space.sample())
-    seconds = time.perf_counter() - start
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
     spent = envs.simulation.seconds
     print(f"{options.envs} x {options.task}: {options.envs * options.steps / seconds:.0f} environment steps per second "
           f"({options.envs * options.steps * envs.task.frame_skip / seconds:.0f} time steps), "
+          f"{options.envs * options.steps / cpu:.0f} per second of a core; "
           f"solver {100 * (spent['solve'] + spent['assemble']) / seconds:.0f} % of the time, "
           f"MuJoCo {100 * (spent['smooth'] + spent['advance']) / seconds:.0f} %")
     if options.solver != "mujoco":
