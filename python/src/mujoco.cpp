@@ -86,6 +86,11 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
       solver_(Device::cpu(), options, {}),
       forgotten_(data_.size(), 0) {}
 
+void MujocoSimulations::configure(double timestep, bool sparse) {
+  layout_.timestep = timestep;
+  layout_.sparse = sparse;
+}
+
 void MujocoSimulations::activate(std::vector<std::uint8_t> active) {
   if (active.size() != data_.size())
     throw Error(ErrorCode::invalid_argument, "active has " + std::to_string(active.size()) + " entries for " +

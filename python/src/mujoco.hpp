@@ -67,6 +67,8 @@ class MujocoSimulations {
   MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model, std::vector<void*> data,
                     const SolverOptions& options, double warm_start);
 
+  /// Options of the model that may change between steps: time step [s], and whether efc_J is CSR.
+  void configure(double timestep, bool sparse);
   /// Which simulations the calls that follow concern  (one each).
   void activate(std::vector<std::uint8_t> active);
   /// Calls MuJoCo's functions one after the other on every active simulation.

@@ -110,6 +110,7 @@ void bind_mujoco(nb::module_& module) {
           },
           nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("model"), nb::arg("data"),
           nb::arg("options"), nb::arg("warm_start"))
+      .def("configure", &MujocoSimulations::configure, nb::arg("timestep"), nb::arg("sparse"))
       .def("activate", &MujocoSimulations::activate, nb::arg("active"))
       .def(
           "run",

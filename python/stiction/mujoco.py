@@ -88,7 +88,6 @@ class BatchedSimulation:
         self._activate(active)
         if ctrl is not None:
             self._write_ctrl(ctrl)
-        _refuse(self.model)
         for _ in range(int(nstep)):
             self._smooth(first=True)
             self._constrain()
@@ -152,6 +151,8 @@ class BatchedSimulation:
     # -- the stages ---------------------------------------------------------------------------------------------------
 
     def _activate(self, active):
+        _refuse(self.model)
+        self._core.configure(float(self.model.opt.timestep), bool(mujoco.mj_isSparse(self.model)))
         if active is None:
             if self._active is not None:
                 self._core.activate([1] * len(self))

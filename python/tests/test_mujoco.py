@@ -207,6 +207,20 @@ def test_a_model_without_constraints_falls():
     assert simulation.solver.stats()["codes"] == {"solved": 20}
 
 
+def test_options_of_the_model_may_change_between_steps():
+    # Only a time step that is read anew has the same clock and the same fall.
+    simulation = stiction.mujoco.BatchedSimulation(zoo(integrator="RK4"), 1, tolerance=1e-12)
+    peer = mujoco.MjData(simulation.model)
+    for step, (timestep, jacobian) in enumerate(((0.004, 0), (0.002, 1), (0.002, 0), (0.003, 1))):
+        simulation.model.opt.timestep, simulation.model.opt.jacobian = timestep, jacobian
+        for _ in range(5):
+            simulation.step(controls(simulation.model, step)[None])
+            peer.ctrl[:] = controls(simulation.model, step)
+            mujoco.mj_step(simulation.model, peer)
+    assert simulation.data[0].time == pytest.approx(0.055) == peer.time
+    np.testing.assert_allclose(simulation.data[0].qpos, peer.qpos, rtol=0, atol=1e-7)
+
+
 def test_a_solver_of_the_callers_counts():
     solver = stiction.Solver(solver="npgs", tolerance=1e-5)
     simulation = stiction.mujoco.BatchedSimulation(zoo(), 2, solver=solver)
