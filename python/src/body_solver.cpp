@@ -69,7 +69,7 @@ void bind_body_solver(nb::module_& module) {
           },
           nb::arg("device"), nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"),
           nb::arg("slop"), nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"),
-          nb::arg("max_contacts"))
+          nb::arg("max_contacts"), nb::keep_alive<1, 3>())
       .def(
           "solve",
           [](SharedBodySolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,

@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 
 #include "python/src/names.hpp"
+#include "stiction/trace.hpp"
 
 namespace nb = nanobind;
 
@@ -154,24 +155,41 @@ void bind_solver(nb::module_& module) {
             return JacobianCapacity::of_largest(envs, env_rows, env_cones, env_dofs);
           },
           nb::arg("envs"), nb::arg("env_rows"), nb::arg("env_cones"), nb::arg("env_dofs"));
+  nb::class_<Tracer>(module, "Tracer", "Collects where the time of solves goes.")
+      .def(nb::init<>())
+      .def(
+          "spans",
+          [](const Tracer& tracer) {
+            nb::list spans;
+            for (const Span& span : tracer.spans())
+              spans.append(nb::make_tuple(span.name, span.detail == nullptr ? "" : span.detail,
+                                          span.place == SpanPlace::host ? "host" : "device", span.environments,
+                                          span.duration));
+            return spans;
+          },
+          "(name, detail, place, environments, duration [us]) of every span.")
+      .def_prop_ro("left_out", &Tracer::left_out, "Spans for which there was no room.")
+      .def("chrome_json", &Tracer::chrome_json, "The spans as Perfetto and chrome://tracing read them.");
   nb::class_<SolverOptions>(module, "Options", "Options of a solver, checked when the solver is made.")
       .def(
           "__init__",
           [](SolverOptions* self, const std::string& solver, const std::optional<std::string>& law, double tolerance,
              Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
-             const std::string& islands) {
+             const std::string& islands, Tracer* tracer) {
             new (self) SolverOptions(
                 options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads, isolate, islands));
+            self->tracer = tracer;
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
-          nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"));
+          nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"),
+          nb::arg("tracer").none(), nb::keep_alive<1, 11>());
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",
           [](FormSolver* self, const std::string& device, const SolverOptions& options, const Capacity& capacity) {
             new (self) FormSolver(Device::from_string(device), options, capacity);
           },
-          nb::arg("device"), nb::arg("options"), nb::arg("capacity"))
+          nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::keep_alive<1, 3>())
       .def(
           "solve_contacts",
           [](FormSolver& self, const ContactView& batch, const Array* lambda, const Array* w, const Array* status,

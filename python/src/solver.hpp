@@ -74,6 +74,7 @@ inline StreamRef stream_from(std::uintptr_t handle) {
   return StreamRef(reinterpret_cast<void*>(handle));
 }
 
+/// A solver keeps its options alive: they hold the tracer that it writes to until it ends.
 void bind_solver(nanobind::module_& module);
 void bind_body_solver(nanobind::module_& module);
 void bind_stepper(nanobind::module_& module);

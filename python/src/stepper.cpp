@@ -118,7 +118,8 @@ void bind_stepper(nb::module_& module) {
             new (self)
                 Stepper(Device::from_string(device), options, capacity, {beta, scaling_from(scaling), options.threads});
           },
-          nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::arg("beta"), nb::arg("scaling"))
+          nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::arg("beta"), nb::arg("scaling"),
+          nb::keep_alive<1, 3>())
       .def(
           "step",
           [](Stepper& self, const ContactView& batch, const Array& ids, double dt, const Array* lambda, const Array* w,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 import numpy as np
@@ -10,7 +11,7 @@ from . import _core, _streams
 from ._arrays import take
 from ._batch import Batch
 from ._solution import SOLVERS, Solution
-from .monitor import Tally
+from .monitor import Tally, spans_by_kind
 
 
 class Machine:
@@ -18,7 +19,7 @@ class Machine:
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
                  invalid="isolate", omega=1.0, stall_window=2000, islands="together", callback=None,
-                 record_failures=None):
+                 record_failures=None, trace=False):
         if invalid not in ("isolate", "reject"):
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
         chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
@@ -30,10 +31,11 @@ class Machine:
         self.max_iterations, self.law = int(chosen["max_iterations"]), law
         if self.solver not in SOLVERS + ("auto", "multigrid"):
             raise ValueError(f"solver: expected one of auto, {', '.join(SOLVERS)}, multigrid, got {self.solver!r}")
+        self._tracer = _core.Tracer() if trace else None
         # Only bodies have a multigrid solver, which they are told by name.
         self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver, law, self.tolerance,
                                       self.max_iterations, int(stall_window), float(omega), int(threads),
-                                      invalid == "isolate", islands)
+                                      invalid == "isolate", islands, self._tracer)
         self._tally = Tally(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
@@ -46,8 +48,20 @@ class Machine:
         self._in_flight.clear()
 
     def stats(self) -> dict:
-        """What was solved since the solver was made: see stiction.monitor.Tally.stats."""
-        return self._tally.stats()
+        """What was solved since the solver was made: see stiction.monitor.Tally.stats. With trace=True also `spans`:
+        count and seconds of every kind of work, on the host and on the device by kernel and class of environments.
+        """
+        found = self._tally.stats()
+        if self._tracer is not None:
+            found["spans"] = spans_by_kind(self._tracer.spans())
+        return found
+
+    def write_trace(self, path: str | os.PathLike) -> None:
+        """Writes the spans of a solver made with trace=True as JSON for Perfetto or chrome://tracing."""
+        if self._tracer is None:
+            raise ValueError("write_trace: expected a solver made with trace=True")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self._tracer.chrome_json())
 
     def _on_device(self, batch):
         """Whether the batch lies in the memory of this solver's device, and not of the host."""
@@ -95,6 +109,7 @@ class Solver(Machine):
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
         `stiction replay`.
+    trace: collect where the time goes, for stats() and write_trace(); no bit depends on it.
 
     Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
     """

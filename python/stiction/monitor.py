@@ -98,6 +98,16 @@ class Tally:
         }
 
 
+def spans_by_kind(spans):
+    """Spans of a trace as {place/name or place/name/detail: {count, seconds}}."""
+    kinds = {}
+    for name, detail, place, _, duration in spans:
+        kind = kinds.setdefault("/".join(part for part in (place, name, detail) if part), {"count": 0, "seconds": 0.0})
+        kind["count"] += 1
+        kind["seconds"] += duration * 1e-6
+    return kinds
+
+
 def quantiles(values):
     """p50, p90, p99 and max; empty without values."""
     if not len(values):

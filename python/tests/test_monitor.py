@@ -79,3 +79,16 @@ def test_a_callback_that_fails_is_heard(padded):
 
     with pytest.raises(KeyError):
         Solver(callback=fail).solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7))
+
+
+@pytest.mark.parametrize("device", ["cpu", "emulated"])
+def test_a_trace_says_where_the_time_went(padded, tmp_path, device):
+    batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
+    solver = Solver(device=device, solver="npgs", trace=True)
+    hashes = {solver.solve(batch).hash(), Solver(solver="npgs").solve(batch).hash()}
+    spans = solver.stats()["spans"]
+    assert len(hashes) == 1
+    assert spans["host/solve" if device == "cpu" else "host/queue"]["count"] == 1
+    assert any(kind.startswith("device/") for kind in spans) == (device == "emulated")
+    solver.write_trace(tmp_path / "trace.json")
+    assert len(json.loads((tmp_path / "trace.json").read_text())) >= sum(kind["count"] for kind in spans.values())
