@@ -17,6 +17,7 @@ import itertools
 import pathlib
 import time
 
+import mujoco
 import mujoco_models as models
 import numpy as np
 
@@ -25,7 +26,7 @@ from stiction.mujoco import BatchedSimulation
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 THEIR_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-12)
-WARM_UP = 15
+WARM_UP = 0.6  # seconds of simulation before the race: the robots lie or stand on the ground
 
 
 class Race(BatchedSimulation):
@@ -66,8 +67,9 @@ def race(name, cone, tolerance, envs, steps, solver):
     simulation = Race(model, envs, solver=solver, tolerance=tolerance, threads=1)
     for data in simulation.data:
         data.qpos[:], data.qvel[:] = models.start(model, rng)
-    for _ in range(WARM_UP):
-        simulation.step(models.noise(model, rng, envs))
+        data.ctrl[:] = models.noise(model, rng, 1)[0]
+        mujoco.mj_step(model, data, nstep=round(WARM_UP / model.opt.timestep))
+    simulation.step(models.noise(model, rng, envs))
     simulation.start(steps)
     for _ in range(steps):
         simulation.step(models.noise(model, rng, envs))

@@ -61,9 +61,9 @@ def draw(rows, options):
         mine = [row for row in rows if row["accuracy"] == name]
         returns = [float(row["return_per_1000_steps"]) for row in mine]
         by_time.plot([float(row["cpu_seconds"]) for row in mine], returns, label=name)
-        by_steps.plot([int(row["steps"]) for row in mine], returns, label=name)
+        by_steps.plot([int(row["steps"]) / 1000 for row in mine], returns, label=name)
     by_time.set(xlabel="processor time [s]", ylabel="reward per 1000 steps", title=f"PPO, {options.task}")
-    by_steps.set(xlabel="environment steps")
+    by_steps.set(xlabel="environment steps [thousands]")
     for axes in (by_time, by_steps):
         axes.grid(alpha=0.3)
         axes.legend()
