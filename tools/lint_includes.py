@@ -62,7 +62,7 @@ TABLE = [
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
-    Row("python", [PUBLIC, IO_PUBLIC, "python"], foreign=("nanobind/", "xla/ffi/")),
+    Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
 ]
 # tests and tools outside tools/cli may include anything; the word rules still bind them.
 

@@ -64,5 +64,6 @@ NB_MODULE(_core, module) {
   stiction::python::bind_stepper(module);
   stiction::python::bind_reports(module);
   stiction::python::bind_files(module);
+  stiction::python::bind_mujoco(module);
   stiction::python::bind_jax(module);
 }

@@ -80,6 +80,7 @@ void bind_body_solver(nanobind::module_& module);
 void bind_stepper(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);
+void bind_mujoco(nanobind::module_& module);
 void bind_jax(nanobind::module_& module);
 
 }  // namespace stiction::python

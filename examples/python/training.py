@@ -1,0 +1,98 @@
+"""PPO of Stable-Baselines3 over environments with stiction's contacts: what the training examples share."""
+
+import csv
+import sys
+import time
+
+import numpy as np
+
+try:
+    import torch
+    from gymnasium.vector import AutoresetMode
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from stiction import AccuracyPolicy
+    from stiction.envs import MujocoVectorEnv
+    from stiction.envs.sb3 import Sb3VecEnv
+except ImportError as missing:
+    print(f"NOT run, because this needs stable-baselines3, torch, gymnasium and mujoco: {missing}")
+    sys.exit(77)
+
+ROLLOUT = 128          # steps of each environment between two updates of the policy
+EVALUATION = 1e-8      # tolerance that a finished policy is judged at
+
+
+class Curve(BaseCallback):
+    """After each rollout: steps, seconds of the wall's clock and of the processor's (all threads), reward per thousand
+    steps, the solver's iterations; sets the accuracy of the next one by the policy."""
+
+    def __init__(self, envs, accuracy, total):
+        super().__init__()
+        self._envs, self._accuracy, self._total = envs, accuracy, total
+        self.rows, self._sum, self._count = [], 0.0, 0
+        self._start, self._cpu = time.perf_counter(), time.process_time()
+
+    def _on_rollout_start(self):
+        self._envs.set_accuracy(self._accuracy.apply(progress=min(1.0, self.num_timesteps / self._total)))
+        self._envs.simulation.clear()
+        self._began = time.perf_counter()
+
+    def _on_step(self):
+        rewards = self.training_env.get_original_reward()
+        self._sum += float(rewards.sum())
+        self._count += len(rewards)
+        return True
+
+    def _on_rollout_end(self):
+        now, spent = time.perf_counter(), self._envs.simulation.seconds
+        iterations = self._envs.simulation.status["iterations"]
+        self.rows.append({"steps": self.num_timesteps, "seconds": round(now - self._start, 2),
+                          "cpu_seconds": round(time.process_time() - self._cpu, 2),
+                          "return_per_1000_steps": round(1000 * self._sum / self._count, 1),
+                          "simulation_seconds": round(now - self._began, 3),
+                          "solver_seconds": round(spent["solve"] + spent["assemble"], 3),
+                          "iterations_mean": round(float(iterations.mean()), 2)})
+        print("  ".join(f"{name} {value}" for name, value in self.rows[-1].items()), flush=True)
+        self._sum, self._count = 0.0, 0
+
+
+def train(task, steps, envs=32, seed=0, accuracy=None):
+    """The rows of a training run, its policy, and its observations' normalisation."""
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    vector = MujocoVectorEnv(task, envs, autoreset_mode=AutoresetMode.SAME_STEP)
+    learner_envs = VecNormalize(Sb3VecEnv(vector), gamma=0.99)
+    learner_envs.seed(seed)
+    model = PPO("MlpPolicy", learner_envs, n_steps=ROLLOUT, batch_size=512, n_epochs=10, learning_rate=3e-4, seed=seed,
+                device="cpu", verbose=0)
+    curve = Curve(vector, accuracy or AccuracyPolicy.fixed(1e-4), steps)
+    model.learn(steps, callback=curve)
+    return curve.rows, model, learner_envs
+
+
+def evaluate(task, model, normalised, envs=8, steps=1000):
+    """Mean return of a policy without exploration, its contacts solved to EVALUATION."""
+    vector = MujocoVectorEnv(task, envs, tolerance=EVALUATION, autoreset_mode=AutoresetMode.DISABLED,
+                             max_episode_steps=steps)
+    observations, _ = vector.reset(seed=1000)
+    total, alive = np.zeros(envs), np.ones(envs, bool)
+    for _ in range(steps):
+        actions, _ = model.predict(normalised.normalize_obs(observations.astype(np.float32)), deterministic=True)
+        observations, rewards, terminations, truncations, _ = vector.step(actions)
+        total += rewards * alive
+        over = terminations | truncations
+        alive &= ~over
+        if not alive.any():
+            break
+        if over.any():
+            observations, _ = vector.reset(options={"reset_mask": over})
+    return float(total.mean())
+
+
+def write(path, rows):
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)

@@ -1,0 +1,317 @@
+#include "python/src/mujoco.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "cpu_fallback/thread_pool.hpp"
+#include "python/src/mujoco_memory.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::python {
+
+namespace {
+
+const std::byte* bytes(const void* structure) {
+  return static_cast<const std::byte*>(structure);
+}
+
+/// Ids last as long as a constraint does: its kind and object, or its pair of geoms (0: something without a geom),
+/// which of the contacts that they share, and which edge of its pyramid.
+std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t second, std::uint64_t number,
+                    std::uint64_t edge) {
+  return kind << 56U | first << 36U | second << 16U | number << 4U | edge;
+}
+
+}  // namespace
+
+MujocoSystem::MujocoSystem() {
+  for (auto* offsets :
+       {&env_row_offsets, &env_cone_offsets, &env_dof_offsets, &env_mass_offsets, &cone_row_offsets, &row_offsets})
+    offsets->assign(1, 0);
+  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &lambda, &velocity}) numbers->reserve(1);
+  cone_kind.reserve(1);
+  cone_id.reserve(1);
+}
+
+JacobianBatchView<double> MujocoSystem::view() const {
+  JacobianBatchView<double> view;
+  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
+  view.cone_count = static_cast<Offset>(cone_kind.size());
+  view.row_count = static_cast<Offset>(R.size());
+  view.dof_count = static_cast<Offset>(v_free.size());
+  view.entry_count = static_cast<Offset>(J.size());
+  view.mass_count = static_cast<Offset>(M.size());
+  view.env_row_offsets = env_row_offsets.data();
+  view.env_cone_offsets = env_cone_offsets.data();
+  view.env_dof_offsets = env_dof_offsets.data();
+  view.env_mass_offsets = env_mass_offsets.data();
+  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
+  view.cone_row_offsets = cone_row_offsets.data();
+  view.row_offsets = row_offsets.data();
+  view.J = J.data();
+  view.M = M.data();
+  view.v_free = v_free.data();
+  view.target = target.data();
+  view.R = R.data();
+  view.mu = mu.data();
+  view.lo = lo.data();
+  view.hi = hi.data();
+  view.mass_form = MassForm::factor;
+  return view;
+}
+
+ContactBatchView<double> MujocoSystem::structure() const {
+  ContactBatchView<double> view;
+  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
+  view.cone_count = static_cast<Offset>(cone_kind.size());
+  view.row_count = static_cast<Offset>(R.size());
+  view.env_row_offsets = env_row_offsets.data();
+  view.env_cone_offsets = env_cone_offsets.data();
+  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
+  view.cone_row_offsets = cone_row_offsets.data();
+  return view;
+}
+
+MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model,
+                                     std::vector<void*> data, const SolverOptions& options, double warm_start)
+    : layout_(std::move(layout)),
+      functions_(functions),
+      model_(model),
+      data_(std::move(data)),
+      options_(options),
+      warm_start_(warm_start),
+      active_(data_.size(), 1),
+      solver_(Device::cpu(), options, {}),
+      forgotten_(data_.size(), 0) {}
+
+void MujocoSimulations::configure(double timestep, bool sparse) {
+  layout_.timestep = timestep;
+  layout_.sparse = sparse;
+}
+
+void MujocoSimulations::activate(std::vector<std::uint8_t> active) {
+  if (active.size() != data_.size())
+    throw Error(ErrorCode::invalid_argument, "active has " + std::to_string(active.size()) + " entries for " +
+                                                 std::to_string(data_.size()) + " simulations");
+  active_ = std::move(active);
+}
+
+void MujocoSimulations::each(const std::function<void(std::size_t)>& work) const {
+  cpu::parallel_for(options_.threads, static_cast<int>(data_.size()), [&](int item, int) {
+    const auto env = static_cast<std::size_t>(item);
+    if (active_[env] != 0) work(env);
+  });
+}
+
+void MujocoSimulations::run(const std::vector<MujocoStage>& stages) {
+  each([&](std::size_t env) {
+    for (const MujocoStage stage : stages) stage(model_, data_[env]);
+  });
+}
+
+Index MujocoSimulations::count_cones(const std::byte* data, Index rows) const {
+  const auto* type = array_at<const std::int32_t>(data, layout_.efc_type);
+  const auto* id = array_at<const std::int32_t>(data, layout_.efc_id);
+  const auto* contact = array_at<const std::byte>(data, layout_.contact);
+  Index cones = 0;
+  for (Index row = 0; row < rows; ++cones) {
+    const auto kind = static_cast<std::size_t>(type[row]);
+    if (kind >= layout_.row_kind.size())
+      throw Error(ErrorCode::unsupported, "constraint rows of MuJoCo's type " + std::to_string(kind) +
+                                              " are not known here; known are those of MuJoCo 4.0");
+    const bool friction = layout_.row_kind[kind] == static_cast<std::int32_t>(ConeKind::friction);
+    const auto offset = static_cast<std::size_t>(id[row]) * layout_.contact_bytes;
+    row += friction ? number_at<std::int32_t>(contact + offset, layout_.contact_dim) : 1;
+  }
+  return cones;
+}
+
+void MujocoSimulations::count() {
+  MujocoSystem& to = system_;
+  const std::size_t envs = data_.size();
+  std::vector<Index> cones(envs, 0);
+  each([&](std::size_t env) {
+    const auto* data = bytes(data_[env]);
+    cones[env] = count_cones(data, number_at<std::int32_t>(data, layout_.nefc));
+  });
+  for (auto* offsets : {&to.env_row_offsets, &to.env_cone_offsets, &to.env_dof_offsets, &to.env_mass_offsets})
+    offsets->assign(envs + 1, 0);
+  Offset entries = 0;
+  for (std::size_t env = 0; env < envs; ++env) {
+    const Offset dofs = active_[env] != 0 ? layout_.nv : 0;
+    const Offset rows = active_[env] != 0 ? number_at<std::int32_t>(bytes(data_[env]), layout_.nefc) : 0;
+    to.env_row_offsets[env + 1] = to.env_row_offsets[env] + rows;
+    to.env_cone_offsets[env + 1] = to.env_cone_offsets[env] + cones[env];
+    to.env_dof_offsets[env + 1] = to.env_dof_offsets[env] + dofs;
+    to.env_mass_offsets[env + 1] = to.env_mass_offsets[env] + dofs * dofs;
+    entries += rows * dofs;
+  }
+  const auto rows = static_cast<std::size_t>(to.env_row_offsets.back());
+  const auto all_cones = static_cast<std::size_t>(to.env_cone_offsets.back());
+  for (auto* row_array : {&to.target, &to.R, &to.mu, &to.lo, &to.hi, &to.lambda}) row_array->resize(rows);
+  for (auto* dof_array : {&to.v_free, &to.velocity})
+    dof_array->resize(static_cast<std::size_t>(to.env_dof_offsets.back()));
+  to.M.resize(static_cast<std::size_t>(to.env_mass_offsets.back()));
+  to.J.resize(static_cast<std::size_t>(entries));
+  to.row_offsets.resize(rows + 1);
+  to.cone_kind.resize(all_cones);
+  to.cone_id.resize(all_cones);
+  to.cone_row_offsets.resize(all_cones + 1);
+  to.status.resize(envs);
+  to.row_offsets.back() = entries;
+  to.cone_row_offsets.back() = to.env_row_offsets.back();
+}
+
+void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset cone, Index rows) {
+  const auto* type = array_at<const std::int32_t>(data, layout_.efc_type);
+  const auto* id = array_at<const std::int32_t>(data, layout_.efc_id);
+  const auto* contact = array_at<const std::byte>(data, layout_.contact);
+  const auto* loss = array_at<const double>(data, layout_.efc_frictionloss);
+  std::uint64_t last_pair = 0;
+  std::uint64_t number = 0;
+  std::uint64_t edge = 0;
+  std::int32_t last_contact = -1;
+  for (Index i = 0; i < rows; ++cone) {
+    const auto mujoco_kind = static_cast<std::size_t>(type[i]);
+    const std::int32_t kind = layout_.row_kind[mujoco_kind];
+    const auto object = static_cast<std::uint64_t>(id[i]);
+    auto cone_kind = kind == kPyramid ? ConeKind::unilateral : static_cast<ConeKind>(kind);
+    auto at = static_cast<std::size_t>(row + i);
+    Index size = 1;
+    system_.mu[at] = system_.lo[at] = system_.hi[at] = 0.0;
+    system_.cone_id[static_cast<std::size_t>(cone)] = id_of(mujoco_kind, object, 0, 0, 0);
+    if (cone_kind == ConeKind::box) {
+      system_.lo[at] = -loss[i];
+      system_.hi[at] = loss[i];
+    }
+    if (mujoco_kind >= 5) {  // contacts are MuJoCo's last kinds
+      const std::byte* one = contact + object * layout_.contact_bytes;
+      const auto first = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom) + 1);
+      const auto second = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom + 4) + 1);
+      const std::uint64_t pair = first << 32U | second;
+      if (id[i] != last_contact) {
+        number = pair == last_pair ? number + 1 : 0;
+        edge = 0;
+      } else {
+        ++edge;
+      }
+      last_contact = id[i];
+      last_pair = pair;
+      system_.cone_id[static_cast<std::size_t>(cone)] = id_of(5, first, second, number, edge);
+      if (cone_kind == ConeKind::friction) {
+        size = number_at<std::int32_t>(one, layout_.contact_dim);
+        for (Index axis = 1; axis < size; ++axis) {
+          const auto place = layout_.contact_friction + static_cast<std::size_t>(axis - 1) * sizeof(double);
+          const auto axis_row = at + static_cast<std::size_t>(axis);
+          system_.mu[axis_row] = number_at<double>(one, place);
+          system_.lo[axis_row] = system_.hi[axis_row] = 0.0;
+        }
+      }
+    }
+    system_.cone_kind[static_cast<std::size_t>(cone)] = static_cast<std::uint8_t>(cone_kind);
+    system_.cone_row_offsets[static_cast<std::size_t>(cone)] = row + i;
+    i += size;
+  }
+}
+
+void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index rows) const {
+  const auto* values = array_at<const double>(data, layout_.efc_J);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  if (!layout_.sparse) {
+    for (Index row = 0; row < rows; ++row, J += nv, values += nv)
+      for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = values[nv - 1 - dof];
+    return;
+  }
+  const auto* count = array_at<const std::int32_t>(data, layout_.efc_J_rownnz);
+  const auto* first = array_at<const std::int32_t>(data, layout_.efc_J_rowadr);
+  const auto* column = array_at<const std::int32_t>(data, layout_.efc_J_colind);
+  for (Index row = 0; row < rows; ++row, J += nv) {
+    for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = 0.0;
+    for (std::int32_t entry = first[row]; entry < first[row] + count[row]; ++entry)
+      J[layout_.nv - 1 - column[entry]] = values[entry];
+  }
+}
+
+void MujocoSimulations::fill_mass(const std::byte* data, double* factor) const {
+  const auto* values = array_at<const double>(data, layout_.qLD);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  std::memset(factor, 0, nv * nv * sizeof(double));
+  std::size_t entry = 0;
+  for (std::size_t row = 0; row < nv; ++row) {
+    const auto count = static_cast<std::size_t>(layout_.mass_rownnz[row]);
+    double* column = factor + (nv - 1 - row);
+    const double root = std::sqrt(values[entry + count - 1]);  // a row's diagonal is its last entry
+    for (std::size_t end = entry + count - 1; entry < end; ++entry)
+      column[(nv - 1 - static_cast<std::size_t>(layout_.mass_colind[entry])) * nv] = root * values[entry];
+    column[(nv - 1 - row) * nv] = root;
+    ++entry;
+  }
+}
+
+void MujocoSimulations::fill(std::size_t env) {
+  const auto* data = bytes(data_[env]);
+  const Offset row = system_.env_row_offsets[env];
+  const auto rows = static_cast<Index>(system_.env_row_offsets[env + 1] - row);
+  const auto nv = static_cast<Offset>(layout_.nv);
+  const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
+  const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
+  double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
+  for (Offset dof = 0; dof < nv; ++dof) v_free[dof] = smooth[nv - 1 - dof];
+  fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
+  if (rows == 0) return;
+
+  // Rows of one simulation have as many entries each, and inactive ones have none, so the row's number says where.
+  const Offset first_entry = row * nv;
+  for (Index i = 0; i < rows; ++i) system_.row_offsets[static_cast<std::size_t>(row + i)] = first_entry + i * nv;
+  fill_jacobian(data, system_.J.data() + first_entry, rows);
+  std::memcpy(system_.target.data() + row, array_at<const double>(data, layout_.efc_aref), bytes_of(rows));
+  std::memcpy(system_.R.data() + row, array_at<const double>(data, layout_.efc_R), bytes_of(rows));
+  fill_cones(data, row, system_.env_cone_offsets[env], rows);
+}
+
+void MujocoSimulations::gather() {
+  std::swap(system_, previous_);
+  count();
+  each([this](std::size_t env) { fill(env); });
+}
+
+void MujocoSimulations::make_room() {
+  const auto envs = static_cast<Offset>(data_.size());
+  const auto cones = static_cast<Offset>(system_.cone_kind.size());
+  const auto rows = static_cast<Offset>(system_.R.size());
+  if (store_ && cones <= store_->capacity().cones && rows <= store_->capacity().rows) return;
+  WarmStartOptions options;
+  options.beta = warm_start_;
+  options.scaling = StepScaling::none;  // reactions are forces here
+  options.threads = options_.threads;
+  store_ = std::make_unique<WarmStartStore<double>>(Device::cpu(), WarmStartCapacity{envs, 2 * cones + 1, 2 * rows + 1},
+                                                    options);
+  // What the smaller one knew, without what was forgotten since: room must not reach a bit.
+  if (previous_.env_row_offsets.size() != data_.size() + 1) return;
+  store_->remember(previous_.structure(), previous_.cone_id.data(),
+                   {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
+  store_->reset_where(forgotten_.data());
+}
+
+void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations) {
+  auto view = system_.view();
+  if (!tolerance.empty()) view.env_tolerance = tolerance.data();
+  if (!max_iterations.empty()) view.env_max_iterations = max_iterations.data();
+  const bool warm = warm_start_ > 0.0;
+  if (warm) {
+    make_room();
+    guess_.reserve(1);
+    guess_.resize(system_.R.size());
+    store_->recall(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
+  }
+  solver_.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()},
+                warm ? guess_.data() : nullptr);
+  if (!warm) return;
+  store_->remember(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
+                   layout_.timestep);
+  forgotten_.assign(data_.size(), 0);
+}
+
+}  // namespace stiction::python

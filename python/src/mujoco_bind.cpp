@@ -1,0 +1,135 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <string>
+
+#include "python/src/mujoco.hpp"
+#include "python/src/solver.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+namespace {
+
+MujocoLayout layout_from(const nb::dict& fields) {
+  MujocoLayout layout{};
+  const auto take = [&fields](const char* name, auto& target) {
+    target = nb::cast<std::remove_reference_t<decltype(target)>>(fields[name]);
+  };
+  take("time", layout.time);
+  take("nefc", layout.nefc);
+  take("qpos", layout.qpos);
+  take("qvel", layout.qvel);
+  take("qacc", layout.qacc);
+  take("qacc_smooth", layout.qacc_smooth);
+  take("qacc_warmstart", layout.qacc_warmstart);
+  take("qfrc_constraint", layout.qfrc_constraint);
+  take("qLD", layout.qLD);
+  take("efc_type", layout.efc_type);
+  take("efc_id", layout.efc_id);
+  take("efc_R", layout.efc_R);
+  take("efc_aref", layout.efc_aref);
+  take("efc_frictionloss", layout.efc_frictionloss);
+  take("efc_force", layout.efc_force);
+  take("efc_J", layout.efc_J);
+  take("efc_J_rownnz", layout.efc_J_rownnz);
+  take("efc_J_rowadr", layout.efc_J_rowadr);
+  take("efc_J_colind", layout.efc_J_colind);
+  take("contact", layout.contact);
+  take("contact_bytes", layout.contact_bytes);
+  take("contact_dim", layout.contact_dim);
+  take("contact_friction", layout.contact_friction);
+  take("contact_geom", layout.contact_geom);
+  take("nq", layout.nq);
+  take("nv", layout.nv);
+  take("sparse", layout.sparse);
+  take("M_rownnz", layout.mass_rownnz);
+  take("M_colind", layout.mass_colind);
+  take("row_kind", layout.row_kind);
+  take("rotations", layout.rotations);
+  take("timestep", layout.timestep);
+  return layout;
+}
+
+template <class Function>
+Function function_at(std::uintptr_t address) {
+  return reinterpret_cast<Function>(address);
+}
+
+/// A vector of the simulations as a NumPy array over the same memory, good until the next gather.
+template <class T>
+nb::object array_over(const nb::object& owner, const std::vector<T>& values) {
+  return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<1>>(values.data(), {values.size()}, owner));
+}
+
+nb::dict arrays_of(const nb::object& self) {
+  const MujocoSystem& system = nb::cast<const MujocoSimulations&>(self).system();
+  nb::dict out;
+  out["offsets"] = array_over(self, system.env_row_offsets);
+  out["cone_offsets"] = array_over(self, system.env_cone_offsets);
+  out["dof_offsets"] = array_over(self, system.env_dof_offsets);
+  out["cone_row_offsets"] = array_over(self, system.cone_row_offsets);
+  out["kinds"] = array_over(self, system.cone_kind);
+  out["ids"] = array_over(self, system.cone_id);
+  out["J"] = array_over(self, system.J);
+  out["M"] = array_over(self, system.M);
+  out["v_free"] = array_over(self, system.v_free);
+  out["target"] = array_over(self, system.target);
+  out["R"] = array_over(self, system.R);
+  out["mu"] = array_over(self, system.mu);
+  out["lo"] = array_over(self, system.lo);
+  out["hi"] = array_over(self, system.hi);
+  out["lambda_"] = array_over(self, system.lambda);
+  out["velocities"] = array_over(self, system.velocity);
+  const auto* records = reinterpret_cast<const std::uint8_t*>(system.status.data());
+  out["status"] = nb::cast(nb::ndarray<nb::numpy, const std::uint8_t, nb::ndim<1>>(
+      records, {system.status.size() * sizeof(EnvStatus)}, self));
+  return out;
+}
+
+}  // namespace
+
+void bind_mujoco(nb::module_& module) {
+  using Unlocked = nb::call_guard<nb::gil_scoped_release>;
+  nb::class_<MujocoSimulations>(module, "MujocoSimulations", "Many simulations of one MuJoCo model (stiction.mujoco).")
+      .def(
+          "__init__",
+          [](MujocoSimulations* self, const nb::dict& layout, std::uintptr_t mul_jac_t_vec,
+             std::uintptr_t integrate_pos, std::uintptr_t model, const std::vector<std::uintptr_t>& data,
+             const SolverOptions& options, double warm_start) {
+            MujocoFunctions functions{};
+            functions.mul_jac_t_vec = function_at<decltype(functions.mul_jac_t_vec)>(mul_jac_t_vec);
+            functions.integrate_pos = function_at<decltype(functions.integrate_pos)>(integrate_pos);
+            std::vector<void*> simulations;
+            for (const std::uintptr_t address : data) simulations.push_back(reinterpret_cast<void*>(address));
+            new (self) MujocoSimulations(layout_from(layout), functions, reinterpret_cast<const void*>(model),
+                                         std::move(simulations), options, warm_start);
+          },
+          nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("model"), nb::arg("data"),
+          nb::arg("options"), nb::arg("warm_start"))
+      .def("configure", &MujocoSimulations::configure, nb::arg("timestep"), nb::arg("sparse"))
+      .def("activate", &MujocoSimulations::activate, nb::arg("active"))
+      .def(
+          "run",
+          [](MujocoSimulations& self, const std::vector<std::uintptr_t>& stages) {
+            std::vector<MujocoStage> functions;
+            for (const std::uintptr_t address : stages) functions.push_back(function_at<MujocoStage>(address));
+            const nb::gil_scoped_release unlocked;
+            self.run(functions);
+          },
+          nb::arg("stages"))
+      .def("gather", &MujocoSimulations::gather, Unlocked())
+      .def("solve", &MujocoSimulations::solve, nb::arg("tolerance"), nb::arg("max_iterations"), Unlocked())
+      .def("scatter", &MujocoSimulations::scatter, Unlocked())
+      .def("forget", &MujocoSimulations::forget, nb::arg("simulations"))
+      .def("rk4_begin", &MujocoSimulations::rk4_begin, Unlocked())
+      .def("rk4_enter", &MujocoSimulations::rk4_enter, nb::arg("stage"), Unlocked())
+      .def("rk4_leave", &MujocoSimulations::rk4_leave, nb::arg("stage"), Unlocked())
+      .def("rk4_end", &MujocoSimulations::rk4_end, Unlocked());
+  module.def("mujoco_arrays", &arrays_of, nb::arg("simulations"));
+}
+
+}  // namespace stiction::python

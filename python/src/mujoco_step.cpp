@@ -1,0 +1,136 @@
+// Back into MuJoCo's structures, and the stages of its Runge-Kutta integrator.
+
+#include <cmath>
+#include <cstring>
+
+#include "python/src/mujoco.hpp"
+#include "python/src/mujoco_memory.hpp"
+
+namespace stiction::python {
+
+namespace {
+
+// mj_RungeKutta's tableau: stage i starts from the derivative of stage i - 1 alone, kPart of a step on.
+constexpr double kPart[4] = {0.0, 0.5, 0.5, 1.0};
+constexpr double kWeight[4] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
+
+/// Rate of the rotation vector u [rad] of an orientation that has turned by u and turns by w [rad/s], in body axes: the
+/// inverse of the exponential's derivative (Munthe-Kaas 1998). Replaces w.
+void correct_rotation(const double* u, double* w) {
+  const double angle = std::sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+  const double half = 0.5 * angle;
+  const double second = angle < 1e-4 ? 1.0 / 12.0 : (1.0 - half / std::tan(half)) / (angle * angle);
+  const double first[3] = {u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]};
+  const double twice[3] = {u[1] * first[2] - u[2] * first[1], u[2] * first[0] - u[0] * first[2],
+                           u[0] * first[1] - u[1] * first[0]};
+  for (int axis = 0; axis < 3; ++axis) w[axis] += 0.5 * first[axis] + second * twice[axis];
+}
+
+}  // namespace
+
+void MujocoSimulations::scatter() {
+  each([this](std::size_t env) {
+    auto* data = static_cast<std::byte*>(data_[env]);
+    const auto dofs = static_cast<std::size_t>(layout_.nv) * sizeof(double);
+    const auto row = system_.env_row_offsets[env];
+    const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
+    const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
+    auto* qacc = array_at<double>(data, layout_.qacc);
+    for (Index dof = 0; dof < layout_.nv; ++dof) qacc[dof] = velocity[layout_.nv - 1 - dof];
+    auto* force = array_at<double>(data, layout_.qfrc_constraint);
+    if (rows == 0) {
+      std::memset(force, 0, dofs);
+      return;
+    }
+    auto* reactions = array_at<double>(data, layout_.efc_force);
+    std::memcpy(reactions, system_.lambda.data() + row, rows * sizeof(double));
+    functions_.mul_jac_t_vec(model_, data, force, reactions);
+  });
+}
+
+void MujocoSimulations::forget(const std::vector<Offset>& simulations) {
+  if (store_) store_->reset(simulations);
+  for (const Offset env : simulations) forgotten_.at(static_cast<std::size_t>(env)) = 1;
+}
+
+void MujocoSimulations::rk4_begin() {
+  rk4_.resize(data_.size());
+  const auto nq = static_cast<std::size_t>(layout_.nq);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  each([&](std::size_t env) {
+    const auto* data = static_cast<const std::byte*>(data_[env]);
+    RungeKutta& start = rk4_[env];
+    const auto* qpos = array_at<const double>(data, layout_.qpos);
+    const auto* qvel = array_at<const double>(data, layout_.qvel);
+    start.time = number_at<double>(data, layout_.time);
+    start.qpos.assign(qpos, qpos + nq);
+    start.qvel.assign(qvel, qvel + nv);
+    start.velocity.resize(4 * nv);
+    start.acceleration.resize(4 * nv);
+  });
+  rk4_leave(0);
+}
+
+void MujocoSimulations::rk4_leave(int stage) {
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  const auto offset = static_cast<std::size_t>(stage) * nv;
+  each([&](std::size_t env) {
+    const auto* data = static_cast<const std::byte*>(data_[env]);
+    double* velocity = rk4_[env].velocity.data() + offset;
+    std::memcpy(velocity, array_at<const double>(data, layout_.qvel), nv * sizeof(double));
+    std::memcpy(rk4_[env].acceleration.data() + offset, array_at<const double>(data, layout_.qacc),
+                nv * sizeof(double));
+    if (stage == 0) return;
+    const double scale = layout_.timestep * kPart[stage];
+    for (const Index first : layout_.rotations) {
+      const double* before = velocity - nv + first;
+      const double turned[3] = {scale * before[0], scale * before[1], scale * before[2]};
+      correct_rotation(turned, velocity + first);
+    }
+  });
+}
+
+void MujocoSimulations::advance(std::size_t env, const double* velocity, const double* acceleration, double dt) {
+  auto* data = static_cast<std::byte*>(data_[env]);
+  const RungeKutta& start = rk4_[env];
+  auto* qpos = array_at<double>(data, layout_.qpos);
+  auto* qvel = array_at<double>(data, layout_.qvel);
+  std::memcpy(qpos, start.qpos.data(), start.qpos.size() * sizeof(double));
+  functions_.integrate_pos(model_, qpos, velocity, layout_.timestep);
+  for (std::size_t dof = 0; dof < start.qvel.size(); ++dof)
+    qvel[dof] = start.qvel[dof] + layout_.timestep * acceleration[dof];
+  const double time = start.time + dt;
+  std::memcpy(data + layout_.time, &time, sizeof time);
+}
+
+void MujocoSimulations::rk4_enter(int stage) {
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  const auto offset = static_cast<std::size_t>(stage - 1) * nv;
+  each([&](std::size_t env) {
+    std::vector<double> velocity(nv), acceleration(nv);
+    for (std::size_t dof = 0; dof < nv; ++dof) {
+      velocity[dof] = kPart[stage] * rk4_[env].velocity[offset + dof];
+      acceleration[dof] = kPart[stage] * rk4_[env].acceleration[offset + dof];
+    }
+    advance(env, velocity.data(), acceleration.data(), kPart[stage] * layout_.timestep);
+  });
+}
+
+void MujocoSimulations::rk4_end() {
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  each([&](std::size_t env) {
+    std::vector<double> velocity(nv, 0.0), acceleration(nv, 0.0);
+    for (std::size_t stage = 0; stage < 4; ++stage)
+      for (std::size_t dof = 0; dof < nv; ++dof) {
+        velocity[dof] += kWeight[stage] * rk4_[env].velocity[stage * nv + dof];
+        acceleration[dof] += kWeight[stage] * rk4_[env].acceleration[stage * nv + dof];
+      }
+    advance(env, velocity.data(), acceleration.data(), layout_.timestep);
+    auto* data = static_cast<std::byte*>(data_[env]);
+    std::memcpy(array_at<double>(data, layout_.qacc_warmstart), array_at<double>(data, layout_.qacc),
+                nv * sizeof(double));
+    std::memcpy(array_at<double>(data, layout_.qacc), acceleration.data(), nv * sizeof(double));
+  });
+}
+
+}  // namespace stiction::python

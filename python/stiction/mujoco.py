@@ -1,0 +1,280 @@
+"""MuJoCo with stiction as its constraint solver: n simulations of one model, whose constraints are solved in one call.
+
+    simulation = stiction.mujoco.BatchedSimulation(model, 1024, tolerance=1e-6)
+    simulation.step(ctrl)                 # ctrl (1024, nu); Euler, implicit, implicitfast and RK4
+    simulation.data[3].qpos               # each simulation is an ordinary mujoco.MjData
+
+MuJoCo collects the rows (contacts, limits, friction loss, equalities), stiction solves the convex problem that they
+form, and qacc, efc_force and qfrc_constraint go back to where MuJoCo's own solver writes them. docs/mujoco.md.
+"""
+
+import time
+
+import mujoco
+import numpy as np
+
+from . import _core
+from ._arrays import STATUS_DTYPE
+from ._batch import Batch
+from ._mujoco_layout import LayoutError, address, layout
+from ._solution import SOLVED, Solution
+from ._solver import Solver
+
+__all__ = ["BatchedSimulation", "LayoutError", "gather"]
+
+_SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
+_CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
+
+
+class BatchedSimulation:
+    """n simulations of one model, stepped together. Each one's bits depend on its own state, controls and history
+    alone: not on n, on the others, on threads.
+
+    model: mujoco.MjModel; shared, and read at every step, so that its options may be changed between steps.
+    n: how many simulations; or a list of mujoco.MjData of that model, used where they are.
+    solver: "auto", "newton", ... with tolerance and max_iterations as in stiction.Solver; a stiction.Solver on the CPU
+        (its options, statistics and callback are used); or "mujoco": MuJoCo's own, for comparison.
+    tolerance: on the relative residual of each simulation's rows [-].
+    threads: of the CPU, for MuJoCo's functions and for the solver; 0: all cores.
+    warm_start: part of its last reaction that a constraint starts from, by geoms and joints; 0: from zero.
+
+    Attributes: model; data, a list of mujoco.MjData; solver; seconds, a dict of wall-clock seconds in "smooth" (MuJoCo
+    up to the solve), "assemble" (rows into the batch, answers back), "solve" and "advance" since the last `clear`.
+
+    Raises ValueError for what cannot be stepped so: the integrator "discrete", RK4 with actuator states, plugins,
+    delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
+    """
+
+    def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95):
+        self.model = model
+        self.data = list(n) if isinstance(n, (list, tuple)) else [mujoco.MjData(model) for _ in range(n)]
+        if not self.data:
+            raise ValueError("n: expected at least one simulation, got 0")
+        if not 0 <= float(warm_start) <= 1:
+            raise ValueError(f"warm_start: expected a number in [0, 1], got {warm_start}")
+        self._own = isinstance(solver, str) and solver == "mujoco"
+        if isinstance(solver, Solver):
+            if solver.device != "cpu":
+                raise ValueError(f"solver: expected one on cpu, where MuJoCo is, got one on {solver.device}")
+            self.solver = solver
+        else:
+            self.solver = Solver(solver="auto" if self._own else solver, tolerance=tolerance,
+                                 max_iterations=max_iterations, threads=threads)
+        _refuse(model)
+        mujoco.mj_forward(model, self.data[0])  # in the module that turns MuJoCo's errors into exceptions
+        self._layout = layout(model, self.data[0])
+        self._core = _core.MujocoSimulations(
+            self._layout, address("mj_mulJacTVec"), address("mj_integratePos"), model._address,
+            [one._address for one in self.data], self.solver._options, float(warm_start))
+        self._warm = float(warm_start) > 0
+        self._functions = {}
+        self._tolerance, self._iterations = [], []
+        self._active = None
+        self.seconds = {}
+        self.clear()
+
+    def __len__(self):
+        return len(self.data)
+
+    def __repr__(self):
+        solver = "MuJoCo's own solver" if self._own else repr(self.solver)
+        return f"<stiction.mujoco.BatchedSimulation of {len(self)}, {solver}>"
+
+    # -- stepping -----------------------------------------------------------------------------------------------------
+
+    def step(self, ctrl=None, nstep=1, active=None):
+        """Advances by nstep time steps, as mujoco.mj_step does. ctrl (n, nu): set before; None: left as it is.
+        active: bool (n,), which simulations to step; None: all."""
+        self._activate(active)
+        if ctrl is not None:
+            self._write_ctrl(ctrl)
+        for _ in range(int(nstep)):
+            self._smooth(first=True)
+            self._constrain()
+            start = time.perf_counter()
+            self._run("mj_sensorAcc", "mj_checkAcc")
+            integrator = self.model.opt.integrator
+            if integrator == mujoco.mjtIntegrator.mjINT_RK4:
+                self.seconds["advance"] += time.perf_counter() - start
+                self._runge_kutta()
+                continue
+            self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
+            self.seconds["advance"] += time.perf_counter() - start
+
+    def forward(self, active=None):
+        """Forward dynamics without a step, as mujoco.mj_forward: accelerations at the present state."""
+        self._activate(active)
+        self._smooth(first=True, check=False)
+        self._constrain()
+        self._run("mj_sensorAcc")
+
+    def run(self, *functions, active=None):
+        """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
+        self._activate(active)
+        self._run(*functions)
+
+    def forget(self, simulations=None):
+        """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
+        chosen = range(len(self)) if simulations is None else simulations
+        self._core.forget([int(i) for i in chosen])
+
+    def reset(self, simulations=None):
+        """mujoco.mj_resetData and forget, of a list of simulations or of all."""
+        chosen = list(range(len(self)) if simulations is None else simulations)
+        for i in chosen:
+            mujoco.mj_resetData(self.model, self.data[i])
+        self.forget(chosen)
+
+    def set_accuracy(self, tolerance=None, max_iterations=None):
+        """Tolerances and iteration limits of the solves to come: a number, one per simulation, or None: the solver's."""
+        n = len(self)
+        self._tolerance = [] if tolerance is None else np.broadcast_to(np.asarray(tolerance, float), n).tolist()
+        self._iterations = [] if max_iterations is None else \
+            np.broadcast_to(np.asarray(max_iterations, np.int32), n).tolist()
+
+    # -- what the last solve did --------------------------------------------------------------------------------------
+
+    @property
+    def status(self):
+        """Records of the last solve, one per simulation, as stiction.Solution.status; a copy."""
+        return _core.mujoco_arrays(self._core)["status"].view(STATUS_DTYPE).copy()
+
+    def batch(self):
+        """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
+        reactions, velocities, the accelerations, and cone_id."""
+        return _batch_of({name: array.copy() for name, array in _core.mujoco_arrays(self._core).items()}, self.model.nv)
+
+    def clear(self):
+        """Sets the seconds to zero."""
+        self.seconds = dict.fromkeys(("smooth", "assemble", "solve", "advance"), 0.0)
+
+    # -- the stages ---------------------------------------------------------------------------------------------------
+
+    def _activate(self, active):
+        _refuse(self.model)
+        self._core.configure(float(self.model.opt.timestep), bool(mujoco.mj_isSparse(self.model)))
+        if active is None:
+            if self._active is not None:
+                self._core.activate([1] * len(self))
+                self._active = None
+            return
+        chosen = np.asarray(active, bool)
+        if chosen.shape != (len(self),):
+            raise ValueError(f"active: expected bool ({len(self)},), got {chosen.shape}")
+        self._active = chosen
+        self._core.activate(chosen.astype(np.uint8).tolist())
+
+    def _write_ctrl(self, ctrl):
+        ctrl = np.asarray(ctrl, float)
+        if ctrl.shape != (len(self), self.model.nu):
+            raise ValueError(f"ctrl: expected ({len(self)}, {self.model.nu}), got {ctrl.shape}")
+        for i, one in enumerate(self.data):
+            if self._active is None or self._active[i]:
+                one.ctrl[:] = ctrl[i]
+
+    def _run(self, *functions):
+        for name in functions:
+            if name not in self._functions:
+                self._functions[name] = address(name)
+        self._core.run([self._functions[name] for name in functions])
+
+    def _smooth(self, first, check=True):
+        start = time.perf_counter()
+        if not first:
+            self._run(*_SMOOTH)
+        else:
+            energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
+            self._run(*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_fwdPosition", "mj_sensorPos",
+                      *(("mj_energyPos",) if energy else ()), "mj_fwdVelocity", "mj_sensorVel",
+                      *(("mj_energyVel",) if energy else ()), "mj_fwdActuation", "mj_fwdAcceleration")
+        self.seconds["smooth"] += time.perf_counter() - start
+
+    def _constrain(self):
+        start = time.perf_counter()
+        if self._own:
+            self._run("mj_fwdConstraint")
+            self.seconds["solve"] += time.perf_counter() - start
+            return
+        self._core.gather()
+        gathered = time.perf_counter()
+        self._core.solve(self._tolerance, self._iterations)
+        solved = time.perf_counter()
+        self._core.scatter()
+        end = time.perf_counter()
+        self.seconds["assemble"] += gathered - start + end - solved
+        self.seconds["solve"] += solved - gathered
+        self._note(solved - gathered)
+
+    def _note(self, seconds):
+        """Statistics, callback and files of failures of the solver, as of its own solves."""
+        tally, guess = self.solver._tally, self._warm or None
+        if tally._folder is None or (self.status["code"] == SOLVED).all():
+            tally.note(self, self, guess, seconds, False)
+            return
+        batch = self.batch()
+        answer = {"lambda_": batch.extras["lambda_"], "velocities": batch.extras["velocities"], "status": self.status}
+        tally.note(batch, Solution.over(batch, answer), None, seconds, False)
+
+    def _runge_kutta(self):
+        start, before = time.perf_counter(), sum(self.seconds.values())
+        self._core.rk4_begin()
+        for stage in (1, 2, 3):
+            self._core.rk4_enter(stage)
+            self._smooth(first=False)
+            self._constrain()
+            self._core.rk4_leave(stage)
+        self._core.rk4_end()
+        elsewhere = sum(self.seconds.values()) - before
+        self.seconds["advance"] += time.perf_counter() - start - elsewhere
+
+    #: Statistics read this of what was solved.
+    form = "mujoco"
+
+
+def gather(model, data, **options):
+    """The constraints of many mujoco.MjData of one model, as they lie there after mj_forward or mj_fwdAcceleration, as
+    one stiction.Batch in Jacobian form: accelerations and forces. options: of BatchedSimulation."""
+    places = list(data)
+    _refuse(model)
+    core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
+                                   model._address, [one._address for one in places], Solver(**options)._options, 0.0)
+    core.gather()
+    return _batch_of({name: array.copy() for name, array in _core.mujoco_arrays(core).items()}, model.nv)
+
+
+def _batch_of(arrays, nv):
+    """The arrays of the C++ side, whose degrees of freedom run backwards, in MuJoCo's order."""
+    for name in ("J", "v_free", "velocities"):
+        arrays[name] = np.ascontiguousarray(arrays[name].reshape(-1, nv)[:, ::-1]).reshape(-1)
+    factor = arrays["M"].reshape(-1, nv, nv)
+    arrays["M"] = np.ascontiguousarray((factor @ factor.transpose(0, 2, 1))[:, ::-1, ::-1]).reshape(-1)
+    dims = np.diff(arrays["cone_row_offsets"])
+    batch = Batch.from_jacobian(
+        arrays["J"], arrays["M"], arrays["v_free"], arrays["target"], kinds=arrays["kinds"], dims=dims,
+        offsets=arrays["offsets"], dof_offsets=arrays["dof_offsets"], mass_block=0, mu=arrays["mu"], R=arrays["R"],
+        lo=arrays["lo"], hi=arrays["hi"], law="convex")
+    batch.extras = {"cone_id": arrays["ids"], "lambda_": arrays["lambda_"], "velocities": arrays["velocities"]}
+    return batch
+
+
+def _refuse(model):
+    """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
+    opt = model.opt
+    if opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1):
+        raise ValueError("model.opt.integrator: expected Euler, implicit, implicitfast or RK4, got discrete, whose solve "
+                         "is in another metric: set mjINT_IMPLICITFAST")
+    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0):
+        raise ValueError("model.opt.enableflags: expected no sleeping bodies, got mjENBL_SLEEP: clear it")
+    if opt.noslip_iterations:
+        raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
+                         "solution; a tighter tolerance does not need it")
+    for name in _CALLBACKS:
+        if getattr(mujoco, f"get_mjcb_{name}", lambda: None)() is not None:
+            raise ValueError(f"mjcb_{name}: expected no callback, got one, which simulations on several threads cannot "
+                             f"call: mujoco.set_mjcb_{name}(None)")
+    if opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        for name, why in (("na", "actuator states"), ("nplugin", "plugins"), ("nhistory", "delays"),
+                          ("nplastic", "plasticity")):
+            if getattr(model, name, 0):
+                raise ValueError(f"model.{name}: expected 0 with RK4, got {getattr(model, name)} ({why}): set "
+                                 "model.opt.integrator to mjINT_IMPLICITFAST")

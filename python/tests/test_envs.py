@@ -1,0 +1,194 @@
+"""The vector environment against Gymnasium's own, its ends and seeds, and its bits."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the environments are NOT tested: pip install gymnasium")
+pytest.importorskip("mujoco", reason="the environments are NOT tested: pip install mujoco")
+
+from gymnasium.vector import AutoresetMode  # noqa: E402
+
+from stiction import AccuracyPolicy  # noqa: E402
+from stiction.envs import TASKS, MujocoVectorEnv  # noqa: E402
+
+STEPS = 25
+
+
+def actions_of(rng, envs):
+    space = envs.single_action_space
+    return rng.uniform(space.low, space.high, envs.action_space.shape).astype(np.float32)
+
+
+@pytest.mark.parametrize("solver, tolerance, close", [("mujoco", 1e-6, 1e-9), ("auto", 1e-12, 1e-5)])
+@pytest.mark.parametrize("name", TASKS)
+def test_observations_rewards_and_ends_are_gymnasiums(name, solver, tolerance, close):
+    pytest.importorskip("imageio", reason="NOT compared with Gymnasium: pip install 'gymnasium[mujoco]'")
+    # MuJoCo's Newton is run to its end in both, so that what is left between the solvers is rounding and `tolerance`.
+    envs = MujocoVectorEnv(name, 2, solver=solver, tolerance=tolerance, autoreset_mode=AutoresetMode.DISABLED)
+    peers = [gymnasium.make(f"{name}-v5") for _ in range(2)]
+    for model in [envs.model] + [peer.unwrapped.model for peer in peers]:
+        model.opt.solver, model.opt.tolerance, model.opt.iterations = 2, 0, 100
+    ours, infos = envs.reset(seed=5)
+    assert envs.observation_space.contains(ours)
+    for i, peer in enumerate(peers):
+        theirs, peer_infos = peer.reset(seed=5 + i)
+        np.testing.assert_array_equal(ours[i], theirs)
+        assert set(peer_infos) == {key for key in infos if not key.startswith("_")}
+    assert envs.single_observation_space == peers[0].observation_space
+    assert envs.single_action_space == peers[0].action_space
+    rng = np.random.default_rng(1)
+    for _ in range(STEPS):
+        actions = actions_of(rng, envs)
+        ours, rewards, terminations, truncations, infos = envs.step(actions)
+        for i, peer in enumerate(peers):
+            theirs, reward, terminated, truncated, peer_infos = peer.step(actions[i])
+            scale = max(1.0, np.abs(theirs).max())
+            assert np.abs(ours[i] - theirs).max() <= close * scale
+            assert rewards[i] == pytest.approx(reward, abs=close * max(1.0, abs(reward)) + 1e-6 * (solver == "auto"))
+            assert (terminations[i], truncations[i]) == (terminated, truncated)
+            for key, value in peer_infos.items():
+                np.testing.assert_allclose(infos[key][i], value, rtol=1e-4, atol=max(1e-7, close), err_msg=key)
+        if terminations.any():
+            break
+
+
+def rollout(num_envs, threads, steps=12, cone=None):
+    """Hash of everything that environment 0 returned."""
+    envs = MujocoVectorEnv("Ant", num_envs, threads=threads, tolerance=1e-4, cone=cone, max_episode_steps=7)
+    seen = hashlib.sha256()
+    observations, _ = envs.reset(seed=3)
+    streams = [np.random.default_rng(i) for i in range(num_envs)]
+    for _ in range(steps):
+        actions = np.stack([stream.uniform(-1, 1, 8).astype(np.float32) for stream in streams])
+        observations, rewards, terminations, truncations, _ = envs.step(actions)
+        for array in (observations[0], rewards[:1], terminations[:1], truncations[:1]):
+            seen.update(np.ascontiguousarray(array).tobytes())
+    return seen.hexdigest()
+
+
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+def test_a_rollout_is_the_same_whoever_is_beside_it(cone):
+    alone = rollout(1, 1, cone=cone)
+    assert rollout(16, 1, cone=cone) == alone
+    assert rollout(16, 2, cone=cone) == alone
+    assert rollout(64, 2, cone=cone) == alone
+
+
+def test_a_seed_repeats_a_rollout_and_another_does_not():
+    envs = MujocoVectorEnv("Hopper", 3)
+    first, _ = envs.reset(seed=1)
+    again, _ = envs.reset(seed=1)
+    other, _ = envs.reset(seed=2)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first[1:], other[:2])  # environment i has seed + i
+    assert not np.array_equal(first, other)
+    listed, _ = envs.reset(seed=[2, 3, 4])
+    np.testing.assert_array_equal(listed, other)
+    going_on, _ = envs.reset()
+    assert not np.array_equal(going_on, other)
+
+
+def test_next_step_resets_in_the_step_after_the_end():
+    envs = MujocoVectorEnv("HalfCheetah", 2, max_episode_steps=3)
+    envs.reset(seed=0)
+    zeros = np.zeros(envs.action_space.shape, np.float32)
+    for step in range(3):
+        last, _, _, truncations, _ = envs.step(zeros)
+        assert truncations.all() == (step == 2)
+    observations, rewards, terminations, truncations, infos = envs.step(zeros)
+    assert not truncations.any() and not terminations.any() and (rewards == 0).all()
+    assert np.abs(observations - last).max() > 1e-3  # a new start
+    assert "reward_forward" not in infos or not infos["_reward_forward"].any()
+    assert infos["_x_position"].all()
+    _, rewards, *_ = envs.step(zeros)
+    assert (rewards != 0).all()
+
+
+def test_same_step_resets_at_once_and_keeps_the_last_observation():
+    envs = MujocoVectorEnv("HalfCheetah", 2, max_episode_steps=3, autoreset_mode=AutoresetMode.SAME_STEP)
+    plain = MujocoVectorEnv("HalfCheetah", 2, max_episode_steps=3, autoreset_mode=AutoresetMode.DISABLED)
+    envs.reset(seed=0)
+    plain.reset(seed=0)
+    actions = np.full(envs.action_space.shape, 0.3, np.float32)
+    for _ in range(3):
+        observations, rewards, _, truncations, infos = envs.step(actions)
+        expected, expected_rewards, _, _, expected_infos = plain.step(actions)
+    assert truncations.all()
+    np.testing.assert_array_equal(np.stack(infos["final_obs"]), expected)
+    np.testing.assert_array_equal(rewards, expected_rewards)
+    np.testing.assert_array_equal(infos["final_info"]["x_velocity"], expected_infos["x_velocity"])
+    assert not np.array_equal(observations, expected)
+    with pytest.raises(ValueError, match="environment 0 has ended"):
+        plain.step(actions)
+    again, infos = plain.reset(options={"reset_mask": np.array([True, False])})
+    assert infos["_x_position"].tolist() == [True, False]
+    np.testing.assert_array_equal(again[1], expected[1])
+    assert not np.array_equal(again[0], expected[0])
+
+
+def test_gymnasiums_vector_wrappers_take_it():
+    envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(MujocoVectorEnv("Hopper", 2, max_episode_steps=4))
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    for _ in range(4):
+        *_, infos = envs.step(envs.action_space.sample())
+    assert infos["episode"]["l"].tolist() == [4, 4]
+
+
+def test_accuracy_reaches_the_solver():
+    envs = MujocoVectorEnv("Ant", 2, solver="npgs", tolerance=1e-12)
+    envs.reset(seed=0)
+    envs.set_accuracy(AccuracyPolicy.curriculum().apply(progress=0.5))
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        envs.step(actions_of(rng, envs))
+    # The first solve, the reset's, ran before.
+    assert envs.simulation.status["iterations"].max() <= 10
+    assert envs.stats()["iterations"]["p99"] <= 10
+
+
+def test_mistakes():
+    with pytest.raises(ValueError, match="name: expected one of Ant"):
+        MujocoVectorEnv("Swimmer")
+    with pytest.raises(ValueError, match="healthy_reward: not a parameter of HalfCheetah"):
+        MujocoVectorEnv("HalfCheetah", healthy_reward=1.0)
+    envs = MujocoVectorEnv("Hopper", 2)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        envs.step(np.zeros((2, 3), np.float32))
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions: expected \(2, 3\), got \(3,\)"):
+        envs.step(np.zeros(3, np.float32))
+
+
+def test_rsl_rl_adapter():
+    torch = pytest.importorskip("torch", reason="the rsl_rl adapter is NOT tested: pip install torch")
+    from stiction.envs.rsl_rl import RslRlEnv
+
+    envs = RslRlEnv(MujocoVectorEnv("Hopper", 2, max_episode_steps=3, autoreset_mode=AutoresetMode.SAME_STEP))
+    assert (envs.num_envs, envs.num_actions, envs.max_episode_length) == (2, 3, 3)
+    envs.reset(seed=0)
+    observations = envs.get_observations()["policy"]
+    assert observations.shape == (2, 11) and observations.dtype == torch.float32
+    envs.episode_length_buf = torch.tensor([1, 0])
+    for _ in range(2):
+        observations, rewards, dones, extras = envs.step(torch.zeros(2, 3))
+    assert dones.tolist() == [1, 0] and extras["time_outs"].tolist() == [True, False]
+    assert extras["log"]["/episode/length"] == 3 and rewards.shape == (2,)
+    assert envs.episode_length_buf.tolist() == [0, 2]
+
+
+def test_stable_baselines_adapter():
+    pytest.importorskip("stable_baselines3", reason="the Stable-Baselines3 adapter is NOT tested: pip install "
+                                                    "stable-baselines3")
+    from stiction.envs.sb3 import Sb3VecEnv
+
+    envs = Sb3VecEnv(MujocoVectorEnv("Hopper", 2, max_episode_steps=2, autoreset_mode=AutoresetMode.SAME_STEP))
+    envs.seed(0)
+    first = envs.reset()
+    actions = np.zeros((2, 3), np.float32)
+    envs.step(actions)
+    observations, _, dones, infos = envs.step(actions)
+    assert dones.all() and all(info["TimeLimit.truncated"] for info in infos)
+    assert not np.array_equal(observations[0], infos[0]["terminal_observation"])
