@@ -14,7 +14,7 @@ struct BlockTriangle {
   Index rows;
   Index block;  ///< rows of a block
 
-  [[nodiscard]] STICTION_HD Index block_begin(Index row) const { return row - row % block; }
+  [[nodiscard]] STICTION_HD Index block_begin(Index row) const { return block == rows ? 0 : row - row % block; }
   [[nodiscard]] STICTION_HD Index block_end(Index row) const { return block_begin(row) + block; }
   [[nodiscard]] STICTION_HD Real& at(Index i, Index j) const {
     return data[static_cast<Offset>(i) * block + (j - block_begin(i))];

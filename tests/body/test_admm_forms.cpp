@@ -203,6 +203,19 @@ TEST(AdmmForms, FactorsHaveTheAnswersOfTheirMatrices) {
     }
 }
 
+TEST(AdmmForms, RigidContactsOnFewVelocitiesAreThoseOfTheSingularMatrix) {
+  // At rest nothing moves inward, so that there is an answer, with a motion that is unique under the convex law.
+  JacobianEnvironment<double> contacts = some_contacts(6, 0.0);
+  contacts.target.assign(contacts.target.size(), 0.0);
+  const Environment<double> env = as_matrix(contacts);
+  const SolverOptions o = options(SolverKind::admm, 1e-9, 4000);
+  const Solution<double> factor = solve(as_factor(contacts, Law::convex), o);
+  const Solution<double> matrix = solve(batch_of({env}, Law::convex), o);
+  EXPECT_EQ(factor.status[0].code, EnvCode::solved) << factor.status[0].residual;
+  EXPECT_LE(certify(env, Law::convex, factor.lambda).worst(), 1e-7L);
+  for (std::size_t i = 0; i < factor.w.size(); ++i) EXPECT_NEAR(factor.w[i], matrix.w[i], 1e-6) << i;
+}
+
 TEST(AdmmForms, SinglePrecision) {
   const Solution<float> narrow =
       solve(convert<float>(as_factor(some_contacts(12), Law::convex)), options(SolverKind::admm, 1e-4, 2000));
