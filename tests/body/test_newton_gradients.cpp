@@ -52,7 +52,7 @@ TEST(NewtonGradients, CompliantSystemsHaveTheOraclesAnswerEvenIfTheyAreSingular)
 TEST(NewtonGradients, ATowerWithLittleComplianceTakesFewerIterationsThanItHasContacts) {
   Environment<double> env = scenes::make("stack", 5, 0, 8).system;
   env.R.assign(env.b.size(), 1e-3);
-  const auto by_matrix = solved_by_body<Newton, Law::convex, double, SparseSystem>(env, 1e-9, 100);
+  const auto by_matrix = solve(batch_of({env}), options(SolverKind::newton, 1e-9, 100));
   const auto found = solved_by_body<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
   EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
   EXPECT_LE(found.status[0].iterations, 2 * by_matrix.status[0].iterations + 10);
