@@ -50,6 +50,7 @@ stiction_solver_options to_c(const SolverOptions& options) {
   c.threads = options.threads;
   c.invalid = number(options.invalid);
   c.islands = number(options.islands);
+  c.direct_rows = options.direct_rows;
   return c;
 }
 

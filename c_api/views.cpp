@@ -65,7 +65,7 @@ SolverOptions to_cpp(const stiction_solver_options& options) {
   cpp.threads = options.threads;
   cpp.invalid = invalid_of("options.invalid", options.invalid);
   cpp.islands = islands_of("options.islands", options.islands);
-  need_zero("options.reserved", options.reserved);
+  cpp.direct_rows = options.direct_rows;
   return cpp;
 }
 

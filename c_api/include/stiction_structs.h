@@ -171,7 +171,7 @@ typedef struct stiction_solver_options {
   int32_t threads;        /**< of the CPU; 0: all cores */
   int32_t invalid;        /**< stiction_invalid_policy */
   int32_t islands;        /**< stiction_islands */
-  int32_t reserved;       /**< zero */
+  int32_t direct_rows;    /**< rows of the largest environment that is factorised, 1024 to 32768; CPU only, not auto */
 } stiction_solver_options;
 
 /** Room that a solver on a GPU takes when it is made; zero: as the batches need it. Counts as in stiction_batch_view.

@@ -14,7 +14,7 @@ namespace {
 
 SolverOptions options_from(const std::string& solver, const std::optional<std::string>& law, double tolerance,
                            Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
-                           const std::string& islands) {
+                           const std::string& islands, Index direct_rows) {
   SolverOptions options;
   options.solver = solver_from_string(solver);
   if (law) options.law = law_from(*law);
@@ -25,6 +25,7 @@ SolverOptions options_from(const std::string& solver, const std::optional<std::s
   options.threads = threads;
   options.invalid = isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
   options.islands = island_mode_from_string(islands);
+  options.direct_rows = direct_rows;
   return options;
 }
 
@@ -175,14 +176,14 @@ void bind_solver(nb::module_& module) {
           "__init__",
           [](SolverOptions* self, const std::string& solver, const std::optional<std::string>& law, double tolerance,
              Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
-             const std::string& islands, Tracer* tracer) {
-            new (self) SolverOptions(
-                options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads, isolate, islands));
+             const std::string& islands, Index direct_rows, Tracer* tracer) {
+            new (self) SolverOptions(options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads,
+                                                  isolate, islands, direct_rows));
             self->tracer = tracer;
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
           nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"),
-          nb::arg("tracer").none(), nb::keep_alive<1, 11>());
+          nb::arg("direct_rows"), nb::arg("tracer").none(), nb::keep_alive<1, 12>());
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",

@@ -18,7 +18,7 @@ class Machine:
     """What every solver has: options, statistics, a device and what is queued on it."""
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
-                 invalid="isolate", omega=1.0, stall_window=2000, islands="together", callback=None,
+                 invalid="isolate", omega=1.0, stall_window=2000, islands="together", direct_rows=1024, callback=None,
                  record_failures=None, trace=False):
         if invalid not in ("isolate", "reject"):
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
@@ -35,7 +35,7 @@ class Machine:
         # Only bodies have a multigrid solver, which they are told by name.
         self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver, law, self.tolerance,
                                       self.max_iterations, int(stall_window), float(omega), int(threads),
-                                      invalid == "isolate", islands, self._tracer)
+                                      invalid == "isolate", islands, int(direct_rows), self._tracer)
         self._tally = Tally(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
@@ -105,6 +105,8 @@ class Solver(Machine):
         "reject": stiction.Error names the first defect.
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
     islands: "together" or "apart" (docs/islands.md).
+    direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768; on
+        the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and

@@ -158,3 +158,14 @@ def test_devices_say_why_not():
     found = {report["device"]: report for report in stiction.devices()}
     assert found["cpu"]["usable"] and found["emulated"]["usable"]
     assert all(report["usable"] or report["reason"] for report in found.values())
+
+
+def test_a_large_environment_is_factorised_where_that_is_asked_for():
+    rows = 1100
+    batch = stiction.Batch.from_delassus(np.eye(rows)[None], np.ones((1, rows)), cones="unilateral")
+    refused = stiction.Solver(solver="lemke").solve(batch)
+    assert stiction.CODES[refused.status["code"][0]] == "unsupported"
+    taken = stiction.Solver(solver="lemke", direct_rows=rows).solve(batch)
+    assert taken.solved.all() and (taken.lambda_ == 0).all()
+    with pytest.raises(stiction.Error, match="direct_rows = 7: must be from 1024 to 32768"):
+        stiction.Solver(solver="lemke", direct_rows=7)

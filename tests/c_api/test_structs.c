@@ -37,7 +37,7 @@ static void defaults(void) {
   STICTION_CHECK(options.law == STICTION_LAW_OF_BATCH && options.tolerance == 1e-4 && options.omega == 1);
   STICTION_CHECK(options.max_iterations == 1000 && options.stall_window == 2000 && options.threads == 0);
   STICTION_CHECK(options.invalid == STICTION_INVALID_REJECT && options.islands == STICTION_ISLANDS_TOGETHER);
-  STICTION_CHECK(options.reserved == 0);
+  STICTION_CHECK(options.direct_rows == 1024);
   STICTION_CHECK_OK(stiction_body_options_init(&bodies, sizeof bodies));
   STICTION_CHECK(bodies.iterations == 50 && bodies.law == STICTION_LAW_COULOMB && bodies.momentum == 1);
   STICTION_CHECK(bodies.substeps == 1 && bodies.preconditioner == STICTION_PRECONDITIONER_MULTIGRID);
@@ -75,7 +75,7 @@ static void shorter_struct(void) {
   memset(&options, 0xff, sizeof options);
   STICTION_CHECK_OK(stiction_solver_options_init(&options, before));
   STICTION_CHECK(options.size == before && options.omega == 1);
-  STICTION_CHECK(options.max_iterations == -1 && options.reserved == -1);
+  STICTION_CHECK(options.max_iterations == -1 && options.direct_rows == -1);
   options.tolerance = 0;
   STICTION_CHECK_OK(stiction_solver_create("cpu", &options, NULL, &solver));
   two_blocks(&batch, STICTION_F64);
@@ -109,9 +109,14 @@ static void wrong_sizes(void) {
   STICTION_CHECK_FAILS(stiction_solver_options_init(NULL, sizeof options), STICTION_INVALID_ARGUMENT, "options is null",
                        "struct");
   STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
-  options.reserved = 7;
+  options.direct_rows = 7;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
-                       "options.reserved = 7", "must be 0");
+                       "direct_rows = 7", "must be from 1024 to 32768");
+  stiction_capacity capacity;
+  STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
+  capacity.reserved = 7;
+  STICTION_CHECK_FAILS(stiction_solver_create("cpu", NULL, &capacity, &solver), STICTION_INVALID_ARGUMENT,
+                       "capacity.reserved = 7", "must be 0");
   STICTION_CHECK(solver == NULL);
 }
 

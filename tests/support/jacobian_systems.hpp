@@ -99,7 +99,7 @@ struct JacobianOracle {
         motion += env.J[i * dofs + k] * env.v_free[k];
         for (std::size_t j = 0; j < n; ++j) A[i * n + j] += env.J[i * dofs + k] * response[k * n + j];
       }
-      b.push_back(motion - env.target[i]);
+      b.push_back(motion - (env.target.empty() ? 0.0 : env.target[i]));
     }
   }
 };
