@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h"}
+SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c"}
 VERSION = "14"  # other versions break lines differently, and a check that depends on the machine is none
 SKIPPED = 77
 

@@ -47,7 +47,8 @@ static void arguments(void) {
                        "cpu");
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", NULL, NULL, NULL), STICTION_INVALID_ARGUMENT, "solver is null",
                        "handle");
-  STICTION_CHECK_FAILS(stiction_solver_create("tpu", NULL, NULL, &solver), STICTION_INVALID_ARGUMENT, "'tpu'", "cuda:N");
+  STICTION_CHECK_FAILS(stiction_solver_create("tpu", NULL, NULL, &solver), STICTION_INVALID_ARGUMENT, "'tpu'",
+                       "cuda:N");
   STICTION_CHECK_FAILS(stiction_solver_create("cuda:99", NULL, NULL, &solver), STICTION_NO_DEVICE, "'cuda:99'", "cpu");
   STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
   options.solver = 77;
@@ -98,7 +99,8 @@ static void arguments(void) {
   STICTION_CHECK_FAILS(stiction_solver_solve(solver, &batch, &solution, NULL, NULL), STICTION_INVALID_ARGUMENT,
                        "solution.status is null", "(2)");
   STICTION_CHECK_FAILS(stiction_hash(STICTION_F64, lambda, -3, &hash), STICTION_INVALID_ARGUMENT, "count = -3", ">= 0");
-  STICTION_CHECK_FAILS(stiction_hash(STICTION_F64, NULL, 3, &hash), STICTION_INVALID_ARGUMENT, "values is null", "array");
+  STICTION_CHECK_FAILS(stiction_hash(STICTION_F64, NULL, 3, &hash), STICTION_INVALID_ARGUMENT, "values is null",
+                       "array");
   STICTION_CHECK_FAILS(stiction_verify(&batch, NULL, residual), STICTION_INVALID_ARGUMENT, "lambda is null", "row");
   /* None of them wrote anything. */
   STICTION_CHECK(lambda[0] == 1 && lambda[5] == 6);

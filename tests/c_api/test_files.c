@@ -36,7 +36,8 @@ int main(int count, char** arguments) {
   STICTION_CHECK(again.env_count == 2 && again.row_count == 6 && again.law == STICTION_LAW_COULOMB);
   if (failures == 0) {
     STICTION_CHECK(memcmp(again.b, kFloatB, sizeof kFloatB) == 0 && memcmp(again.mu, kFloatMu, sizeof kFloatMu) == 0);
-    STICTION_CHECK(memcmp(again.A, kFloatA, sizeof kFloatA) == 0 && memcmp(again.cone_kind, kKinds, sizeof kKinds) == 0);
+    STICTION_CHECK(memcmp(again.A, kFloatA, sizeof kFloatA) == 0 &&
+                   memcmp(again.cone_kind, kKinds, sizeof kKinds) == 0);
   }
   STICTION_CHECK_OK(stiction_batch_destroy(batch));
 
