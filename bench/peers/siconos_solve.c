@@ -5,9 +5,9 @@
  * SOLVER: nsgs, admm, prox, nsn (friction), lemke, pgs (LCP). SECONDS of processor time for each environment.
  * IN (little-endian): int64 dimension of a contact (1: an LCP), int64 environments; for each int64 rows, int64 entries,
  * int64 offsets[rows + 1], int64 columns[entries], double values[entries], double q[rows], double mu[rows / dimension].
- * OUT: for each environment int64 how (0: Siconos calls it solved; > 0: its other return values; -1: out of time; -2: it
- * crashed or could not treat it), double seconds within the driver, double reaction[rows] (NaN
- * without an answer). Short solves are done again and the shortest counts.
+ * OUT: for each environment int64 how (0: Siconos calls it solved; > 0: its other return values; -1: out of time; -2:
+ * it crashed or could not treat it), double seconds within the driver, double reaction[rows] (NaN without an answer).
+ * Short solves are done again and the shortest counts.
  *
  * Each environment is solved in a process of its own, so that neither a crash nor the clock costs the others. Built by
  * bench/peers/against.py where the headers are found: cc siconos_solve.c -lsiconos_numerics
@@ -147,7 +147,8 @@ static double seconds_of(clockid_t clock) {
 }
 
 /* Problem and options are made anew each time: drivers scale and work in what they are given. */
-static void solve_once(const Problem* p, int d, const Solver* solver, double tolerance, int iterations, Answer* answer) {
+static void solve_once(const Problem* p, int d, const Solver* solver, double tolerance, int iterations,
+                       Answer* answer) {
   enum Storage storage = solver->storage;
   NumericsMatrix* matrix = storage == dense    ? dense_matrix(p)
                            : storage == blocks ? block_matrix(p, d)
@@ -167,8 +168,8 @@ static void solve_once(const Problem* p, int d, const Solver* solver, double tol
   } else {
     FrictionContactProblem* problem = frictionContactProblem_new_with_data(d, (int)(p->rows / d), matrix, p->q, p->mu);
     wall = seconds_of(CLOCK_MONOTONIC), processor = seconds_of(CLOCK_PROCESS_CPUTIME_ID);
-    answer->how = d == 2 ? fc2d_driver(problem, reaction, motion, options)
-                         : fc3d_driver(problem, reaction, motion, options);
+    answer->how =
+        d == 2 ? fc2d_driver(problem, reaction, motion, options) : fc3d_driver(problem, reaction, motion, options);
   }
   wall = seconds_of(CLOCK_MONOTONIC) - wall;
   processor = seconds_of(CLOCK_PROCESS_CPUTIME_ID) - processor;
