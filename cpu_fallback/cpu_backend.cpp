@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -149,6 +150,7 @@ class CpuBackend final : public Backend {
     job.warm_start = job.lambda;
     const Real omega = job.omega;
     for (int rung = 0; rung < kLadderRungs; ++rung) {
+      if (std::find(assigned.begin(), assigned.end(), rung) == assigned.end()) continue;
       job.rung = rung;
       job.omega = omega * static_cast<Real>(ladder_rung(rung).omega);
       solve_by(request, job, ladder_rung(rung).solver,

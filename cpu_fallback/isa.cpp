@@ -23,12 +23,37 @@ cpu::WorldKernelSet world_kernels();
 }  // namespace isa_avx2
 #endif
 
+#if defined(STICTION_HAS_AVX512)
+namespace isa_avx512 {
+cpu::KernelSet npgs_kernels();
+cpu::KernelSet pgs_kernels();
+}  // namespace isa_avx512
+#endif
+
 namespace cpu {
 
 namespace {
 
+#if defined(STICTION_HAS_AVX512)
+bool has_avx512() {
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+}
+
+/// Sweeps in packs are what wider vectors make faster; all else is that of AVX2.
+KernelSet avx512_kernels(SolverKind solver) {
+  if (solver == SolverKind::npgs) return isa_avx512::npgs_kernels();
+  if (solver == SolverKind::pgs) return isa_avx512::pgs_kernels();
+  return isa_avx2::solver_kernels(solver);
+}
+#endif
+
 // Widest first; the last one runs anywhere.
 const Isa kIsas[] = {
+#if defined(STICTION_HAS_AVX512)
+    {"avx512", has_avx512, avx512_kernels, isa_avx2::si_kernels, isa_avx2::newton_body_kernels,
+     isa_avx2::jacobian_kernels, isa_avx2::world_kernels},
+#endif
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
      isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels},

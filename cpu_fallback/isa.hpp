@@ -20,7 +20,7 @@ struct Isa {
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
-/// (baseline, avx2) asks for a narrower one; what the CPU cannot run is not taken.
+/// (baseline, avx2, avx512) asks for a narrower one; what the CPU cannot run is not taken.
 const Isa& best_isa();
 
 }  // namespace stiction::cpu

@@ -10,7 +10,9 @@ namespace stiction::inline STICTION_ISA {
 
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a
 // time.
-#if defined(__AVX2__) && defined(__FMA__)
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+inline constexpr int kVectorBytes = 64;
+#elif defined(__AVX2__) && defined(__FMA__)
 inline constexpr int kVectorBytes = 32;
 #elif defined(__ARM_NEON)
 inline constexpr int kVectorBytes = 16;
@@ -24,6 +26,28 @@ inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_
 template <class Real>
 EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
   return slice(job.batch, job.plan, job.law, job.warm_start, job.lambda, job.w, job.status, env);
+}
+/// The same for whoever is going to read all of A.
+template <class Real>
+EnvView<Real> slice_to_load(const cpu::Job<Real>& job, Offset env) {
+  EnvView<Real> view = slice(job, env);
+  if (job.plan.path[env] == EnvPath::dense) view.is_full = has_full_rows(view);
+  return view;
+}
+
+/// Asks for the matrix of an environment that is to be loaded next, while others are worked on.
+template <class Real>
+void prefetch(const cpu::Job<Real>& job, Offset env) {
+  constexpr Offset kMostBytes = 1 << 15;
+  constexpr Offset kLine = 64;
+  const EnvView<Real> view = slice(job, env);
+  const auto ask = [](const auto* first, Offset count) {
+    const auto* byte = reinterpret_cast<const char*>(first);
+    const Offset bytes = count * static_cast<Offset>(sizeof(*first));
+    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 2);
+  };
+  ask(view.A + view.row_offsets[0], view.entry_span());
+  ask(view.columns(0), view.entry_span());
 }
 
 template <class Method, Law kLaw, class Real>
@@ -68,10 +92,12 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
         lane.busy = false;
         --busy;
       }
-      DenseSystem<Real> staged(slots, Method::room(), staging + l * elements);
+      // The first place is used again and again, so it stays in the nearest cache.
+      DenseSystem<Real> staged(slots, Method::room(), staging + entering_count * elements);
       while (!lane.busy && next < count) {
         lane.rule = stop_rule(job, envs[next]);
-        lane.env = slice(job, envs[next++]);
+        lane.env = slice_to_load(job, envs[next++]);
+        if (next < count) prefetch(job, envs[next]);
         lane.progress = EnvProgress<Real>{};
         lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
         if (!is_solvable(lane.progress.flags)) {
@@ -87,7 +113,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
       for (Offset i = 0; i < elements; ++i)
         for (int k = 0; k < entering_count; ++k) {
           const int l = entering[k];
-          scratch[i * kWidth + l] = staging[l * elements + i];
+          scratch[i * kWidth + l] = staging[k * elements + i];
         }
     if (busy == 0) return;
     Lanes phase(0);
@@ -120,7 +146,7 @@ template <class Method, Law kLaw, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
   const MethodParams<Real> params{job.omega, job.is_rung()};
-  const EnvView<Real> view = slice(job, env);
+  const EnvView<Real> view = slice_to_load(job, env);
   const MethodRoom room = Method::room().up_to(job.direct_rows);
   SerialBlock block;
   if (job.plan.path[env] == EnvPath::empty) {

@@ -13,6 +13,9 @@ namespace {
 constexpr Offset kLargestPackBytes = Offset{1} << 20;
 /// Padding a pack may add to the work of its smallest member.
 constexpr double kLargestPadding = 1.6;
+/// The same once a run fills its packs several times over, so that little is lost by beginning another.
+constexpr double kPaddingOfLongRuns = 1.1;
+constexpr Offset kLongRun = 4;
 
 ConeCounts join(const ConeCounts& a, const ConeCounts& b) {
   ConeCounts both;
@@ -61,7 +64,9 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
     std::size_t end = begin + 1;
     while (end < order.size()) {
       const ConeCounts joined = join(slots, counts_of(order[end]));
-      if (static_cast<double>(work(joined)) > kLargestPadding * static_cast<double>(work(counts_of(order[end])))) break;
+      const bool is_long = end - begin >= static_cast<std::size_t>(kLongRun * pack_width);
+      const double most = is_long ? kPaddingOfLongRuns : kLargestPadding;
+      if (static_cast<double>(work(joined)) > most * static_cast<double>(work(counts_of(order[end])))) break;
       if (!packable(joined)) break;
       slots = joined;
       ++end;

@@ -132,6 +132,27 @@ STICTION_HD Pack<T, W> sqrt_(Pack<T, W> a) {
   return r;
 }
 
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+STICTION_HD Pack<float, 16> fma_(Pack<float, 16> a, Pack<float, 16> b, Pack<float, 16> c) {
+  return Pack<float, 16>(_mm512_fmadd_ps(a.v, b.v, c.v));
+}
+STICTION_HD Pack<double, 8> fma_(Pack<double, 8> a, Pack<double, 8> b, Pack<double, 8> c) {
+  return Pack<double, 8>(_mm512_fmadd_pd(a.v, b.v, c.v));
+}
+STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) {
+  return Pack<float, 16>(_mm512_sqrt_ps(a.v));
+}
+STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) {
+  return Pack<double, 8>(_mm512_sqrt_pd(a.v));
+}
+STICTION_HD bool any(PackMask<float, 16> a) {
+  return _mm512_movepi32_mask((__m512i)a.v) != 0;
+}
+STICTION_HD bool any(PackMask<double, 8> a) {
+  return _mm512_movepi64_mask((__m512i)a.v) != 0;
+}
+#endif
+
 #if defined(__AVX2__) && defined(__FMA__)
 STICTION_HD Pack<float, 8> fma_(Pack<float, 8> a, Pack<float, 8> b, Pack<float, 8> c) {
   return Pack<float, 8>(_mm256_fmadd_ps(a.v, b.v, c.v));

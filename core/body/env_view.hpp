@@ -19,6 +19,7 @@ struct EnvView {
   const ConeKind* kind;          ///< kind                                      (cone_count)
   const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
   std::uint32_t flags;           ///< what was found when the batch was made
+  bool is_full;                  ///< known: every row stores all n columns in order. False tells nothing
   const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
   const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
   const Offset* column_offsets;  ///< where each row's columns begin            (n)
@@ -69,11 +70,21 @@ struct EnvView {
 /// be looked up; what is computed stays the same.
 template <class Real>
 STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
+  if (env.is_full) return true;
   const Index* column = env.columns(row);
   const Index count = env.entries(row);
   unsigned off = 0;
   for (Index k = 0; k < count; ++k) off |= static_cast<unsigned>(column[k] != k);
   return off == 0;
+}
+
+/// Whether that holds for every row, all columns stored: then each pass over A need not look at columns again. For
+/// machines whose lanes each have an environment of their own.
+template <class Real>
+STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
+  for (Index row = 0; row < env.n; ++row)
+    if (env.entries(row) != env.n || !is_run(env, row)) return false;
+  return true;
 }
 
 /// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.
@@ -94,6 +105,7 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   v.first_row = row;
   v.law = law;
   v.flags = batch.env_flags == nullptr ? 0 : batch.env_flags[env];
+  v.is_full = false;
   v.kind = batch.cone_kind + cone;
   v.cone_rows = batch.cone_row_offsets + cone;
   v.row_offsets = batch.row_offsets + row;

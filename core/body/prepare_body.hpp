@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/transpose.hpp"
 #include "core/body/inspect_body.hpp"
 #include "core/body/record_body.hpp"
 
@@ -36,10 +37,75 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   return trace * sqrt_(sqrt_(sqrt_(sqrt_(sum))));
 }
 
+/// The dense matrix from rows that are stored in full, in tiles: some rows of the system times as many columns of the
+/// batch at a time, so that both the batch and the system are touched along their lines. Rows of padding are
+/// scaled by zero. Meanwhile x holds the place of each of the batch's rows, y where each of the system's begins in the
+/// batch, best its scale: numbers that a Real holds exactly.
+template <Block B, class Real, int kStride>
+STICTION_HD void assemble_full(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
+  constexpr Index kEdge = kTileEdge<Real>;
+  const Real* const stored = env.A + env.row_offsets[0];
+  if (s.n != env.n) for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
+  for_each(block, s.n, [&](Index i) { s.y[i] = s.best[i] = 0; });
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k) {
+      const Index i = env.row_of(first, env.cone_size(cone), k);
+      s.x[i] = static_cast<Real>(place.row + k);
+      s.y[place.row + k] = static_cast<Real>(i * env.n);
+      s.best[place.row + k] = row_scale(env, env.kind[cone], k, i);
+    }
+  });
+  const auto entry = [scale_a](Real a, Real of_row, Real of_column) {
+    return Real(0) + (a * scale_a) * (of_row * of_column);
+  };
+  const auto row = [&](Index r) { return stored + static_cast<Index>(s.y[r]); };
+  for_each(block, (s.n + kEdge - 1) / kEdge, [&](Index tile) {
+    const Index first = tile * kEdge;
+    const bool fits = first + kEdge <= s.n;
+    const Real* from[kEdge];
+    Real of_row[kEdge];
+    for (Index r = 0; fits && r < kEdge; ++r) {
+      from[r] = row(first + r);
+      of_row[r] = s.best[first + r];
+    }
+    Index j = 0;
+    for (; fits && j + kEdge <= env.n; j += kEdge) {
+      Real turned[kEdge][kEdge];
+      transpose_tile(from, turned);
+      for (Index r = 0; r < kEdge; ++r) from[r] += kEdge;
+      for (Index k = 0; k < kEdge; ++k) {
+        const Index place = static_cast<Index>(s.x[j + k]);
+        const Real scale = s.best[place];
+        // No pointer leads to what these read: a compiler sees that they may be read all at once.
+        Real column[kEdge];
+        for (Index r = 0; r < kEdge; ++r) column[r] = entry(turned[k][r], of_row[r], scale);
+        for (Index r = 0; r < kEdge; ++r) s.A[first + r + s.n * place] = column[r];
+      }
+    }
+    const Index end = fits ? first + kEdge : s.n;
+    for (; j < env.n; ++j) {
+      const Index place = static_cast<Index>(s.x[j]);
+      const Real scale = s.best[place];
+      for (Index r = first; r < end; ++r) s.A[r + s.n * place] = entry(row(r)[j], s.best[r], scale);
+    }
+  });
+  for_each(block, env.n, [&](Index i) {
+    const Index place = static_cast<Index>(s.x[i]);
+    const Real scale = s.best[place];
+    Real& diagonal = s.A[place + s.n * place];
+    diagonal = diagonal + (env.R[i] * scale_a) * (scale * scale);
+  });
+}
+
 /// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both
 /// are numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
 template <Block B, class Real, int kStride>
 STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
+  if (env.is_full) {
+    assemble_full(block, env, s, scale_a);
+    return;
+  }
   for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
@@ -189,9 +255,17 @@ STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, C
 /// max|A - A'| / max|A| of the dense system.
 template <Block B, class Real, int kStride>
 STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
-  const Real largest = max_over<Real>(block, s.n * s.n, [&](Index k) { return abs_(s.A[k]); });
-  const Real difference =
-      max_over<Real>(block, s.n * s.n, [&](Index k) { return abs_(s.A[k] - s.A[(k % s.n) * s.n + k / s.n]); });
+  Real largest(0);
+  Real difference(0);
+  for (Index j = block.rank(); j < s.n; j += block.size()) {
+    const Strided<Real, kStride> column = s.A.from(Offset{s.n} * j);
+    for (Index i = 0; i < s.n; ++i) {
+      largest = max_(abs_(column[i]), largest);
+      difference = max_(abs_(column[i] - s.A[j + s.n * i]), difference);
+    }
+  }
+  largest = block.max(largest);
+  difference = block.max(difference);
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 

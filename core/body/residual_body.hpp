@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/four_sums.hpp"
 #include "core/body/record_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -12,21 +13,10 @@ STICTION_HD_OUTLINE double row_motion(const EnvView<Real>& env, Index row, doubl
   const Index count = env.entries(row);
   const Real* a = env.A + begin;
   const Index* column = env.columns(row);
+  if (is_run(env, row)) return four_sums(start, a, env.lambda, count);
   double sum[4] = {start, 0.0, 0.0, 0.0};
-  const auto accumulate = [&](auto column_of) {
-    const auto add = [&](int part, Index k) {
-      sum[part] = fma_(static_cast<double>(a[k]), static_cast<double>(env.lambda[column_of(k)]), sum[part]);
-    };
-    Index k = 0;
-    for (; k + 4 <= count; k += 4)
-      for (int part = 0; part < 4; ++part) add(part, k + part);
-    for (int part = 0; k < count; ++k, ++part) add(part, k);
-  };
-  if (is_run(env, row)) {
-    accumulate([](Index k) { return k; });
-  } else {
-    accumulate([column](Index k) { return column[k]; });
-  }
+  add_to_four_sums(
+      sum, 0, count, [&](Index k) { return a[k]; }, [&](Index k) { return env.lambda[column[k]]; });
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 

@@ -18,7 +18,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-constexpr const char* kIsaNames[] = {"baseline", "avx2"};
+constexpr const char* kIsaNames[] = {"baseline", "avx2", "avx512"};
 
 /// Asks for one build of the kernels while it lives; best_isa() reads the variable at every solve.
 class ScopedIsa {

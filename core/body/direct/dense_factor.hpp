@@ -36,7 +36,11 @@ STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floo
     if (block.size() == 1) {
       K(j, j) = pivot;
       if (j > 0) K(j, j - 1) = K(j - 1, j);
-      for (Index k = j + 1; k < n; ++k)
+      // Rows that nothing couples to change nothing. A lane on its own sees that for nothing; a team would have to
+      // agree.
+      bool couples = false;
+      for (Index i = j + 1; i < n; ++i) couples = couples || K(i, j) != 0.0;
+      for (Index k = j + 1; couples && k < n; ++k)
         for (Index i = k; i < n; ++i) update(i, k);
     } else {
       single(block, [&] {

@@ -37,7 +37,7 @@ STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], c
   for (int k = 1; k < M; ++k) tau = max_(div_(abs_(u[k]) - u[0], R[k] + R[0]), tau);
   double eta = 0.0;
   double squares = 1.0;
-  for (int step = 0; step <= kSlidingSteps; ++step) {
+  for (int step = 0;; ++step) {
     eta = max_(fma_(R[0], tau, u[0]), 0.0);
     squares = 0.0;
     double slope = 0.0;
@@ -48,7 +48,11 @@ STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], c
       squares = squares + square;
       slope = fma_(div_(square, width), R[k] + R[0], slope);
     }
-    if (step < kSlidingSteps && slope > 0.0) tau = tau + max_(div_(squares * (sqrt_(squares) - 1.0), slope), 0.0);
+    if (step == kSlidingSteps || !(slope > 0.0)) break;
+    const double next = tau + max_(div_(squares * (sqrt_(squares) - 1.0), slope), 0.0);
+    // Further steps would compute the same again.
+    if (next == tau) break;
+    tau = next;
   }
   const double inverse = div_(1.0, sqrt_(squares));
   point.zone = kSlides;

@@ -86,21 +86,30 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
   const DenseMatrix A = room.matrix(0);
   const DenseMatrix K = room.matrix(1);
   const double* const C = room.vector(kFactor);
-  for_each(block, s.n, [&](Index i) {
-    SerialBlock alone;
-    s.for_each_cone(alone, [&](auto shape, Index, Index row) {
-      constexpr int kRows = decltype(shape)::kRows;
-      for (int j = 0; j < kRows; ++j) {
+  SerialBlock alone;
+  s.for_each_cone(alone, [&](auto shape, Index, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int j = 0; j < kRows; ++j) {
+      double c[kRows];
+      bool is_zero = true;
+      for (int k = 0; k < kRows; ++k) {
+        c[k] = C[Offset{6} * (row + k) + j];
+        is_zero = is_zero && c[k] == 0.0;
+      }
+      // Most cones of a robot are open or at a bound, and the columns of such are zero.
+      for (Index i = block.rank(); i < s.n; i += block.size()) {
         double sum = 0.0;
-        for (int k = 0; k < kRows; ++k) sum = fma_(A(i, row + k), C[Offset{6} * (row + k) + j], sum);
+        for (int k = 0; !is_zero && k < kRows; ++k) sum = fma_(A(i, row + k), c[k], sum);
         K(i, row + j) = sum;
       }
-    });
+    }
   });
+  block.sync();
+  // The lower triangle is all that is read.
   for_each(block, s.n, [&](Index j) {
-    SerialBlock alone;
     s.for_each_cone(alone, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
+      if (row + kRows <= j) return;
       double sum[kRows];
       for (int i = 0; i < kRows; ++i) {
         sum[i] = row + i == j ? 1.0 : 0.0;

@@ -1,0 +1,48 @@
+#pragma once
+
+#include "core/base/real.hpp"
+#if defined(__AVX2__) && defined(__FMA__)
+#include "core/base/pack.hpp"
+#endif
+
+namespace stiction::inline STICTION_ISA {
+
+/// Adds a(k) x(k) for k in [first, count) to sum k modulo 4; `first` is a multiple of 4. Sums are named by constants
+/// for as long as possible, so that they can be registers.
+template <class Left, class Right>
+STICTION_HD void add_to_four_sums(double (&sum)[4], Index first, Index count, Left&& a, Right&& x) {
+  const auto add = [&](int part, Index k) {
+    sum[part] = fma_(static_cast<double>(a(k)), static_cast<double>(x(k)), sum[part]);
+  };
+  Index k = first;
+  for (; k + 4 <= count; k += 4)
+    for (int part = 0; part < 4; ++part) add(part, k + part);
+  for (int part = 0; k < count; ++k, ++part) add(part, k);
+}
+
+/// Four interleaved partial sums of products in double: term k of a[k] x[k] goes to sum k modulo 4. Returns
+/// (sum 0 + sum 1) + (sum 2 + sum 3), where sum 0 began at `start`. Four neighbours at a time are one vector where
+/// there are vectors, with the same bits.
+template <class Real>
+STICTION_HD double four_sums(double start, const Real* a, const Real* x, Index count) {
+  double sum[4] = {start, 0.0, 0.0, 0.0};
+  Index k = 0;
+#if defined(__AVX2__) && defined(__FMA__)
+  using Four = Pack<double, 4>;
+  const auto widened = [](const Real* first) {
+    if constexpr (sizeof(Real) == sizeof(float)) {
+      return Four(_mm256_cvtps_pd(_mm_loadu_ps(first)));
+    } else {
+      return Four(_mm256_loadu_pd(first));
+    }
+  };
+  Four four(_mm256_setr_pd(start, 0.0, 0.0, 0.0));
+  for (; k + 4 <= count; k += 4) four = fma_(widened(a + k), widened(x + k), four);
+  _mm256_storeu_pd(sum, four.v);
+#endif
+  add_to_four_sums(
+      sum, k, count, [&](Index i) { return a[i]; }, [&](Index i) { return x[i]; });
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+}  // namespace stiction::inline STICTION_ISA
