@@ -16,13 +16,23 @@ struct WarmStartSpan {
   bool fits;  ///< in the store's memory
 };
 
+/// Rows of a contact point of bodies.
+constexpr Index kContactRows = 3;
+
+/// Whether the batch's cones are contact points of bodies: it has no offsets of rows, because each has three.
+template <class Real>
+STICTION_HD bool are_contacts(const ContactBatchView<Real>& batch) {
+  return batch.cone_row_offsets == nullptr;
+}
+
 template <class Real>
 STICTION_HD WarmStartSpan warm_start_span(const ContactBatchView<Real>& batch, const WarmStartMemory<Real>& memory,
                                           Offset env) {
   const Offset cone = batch.env_cone_offsets[env];
-  const Offset row = batch.env_row_offsets[env];
   const Index cones = batch.env_cones(env);
-  const Index rows = batch.env_rows(env);
+  const bool contacts = are_contacts(batch);
+  const Offset row = contacts ? kContactRows * cone : batch.env_row_offsets[env];
+  const Index rows = contacts ? kContactRows * cones : batch.env_rows(env);
   return {cone, row, cones, rows, cone + cones <= memory.cone_capacity && row + rows <= memory.row_capacity};
 }
 
@@ -31,8 +41,13 @@ STICTION_HD WarmStartSpan warm_start_span(const ContactBatchView<Real>& batch, c
 template <Block B, class Real>
 STICTION_HD std::uint32_t sort_cones(B& block, const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
                                      const WarmStartSpan& span, WarmStartEntry* entry) {
+  const bool contacts = are_contacts(batch);
   for_each(block, span.cones, [&](Index c) {
     const Offset cone = span.first_cone + c;
+    if (contacts) {
+      entry[c] = WarmStartEntry{cone_id[cone], kContactRows * c, ConeKind::friction, kContactRows, 0};
+      return;
+    }
     const Offset row = batch.cone_row_offsets[cone];
     entry[c] = WarmStartEntry{cone_id[cone], static_cast<Index>(row - span.first_row), batch.cone_kind[cone],
                               static_cast<std::uint8_t>(batch.cone_row_offsets[cone + 1] - row), 0};

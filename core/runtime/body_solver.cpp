@@ -158,20 +158,26 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
 }
 
 template <class Real>
-void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
-                       const Real* warm_start, StreamRef stream) const {
+void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
+                       const BodySolutionView<Real>& solution) const {
   check_space(batch);
-  const std::shared_ptr<const BodyPlanData>& data = plan.shared();
-  const bool fitting = batch.space == MemorySpace::host ? fits(*data, batch)
-                                                        : data->env_count() == batch.env_count &&
-                                                              data->env_body_offsets.back() == batch.body_count &&
-                                                              data->env_contact_offsets.back() == batch.contact_count;
+  const BodyPlanData& data = plan.data();
+  const bool fitting = batch.space == MemorySpace::host
+                           ? fits(data, batch)
+                           : data.env_count() == batch.env_count && data.env_body_offsets.back() == batch.body_count &&
+                                 data.env_contact_offsets.back() == batch.contact_count;
   if (!fitting) refuse("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
-  if (options_.method == BodyMethod::newton && !(data->has_newton && data->space == options_.space))
+  if (options_.method == BodyMethod::newton && !(data.has_newton && data.space == options_.space))
     refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
-  machine_->solve(BodyRequest<Real>{data, batch, solution, warm_start, stepping_, options_, stream});
+}
+
+template <class Real>
+void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+                       const Real* warm_start, StreamRef stream) const {
+  check(plan, batch, solution);
+  machine_->solve(BodyRequest<Real>{plan.shared(), batch, solution, warm_start, stepping_, options_, stream});
 }
 
 template <class Real>
@@ -194,6 +200,8 @@ BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping
 
 template BodyPlan BodySolver::plan(const BodyBatchView<float>&, StreamRef) const;
 template BodyPlan BodySolver::plan(const BodyBatchView<double>&, StreamRef) const;
+template void BodySolver::check(const BodyPlan&, const BodyBatchView<float>&, const BodySolutionView<float>&) const;
+template void BodySolver::check(const BodyPlan&, const BodyBatchView<double>&, const BodySolutionView<double>&) const;
 template void BodySolver::solve(const BodyPlan&, const BodyBatchView<float>&, const BodySolutionView<float>&,
                                 const float*, StreamRef) const;
 template void BodySolver::solve(const BodyPlan&, const BodyBatchView<double>&, const BodySolutionView<double>&,

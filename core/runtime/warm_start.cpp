@@ -27,6 +27,35 @@ void check_options(const WarmStartOptions& options) {
     refuse("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
 }
 
+/// Which cones a batch has, and which rows: all that a store looks at.
+template <class Real>
+ContactBatchView<Real> cones_of(const JacobianBatchView<Real>& batch) {
+  ContactBatchView<Real> cones;
+  cones.env_count = batch.env_count;
+  cones.cone_count = batch.cone_count;
+  cones.row_count = batch.row_count;
+  cones.env_row_offsets = batch.env_row_offsets;
+  cones.env_cone_offsets = batch.env_cone_offsets;
+  cones.env_row_counts = batch.env_row_counts;
+  cones.env_cone_counts = batch.env_cone_counts;
+  cones.cone_kind = batch.cone_kind;
+  cones.cone_row_offsets = batch.cone_row_offsets;
+  cones.space = batch.space;
+  return cones;
+}
+
+/// Contacts: cones without offsets of rows, which have three each (warm_start_body.hpp).
+template <class Real>
+ContactBatchView<Real> cones_of(const BodyBatchView<Real>& batch) {
+  ContactBatchView<Real> cones;
+  cones.env_count = batch.env_count;
+  cones.cone_count = batch.contact_count;
+  cones.row_count = 3 * batch.contact_count;
+  cones.env_cone_offsets = batch.env_contact_offsets;
+  cones.space = batch.space;
+  return cones;
+}
+
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_machine(Device device, const WarmStartCapacity& capacity,
                                                      const WarmStartOptions& options) {
@@ -91,6 +120,27 @@ void WarmStartStore<Real>::remember(const ContactBatchView<Real>& batch, const s
   if (batch.env_count > 0 && solution.status == nullptr)
     refuse("solution.status is null: without it a failed environment could not be told from a solved one");
   machine_->remember(RememberJob<Real>{{}, batch, cone_id, solution.lambda, solution.status, dt}, stream);
+}
+
+template <class Real>
+void WarmStartStore<Real>::recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
+                                  Real* guess, StreamRef stream) {
+  recall(cones_of(batch), cone_id, dt, guess, stream);
+}
+template <class Real>
+void WarmStartStore<Real>::remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
+                                    const JacobianSolutionView<Real>& solution, double dt, StreamRef stream) {
+  remember(cones_of(batch), cone_id, {solution.lambda, solution.w, solution.status}, dt, stream);
+}
+template <class Real>
+void WarmStartStore<Real>::recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt,
+                                  Real* guess, StreamRef stream) {
+  recall(cones_of(batch), contact_id, dt, guess, stream);
+}
+template <class Real>
+void WarmStartStore<Real>::remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
+                                    const BodySolutionView<Real>& solution, double dt, StreamRef stream) {
+  remember(cones_of(batch), contact_id, {solution.impulse, solution.w, solution.status}, dt, stream);
 }
 
 template <class Real>

@@ -28,8 +28,7 @@ BodySolverOptions body_options(const SolverOptions& options, const std::string& 
 /// A BodySolver whose calls wait for one another.
 class SharedBodySolver {
  public:
-  SharedBodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options)
-      : solver_(device, stepping, options) {}
+  SharedBodySolver(Device device, const BodyWay& way) : solver_(device, way.stepping, way.options) {}
 
   void solve(const BodyView& batch, const Outputs& out, const Array* velocity, const Array* warm_start,
              StreamRef stream) {
@@ -54,22 +53,26 @@ class SharedBodySolver {
 }  // namespace
 
 void bind_body_solver(nb::module_& module) {
-  nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, for one way of stepping.")
+  nb::class_<BodyWay>(module, "BodyWay", "How bodies are stepped and solved.")
       .def(
           "__init__",
-          [](SharedBodySolver* self, const std::string& device, const SolverOptions& options, const std::string& solver,
-             const std::string& law, double dt, double erp, double slop, double cfm, double restitution_threshold,
-             Index substeps, Index max_contacts) {
+          [](BodyWay* self, const SolverOptions& options, const std::string& solver, const std::string& law, double dt,
+             double erp, double slop, double cfm, double restitution_threshold, Index substeps, Index max_contacts) {
             BodySolverOptions body = body_options(options, solver);
             body.law = options.law.value_or(law_from(law));
             body.substeps = substeps;
             body.max_contacts_per_env = max_contacts;
-            new (self) SharedBodySolver(Device::from_string(device),
-                                        TimeStepping{dt, erp, slop, cfm, restitution_threshold}, body);
+            new (self) BodyWay{{dt, erp, slop, cfm, restitution_threshold}, body};
           },
-          nb::arg("device"), nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"),
-          nb::arg("slop"), nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"),
-          nb::arg("max_contacts"), nb::keep_alive<1, 3>())
+          nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"), nb::arg("slop"),
+          nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"), nb::arg("max_contacts"));
+  nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, for one way of stepping.")
+      .def(
+          "__init__",
+          [](SharedBodySolver* self, const std::string& device, const BodyWay& way) {
+            new (self) SharedBodySolver(Device::from_string(device), way);
+          },
+          nb::arg("device"), nb::arg("way"))
       .def(
           "solve",
           [](SharedBodySolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,

@@ -18,7 +18,7 @@ struct MujocoLayout {
   std::size_t time, nefc;
   // mjData: pointers
   std::size_t qpos, qvel, qacc, qacc_smooth, qacc_warmstart, qfrc_constraint, qLD;
-  std::size_t efc_type, efc_id, efc_R, efc_aref, efc_frictionloss, efc_force;
+  std::size_t efc_type, efc_id, efc_R, efc_aref, efc_frictionloss, efc_force, efc_state;
   std::size_t efc_J, efc_J_rownnz, efc_J_rowadr, efc_J_colind, contact;
   // mjContact
   std::size_t contact_bytes, contact_dim, contact_friction, contact_geom;
@@ -77,7 +77,7 @@ class MujocoSimulations {
   void gather();
   /// Solves what was gathered. The limits are as in JacobianBatchView, or empty.
   void solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations);
-  /// Writes qacc, efc_force and qfrc_constraint, as MuJoCo's own solver does.
+  /// Writes qacc, efc_force, efc_state and qfrc_constraint, as MuJoCo's own solver does.
   void scatter();
   /// Forgets the reactions of simulations that start over.
   void forget(const std::vector<Offset>& simulations);

@@ -34,6 +34,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("efc_aref", layout.efc_aref);
   take("efc_frictionloss", layout.efc_frictionloss);
   take("efc_force", layout.efc_force);
+  take("efc_state", layout.efc_state);
   take("efc_J", layout.efc_J);
   take("efc_J_rownnz", layout.efc_J_rownnz);
   take("efc_J_rowadr", layout.efc_J_rowadr);

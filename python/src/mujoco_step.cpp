@@ -26,6 +26,49 @@ void correct_rotation(const double* u, double* w) {
   for (int axis = 0; axis < 3; ++axis) w[axis] += 0.5 * first[axis] + second * twice[axis];
 }
 
+/// mjtConstraintState.
+enum State : int { satisfied = 0, quadratic = 1, linear_negative = 2, linear_positive = 3, on_cone = 4 };
+
+/// What a reaction may miss the border of its cone by and still lie on it: a few roundings, from scaling and back.
+constexpr double kBorder = 1 - 1e-9;
+
+/// Where a cone's reaction lies, in the words of MuJoCo: without force, where force grows with the square of the
+/// violation, at the end of a friction loss (named by the sign of J qacc - aref), or on the border of an elliptic cone.
+State state_of(ConeKind kind, std::size_t row, std::size_t rows, const MujocoSystem& system) {
+  const double* force = system.lambda.data() + row;
+  switch (kind) {
+    case ConeKind::box:
+      if (force[0] >= system.hi[row] * kBorder) return linear_negative;
+      return force[0] <= system.lo[row] * kBorder ? linear_positive : quadratic;
+    case ConeKind::unilateral:
+      return force[0] > 0 ? quadratic : satisfied;
+    case ConeKind::friction: {
+      double tangent = 0;
+      for (std::size_t k = 1; k < rows; ++k) {
+        const double mu = system.mu[row + k];
+        if (mu > 0) tangent += force[k] / mu * (force[k] / mu);
+      }
+      if (!(force[0] > 0)) return satisfied;
+      return std::sqrt(tangent) >= force[0] * kBorder ? on_cone : quadratic;
+    }
+    default:
+      return quadratic;
+  }
+}
+
+/// States of one simulation's rows.
+void write_states(const MujocoSystem& system, std::size_t env, int* state) {
+  const auto first_row = system.env_row_offsets[env];
+  for (Offset cone = system.env_cone_offsets[env]; cone < system.env_cone_offsets[env + 1]; ++cone) {
+    const auto c = static_cast<std::size_t>(cone);
+    const Offset row = system.cone_row_offsets[c];
+    const Offset rows = system.cone_row_offsets[c + 1] - row;
+    const State found = state_of(static_cast<ConeKind>(system.cone_kind[c]), static_cast<std::size_t>(row),
+                                 static_cast<std::size_t>(rows), system);
+    for (Offset k = 0; k < rows; ++k) state[row - first_row + k] = found;
+  }
+}
+
 }  // namespace
 
 void MujocoSimulations::scatter() {
@@ -44,6 +87,7 @@ void MujocoSimulations::scatter() {
     }
     auto* reactions = array_at<double>(data, layout_.efc_force);
     std::memcpy(reactions, system_.lambda.data() + row, rows * sizeof(double));
+    write_states(system_, env, array_at<int>(data, layout_.efc_state));
     functions_.mul_jac_t_vec(model_, data, force, reactions);
   });
 }

@@ -9,6 +9,7 @@
 
 #include "python/src/array.hpp"
 #include "python/src/views.hpp"
+#include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
 
@@ -20,6 +21,12 @@ struct Outputs {
   const Array* w = nullptr;
   const Array* velocity = nullptr;
   const Array* status = nullptr;
+};
+
+/// How bodies are stepped and solved.
+struct BodyWay {
+  TimeStepping stepping;
+  BodySolverOptions options;
 };
 
 /// The C++ solvers of one device and one set of options for matrices and for Jacobians. Calls from several threads wait

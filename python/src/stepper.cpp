@@ -33,28 +33,55 @@ const std::uint8_t* bytes_of(const Array& mask) {
   return mask.read<std::uint8_t>("mask");
 }
 
-/// A SteppingSolver in the precision of its batches.
+/// A stepping solver of one form of batches, in their precision.
 class Stepper {
  public:
   Stepper(Device device, const SolverOptions& options, const Capacity& capacity, const WarmStartOptions& warm_start) {
-    if (capacity.precision == Precision::f64)
-      solver_ = std::make_unique<SteppingSolver<double>>(device, options, capacity, warm_start);
-    else
-      solver_ = std::make_unique<SteppingSolver<float>>(device, options, capacity, warm_start);
+    make<SteppingSolver>(capacity.precision == Precision::f64, device, options, capacity, warm_start);
+  }
+  Stepper(Device device, const SolverOptions& options, const JacobianCapacity& capacity, bool wide,
+          const WarmStartOptions& warm_start) {
+    make<JacobianSteppingSolver>(wide, device, options, capacity, warm_start);
+  }
+  Stepper(Device device, const BodyWay& way, Offset envs, Offset contacts, bool wide,
+          const WarmStartOptions& warm_start) {
+    make<BodySteppingSolver>(wide, device, way.stepping, way.options, envs, contacts, warm_start);
   }
 
   void step(const ContactView& batch, const Array& ids, double dt, const Outputs& out, StreamRef stream) {
-    std::visit(
-        [&]<class Real>(const std::unique_ptr<SteppingSolver<Real>>& solver) {
-          const auto* view = std::get_if<ContactBatchView<Real>>(&batch.view);
-          if (view == nullptr) throw nb::type_error("batch: expected the precision that the solver was made for");
-          const auto solution = solution_view<Real>(out, view->row_count, view->env_count);
+    run<SteppingSolver>(batch.view, [&]<class Real>(SteppingSolver<Real>& solver, const ContactBatchView<Real>& view) {
+      const auto solution = solution_view<Real>(out, view.row_count, view.env_count);
+      const std::uint64_t* id = ids_of(ids);
+      return [=, &solver] { solver.solve(view, id, dt, solution, stream); };
+    });
+  }
+  void step(const JacobianView& batch, const Array& ids, double dt, const Outputs& out, StreamRef stream) {
+    run<JacobianSteppingSolver>(
+        batch.view, [&]<class Real>(JacobianSteppingSolver<Real>& solver, const JacobianBatchView<Real>& view) {
+          const auto contact = solution_view<Real>(out, view.row_count, view.env_count);
+          Real* velocity = room_for<Real>(out.velocity, "velocities", view.dof_count);
           const std::uint64_t* id = ids_of(ids);
-          const nb::gil_scoped_release unlocked;
-          const std::lock_guard lock(mutex_);
-          solver->solve(*view, id, dt, solution, stream);
-        },
-        solver_);
+          return [=, &solver] {
+            solver.solve(view, id, dt, {contact.lambda, contact.w, velocity, contact.status}, stream);
+          };
+        });
+  }
+  void step(const BodyView& batch, const Array& ids, const Outputs& out, StreamRef stream) {
+    run<BodySteppingSolver>(batch.view, [&]<class Real>(BodySteppingSolver<Real>& solver, BodyBatchView<Real> view) {
+      const auto contact = solution_view<Real>(out, 3 * view.contact_count, view.env_count);
+      Real* twist = room_for<Real>(out.velocity, "velocities", 6 * view.body_count);
+      view.contact_id = ids_of(ids);
+      return [=, &solver] { solver.solve(view, {contact.lambda, twist, contact.w, contact.status}, stream); };
+    });
+  }
+  /// Other time stepping from the next step on.
+  void change(const BodyWay& way) {
+    visit([&](auto& solver) {
+      if constexpr (requires { solver.change(way.stepping, way.options); })
+        solver.change(way.stepping, way.options);
+      else
+        throw nb::type_error("change: expected a stepper of bodies");
+    });
   }
 
   void reset(const std::vector<Offset>& envs, StreamRef stream) {
@@ -68,11 +95,18 @@ class Stepper {
     visit([&](auto& solver) { solver.reset_all(stream); });
   }
   void synchronize(StreamRef stream) {
-    visit([&](auto& solver) { solver.solver().synchronize(stream); });
+    visit([&](auto& solver) { solver.synchronize(stream); });
   }
 
   [[nodiscard]] Device device() const {
-    return std::visit([](const auto& solver) { return solver->solver().device(); }, solver_);
+    return std::visit(
+        [](const auto& solver) {
+          if constexpr (requires { solver->solver().device(); })
+            return solver->solver().device();
+          else
+            return solver->solver().solver().device();
+        },
+        solver_);
   }
 
   /// (hits, misses) of the last step, over all environments.
@@ -90,6 +124,29 @@ class Stepper {
   }
 
  private:
+  template <template <class> class Form, class... Arguments>
+  void make(bool wide, const Arguments&... arguments) {
+    if (wide)
+      solver_ = std::make_unique<Form<double>>(arguments...);
+    else
+      solver_ = std::make_unique<Form<float>>(arguments...);
+  }
+
+  /// Reads arrays while Python waits, by prepare(solver, view), and lets Python go on while what it returns runs.
+  template <template <class> class Form, class Views, class Prepare>
+  void run(const Views& views, const Prepare& prepare) {
+    std::visit(
+        [&]<template <class> class View, class Real>(const View<Real>& view) {
+          const auto* solver = std::get_if<std::unique_ptr<Form<Real>>>(&solver_);
+          if (solver == nullptr) throw nb::type_error("batch: expected the form and precision of the solver");
+          const auto solve = prepare(**solver, view);
+          const nb::gil_scoped_release unlocked;
+          const std::lock_guard lock(mutex_);
+          solve();
+        },
+        views);
+  }
+
   template <class Call>
   void visit(const Call& call) {
     const nb::gil_scoped_release unlocked;
@@ -98,7 +155,10 @@ class Stepper {
   }
 
   std::mutex mutex_;
-  std::variant<std::unique_ptr<SteppingSolver<float>>, std::unique_ptr<SteppingSolver<double>>> solver_;
+  std::variant<std::unique_ptr<SteppingSolver<float>>, std::unique_ptr<SteppingSolver<double>>,
+               std::unique_ptr<JacobianSteppingSolver<float>>, std::unique_ptr<JacobianSteppingSolver<double>>,
+               std::unique_ptr<BodySteppingSolver<float>>, std::unique_ptr<BodySteppingSolver<double>>>
+      solver_;
 };
 
 std::vector<Offset> offsets_of(const nb::sequence& numbers) {
@@ -121,13 +181,50 @@ void bind_stepper(nb::module_& module) {
           nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::arg("beta"), nb::arg("scaling"),
           nb::keep_alive<1, 3>())
       .def(
+          "__init__",
+          [](Stepper* self, const std::string& device, const SolverOptions& options, const JacobianCapacity& capacity,
+             bool wide, double beta, const std::string& scaling) {
+            new (self) Stepper(Device::from_string(device), options, capacity, wide,
+                               {beta, scaling_from(scaling), options.threads});
+          },
+          nb::arg("device"), nb::arg("options"), nb::arg("capacity"), nb::arg("wide"), nb::arg("beta"),
+          nb::arg("scaling"), nb::keep_alive<1, 3>())
+      .def(
+          "__init__",
+          [](Stepper* self, const std::string& device, const BodyWay& way, Offset envs, Offset contacts, bool wide,
+             double beta, const std::string& scaling) {
+            new (self) Stepper(Device::from_string(device), way, envs, contacts, wide,
+                               {beta, scaling_from(scaling), way.options.threads});
+          },
+          nb::arg("device"), nb::arg("way"), nb::arg("envs"), nb::arg("contacts"), nb::arg("wide"), nb::arg("beta"),
+          nb::arg("scaling"))
+      .def(
           "step",
           [](Stepper& self, const ContactView& batch, const Array& ids, double dt, const Array* lambda, const Array* w,
-             const Array* status, std::uintptr_t stream) {
+             const Array*, const Array* status, std::uintptr_t stream) {
             self.step(batch, ids, dt, {lambda, w, nullptr, status}, stream_from(stream));
           },
-          nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("status"),
-          nb::arg("stream"))
+          nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
+          nb::arg("velocities").none(), nb::arg("status"), nb::arg("stream"))
+      .def(
+          "step",
+          [](Stepper& self, const JacobianView& batch, const Array& ids, double dt, const Array* lambda, const Array* w,
+             const Array* velocities, const Array* status, std::uintptr_t stream) {
+            self.step(batch, ids, dt, {lambda, w, velocities, status}, stream_from(stream));
+          },
+          nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
+          nb::arg("velocities").none(), nb::arg("status"), nb::arg("stream"))
+      .def(
+          "step",
+          [](Stepper& self, const BodyView& batch, const Array& ids, double, const Array* lambda, const Array* w,
+             const Array* velocities, const Array* status, std::uintptr_t stream) {
+            self.step(batch, ids, {lambda, w, velocities, status}, stream_from(stream));
+          },
+          nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
+          nb::arg("velocities"), nb::arg("status"), nb::arg("stream"))
+      .def(
+          "change", [](Stepper& self, const BodyWay& way) { self.change(way); }, nb::arg("way"),
+          "Other time stepping of bodies, from the next step on.")
       .def(
           "reset",
           [](Stepper& self, const nb::sequence& envs, std::uintptr_t stream) {

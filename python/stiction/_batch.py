@@ -412,6 +412,12 @@ class Batch:
         self._rows(joined.mu, joined.R, joined.lo, joined.hi, joined.groups, accuracy)
         return self
 
+    def _most_dofs(self) -> int:
+        """Degrees of freedom of the largest environment, in the Jacobian form."""
+        if self.layout.padded:
+            return self.dof_shape[1]
+        return int(np.diff(as_numpy("dof_offsets", self.dof_offsets)).max(initial=0))
+
     def _refresh(self):
         """Reads again what may have changed in place since the last solve."""
         if self.layout is not None:

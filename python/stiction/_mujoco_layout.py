@@ -18,7 +18,7 @@ _NUMBERS = {"int": ctypes.c_int, "mjtNum": ctypes.c_double, "double": ctypes.c_d
 
 #: Fields of mjData that hold a pointer to an array, by the name that they have here and there.
 POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "efc_type", "efc_id",
-            "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_J", "efc_J_rownnz", "efc_J_rowadr",
+            "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_state", "efc_J", "efc_J_rownnz", "efc_J_rowadr",
             "efc_J_colind", "contact")
 
 #: One box on a plane, with a joint that has friction and a limit: rows of three kinds.

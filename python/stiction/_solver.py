@@ -63,6 +63,12 @@ class Machine:
         with open(path, "w", encoding="utf-8") as file:
             file.write(self._tracer.chrome_json())
 
+    def _check_form(self, form):
+        """Refuses a solver that has none for batches of that form."""
+        if self.solver == "multigrid" and form != "bodies":
+            raise ValueError("solver: expected a solver of contact batches, got 'multigrid', which works on bodies alone "
+                             "(Batch.from_bodies)")
+
     def _on_device(self, batch):
         """Whether the batch lies in the memory of this solver's device, and not of the host."""
         if not isinstance(batch, Batch):
@@ -151,20 +157,23 @@ class Solver(Machine):
     def _queue(self, batch, solution, guess, handle, on_device):
         view, seen, room = batch._view(on_device), solution._seen, batch._room() if on_device else None
         lambda_, w, status = seen["lambda_"], seen.get("w"), seen["status"]
-        if self.solver == "multigrid" and batch.form != "bodies":
-            raise ValueError("solver: expected a solver of contact batches, got 'multigrid', which works on bodies alone "
-                             "(Batch.from_bodies)")
+        self._check_form(batch.form)
         if batch.form == "delassus":
             self._core.solve_contacts(view, lambda_, w, status, guess, handle, room)
         elif batch.form == "jacobian":
             self._core.solve_jacobian(view, lambda_, w, seen.get("velocities"), status, guess, handle, room)
         else:
-            if "velocities" not in seen:
-                raise ValueError("out['velocities']: expected an array for the twists of bodies, got None")
+            _need_twists(seen)
             key = (batch.law, *batch.stepping)
             if key not in self._bodies:
-                self._bodies[key] = _core.BodySolver(self.device, self._options, self.solver, *key)
+                self._bodies[key] = _core.BodySolver(self.device, _core.BodyWay(self._options, self.solver, *key))
             self._bodies[key].solve(view, lambda_, w, seen["velocities"], status, guess, handle)
+
+
+def _need_twists(seen):
+    """Refuses an answer of bodies that has nowhere to put their twists."""
+    if "velocities" not in seen:
+        raise ValueError("out['velocities']: expected an array for the twists of bodies, got None")
 
 
 def verify(batch: Batch, solution) -> np.ndarray:

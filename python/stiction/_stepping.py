@@ -10,7 +10,10 @@ from . import _core, _streams
 from ._arrays import as_numpy, look, take
 from ._batch import Batch
 from ._solution import Solution
-from ._solver import Machine
+from ._solver import Machine, _need_twists
+
+#: Law and time stepping of a batch of bodies that says nothing else (Batch.from_bodies).
+_USUAL_WAY = ("coulomb", 0.005, 0.2, 0.0, 0.0, 0.1, 1, 0)
 
 
 class ParallelContactSolver(Machine):
@@ -23,75 +26,129 @@ class ParallelContactSolver(Machine):
             solution = solver.step(batch, ids, dt)
             solver.reset(mask=done)
 
-    n_envs: environments of every step. device: as for Solver. max_rows, max_cones: room of one environment (cones: as
-    many as rows if not given). dtype: "float32" or "float64". beta: part of the last reaction to start from, in (0, 1].
-    scaling: what a change of dt does to it, "capped" (lambda is a force, and no more impulse than before), "none" (a
-    force that lasts), "proportional" (lambda is an impulse). All other options as for Solver.
+    n_envs: environments of every step. device: as for Solver. form: of the batches to come, "delassus", "jacobian" or
+    "bodies". max_rows, max_cones: room of one environment (cones: as many as rows if not given; a contact of bodies is
+    a cone of three rows). max_dofs: degrees of freedom of one environment, for the Jacobian form on a GPU. dtype:
+    "float32" or "float64". beta: part of the last reaction to start from, in (0, 1]. scaling: what a change of dt does
+    to it, "capped" (lambda is a force, and no more impulse than before; the default), "none" (a force that lasts),
+    "proportional" (lambda is an impulse; the default of bodies). All other options as for Solver.
 
-    All memory is taken here; on a GPU a step queues and returns, and may be captured into a CUDA graph.
+    All memory is taken here; on a GPU a step queues and returns, and may be captured into a CUDA graph. Bodies are
+    planned anew in every step, which takes memory as they need it and waits for a batch in device memory.
     """
 
     def __init__(self, n_envs: int, device: str = "cpu", *, max_rows: int, max_cones: int | None = None,
-                 dtype: str = "float64", beta: float = 0.95, scaling: str = "capped", **options):
+                 form: str = "delassus", max_dofs: int | None = None, dtype: str = "float64", beta: float = 0.95,
+                 scaling: str | None = None, **options):
         if options.get("record_failures") is not None:
             raise ValueError("record_failures: expected a stiction.Solver, whose warm starts can be recorded, got a "
                              "ParallelContactSolver")
         super().__init__(**options)
-        self.n_envs, self.max_rows = int(n_envs), int(max_rows)
-        self.max_cones = self.max_rows if max_cones is None else int(max_cones)
+        if form not in ("delassus", "jacobian", "bodies"):
+            raise ValueError(f"form: expected 'delassus', 'jacobian' or 'bodies', got {form!r}")
+        self._check_form(form)
+        self.form, self.n_envs, self.max_rows = form, int(n_envs), int(max_rows)
+        cones = self.max_rows // 3 if form == "bodies" else self.max_rows
+        self.max_cones = cones if max_cones is None else int(max_cones)
+        self.max_dofs = None if max_dofs is None else int(max_dofs)
         self.dtype = str(np.dtype(dtype))
         if self.dtype not in ("float32", "float64"):
             raise TypeError(f"dtype: expected float32 or float64, got {self.dtype}")
         if self.n_envs < 1 or self.max_rows < 0 or self.max_cones < 0:
             raise ValueError(f"n_envs, max_rows, max_cones: expected at least 1, 0 and 0, got {self.n_envs}, "
                              f"{self.max_rows}, {self.max_cones}")
-        # One cone more each: the entry that closes an environment's last.
-        rows, cones = self.n_envs * self.max_rows, self.n_envs * (self.max_cones + 1)
-        room = _core.Capacity(self.n_envs, rows, cones, rows * self.max_rows, self.max_rows, self.max_rows ** 2, 0,
-                              self.dtype == "float64")
-        self._core = _core.Stepper(str(device), self._options, room, float(beta), scaling)
+        # One cone more in each padded environment: the entry that closes its last.
+        self._most_cones = self.n_envs * (self.max_cones + (form != "bodies"))
+        self._way = _USUAL_WAY
+        self._core = self._make(str(device), float(beta),
+                                scaling or ("proportional" if form == "bodies" else "capped"))
         self.device = self._core.device
         self._ids = {}  # batch's framework and shape -> ids with the closing entries
         self._hits = self._misses = 0
         self._stream = None  # of steps whose hits have not been looked at
 
-    def step(self, batch: Batch, ids, dt: float, out=None, stream=None) -> Solution:
+    def _make(self, device, beta, scaling):
+        """The solver of that form."""
+        envs, rows, wide = self.n_envs, self.max_rows, self.dtype == "float64"
+        if self.form == "bodies":
+            return _core.Stepper(device, _core.BodyWay(self._options, self.solver, *self._way), envs, self._most_cones,
+                                 wide, beta, scaling)
+        if self.form == "delassus":
+            room = _core.Capacity(envs, envs * rows, self._most_cones, envs * rows * rows, rows, rows ** 2, 0, wide)
+            return _core.Stepper(device, self._options, room, beta, scaling)
+        if self.max_dofs is None and device != "cpu":
+            raise ValueError("max_dofs: expected the degrees of freedom of the largest environment, which a device takes "
+                             "room for, got None")
+        room = _core.JacobianCapacity.of_largest(envs, rows, self.max_cones + 1, self.max_dofs or 0)
+        return _core.Stepper(device, self._options, room, wide, beta, scaling)
+
+    def step(self, batch: Batch, ids, dt: float | None = None, out=None, stream=None) -> Solution:
         """Solves this step and returns its Solution.
 
-        batch: of form "delassus", padded (B, n, n) or flat. ids: int64 or uint64 contact ids, (B, cones) padded or
-        (cones,) flat, on the batch's device, unique within an environment; the same contact has the same id in every
-        step. dt: length of the step [s]. out, stream: as for Solver.solve.
+        batch: of the solver's form, padded (B, n, ...) or flat. ids: int64 or uint64 contact ids, (B, cones) padded or
+        (cones,) flat, of bodies shaped as body_a, on the batch's device, unique within an environment; the same contact
+        has the same id in every step. dt: length of the step [s]; of bodies their batch's, and may be left out.
+        out, stream: as for Solver.solve.
 
         More contacts than room are cut off where they begin, and the environment is flagged "capacity"; a batch beyond
         n_envs, max_rows and max_cones raises ValueError.
         """
         on_device = self._on_device(batch)
-        if batch.form != "delassus":
-            raise ValueError(f"batch: expected form 'delassus', got {batch.form!r}")
+        if batch.form != self.form:
+            raise ValueError(f"batch: expected form {self.form!r}, for which the solver was made, got {batch.form!r}")
         if batch.dtype != self.dtype:
             raise TypeError(f"batch: expected {self.dtype}, for which the solver was made, got {batch.dtype}")
-        layout = batch.layout
-        beyond = len(batch) > self.n_envs or layout.row_count > self.n_envs * self.max_rows or \
-            layout.cone_count > self.n_envs * (self.max_cones + 1)
-        if beyond:
-            raise ValueError(f"batch: expected at most {self.n_envs} environments, {self.n_envs * self.max_rows} rows and "
-                             f"{self.n_envs * (self.max_cones + 1)} cones (with one more for each padded environment), "
-                             f"got {len(batch)}, {layout.row_count} and {layout.cone_count}: construct the solver with "
-                             "more")
+        dt = self._length_of(batch, dt)
+        self._check_room(batch)
         handle = _streams.handle_of(stream, batch.framework, batch.device)
         batch._refresh()
         seen_ids = self._take_ids(batch, ids)
         solution = Solution.empty(batch) if out is None else Solution.over(batch, out)
         seen = solution._seen
+        if self.form == "bodies":
+            _need_twists(seen)
+            self._follow(batch)
         start = time.perf_counter()
-        self._core.step(batch._view(on_device), seen_ids, float(dt), seen["lambda_"], seen.get("w"), seen["status"],
-                        handle)
+        self._core.step(batch._view(on_device), seen_ids, dt, seen["lambda_"], seen.get("w"), seen.get("velocities"),
+                        seen["status"], handle)
         queued = self._finish(batch, solution, None, stream, handle, on_device, start)
         if queued:
             self._stream = handle
         else:
             self._count(handle)
         return solution
+
+    def _length_of(self, batch, dt):
+        if self.form != "bodies":
+            if dt is None:
+                raise ValueError("dt: expected the length of the step [s], got None")
+            return float(dt)
+        own = batch.stepping[0]
+        if dt is not None and float(dt) != own:
+            raise ValueError(f"dt: expected that of the batch of bodies, {own}, or None, got {float(dt)}")
+        return own
+
+    def _check_room(self, batch):
+        bodies = self.form == "bodies"
+        rows = batch.rows
+        cones = rows // 3 if bodies else batch.layout.cone_count
+        if len(batch) > self.n_envs or rows > self.n_envs * self.max_rows or cones > self._most_cones:
+            note = "" if bodies else " (with one more for each padded environment)"
+            raise ValueError(f"batch: expected at most {self.n_envs} environments, {self.n_envs * self.max_rows} rows and "
+                             f"{self._most_cones} cones{note}, got {len(batch)}, {rows} and {cones}: construct the solver "
+                             "with more")
+        if self.form == "jacobian" and self.max_dofs is not None:
+            dofs = int(batch._most_dofs())
+            if dofs > self.max_dofs:
+                raise ValueError(f"batch: expected at most {self.max_dofs} degrees of freedom in an environment, got "
+                                 f"{dofs}: construct the solver with more")
+
+    def _follow(self, batch):
+        """Steps as this batch of bodies says."""
+        way = (batch.law, *batch.stepping)
+        if way != self._way:
+            self._core.change(_core.BodyWay(self._options, self.solver, *way))
+            self._way = way
 
     def reset(self, ids=None, mask=None, stream=None) -> None:
         """Forgets the reactions of environments that start over: those of a list of indices, or wherever mask is not
@@ -125,9 +182,10 @@ class ParallelContactSolver(Machine):
         self._misses += misses
 
     def _take_ids(self, batch, ids):
-        dtype = look("ids", ids).dtype
-        take("ids", ids, dtype if dtype in ("int64", "uint64") else "uint64", batch.layout.cone_shape, batch.device)
-        if not batch.layout.padded:
+        dtype, bodies = look("ids", ids).dtype, self.form == "bodies"
+        take("ids", ids, dtype if dtype in ("int64", "uint64") else "uint64",
+             batch.contact_shape if bodies else batch.layout.cone_shape, batch.device)
+        if bodies or not batch.layout.padded:
             return look("ids", ids)
         key = (batch.framework, batch.layout.cone_shape, dtype)
         if key not in self._ids:

@@ -5,7 +5,7 @@
     simulation.data[3].qpos               # each simulation is an ordinary mujoco.MjData
 
 MuJoCo collects the rows (contacts, limits, friction loss, equalities), stiction solves the convex problem that they
-form, and qacc, efc_force and qfrc_constraint go back to where MuJoCo's own solver writes them. docs/mujoco.md.
+form, and qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoCo's own solver writes them. docs/mujoco.md.
 """
 
 import time

@@ -88,6 +88,32 @@ MISTAKES = {
     "capacity": (ValueError, "batch: expected at most 1 environments, 6 rows and",
                  lambda: ParallelContactSolver(1, max_rows=6).step(Batch.from_delassus(A, b),
                                                                    np.zeros((2, 2), np.uint64), 0.01)),
+    "capacity of Jacobians": (ValueError, "batch: expected at most 1 environments, 6 rows and",
+                              lambda: ParallelContactSolver(1, max_rows=6, form="jacobian").step(
+                                  Batch.from_jacobian(A, A, b), np.zeros((2, 2), np.uint64), 0.01)),
+    "degrees of freedom": (ValueError, "batch: expected at most 5 degrees of freedom in an environment, got 6",
+                           lambda: ParallelContactSolver(2, max_rows=6, max_dofs=5, form="jacobian").step(
+                               Batch.from_jacobian(A, A, b), np.zeros((2, 2), np.uint64), 0.01)),
+    "no degrees of freedom": (ValueError, "max_dofs: expected the degrees of freedom of the largest environment",
+                              lambda: ParallelContactSolver(2, "emulated", max_rows=6, form="jacobian")),
+    "capacity of bodies": (ValueError, "batch: expected at most 1 environments, 3 rows and 1 cones, got 1, 6 and 2",
+                           lambda: ParallelContactSolver(1, max_rows=3, form="bodies").step(
+                               one_body(2), np.zeros((1, 2), np.uint64))),
+    "ids of bodies": (ValueError, "ids: expected uint64 (1, 2)",
+                      lambda: ParallelContactSolver(1, max_rows=6, form="bodies").step(
+                          one_body(2), np.zeros((1, 3), np.uint64))),
+    "another dt than the bodies'": (ValueError, "dt: expected that of the batch of bodies, 0.005, or None, got 0.01",
+                                    lambda: ParallelContactSolver(1, max_rows=6, form="bodies").step(
+                                        one_body(2), np.zeros((1, 2), np.uint64), 0.01)),
+    "no dt": (ValueError, "dt: expected the length of the step [s], got None",
+              lambda: ParallelContactSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.uint64))),
+    "another form": (ValueError, "batch: expected form 'jacobian', for which the solver was made, got 'delassus'",
+                     lambda: ParallelContactSolver(2, max_rows=6, form="jacobian").step(
+                         Batch.from_delassus(A, b), np.zeros((2, 2), np.uint64), 0.01)),
+    "no form": (ValueError, "form: expected 'delassus', 'jacobian' or 'bodies', got 'pyramids'",
+                lambda: ParallelContactSolver(2, max_rows=6, form="pyramids")),
+    "multigrid in a loop": (ValueError, "'multigrid', which works on bodies alone",
+                            lambda: ParallelContactSolver(2, max_rows=6, solver="multigrid")),
     "ids": (TypeError, "ids: expected uint64 (2, 2)",
             lambda: ParallelContactSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.int32), 0.01)),
     "step of no length": (stiction.Error, "dt", lambda: ParallelContactSolver(2, max_rows=6).step(
@@ -102,6 +128,14 @@ MISTAKES = {
                       lambda: Batch.from_delassus(A, b, env_tolerance=np.zeros(2, np.float32))),
     "no such file": (stiction.Error, "nowhere.h5", lambda: Batch.from_file("nowhere.h5")),
 }
+
+
+def one_body(contacts):
+    """A body on the floor with that many contacts under it."""
+    points = np.zeros((1, contacts, 3))
+    return Batch.from_bodies(np.ones((1, 1)), np.array([[[1.0, 0, 0, 1, 0, 1]]]), np.zeros((1, 1, 6)),
+                             np.full((1, contacts), -1, np.int32), np.zeros((1, contacts), np.int32), points, points,
+                             points + [0.0, 0, 1], np.ones((1, contacts)), np.zeros((1, contacts)))
 
 
 def solve_into(lambda_):

@@ -1,5 +1,7 @@
 """stiction inside MuJoCo: rows as they were, answers as MuJoCo's Newton has them, steps as mj_step makes them."""
 
+import pathlib
+
 import numpy as np
 import pytest
 
@@ -103,6 +105,76 @@ def test_accelerations_and_forces_are_those_of_mujocos_newton(cone, jacobian):
         np.testing.assert_allclose(data.efc_force, peer.efc_force, rtol=0,
                                    atol=1e-6 * max(1.0, np.abs(peer.efc_force).max()))
         simulation.step()
+
+
+def far_from_borders(model, data, margin=1e-5):
+    """Whether each row's state would be the same if J qacc - aref were a little different (mj_constraintUpdate)."""
+    jar = np.zeros(data.nefc)
+    mujoco.mj_mulJacVec(model, data, jar, data.qacc)
+    jar -= data.efc_aref
+    slack = np.abs(jar)
+    slack[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY] = np.inf
+    for kind in (mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF, mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON):
+        rows = data.efc_type == kind
+        slack[rows] = np.abs(slack[rows] - (data.efc_R * data.efc_frictionloss)[rows])
+    for contact in data.contact:
+        if contact.efc_address < 0 or contact.dim == 1 or model.opt.cone != mujoco.mjtCone.mjCONE_ELLIPTIC:
+            continue
+        rows = slice(contact.efc_address, contact.efc_address + contact.dim)
+        normal = jar[rows][0] * contact.mu
+        tangent = np.linalg.norm(jar[rows][1:] * contact.friction[:contact.dim - 1])
+        slack[rows] = min(abs(normal - contact.mu * tangent), abs(contact.mu * normal + tangent))
+    return slack > margin * max(1.0, np.abs(data.efc_aref).max(initial=0))
+
+
+def compare_states(model, steps, scale=1.0):
+    """States that stiction and MuJoCo's Newton have at equal state along a trajectory: of all rows far from the borders
+    of their zones the same ones. Returns how often each state was, and the share of rows that were compared.
+
+    Without islands: with them MuJoCo 4.0.0 leaves states of an earlier solve behind (its own mj_constraintUpdate at the
+    same accelerations gives others).
+    """
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    simulation = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-12)
+    data, peer = simulation.data[0], mujoco.MjData(model)
+    data.qvel[:] = np.random.default_rng(0).uniform(-1, 1, model.nv)  # so that contacts slip, too
+    seen, rows = np.zeros(5, int), 0
+    for step in range(steps):
+        data.ctrl[:] = scale * controls(model, step)
+        simulation.forward()
+        peer.qpos[:], peer.qvel[:], peer.ctrl[:], peer.qacc_warmstart[:] = data.qpos, data.qvel, data.ctrl, 0
+        mujoco.mj_forward(model, peer)
+        far = far_from_borders(model, peer)
+        np.testing.assert_array_equal(data.efc_state[far], peer.efc_state[far], f"step {step}")
+        seen += np.bincount(peer.efc_state[far], minlength=5)
+        rows += len(far)
+        simulation.step()
+    return seen, seen.sum() / rows
+
+
+@pytest.mark.parametrize("jacobian", ["dense", "sparse"])
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+def test_states_are_those_of_mujocos_newton(cone, jacobian):
+    seen, share = compare_states(zoo(cone, jacobian=jacobian), 120, scale=4.0)
+    assert (seen[:4] > 0).all() and (seen[4] > 0) == (cone == "elliptic"), seen
+    assert share > 0.9
+
+
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+@pytest.mark.parametrize("name", ["ant", "half_cheetah", "hopper", "walker2d_v5", "humanoid"])
+def test_states_of_gymnasiums_models_are_those_of_mujocos_newton(name, cone):
+    gymnasium = pytest.importorskip("gymnasium", reason="Gymnasium's models are NOT tested: pip install gymnasium")
+    path = pathlib.Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / f"{name}.xml"
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}")
+    model.opt.solver, model.opt.tolerance, model.opt.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 0, 100
+    seen, share = compare_states(model, 150)
+    assert seen[0] > 0 and seen[1] > 0 and share > 0.9, (seen, share)
+
+
+def test_states_have_mujocos_numbers():
+    names = ("SATISFIED", "QUADRATIC", "LINEARNEG", "LINEARPOS", "CONE")
+    assert [int(getattr(mujoco.mjtConstraintState, f"mjCNSTRSTATE_{name}")) for name in names] == list(range(5))
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -1,18 +1,12 @@
 #include <gtest/gtest.h>
 
-#include <type_traits>
 #include <vector>
 
-#include "stiction.h"
-#include "stiction/bodies.hpp"
 #include "stiction/hash.hpp"
-#include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
-#include "stiction/stepping.hpp"
+#include "tests/c_api/c_views.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
 #include "tests/support/jacobian_systems.hpp"
-#include "tests/support/random_systems.hpp"
 
 #ifdef STICTION_TEST_HAS_IO
 #include "stiction/io.hpp"
@@ -23,116 +17,6 @@ namespace {
 
 using namespace stiction;
 using namespace stiction::test;
-
-#define STICTION_OK_OR_SAY(call) ASSERT_EQ(call, STICTION_OK) << stiction_last_error()
-
-template <class Real>
-constexpr std::int32_t kPrecision = std::is_same_v<Real, double> ? STICTION_F64 : STICTION_F32;
-
-stiction_status* records(std::vector<EnvStatus>& status) {
-  return reinterpret_cast<stiction_status*>(status.data());
-}
-
-template <class Real>
-Solution<Real> room_for(Offset rows, Offset envs) {
-  return {std::vector<Real>(static_cast<std::size_t>(rows)), std::vector<Real>(static_cast<std::size_t>(rows)),
-          std::vector<EnvStatus>(static_cast<std::size_t>(envs))};
-}
-
-template <class Real>
-stiction_solution c_view(Solution<Real>& solution) {
-  stiction_solution c;
-  stiction_solution_init(&c, sizeof c);
-  c.lambda = solution.lambda.data();
-  c.w = solution.w.data();
-  c.status = records(solution.status);
-  return c;
-}
-
-template <class C, class Cpp>
-void copy_common(C& c, const Cpp& cpp) {
-  c.law = static_cast<std::int32_t>(cpp.law);
-  c.env_count = cpp.env_count;
-  c.cone_count = cpp.cone_count;
-  c.row_count = cpp.row_count;
-  c.env_row_offsets = cpp.env_row_offsets;
-  c.env_cone_offsets = cpp.env_cone_offsets;
-  c.cone_kind = reinterpret_cast<const std::uint8_t*>(cpp.cone_kind);
-  c.cone_row_offsets = cpp.cone_row_offsets;
-  c.cone_group = cpp.cone_group;
-  c.row_offsets = cpp.row_offsets;
-  c.column = cpp.column;
-  c.R = cpp.R;
-  c.mu = cpp.mu;
-  c.lo = cpp.lo;
-  c.hi = cpp.hi;
-}
-
-template <class Real>
-stiction_batch_view c_view(const ContactBatchView<Real>& batch) {
-  stiction_batch_view c;
-  stiction_batch_view_init(&c, sizeof c);
-  copy_common(c, batch);
-  c.precision = kPrecision<Real>;
-  c.nonzero_count = batch.nonzero_count;
-  c.A = batch.A;
-  c.b = batch.b;
-  return c;
-}
-
-stiction_jacobian_view c_view(const JacobianBatchView<double>& batch) {
-  stiction_jacobian_view c;
-  stiction_jacobian_view_init(&c, sizeof c);
-  copy_common(c, batch);
-  c.precision = STICTION_F64;
-  c.mass_form = static_cast<std::int32_t>(batch.mass_form);
-  c.mass_block = batch.mass_block;
-  c.dof_count = batch.dof_count;
-  c.entry_count = batch.entry_count;
-  c.mass_count = batch.mass_count;
-  c.env_dof_offsets = batch.env_dof_offsets;
-  c.env_mass_offsets = batch.env_mass_offsets;
-  c.J = batch.J;
-  c.M = batch.M;
-  c.v_free = batch.v_free;
-  c.target = batch.target;
-  return c;
-}
-
-stiction_body_view c_view(const BodyBatchView<double>& batch) {
-  stiction_body_view c;
-  stiction_body_view_init(&c, sizeof c);
-  c.precision = STICTION_F64;
-  c.env_count = batch.env_count;
-  c.body_count = batch.body_count;
-  c.contact_count = batch.contact_count;
-  c.env_body_offsets = batch.env_body_offsets;
-  c.env_contact_offsets = batch.env_contact_offsets;
-  c.inv_mass = batch.inv_mass;
-  c.inv_inertia = batch.inv_inertia;
-  c.twist = batch.twist;
-  c.twist_change = batch.twist_change;
-  c.kinematic = batch.kinematic;
-  c.body_a = batch.body_a;
-  c.body_b = batch.body_b;
-  c.arm_a = batch.arm_a;
-  c.arm_b = batch.arm_b;
-  c.normal = batch.normal;
-  c.mu = batch.mu;
-  c.depth = batch.depth;
-  c.restitution = batch.restitution;
-  return c;
-}
-
-ContactBatch<double> contacts() {
-  ContactBatch<double> batch(Law::coulomb);
-  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
-    Recipe recipe;
-    recipe.seed = seed;
-    batch.add(random_contacts(recipe));
-  }
-  return batch;
-}
 
 /// One batch through both interfaces, under options that are not the defaults.
 template <class Real>
@@ -211,17 +95,6 @@ TEST(CSameBits, JacobianBatches) {
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 
-/// `press`: how much deeper than the one before each contact is, beside what chance gives it [m].
-BodyBatch<double> thrown_bodies(std::uint64_t seed, double press) {
-  BodyBatch<double> batch;
-  for (std::uint64_t env = 0; env < 3; ++env) {
-    BodyEnvironment<double> thrown = random_bodies(seed + env, 6, 12);
-    for (std::size_t k = 0; k < thrown.contacts.size(); ++k) thrown.contacts[k].depth += press * static_cast<double>(k);
-    batch.add(thrown);
-  }
-  return batch;
-}
-
 /// Several batches through one handle: it has to see that a plan no longer holds, be it for the depths, which say what
 /// a capacity leaves out.
 TEST(CSameBits, BodiesWhoseStructureChanges) {
@@ -264,40 +137,6 @@ TEST(CSameBits, BodiesWhoseStructureChanges) {
     EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(status)));
   }
   STICTION_OK_OR_SAY(stiction_body_solver_destroy(solver));
-}
-
-/// Three steps of different lengths, so that options of the warm start reach the answers.
-TEST(CSameBits, Stepping) {
-  const ContactBatch<double> batch = contacts();
-  std::vector<std::uint64_t> cone_id;
-  for (std::uint64_t cone = 0; cone < static_cast<std::uint64_t>(batch.view().cone_count); ++cone)
-    cone_id.push_back(1000 - cone);
-  WarmStartOptions warm;
-  warm.beta = 0.5;
-  warm.scaling = StepScaling::proportional;
-  const Capacity room = Capacity::of(batch.view());
-  SteppingSolver<double> stepper(Device::cpu(), SolverOptions{}, room, warm);
-
-  stiction_warm_start_options same;
-  stiction_warm_start_options_init(&same, sizeof same);
-  same.beta = 0.5;
-  same.scaling = STICTION_STEP_PROPORTIONAL;
-  const stiction_batch_view view = c_view(batch.view());
-  stiction_capacity capacity;
-  stiction_capacity_init(&capacity, sizeof capacity);
-  STICTION_OK_OR_SAY(stiction_capacity_of(&view, &capacity));
-  stiction_stepping_solver* solver = nullptr;
-  STICTION_OK_OR_SAY(stiction_stepping_solver_create("cpu", nullptr, &capacity, &same, &solver));
-  for (const double dt : {0.01, 0.005, 0.02}) {
-    Solution<double> expected = room_for<double>(batch.row_count(), batch.env_count());
-    Solution<double> found = expected;
-    stepper.solve(batch.view(), cone_id.data(), dt,
-                  {expected.lambda.data(), expected.w.data(), expected.status.data()});
-    const stiction_solution answer = c_view(found);
-    STICTION_OK_OR_SAY(stiction_stepping_solver_solve(solver, &view, cone_id.data(), dt, &answer, nullptr));
-    EXPECT_TRUE(same_bits(expected, found));
-  }
-  STICTION_OK_OR_SAY(stiction_stepping_solver_destroy(solver));
 }
 
 #ifdef STICTION_TEST_HAS_IO

@@ -197,6 +197,10 @@ class BodySolver {
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
+  /// Throws what solve() throws for these arguments; writes nothing.
+  template <class Real>
+  void check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) const;
+
   [[nodiscard]] const BodySolverOptions& options() const noexcept { return options_; }
   [[nodiscard]] const TimeStepping& stepping() const noexcept { return stepping_; }
   [[nodiscard]] Device device() const noexcept { return device_; }

@@ -66,6 +66,9 @@ class JacobianSolver {
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream());
 
+  /// Throws what solve() throws for these arguments, but for numbers; writes nothing.
+  void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution) const;
+
   /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
 
@@ -73,8 +76,6 @@ class JacobianSolver {
   [[nodiscard]] const JacobianCapacity& capacity() const noexcept { return capacity_; }
 
  private:
-  void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution) const;
-
   JacobianCapacity capacity_;
   Solver solver_;
   std::unique_ptr<JacobianMachine<Real>> machine_;

@@ -4,29 +4,59 @@
 #include <memory>
 #include <span>
 
+#include "stiction/bodies.hpp"
+#include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/warm_start.hpp"
 
-namespace stiction {
-
-/// A simulation loop's solver: one call per step, every step started from the last one's reactions, contact by contact.
+/// A simulation loop's solvers, one for each form of a batch: one call per step, every step started from the last one's
+/// reactions, contact by contact. Each is a solver and a WarmStartStore that share a device.
 ///
 ///     SteppingSolver<float> solver(Device::cuda(), options, capacity);
 ///     each step:  solver.solve(batch, cone_id, dt, solution, stream);   // asynchronous, captured once, replayed
 ///                 solver.reset_where(done_mask, stream);                // environments that start over
-///
-/// It is a Solver and a WarmStartStore that share a device and a capacity; nothing is allocated after construction.
+namespace stiction {
+
+/// What all of them have: memory of the last step, and ways to forget it.
 template <class Real>
-class SteppingSolver {
+class StepMemory {
+ public:
+  /// Forgets the reactions of environments that start over: a list, or wherever mask[e] is not zero (capacity.envs, in
+  /// the device's memory), or all. \throws as WarmStartStore::reset.
+  void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
+  void reset_where(const std::uint8_t* mask, StreamRef stream = StreamRef::default_stream());
+  void reset_all(StreamRef stream = StreamRef::default_stream());
+
+  [[nodiscard]] const WarmStartStore<Real>& store() const noexcept { return store_; }
+
+ protected:
+  StepMemory(Device device, const WarmStartCapacity& capacity, const WarmStartOptions& options)
+      : store_(device, capacity, options) {}
+
+  /// \throws Error(invalid_argument) if the batch has more rows than there is room for.
+  void check_rows(Offset row_count) const;
+  /// Recalls, lets solve(first guess) solve, and remembers.
+  template <class Batch, class Answer, class Solve>
+  void step(const Batch& batch, const std::uint64_t* id, double dt, const Answer& answer, StreamRef stream,
+            Solve&& solve) {
+    store_.recall(batch, id, dt, guess_.get(), stream);
+    solve(static_cast<const Real*>(guess_.get()));
+    store_.remember(batch, id, answer, dt, stream);
+  }
+
+  WarmStartStore<Real> store_;
+  std::shared_ptr<Real> guess_;  ///< first guess of every row, on the device; its solver makes it  (capacity.rows)
+};
+
+/// Steps of contact batches. Nothing is allocated after construction.
+template <class Real>
+class SteppingSolver : public StepMemory<Real> {
  public:
   /// capacity: of every batch to come (envs, rows and cones at least; on a GPU all of it).
   /// \throws Error(invalid_argument) for an option out of range or a capacity without environments, Error(no_device),
   /// Error(unsupported) or Error(out_of_memory) when the device or its memory cannot be had.
   SteppingSolver(Device device, const SolverOptions& options, const Capacity& capacity,
                  const WarmStartOptions& warm_start = {});
-  ~SteppingSolver();
-  SteppingSolver(SteppingSolver&&) noexcept;
-  SteppingSolver& operator=(SteppingSolver&&) noexcept;
 
   /// Recalls, solves and remembers a step of length `dt` [s]. cone_id: contact ids, unique within an environment
   /// (cone_count), in the batch's memory space. \throws as Solver::solve and WarmStartStore::recall, before anything is
@@ -34,19 +64,66 @@ class SteppingSolver {
   void solve(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const SolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
 
-  /// Forgets the reactions of environments that start over: a list, or wherever mask[e] is not zero (capacity.envs, in
-  /// the device's memory), or all. \throws as WarmStartStore::reset.
-  void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
-  void reset_where(const std::uint8_t* mask, StreamRef stream = StreamRef::default_stream());
-  void reset_all(StreamRef stream = StreamRef::default_stream());
-
+  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
   [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
-  [[nodiscard]] const WarmStartStore<Real>& store() const noexcept { return store_; }
 
  private:
   Solver solver_;
-  WarmStartStore<Real> store_;
-  std::shared_ptr<Real> guess_;  ///< first guess of every row, on the device  (capacity.rows)
+};
+
+/// Steps of Jacobian batches. Nothing is allocated after construction, but on the CPU, which assembles into arrays that
+/// grow with the batch.
+template <class Real>
+class JacobianSteppingSolver : public StepMemory<Real> {
+ public:
+  /// capacity: of every batch to come; on the CPU envs, rows and cones of it. \throws as SteppingSolver
+  JacobianSteppingSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
+                         const WarmStartOptions& warm_start = {}, FactorUse use = FactorUse::by_size);
+
+  /// As SteppingSolver::solve; \throws as JacobianSolver::solve and WarmStartStore::recall. What is remembered stays
+  /// as it was if a number is rejected (InvalidPolicy::reject).
+  void solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
+             const JacobianSolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
+
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
+  [[nodiscard]] const JacobianSolver<Real>& solver() const noexcept { return solver_; }
+
+ private:
+  JacobianSolver<Real> solver_;
+};
+
+/// Steps of body batches. Contacts are known by the batch's contact_id, and a step is as long as its time stepping
+/// says.
+template <class Real>
+class BodySteppingSolver : public StepMemory<Real> {
+ public:
+  /// Reactions of bodies are impulses.
+  static constexpr WarmStartOptions kImpulses{0.95, StepScaling::proportional, 0};
+
+  /// Room for `contacts` contacts of all `envs` environments together; the solver itself makes room with its plans.
+  /// \throws Error(invalid_argument) for an option out of range or no environments, Error(no_device),
+  /// Error(unsupported) or Error(out_of_memory) when the device or its memory cannot be had.
+  BodySteppingSolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options, Offset envs,
+                     Offset contacts, const WarmStartOptions& warm_start = kImpulses);
+
+  /// Recalls, solves and remembers a step. Without a plan one is made, for which a batch in device memory is waited
+  /// for; with one the step is asynchronous on `stream` (BodySolver::solve).
+  /// \throws as BodySolver::plan, BodySolver::solve and WarmStartStore::recall, before anything is written.
+  void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+             StreamRef stream = StreamRef::default_stream());
+  void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+             StreamRef stream = StreamRef::default_stream());
+
+  /// Other time stepping or options from the next step on; what is remembered stays. \throws as the constructor
+  void change(const TimeStepping& stepping, const BodySolverOptions& options);
+
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const { memory_.synchronize(stream); }
+  [[nodiscard]] const BodySolver& solver() const noexcept { return solver_; }
+
+ private:
+  BodySolver solver_;
+  Solver memory_;  ///< solves nothing: a BodySolver has neither arrays nor a way to wait
 };
 
 }  // namespace stiction

@@ -4,7 +4,8 @@
 #include <memory>
 #include <span>
 
-#include "stiction/batch.hpp"
+#include "stiction/bodies.hpp"
+#include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
 
 namespace stiction {
@@ -88,6 +89,17 @@ class WarmStartStore {
   /// solution: lambda (row_count) and status (env_count) as the solver wrote them. \throws as recall
   void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
                 double dt, StreamRef stream = StreamRef::default_stream());
+
+  /// The same for Jacobian batches, and for contacts of bodies, whose reactions are three numbers each
+  /// (docs/bodies.md).
+  void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+              StreamRef stream = StreamRef::default_stream());
+  void remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
+                const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
+  void recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
+              StreamRef stream = StreamRef::default_stream());
+  void remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
+                const BodySolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
 
   /// Forgets environments that start over. \throws Error(invalid_argument) for an index outside the capacity, or
   /// during a capture, which would replay this list; then nothing was forgotten.

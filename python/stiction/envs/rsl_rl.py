@@ -8,10 +8,14 @@ try:
     from tensordict import TensorDict
 except ImportError:
     TensorDict = None
+try:
+    from rsl_rl.env import VecEnv
+except ImportError:
+    VecEnv = object
 
 
-class RslRlEnv:
-    """A stiction.envs.MujocoVectorEnv with the interface of rsl_rl.env.VecEnv.
+class RslRlEnv(VecEnv):
+    """A stiction.envs.MujocoVectorEnv as an rsl_rl.env.VecEnv, or with its interface where rsl_rl is not installed.
 
     envs: made with autoreset_mode=AutoresetMode.SAME_STEP. device: where the tensors are, which the learner asks for;
     MuJoCo's state is on the CPU and copied.
