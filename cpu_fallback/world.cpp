@@ -6,27 +6,19 @@ namespace stiction::inline STICTION_ISA {
 namespace {
 
 template <class Real>
-DetectRoom<Real> room_at(const WorldModelView<Real>& model, void* memory) {
-  auto* const shapes = static_cast<MovingShape<Real>*>(memory);
-  static_assert(alignof(MovingShape<Real>) == alignof(Manifold<Real>));
-  return {shapes, static_cast<Manifold<Real>*>(static_cast<void*>(shapes + model.shapes))};
-}
-
-template <class Real>
 std::size_t room_bytes(const WorldModelView<Real>& model) {
-  return static_cast<std::size_t>(model.shapes) * sizeof(MovingShape<Real>) +
-         static_cast<std::size_t>(model.pairs) * sizeof(Manifold<Real>);
+  return static_cast<std::size_t>(DetectRoom<Real>::bytes(model));
 }
 template <class Real>
 Index find_one(const WorldJob<Real>& job, Offset env, void* room) {
   SerialBlock block;
   prepare_world(block, job, env);
-  return find_contacts(block, job, env, room_at(job.model, room));
+  return find_contacts(block, job, env, DetectRoom<Real>(job.model, room));
 }
 template <class Real>
 void list_one(const WorldJob<Real>& job, Offset env, void* room, FoundContact<Real>* out) {
   SerialBlock block;
-  list_contacts(block, job, env, room_at(job.model, room), out);
+  list_contacts(block, job, env, DetectRoom<Real>(job.model, room), out);
 }
 template <class Real>
 void hand_over_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,

@@ -1,7 +1,10 @@
 #include "core/runtime/world_machine.hpp"
 
+#include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "core/base/extents.hpp"
@@ -27,51 +30,78 @@ const cpu::WorldKernels<Real>& pick(const cpu::WorldKernelSet& set) {
 template <class Real>
 class CpuWorld final : public WorldMachine<Real> {
  public:
-  CpuWorld(Offset env_count, int threads)
+  CpuWorld(const WorldModelView<Real>& model, Offset env_count, const WorldOptions& options)
       : env_count_(env_count),
-        threads_(cpu::thread_count(threads)),
+        threads_(cpu::thread_count(options.solver.threads)),
+        keep_(static_cast<Real>(options.warm_start)),
         kernels_(pick<Real>(cpu::best_isa().world_kernels())),
+        arrays_(model, env_count),
+        last_(arrays_.contacts),
         room_(at(threads_)),
         found_(at((env_count + kRun - 1) / kRun)),
-        begin_(at(env_count)) {}
-
-  void find_contacts(const WorldJob<Real>& job, std::span<Offset> counts) override {
-    const std::size_t words =
-        (kernels_.room_bytes(job.model) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
+        begin_(at(env_count)) {
+    const std::size_t words = (kernels_.room_bytes(model) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
     for (auto& room : room_) room.resize(words);
-    for_each_run([&](int run, int worker, Offset begin, Offset end) {
+  }
+
+  WorldSolve<Real> find_contacts() override {
+    HostContacts<Real>& now = arrays_.contacts;
+    const WorldJob<Real> job = arrays_.job();
+    std::swap(now, last_);
+    now.offsets[0] = 0;
+    for_each_run_of_environments([&](int run, int worker, Offset begin, Offset end) {
       std::vector<FoundContact<Real>>& found = found_[at(run)];
       void* const room = room_[at(worker)].data();
       found.clear();
       for (Offset env = begin; env < end; ++env) {
         const Index count = kernels_.find_contacts(job, env, room);
         begin_[at(env)] = found.size();
-        counts[at(env)] = count;
+        now.offsets[at(env) + 1] = count;
         found.resize(found.size() + at(count));
         kernels_.list_contacts(job, env, room, found.data() + begin_[at(env)]);
       }
     });
-  }
-  void hand_over(const WorldJob<Real>& job, const ContactSink<Real>& sink) override {
-    for_each_run([&](int run, int, Offset begin, Offset end) {
+    std::partial_sum(now.offsets.begin(), now.offsets.end(), now.offsets.begin());
+    now.resize(now.offsets.back());
+    ContactSink<Real> sink{now.view(), last_.view(), keep_};
+    if (!(keep_ > 0)) sink.last.offsets = nullptr;
+    for_each_run_of_environments([&](int run, int, Offset begin, Offset end) {
       for (Offset env = begin; env < end; ++env)
         kernels_.hand_over(job, sink, env, found_[at(run)].data() + begin_[at(env)]);
     });
+    const BodyBatchView<Real> batch = arrays_.batch();
+    return {batch,
+            batch,
+            {now.impulse.data(), arrays_.solved_twist.data(), nullptr, arrays_.status.data()},
+            keep_ > 0 ? now.guess.data() : nullptr,
+            StreamRef::default_stream()};
   }
-  void integrate(const WorldJob<Real>& job) override {
-    for_each_run([&](int, int, Offset begin, Offset end) {
+  void await_solve() override {}
+  void integrate() override {
+    const WorldJob<Real> job = arrays_.job();
+    for_each_run_of_environments([&](int, int, Offset begin, Offset end) {
       for (Offset env = begin; env < end; ++env) kernels_.integrate(job, env);
     });
   }
-  void motion(const WorldJob<Real>& job, std::span<WorldMotion> out) override {
-    for_each_run([&](int, int, Offset begin, Offset end) {
+
+  WorldArrays<Real>& observe(WorldPart) override { return arrays_; }
+  void restart(std::span<const std::uint8_t> mask) override {
+    HostContacts<Real>& now = arrays_.contacts;
+    for_each_run(mask, [&](std::size_t begin, std::size_t end) {
+      std::fill(now.impulse.begin() + 3 * now.offsets[begin], now.impulse.begin() + 3 * now.offsets[end], Real(0));
+    });
+  }
+  std::span<Real> wrench() override { return arrays_.wrench; }
+  void motion(std::span<WorldMotion> out) override {
+    const WorldJob<Real> job = arrays_.job();
+    for_each_run_of_environments([&](int, int, Offset begin, Offset end) {
       for (Offset env = begin; env < end; ++env) out[at(env)] = kernels_.motion(job, env);
     });
   }
 
  private:
   template <class F>
-  void for_each_run(F&& work) {
+  void for_each_run_of_environments(F&& work) {
     cpu::parallel_for(threads_, static_cast<int>(found_.size()), [&](int run, int worker) {
       work(run, worker, run * kRun, smaller_of(env_count_, (run + 1) * kRun));
     });
@@ -79,7 +109,10 @@ class CpuWorld final : public WorldMachine<Real> {
 
   Offset env_count_;
   int threads_;
+  Real keep_;
   cpu::WorldKernels<Real> kernels_;
+  WorldArrays<Real> arrays_;
+  HostContacts<Real> last_;                             ///< contacts of the step before
   std::vector<std::vector<std::max_align_t>> room_;     ///< scratch of each worker
   std::vector<std::vector<FoundContact<Real>>> found_;  ///< of each run of environments
   std::vector<std::size_t> begin_;                      ///< of each environment in its run's
@@ -88,11 +121,13 @@ class CpuWorld final : public WorldMachine<Real> {
 }  // namespace
 
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_cpu_world(Offset env_count, int threads) {
-  return std::make_unique<CpuWorld<Real>>(env_count, threads);
+std::unique_ptr<WorldMachine<Real>> make_cpu_world(const WorldModelView<Real>& model, Offset env_count,
+                                                   const WorldOptions& options) {
+  return std::make_unique<CpuWorld<Real>>(model, env_count, options);
 }
 
-template std::unique_ptr<WorldMachine<float>> make_cpu_world(Offset, int);
-template std::unique_ptr<WorldMachine<double>> make_cpu_world(Offset, int);
+template std::unique_ptr<WorldMachine<float>> make_cpu_world(const WorldModelView<float>&, Offset, const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_cpu_world(const WorldModelView<double>&, Offset,
+                                                              const WorldOptions&);
 
 }  // namespace stiction

@@ -10,6 +10,7 @@
 #include "cuda/body_classes.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/device/kernels.hpp"
+#include "cuda/device/mover.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -21,45 +22,6 @@ namespace {
 /// Workspace of a class beyond which fewer teams take more environments each.
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 constexpr Offset kSlotAlignment = 256;
-
-/// Copies to and from a device, of arrays that may be empty.
-class Mover {
- public:
-  Mover(DeviceApi& api, StreamHandle stream) : api_(api), stream_(stream) {}
-  template <class T>
-  void to_device(const T* target, const T* source, Offset count) {
-    move(const_cast<T*>(target), source, count, CopyKind::to_device);
-  }
-  template <class T>
-  void to_host(T* target, const T* source, Offset count) {
-    move(target, source, count, CopyKind::to_host);
-  }
-
- private:
-  template <class T>
-  void move(T* target, const T* source, Offset count, CopyKind kind) {
-    if (count > 0 && target != nullptr && source != nullptr)
-      api_.copy(target, source, static_cast<std::size_t>(count) * sizeof(T), kind, stream_);
-  }
-  DeviceApi& api_;
-  StreamHandle stream_;
-};
-
-/// Queues work by f(). If that fails half way, what is queued is waited for: it uses memory the caller is about to give
-/// back.
-template <class F>
-void queue_all(DeviceApi& api, StreamHandle stream, F&& f) {
-  try {
-    f();
-  } catch (...) {
-    try {
-      api.synchronize(stream);
-    } catch (const Error&) {
-      // The first failure is the one to report; a device that is lost has nothing queued.
-    }
-    throw;
-  }
-}
 
 /// f(array of one view, the same array of another, its length) for each array of a batch.
 template <class Real, class F>
@@ -180,12 +142,10 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
   ArraySet slots;
   for (Class& own : classes_) slots.add(own.workspace, own.workspace_bytes);
 
-  // What runs may still read what is about to be freed.
+  // What runs may still read what is about to be freed or written.
   api_->synchronize(request.stream.handle());
-  arrays_ = DeviceMemory();
-  workspace_ = DeviceMemory();
-  arrays_ = DeviceMemory(*api_, arrays.bytes());
-  workspace_ = DeviceMemory(*api_, slots.bytes());
+  arrays_.make_room(*api_, arrays.bytes());
+  workspace_.make_room(*api_, slots.bytes());
   arrays.place(arrays_.get());
   slots.place(workspace_.get());
   queue_all(*api_, request.stream.handle(), [&] {

@@ -27,7 +27,8 @@ MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.h
            "core/schedule/structure_view.hpp",
            "core/runtime/backend.hpp", "core/runtime/body_backend.hpp",
            "core/runtime/jacobian_machine.hpp", "core/runtime/warm_start_machine.hpp",
-           "core/runtime/world_machine.hpp"]
+           "core/runtime/world_machine.hpp",
+           "core/runtime/world_arrays.hpp"]
 
 
 class Row:

@@ -65,18 +65,23 @@ struct WorldJob {
   const EnvStatus* status;
 };
 
-/// Where the contacts of a step go, and what is remembered of the step before.
+/// Contacts of a step in the arrays of a BodyBatchView, and their impulses.
 template <class Real>
-struct ContactSink {
+struct WorldContacts {
   const Offset* offsets;  ///< (env_count + 1)
   Index *body_a, *body_b;
   Real *arm_a, *arm_b, *normal, *mu, *depth, *restitution;
   std::uint64_t* id;
-  Real* guess;
-  const Offset* last_offsets;  ///< null: nothing is remembered
-  const std::uint64_t* last_id;
-  const Real* last_impulse;
-  Real keep;  ///< share of an impulse that is handed on
+  Real* guess;    ///< what the impulse is looked for from
+  Real* impulse;  ///< what it ended with
+};
+
+/// Where the contacts of a step go, and what is remembered of the step before.
+template <class Real>
+struct ContactSink {
+  WorldContacts<Real> now;
+  WorldContacts<Real> last;  ///< offsets null: nothing is remembered
+  Real keep;                 ///< share of an impulse that is handed on
 };
 
 }  // namespace stiction

@@ -2,6 +2,7 @@
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/jacobian_machine.hpp"
 #include "core/runtime/warm_start_machine.hpp"
+#include "core/runtime/world_machine.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -33,6 +34,15 @@ template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const 
 std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
+
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_cuda_world(int, const WorldModelView<Real>&, Offset, const WorldOptions&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WorldMachine<float>> make_cuda_world(int, const WorldModelView<float>&, Offset,
+                                                              const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_cuda_world(int, const WorldModelView<double>&, Offset,
+                                                               const WorldOptions&);
 
 std::vector<DeviceReport> cuda_reports() {
   return {{Device::cuda(0), false, "cuda", kNotBuilt}};

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
 #include <string>
 #include <utility>
 
@@ -35,21 +34,13 @@ BodySolverOptions isolating(BodySolverOptions options) {
   return options;
 }
 
-/// The contacts of one step, in the arrays of a BodyBatchView, and what they ended with.
 template <class Real>
-struct StepContacts {
-  std::vector<Offset> offsets;
-  std::vector<Index> body_a, body_b;
-  std::vector<Real> arm_a, arm_b, normal, mu, depth, restitution, guess, impulse;
-  std::vector<std::uint64_t> id;
-
-  void resize(std::size_t count) {
-    for (auto* array : {&body_a, &body_b}) array->resize(count);
-    for (auto* array : {&arm_a, &arm_b, &normal, &guess, &impulse}) array->resize(3 * count);
-    for (auto* array : {&mu, &depth, &restitution}) array->resize(count);
-    id.resize(count);
-  }
-};
+std::unique_ptr<WorldMachine<Real>> make_machine(Device device, const WorldModelView<Real>& model, Offset env_count,
+                                                 const WorldOptions& options) {
+  if (device.kind == DeviceKind::cuda) return make_cuda_world(device.ordinal, model, env_count, options);
+  if (device.kind == DeviceKind::emulated) return make_emulated_world(model, env_count, options);
+  return make_cpu_world(model, env_count, options);
+}
 
 /// Adds the time between its birth and its death.
 class Stopwatch {
@@ -75,106 +66,51 @@ struct World<Real>::Parts {
         env_count(envs),
         body_count(static_cast<Index>(description.bodies.size())),
         solver(device, how.stepping, isolating(how.solver)),
-        machine(make_cpu_world<Real>(envs, how.solver.threads)),
-        model(description, how) {
-    const std::size_t bodies = at(env_count) * at(body_count);
-    position.resize(3 * bodies);
-    orientation.resize(4 * bodies);
-    for (auto* array : {&twist, &solved_twist, &twist_change, &inv_inertia, &wrench})
-      array->assign(6 * bodies, Real(0));
-    inv_mass.resize(bodies);
-    status.resize(at(env_count));
-    body_offsets.resize(at(env_count) + 1);
-    for (Offset env = 0; env <= env_count; ++env) body_offsets[at(env)] = env * body_count;
-    for (std::size_t body = 0; body < bodies; ++body)
-      inv_mass[body] = model.view().body[body % at(body_count)].inv_mass;
-    now.offsets.assign(at(env_count) + 1, 0);
-    last.offsets = now.offsets;
-    for (Offset env = 0; env < env_count; ++env) put_initial(env);
+        model(description, how),
+        machine(make_machine(device, model.view(), envs, options)) {
+    const std::vector<std::uint8_t> all(at(envs), 1);
+    put_initial(all);
   }
 
-  void put_initial(Offset env) {
-    for (Index body = 0; body < body_count; ++body) {
-      const WorldBody& from = description.bodies[at(body)];
-      const Offset place = env * body_count + body;
-      std::copy(from.position.begin(), from.position.end(), position.begin() + 3 * place);
-      std::copy(from.twist.begin(), from.twist.end(), twist.begin() + 6 * place);
-      put_orientation(place, from.orientation);
-    }
+  void put_initial(std::span<const std::uint8_t> mask) {
+    WorldArrays<Real>& now = machine->observe(WorldPart::state);
+    for (Offset env = 0; env < env_count; ++env)
+      for (Index body = 0; mask[at(env)] != 0 && body < body_count; ++body) {
+        const WorldBody& from = description.bodies[at(body)];
+        const Offset place = env * body_count + body;
+        std::copy(from.position.begin(), from.position.end(), now.position.begin() + 3 * place);
+        std::copy(from.twist.begin(), from.twist.end(), now.twist.begin() + 6 * place);
+        put_orientation(now, place, from.orientation);
+      }
+    machine->restart(mask);
   }
 
-  /// Normalises in double. Returns whether it could.
-  bool put_orientation(Offset place, const std::array<double, 4>& q) {
+  /// Normalises in double.
+  static void put_orientation(WorldArrays<Real>& now, Offset place, const std::array<double, 4>& q) {
     const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(norm > 0) || !std::isfinite(norm)) return false;
-    for (std::size_t k = 0; k < 4; ++k) orientation[4 * at(place) + k] = static_cast<Real>(q[k] / norm);
-    return true;
+    if (!(norm > 0) || !std::isfinite(norm)) return;
+    for (std::size_t k = 0; k < 4; ++k) now.orientation[4 * at(place) + k] = static_cast<Real>(q[k] / norm);
   }
 
-  /// Its contacts' impulses are not the next step's first guess.
-  void forget(Offset env) {
-    std::fill(now.impulse.begin() + 3 * now.offsets[at(env)], now.impulse.begin() + 3 * now.offsets[at(env) + 1],
-              Real(0));
-  }
-
-  WorldJob<Real> job() {
-    return {model.view(),       position.data(),     orientation.data(),  twist.data(), wrench.data(),
-            inv_inertia.data(), twist_change.data(), solved_twist.data(), status.data()};
-  }
-
-  [[nodiscard]] BodyBatchView<Real> batch() const {
-    BodyBatchView<Real> view;
-    view.env_count = env_count;
-    view.body_count = body_offsets.back();
-    view.contact_count = now.offsets.back();
-    view.env_body_offsets = body_offsets.data();
-    view.env_contact_offsets = now.offsets.data();
-    view.inv_mass = inv_mass.data();
-    view.inv_inertia = inv_inertia.data();
-    view.twist = twist.data();
-    view.twist_change = twist_change.data();
-    view.body_a = now.body_a.data();
-    view.body_b = now.body_b.data();
-    view.arm_a = now.arm_a.data();
-    view.arm_b = now.arm_b.data();
-    view.normal = now.normal.data();
-    view.mu = now.mu.data();
-    view.depth = now.depth.data();
-    view.restitution = now.restitution.data();
-    view.contact_id = now.id.data();
-    return view;
-  }
-
-  void find_contacts() {
+  [[nodiscard]] WorldSolve<Real> find_contacts() {
     const Stopwatch watch(seconds.detect);
-    std::swap(now, last);
-    now.offsets[0] = 0;
-    machine->find_contacts(job(), std::span<Offset>(now.offsets).subspan(1));
-    std::partial_sum(now.offsets.begin(), now.offsets.end(), now.offsets.begin());
-    now.resize(at(now.offsets.back()));
-    ContactSink<Real> sink{now.offsets.data(), now.body_a.data(),   now.body_b.data(),
-                           now.arm_a.data(),   now.arm_b.data(),    now.normal.data(),
-                           now.mu.data(),      now.depth.data(),    now.restitution.data(),
-                           now.id.data(),      now.guess.data(),    nullptr,
-                           last.id.data(),     last.impulse.data(), static_cast<Real>(options.warm_start)};
-    if (options.warm_start > 0) sink.last_offsets = last.offsets.data();
-    machine->hand_over(job(), sink);
+    return machine->find_contacts();
   }
 
-  [[nodiscard]] BodyPlan plan() {
+  [[nodiscard]] BodyPlan plan(const WorldSolve<Real>& what) {
     const Stopwatch watch(seconds.plan);
-    return solver.plan(batch());
+    return solver.plan(what.structure);
   }
 
-  void solve(const BodyPlan& order) {
+  void solve(const BodyPlan& order, const WorldSolve<Real>& what) {
     const Stopwatch watch(seconds.solve);
-    const BodySolutionView<Real> solution{now.impulse.data(), solved_twist.data(), nullptr, status.data()};
-    solver.solve(order, batch(), solution, options.warm_start > 0 ? now.guess.data() : nullptr);
+    solver.solve(order, what.batch, what.solution, what.guess, what.stream);
+    machine->await_solve();
   }
 
   void integrate() {
     const Stopwatch watch(seconds.integrate);
-    machine->integrate(job());
+    machine->integrate();
   }
 
   WorldDescription description;
@@ -182,12 +118,8 @@ struct World<Real>::Parts {
   Offset env_count;
   Index body_count;
   BodySolver solver;
-  std::unique_ptr<WorldMachine<Real>> machine;
   WorldModel<Real> model;
-  std::vector<Real> position, orientation, twist, solved_twist, twist_change, inv_inertia, inv_mass, wrench;
-  std::vector<Offset> body_offsets;
-  std::vector<EnvStatus> status;
-  StepContacts<Real> now, last;
+  std::unique_ptr<WorldMachine<Real>> machine;
   WorldSeconds seconds;
 };
 
@@ -207,26 +139,27 @@ World<Real>& World<Real>::operator=(World&&) noexcept = default;
 
 template <class Real>
 void World<Real>::step() {
-  parts_->find_contacts();
-  const BodyPlan plan = parts_->plan();
-  parts_->solve(plan);
+  const WorldSolve<Real> solve = parts_->find_contacts();
+  const BodyPlan plan = parts_->plan(solve);
+  parts_->solve(plan, solve);
   parts_->integrate();
 }
 
 template <class Real>
 WorldState<Real> World<Real>::state() const {
-  return {parts_->position, parts_->orientation, parts_->twist};
+  const WorldArrays<Real>& now = parts_->machine->observe(WorldPart::state);
+  return {now.position, now.orientation, now.twist};
 }
 
 template <class Real>
 std::span<Real> World<Real>::wrench() {
-  return parts_->wrench;
+  return parts_->machine->wrench();
 }
 
 template <class Real>
 void World<Real>::reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state) {
   Parts& parts = *parts_;
-  const std::size_t bodies = parts.inv_mass.size();
+  const std::size_t bodies = at(parts.env_count) * at(parts.body_count);
   expect_length("mask", mask.size(), at(parts.env_count), "one byte per environment");
   expect_length("state.position", state.position.size(), 3 * bodies, "three numbers per body");
   expect_length("state.orientation", state.orientation.size(), 4 * bodies, "four numbers per body");
@@ -249,58 +182,56 @@ void World<Real>::reset(std::span<const std::uint8_t> mask, const WorldState<Rea
       refuse("state of environment " + std::to_string(env) + ", body " +
              std::to_string(place - env * parts.body_count) + " has a number that is not finite or a zero quaternion");
   });
+  WorldArrays<Real>& now = parts.machine->observe(WorldPart::state);
   for_each_body([&](Offset, Offset place) {
     const auto position = of_body(state.position, place, 3);
     const auto twist = of_body(state.twist, place, 6);
     const auto q = of_body(state.orientation, place, 4);
-    std::copy(position.begin(), position.end(), parts.position.begin() + 3 * place);
-    std::copy(twist.begin(), twist.end(), parts.twist.begin() + 6 * place);
-    parts.put_orientation(place, {static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]),
-                                  static_cast<double>(q[3])});
+    std::copy(position.begin(), position.end(), now.position.begin() + 3 * place);
+    std::copy(twist.begin(), twist.end(), now.twist.begin() + 6 * place);
+    parts.put_orientation(
+        now, place,
+        {static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]), static_cast<double>(q[3])});
   });
-  for (Offset env = 0; env < parts.env_count; ++env)
-    if (mask[at(env)] != 0) parts.forget(env);
+  parts.machine->restart(mask);
 }
 
 template <class Real>
 void World<Real>::reset(std::span<const std::uint8_t> mask) {
   expect_length("mask", mask.size(), at(parts_->env_count), "one byte per environment");
-  for (Offset env = 0; env < parts_->env_count; ++env) {
-    if (mask[at(env)] == 0) continue;
-    parts_->put_initial(env);
-    parts_->forget(env);
-  }
+  parts_->put_initial(mask);
 }
 
 template <class Real>
 std::span<const EnvStatus> World<Real>::status() const {
-  return parts_->status;
+  return parts_->machine->observe(WorldPart::status).status;
 }
 template <class Real>
 std::span<const Offset> World<Real>::contact_offsets() const {
-  return parts_->now.offsets;
+  return parts_->machine->observe(WorldPart::status).contacts.offsets;
 }
 template <class Real>
 BodyBatchView<Real> World<Real>::contacts() const {
-  return parts_->batch();
+  return parts_->machine->observe(WorldPart::contacts).batch();
 }
 template <class Real>
 std::span<const Real> World<Real>::impulses() const {
-  return parts_->now.impulse;
+  return parts_->machine->observe(WorldPart::contacts).contacts.impulse;
 }
 
 template <class Real>
 std::vector<WorldMotion> World<Real>::motion() const {
   std::vector<WorldMotion> motion(at(parts_->env_count));
-  parts_->machine->motion(parts_->job(), motion);
+  parts_->machine->motion(motion);
   return motion;
 }
 
 template <class Real>
 std::uint64_t World<Real>::hash() const {
-  std::vector<Real> all(parts_->position);
-  all.insert(all.end(), parts_->orientation.begin(), parts_->orientation.end());
-  all.insert(all.end(), parts_->twist.begin(), parts_->twist.end());
+  const WorldState<Real> now = state();
+  std::vector<Real> all(now.position.begin(), now.position.end());
+  all.insert(all.end(), now.orientation.begin(), now.orientation.end());
+  all.insert(all.end(), now.twist.begin(), now.twist.end());
   return hash_bits(std::span<const Real>(all));
 }
 

@@ -11,6 +11,7 @@
 #include "cuda/programs/solve_bundles.hpp"
 #include "cuda/programs/solve_teams.hpp"
 #include "cuda/programs/warm_start_program.hpp"
+#include "cuda/programs/world_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
 /// `Make::template kernel<Program>(name)`.
@@ -60,6 +61,14 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<PlaceJacobians<Real>>("jacobian_place"),
           Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
           Make::template kernel<MoveJacobians<Real>>("jacobian_move")};
+}
+
+template <class Make, class Real>
+WorldKernels world_kernels() {
+  return {Make::template kernel<FindWorldContacts<Real>>("world_find"),
+          Make::template kernel<HandOverWorldContacts<Real>>("world_hand_over"),
+          Make::template kernel<IntegrateWorlds<Real>>("world_integrate"),
+          Make::template kernel<MeasureWorlds<Real>>("world_measure")};
 }
 
 template <class Make, Law kLaw, class Real>

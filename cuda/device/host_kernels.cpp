@@ -14,6 +14,7 @@ SolverKernels host_newton_kernels();
 SolverKernels host_lemke_kernels();
 SolverKernels host_ipm_kernels();
 BodyKernels host_body_kernels();
+WorldKernels host_world_kernels(Precision precision);
 NewtonBodyKernels host_newton_body_kernels();
 
 const KernelCatalogue& host_kernels() {
@@ -26,7 +27,8 @@ const KernelCatalogue& host_kernels() {
       {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()},
       host_body_kernels(),
       host_newton_body_kernels(),
-      {jacobian_kernels<MakeHostKernel, float>(), jacobian_kernels<MakeHostKernel, double>()}};
+      {jacobian_kernels<MakeHostKernel, float>(), jacobian_kernels<MakeHostKernel, double>()},
+      {host_world_kernels(Precision::f32), host_world_kernels(Precision::f64)}};
   return catalogue;
 }
 

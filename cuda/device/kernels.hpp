@@ -61,6 +61,14 @@ struct JacobianKernels {
   KernelRef move;   ///< velocities
 };
 
+/// Worlds, in one precision (programs/world_program.hpp).
+struct WorldKernels {
+  KernelRef find;       ///< inputs of the solve, contacts
+  KernelRef hand_over;  ///< contacts to the solver, with first guesses
+  KernelRef integrate;  ///< positions
+  KernelRef measure;    ///< energy and momentum
+};
+
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the host device in host_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
@@ -72,6 +80,7 @@ struct KernelCatalogue {
   BodyKernels bodies;
   NewtonBodyKernels newton_bodies;
   JacobianKernels jacobian[2];  ///< by Precision
+  WorldKernels world[2];        ///< by Precision
 };
 
 }  // namespace stiction::cuda

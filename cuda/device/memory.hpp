@@ -30,6 +30,13 @@ class Memory {
     std::swap(bytes_, other.bytes_);
     return *this;
   }
+  /// Has room for that many bytes, what was in them lost; what grows again gets an eighth more, to grow less often.
+  void make_room(DeviceApi& api, std::size_t bytes) {
+    if (data_ != nullptr && bytes_ >= bytes) return;
+    const std::size_t spare = bytes_ > 0 ? bytes / 8 : 0;
+    *this = Memory();
+    *this = Memory(api, bytes + spare);
+  }
   [[nodiscard]] std::byte* get() const noexcept { return static_cast<std::byte*>(data_); }
   [[nodiscard]] std::size_t bytes() const noexcept { return bytes_; }
 

@@ -135,8 +135,12 @@ struct BoxRound {
       }
       const T t0 = div_(-s.e[j] - s.c[j], s.h[j]);
       const T t1 = div_(s.e[j] - s.c[j], s.h[j]);
-      low = max_(min_(t0, t1), low);
-      high = min_(max_(t0, t1), high);
+      const T enters = min_(t0, t1);
+      const T leaves = max_(t0, t1);
+      // Of numbers, max_ and min_; of those with the constants that both begin with, nvcc makes instructions that the
+      // PTX gate refuses.
+      low = select(enters <= low, low, enters);
+      high = select(leaves >= high, high, leaves);
     }
     if (!(low <= high)) return false;
     if (is_sphere) {

@@ -2,6 +2,7 @@
 
 #include "core/block/phases.hpp"
 #include "core/body/bodies/contact_point.hpp"
+#include "core/body/sort_body.hpp"
 #include "core/body/world/touch.hpp"
 
 /// What a step begins with: inverse inertias in world axes, what forces do to the twists, and the contacts.
@@ -20,6 +21,17 @@ template <class Real>
 struct DetectRoom {
   MovingShape<Real>* shape;  ///< (shapes)
   Manifold<Real>* manifold;  ///< (pairs)
+  Index* first;              ///< contacts of the pairs before each  (pairs)
+
+  static_assert(alignof(MovingShape<Real>) == alignof(Manifold<Real>) && alignof(Manifold<Real>) >= alignof(Index));
+  static STICTION_HD Offset bytes(const WorldModelView<Real>& model) {
+    return Offset{model.shapes} * static_cast<Offset>(sizeof(MovingShape<Real>)) +
+           Offset{model.pairs} * static_cast<Offset>(sizeof(Manifold<Real>) + sizeof(Index));
+  }
+  STICTION_HD DetectRoom(const WorldModelView<Real>& model, void* memory)
+      : shape(static_cast<MovingShape<Real>*>(memory)),
+        manifold(reinterpret_cast<Manifold<Real>*>(shape + model.shapes)),
+        first(reinterpret_cast<Index*>(manifold + model.pairs)) {}
 };
 
 template <class Real>
@@ -130,7 +142,7 @@ STICTION_HD void drop_leaving(const WorldJob<Real>& job, Offset env, const World
   found.count = count;
 }
 
-/// Fills the room's manifolds; returns how many contacts there are.
+/// Fills the room; returns how many contacts there are.
 template <Block B, class Real>
 STICTION_HD Index find_contacts(B& block, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room) {
   const WorldModelView<Real>& model = job.model;
@@ -148,7 +160,10 @@ STICTION_HD Index find_contacts(B& block, const WorldJob<Real>& job, Offset env,
   });
   return block.broadcast([&] {
     Index count = 0;
-    for (Index p = 0; p < model.pairs; ++p) count += room.manifold[p].count;
+    for (Index p = 0; p < model.pairs; ++p) {
+      room.first[p] = count;
+      count += room.manifold[p].count;
+    }
     return count;
   });
 }
@@ -164,19 +179,19 @@ STICTION_HD void list_contacts(B& block, const WorldJob<Real>& job, Offset env, 
     arm[1] = canonical_zero(point.y - centre.y);
     arm[2] = canonical_zero(point.z - centre.z);
   };
-  single(block, [&] {
-    for (Index p = 0; p < job.model.pairs; ++p)
-      for (Index k = 0; k < room.manifold[p].count; ++k, ++out) {
-        const ContactCandidate<Real>& point = room.manifold[p].at[k];
-        out->pair = p;
-        out->feature = point.feature;
-        put_arm(out->arm_a, job.model.pair[p].body_a, point.point);
-        put_arm(out->arm_b, job.model.pair[p].body_b, point.point);
-        out->normal[0] = canonical_zero(point.normal.x);
-        out->normal[1] = canonical_zero(point.normal.y);
-        out->normal[2] = canonical_zero(point.normal.z);
-        out->depth = point.depth;
-      }
+  for_each(block, job.model.pairs, [&](Index p) {
+    for (Index k = 0; k < room.manifold[p].count; ++k) {
+      const ContactCandidate<Real>& point = room.manifold[p].at[k];
+      FoundContact<Real>& contact = out[room.first[p] + k];
+      contact.pair = p;
+      contact.feature = point.feature;
+      put_arm(contact.arm_a, job.model.pair[p].body_a, point.point);
+      put_arm(contact.arm_b, job.model.pair[p].body_b, point.point);
+      contact.normal[0] = canonical_zero(point.normal.x);
+      contact.normal[1] = canonical_zero(point.normal.y);
+      contact.normal[2] = canonical_zero(point.normal.z);
+      contact.depth = point.depth;
+    }
   });
 }
 
@@ -184,34 +199,34 @@ STICTION_HD void list_contacts(B& block, const WorldJob<Real>& job, Offset env, 
 template <Block B, class Real>
 STICTION_HD void hand_over(B& block, const WorldModelView<Real>& model, const ContactSink<Real>& sink, Offset env,
                            const FoundContact<Real>* found) {
-  const Offset begin = sink.offsets[env];
-  const auto count = static_cast<Index>(sink.offsets[env + 1] - begin);
-  for_each(block, count, [&](Index k) {
+  const WorldContacts<Real>& now = sink.now;
+  const WorldContacts<Real>& last = sink.last;
+  const bool remembers = last.offsets != nullptr;
+  const Offset begin = now.offsets[env];
+  const Offset first = remembers ? last.offsets[env] : 0;
+  const Index remembered = remembers ? static_cast<Index>(last.offsets[env + 1] - first) : 0;
+  for_each(block, static_cast<Index>(now.offsets[env + 1] - begin), [&](Index k) {
     const Offset c = begin + k;
     const FoundContact<Real>& contact = found[k];
     const WorldPair<Real>& pair = model.pair[contact.pair];
-    sink.body_a[c] = pair.body_a;
-    sink.body_b[c] = pair.body_b;
+    const std::uint64_t id =
+        static_cast<std::uint64_t>(contact.pair) * kFeatures + static_cast<std::uint64_t>(contact.feature);
+    // Ids ascend.
+    const Offset namesake = first + lower_bound(last.id + first, remembered, id,
+                                                [](std::uint64_t one, std::uint64_t other) { return one < other; });
+    const bool has_namesake = namesake < first + remembered && last.id[namesake] == id;
+    now.body_a[c] = pair.body_a;
+    now.body_b[c] = pair.body_b;
     for (Index j = 0; j < 3; ++j) {
-      sink.arm_a[3 * c + j] = contact.arm_a[j];
-      sink.arm_b[3 * c + j] = contact.arm_b[j];
-      sink.normal[3 * c + j] = contact.normal[j];
-      sink.guess[3 * c + j] = Real(0);
+      now.arm_a[3 * c + j] = contact.arm_a[j];
+      now.arm_b[3 * c + j] = contact.arm_b[j];
+      now.normal[3 * c + j] = contact.normal[j];
+      now.guess[3 * c + j] = has_namesake ? sink.keep * last.impulse[3 * namesake + j] : Real(0);
     }
-    sink.mu[c] = pair.mu;
-    sink.depth[c] = contact.depth;
-    sink.restitution[c] = pair.restitution;
-    sink.id[c] = static_cast<std::uint64_t>(contact.pair) * kFeatures + static_cast<std::uint64_t>(contact.feature);
-  });
-  if (sink.last_offsets == nullptr) return;
-  // Ids ascend in both lists.
-  single(block, [&] {
-    Offset last = sink.last_offsets[env];
-    for (Offset c = begin; c < begin + count; ++c) {
-      while (last < sink.last_offsets[env + 1] && sink.last_id[last] < sink.id[c]) ++last;
-      if (last == sink.last_offsets[env + 1] || sink.last_id[last] != sink.id[c]) continue;
-      for (Index j = 0; j < 3; ++j) sink.guess[3 * c + j] = sink.keep * sink.last_impulse[3 * last + j];
-    }
+    now.mu[c] = pair.mu;
+    now.depth[c] = contact.depth;
+    now.restitution[c] = pair.restitution;
+    now.id[c] = id;
   });
 }
 

@@ -83,8 +83,8 @@ struct WorldSeconds {
 /// boxes and planes, one body solve a step with first guesses by contact, semi-implicit Euler. An environment's bits
 /// depend on description, options and its own state alone: not on its neighbours, the threads, or the device.
 ///
-/// The reactions are solved on `device`; contacts and positions are computed on the CPU. All shapes are tested against
-/// all others: tens of bodies an environment, and at most 2048 shapes.
+/// A world is in the memory of its device, and what is looked at is copied from there: one thread at a time may use it.
+/// All shapes are tested against all others: tens of bodies an environment, and at most 2048 shapes.
 template <class Real>
 class World {
  public:
