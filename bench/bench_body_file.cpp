@@ -62,6 +62,21 @@ BodyEnvironment<Real> environment(const engines::Scene& scene) {
   return env;
 }
 
+/// A reaction on the tangents of contact_tangents(), on those of the file.
+template <class Real>
+std::array<double, 3> on_given_axes(const engines::Contact& contact, const Real* impulse) {
+  const double normal[3] = {contact.normal[0], contact.normal[1], contact.normal[2]};
+  double first[3], second[3];
+  contact_tangents(normal, first, second);
+  std::array<double, 3> all = {static_cast<double>(impulse[0]), 0, 0};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double friction = static_cast<double>(impulse[1]) * first[i] + static_cast<double>(impulse[2]) * second[i];
+    all[1] += friction * contact.t1[i];
+    all[2] += friction * contact.t2[i];
+  }
+  return all;
+}
+
 template <class Real>
 int solve(const std::vector<engines::Scene>& scenes, bool momentum, char** words) {
   BodyBatch<Real> batch;
@@ -78,18 +93,21 @@ int solve(const std::vector<engines::Scene>& scenes, bool momentum, char** words
   std::vector<EnvStatus> status(static_cast<std::size_t>(view.env_count));
   const engines::Call call = engines::timed(batch, std::atof(words[3]), [&](const auto&) {
     engines::Call once;
-    const double start = engines::now();
+    const engines::Stopwatch solving;
     solver.solve(plan, view, {impulse.data(), twist.data(), nullptr, status.data()});
-    once.solve = (engines::now() - start) / static_cast<double>(scenes.size());
+    once.solve = solving.seconds() / static_cast<double>(scenes.size());
     return once;
   });
   std::FILE* out = std::fopen(words[5], "wb");
   if (out == nullptr) engines::fail("the output cannot be opened");
-  std::size_t row = 0;
+  const Real* own = impulse.data();
   for (const engines::Scene& scene : scenes) {
     const std::int64_t how = 0;
     std::vector<double> numbers = {call.solve, 0};
-    for (int i = 0; i < scene.rows(); ++i) numbers.push_back(static_cast<double>(impulse[row++]));
+    for (const engines::Contact& contact : scene.contacts) {
+      for (const double value : on_given_axes(contact, own)) numbers.push_back(value);
+      own += 3;
+    }
     if (std::fwrite(&how, sizeof how, 1, out) != 1 ||
         std::fwrite(numbers.data(), sizeof(double), numbers.size(), out) != numbers.size())
       engines::fail("the output cannot be written");

@@ -25,8 +25,8 @@ namespace {
 
 using engines::BoxedLcp;
 using engines::Call;
-using engines::now;
 using engines::Scene;
+using engines::Stopwatch;
 
 btScalar scalar(double value) {
   return static_cast<btScalar>(std::clamp(value, -double(SIMD_INFINITY), double(SIMD_INFINITY)));
@@ -35,7 +35,7 @@ btScalar scalar(double value) {
 /// Bullet's equation is A x = b + w.
 Call solve_matrix(btMLCPSolverInterface& solver, const BoxedLcp& p, int iterations) {
   Call call;
-  double start = now();
+  const Stopwatch forming;
   const int n = p.rows();
   btMatrixXu A(n, n);
   btVectorXu b(n), x(n), lo(n), hi(n);
@@ -50,10 +50,10 @@ Call solve_matrix(btMLCPSolverInterface& solver, const BoxedLcp& p, int iteratio
     lo[i] = scalar(p.lo[row]), hi[i] = scalar(p.hi[row]);
     findex[i] = static_cast<int>(p.findex[row]);
   }
-  call.form = now() - start;
-  start = now();
+  call.form = forming.seconds();
+  const Stopwatch solving;
   call.claimed = solver.solveMLCP(A, b, x, lo, hi, findex, iterations);
-  call.solve = now() - start;
+  call.solve = solving.seconds();
   for (int i = 0; i < n; ++i) call.reaction.push_back(double(x[i]));
   return call;
 }
@@ -138,14 +138,15 @@ class Impulses : public btSequentialImpulseConstraintSolver {
     btCollisionObject** objects = world.objects.data();
     btPersistentManifold** contacts = world.manifolds.data();
     Call call;
-    const double start = now();
+    const Stopwatch setting_up;
     solveGroupCacheFriendlySetup(objects, bodies, contacts, manifolds, nullptr, 0, info, nullptr);
-    const double iterating = now();
+    call.form = setting_up.seconds();
+    const Stopwatch iterating;
     solveGroupCacheFriendlyIterations(objects, bodies, contacts, manifolds, nullptr, 0, info, nullptr);
-    const double finishing = now();
+    call.solve = iterating.seconds();
+    const Stopwatch finishing;
     solveGroupCacheFriendlyFinish(objects, bodies, info);
-    call.form = now() - finishing + iterating - start;
-    call.solve = finishing - iterating;
+    call.form += finishing.seconds();
     call.reaction = world.reactions();
     return call;
   }

@@ -61,9 +61,9 @@ Call solve(const Scene& scene, bool quick, int iterations, dWorldID memory) {
     dJointSetFeedback(joint, &feedback[k]);
   }
   Call call;
-  const double start = engines::now();
+  const engines::Stopwatch stepping;
   call.claimed = (quick ? dWorldQuickStep : dWorldStep)(world, kStep) != 0;
-  call.solve = engines::now() - start;
+  call.solve = stepping.seconds();
   for (std::size_t k = 0; k < scene.contacts.size(); ++k)
     for (const double* axis : {scene.contacts[k].normal, scene.contacts[k].t1, scene.contacts[k].t2})
       call.reaction.push_back(dot(feedback[k].f1, axis) * kStep);
