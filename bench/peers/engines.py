@@ -28,10 +28,11 @@ import functools
 import json
 import os
 import pathlib
-import subprocess
+import resource
 import sys
 import tempfile
 
+import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -45,8 +46,6 @@ import sweeps  # noqa: E402
 from against import hidden_residual  # noqa: E402
 from environments import read_environments, write_batch  # noqa: E402
 from roster import load_judge  # noqa: E402
-
-import h5py  # noqa: E402
 
 GOAL, SLACK = 1e-6, 1.02
 RUNGS = [10, 15, 22, 33, 50, 75, 110, 160, 240, 360, 540, 800, 1200, 1800, 2700, 4000, 6000, 9000]
@@ -283,6 +282,11 @@ def write_report(path, head, rows, swept):
     path.write_text("\n".join(lines) + "\n")
 
 
+def processor_seconds():
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
@@ -294,6 +298,7 @@ def main():
     parser.add_argument("--only", default="lcp,pyramids,boxed,sweeps")
     arguments = parser.parse_args()
     arguments.only = arguments.only.split(",")
+    np.seterr(over="ignore", invalid="ignore")  # engines return numbers of any size; what they leave is judged
     load, rows, swept = os.getloadavg()[0], [], []
     with tempfile.TemporaryDirectory() as folder:
         bench = measure.Bench(arguments.stiction, None, folder)
@@ -307,7 +312,8 @@ def main():
             swept = sweeps.compare(bench, arguments.stiction, arguments.passes, load_judge(arguments.judge))
     head = measure.header(arguments.stiction, "peers/engines.py")[:-1] + [
         ", ".join(built) or "no engine was found",
-        f"one thread; load of the machine when it began {load:.1f}, when it ended {os.getloadavg()[0]:.1f}"]
+        f"one thread; load of the machine when it began {load:.1f}, when it ended {os.getloadavg()[0]:.1f}; "
+        f"{processor_seconds():.0f} s of processor time, compilers included"]
     arguments.results.mkdir(parents=True, exist_ok=True)
     measure.write_table(arguments.results / "engines.csv", head, COLUMNS, rows)
     if swept:

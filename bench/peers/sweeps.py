@@ -15,8 +15,8 @@ from environments import write_batch
 from table import read
 
 SHORT, LONG = 20, 60
-SECONDS = 0.01  # of calls of one environment in one pass
-SCENES = [("stack", 2, 64), ("stack", 10, 16), ("pile", 20, 16), ("wall", 4, 4)]
+SECONDS = 0.005  # of calls of one environment in one pass
+SCENES = [("stack", 2, 32), ("stack", 10, 8), ("pile", 20, 8), ("wall", 4, 4)]
 COLUMNS = ["scene", "contacts", "environments", "solver", "precision", "form", "law", "ns_sweep", "ns_call", "residual_20", "residual_60",
            "ratio_q1", "ratio", "ratio_q3"]
 FIRST = "Bullet si", "f32"  # the 1 of every ratio
