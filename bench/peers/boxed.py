@@ -1,8 +1,8 @@
 """Boxed friction, the law of physics engines: what solves it, and the same problems as complementarity problems.
 
-A normal row has 0 <= x, 0 <= w and x w = 0. A row of friction stays within mu times the reaction of its contact's normal row, w = 0
-inside, w >= 0 at the lower bound, w <= 0 at the upper one; each direction by itself. That is not the cone of contact batches
-(docs/math/contact_problem.md), neither under Coulomb's law nor under the convex one.
+A normal row has 0 <= x, 0 <= w and x w = 0. A row of friction stays within mu times the reaction of its contact's normal
+row, w = 0 inside, w >= 0 at the lower bound, w <= 0 at the upper one; each direction by itself. That is not the cone of contact
+batches (docs/math/contact_problem.md), neither under Coulomb's law nor under the convex one.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ def dense(environment):
 def of_environment(environment):
     """Every friction cone boxed. ValueError where there are cones of other kinds than friction and half lines."""
     if not np.isin(environment.kinds, (UNILATERAL, FRICTION)).all():
-        raise ValueError(f"cones of kinds {sorted(set(environment.kinds.tolist()))}: boxed friction knows half lines and friction")
+        raise ValueError(f"cones of kinds {sorted(set(environment.kinds.tolist()))}: half lines and friction can be boxed")
     normal = np.repeat(environment.cone_offsets[:-1], environment.cone_sizes)
     rubs = normal != np.arange(environment.rows)
     return Boxed(dense(environment), environment.b, np.where(rubs, -environment.row_param, 0.0),
@@ -43,8 +43,8 @@ def of_environment(environment):
 
 
 def residual(problem, x):
-    """The natural map's largest row, in units of w, over max|b|: x less its projection of x - w / a on the bounds, times a. a is the
-    row's diagonal, or its largest entry where that is not positive."""
+    """The natural map's largest row, in units of w, over max|b|: x less the projection of x - w / a on the bounds, times a. a is
+    the row's diagonal, or its largest entry where that is not positive."""
     if not np.isfinite(x).all():
         return np.inf
     motion = problem.A @ x + problem.b
@@ -94,7 +94,7 @@ def as_lcp(problem):
 
 
 def edges(environment):
-    """The LCP of pyramids of four edges under the convex law, as docs/pyramid.md has it: symmetric, four rows a contact of three."""
+    """The LCP of pyramids of four edges under the convex law (docs/pyramid.md): symmetric, four rows a contact of three."""
     columns = []
     for first, size, kind in zip(environment.cone_offsets, environment.cone_sizes, environment.kinds):
         for row in range(first, first + size) if kind == FRICTION and size > 1 else [first]:

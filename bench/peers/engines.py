@@ -10,15 +10,17 @@ recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`
 Three races to a residual of 1e-6, on problems that both sides solve under the same law:
   lcp       recorded linear complementarity problems as they are;
   pyramids  friction as pyramids of four edges under the convex law: symmetric LCPs (docs/pyramid.md);
-  boxed     friction as engines have it (boxed.py). stiction, which has cones, gets the LCP with the same solutions, 5 rows a contact.
+  boxed     friction as engines have it (boxed.py). stiction, which has cones, gets the LCP with the same solutions, five
+            rows a contact.
 and one comparison of sweeps, 20 and 60 of them: time for a contact and a sweep, and the residual, each in its own law.
 
-Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts). Iterative engines
-get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets the tolerance. Of a first pass
-nothing is timed. Then all run one after the other, and again in reverse order (A B B A), --passes in all, on the environments that
-they solved. A ratio is an engine's time over stiction's in one pass on one environment that both solve. stiction's time is
-its report's in processor time, over the copies of the environment that the call was given, up to 64; an engine's is
-its solving call alone, the median of warm calls; what it forms before and after is listed apart.
+Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts).
+Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets the
+tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B A),
+--passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on one
+environment that both solve; stiction's is that of its solver that solves most, then takes least. stiction's time is its
+report's in processor time, over the copies of the environment that the call was given, up to 64; an engine's is its solving
+call alone, the median of warm calls; what it forms before and after is listed apart.
 """
 
 import argparse
@@ -55,8 +57,8 @@ MATRIX_ENGINES = [("Bullet f64", "dantzig", PIVOTS), ("Bullet f64", "pgs", RUNGS
                   ("DART", "dantzig_cfm", PIVOTS), ("DART", "pgs", RUNGS)]
 LCP_ENGINES = MATRIX_ENGINES + [("Bullet f64", "lemke", PIVOTS), ("DART", "lemke", PIVOTS)]
 SCENE_ENGINES = [("Bullet f64", "si", RUNGS), ("ODE", "step", PIVOTS), ("ODE", "quick", RUNGS)]
-COLUMNS = ["race", "file", "solver", "environments", "solved_1e-4", "solved", "claimed", "iterations", "residual_median", "residual_worst",
-           "us", "us_forming", "against", "common", "ratio_q1", "ratio", "ratio_q3"]
+COLUMNS = ["race", "file", "solver", "environments", "solved_1e-4", "solved", "claimed", "iterations", "residual_median",
+           "residual_worst", "us", "us_forming", "against", "common", "ratio_q1", "ratio", "ratio_q3"]
 
 
 @dataclasses.dataclass
@@ -230,13 +232,12 @@ def friction_files(bench, data):
             yield name, read_environments(data / f"{name}.h5")[:count], None
 
 
-def races(bench, arguments, judge):
+def races(bench, built, arguments, judge):
     """(race, entrants)"""
     ours = functools.partial(Stiction, arguments.stiction, clock=measure.processor_clock(bench.folder))
-    built = {name: programs.build(name, bench.folder) for name in programs.PROGRAMS}
 
     def engines(which, in_scene):
-        return [Engine(name, built[name], solver, rungs, in_scene) for name, solver, rungs in which if built[name]]
+        return [Engine(name, built[name], solver, rungs, in_scene) for name, solver, rungs in which if name in built]
 
     if "lcp" in arguments.only:
         for path in sorted(arguments.data.glob("lcp/*.h5")):
@@ -260,13 +261,13 @@ def races(bench, arguments, judge):
 
 
 def race_table(rows):
-    lines = ["| file | solver | solved, of | at 1e-4 | claimed | residual: median, worst | us | us forming | times stiction's: median "
-             "(quartiles), environments |", "|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| file | solver | solved, of | at 1e-4 | claimed | residual: median, worst | us | us forming | times stiction's: "
+             "median (quartiles), environments |", "|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
         get = {column: row.get(column, "") for column in COLUMNS}
         ratio = "{ratio} ({ratio_q1}-{ratio_q3}), {common} of {against}".format(**get) if get["ratio"] else ""
-        lines.append("| {file} | {solver} | {solved}, {environments} | {solved_1e-4} | {claimed} | {residual_median}, {residual_worst} "
-                     "| {us} | {us_forming} | ".format(**get) + ratio.replace("of stiction", "against") + " |")
+        lines.append("| {file} | {solver} | {solved}, {environments} | {solved_1e-4} | {claimed} | {residual_median}, "
+                     "{residual_worst} | {us} | {us_forming} | ".format(**get) + ratio.replace("of stiction", "against") + " |")
     return lines
 
 
@@ -300,25 +301,31 @@ def main():
     arguments.only = arguments.only.split(",")
     np.seterr(over="ignore", invalid="ignore")  # engines return numbers of any size; what they leave is judged
     load, rows, swept = os.getloadavg()[0], [], []
-    with tempfile.TemporaryDirectory() as folder:
-        bench = measure.Bench(arguments.stiction, None, folder)
-        for race, entrants in races(bench, arguments, load_judge(arguments.judge)):
-            for row in race.run(entrants, arguments.passes):
-                rows.append(row)
-                print("{race:8} {file:20} {solver:20} {solved:3} of {environments:<3}".format(**row), row.get("us", ""), "us, ratio",
-                      row.get("ratio", ""), file=sys.stderr, flush=True)
-        built = [programs.version(name) for name in programs.PROGRAMS if pathlib.Path(bench.folder, name.replace(" ", "_")).exists()]
-        if "sweeps" in arguments.only:
-            swept = sweeps.compare(bench, arguments.stiction, arguments.passes, load_judge(arguments.judge))
-    head = measure.header(arguments.stiction, "peers/engines.py")[:-1] + [
-        ", ".join(built) or "no engine was found",
-        f"one thread; load of the machine when it began {load:.1f}, when it ended {os.getloadavg()[0]:.1f}; "
-        f"{processor_seconds():.0f} s of processor time, compilers included"]
     arguments.results.mkdir(parents=True, exist_ok=True)
-    measure.write_table(arguments.results / "engines.csv", head, COLUMNS, rows)
-    if swept:
-        measure.write_table(arguments.results / "engines_sweeps.csv", head, sweeps.COLUMNS, swept)
-    write_report(arguments.results / "engines.md", head, rows, swept)
+
+    def write(built):
+        head = measure.header(arguments.stiction, "peers/engines.py")[:-1] + [
+            ", ".join(map(programs.version, built)) or "no engine was found",
+            f"{arguments.passes} passes on one thread; load of the machine when it began {load:.1f}, when it ended "
+            f"{os.getloadavg()[0]:.1f}; {processor_seconds():.0f} s of processor time, compilers included"]
+        measure.write_table(arguments.results / "engines.csv", head, COLUMNS, rows)
+        if swept:
+            measure.write_table(arguments.results / "engines_sweeps.csv", head, sweeps.COLUMNS, swept)
+        write_report(arguments.results / "engines.md", head, rows, swept)
+
+    with tempfile.TemporaryDirectory() as folder:
+        bench, judge = measure.Bench(arguments.stiction, None, folder), load_judge(arguments.judge)
+        built = {name: program for name in programs.PROGRAMS if (program := programs.build(name, folder))}
+        for race, entrants in races(bench, built, arguments, judge):
+            rows += race.run(entrants, arguments.passes)
+            write(built)
+            print(f"{race.kind} {race.name}: {processor_seconds():.0f} s of processor time so far", file=sys.stderr, flush=True)
+        if "sweeps" in arguments.only:
+            for scene in sweeps.SCENES:
+                swept += sweeps.compare(bench, built, arguments.stiction, scene, arguments.passes, judge)
+                write(built)
+            swept += sweeps.baselines(bench, arguments.stiction)
+            write(built)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Scenes of rigid bodies in contact, recovered from the J and M of contact-batch files (docs/file_formats.md), as engines take them."""
+"""Scenes of rigid bodies in contact, as engines take them, from the J and M of contact batches (docs/file_formats.md)."""
 
 import dataclasses
 

@@ -17,8 +17,8 @@ from table import read
 SHORT, LONG = 20, 60
 SECONDS = 0.005  # of calls of one environment in one pass
 SCENES = [("stack", 2, 32), ("stack", 10, 8), ("pile", 20, 8), ("wall", 4, 4)]
-COLUMNS = ["scene", "contacts", "environments", "solver", "precision", "form", "law", "ns_sweep", "ns_call", "residual_20", "residual_60",
-           "ratio_q1", "ratio", "ratio_q3"]
+COLUMNS = ["scene", "contacts", "environments", "solver", "precision", "form", "law", "ns_sweep", "ns_call", "residual_20",
+           "residual_60", "ratio_q1", "ratio", "ratio_q3"]
 FIRST = "Bullet si", "f32"  # the 1 of every ratio
 BOXED, CONES = "boxed", "coulomb"
 
@@ -45,8 +45,8 @@ class Stiction:
     def solve(self, field, iterations):
         report, answer = pathlib.Path(field.folder, "report.json"), pathlib.Path(field.folder, "answer.h5")
         subprocess.run([self.program, "solve", str(field.batch_file), "--solver", self.solver, "--precision", self.precision,
-                        "--tolerance", "0", "--max-iterations", str(iterations), "--threads", "1", "--quiet", "--json", str(report),
-                        "-o", str(answer)], env={**os.environ, **self.clock}, capture_output=True)
+                        "--tolerance", "0", "--max-iterations", str(iterations), "--threads", "1", "--quiet", "--json",
+                        str(report), "-o", str(answer)], env={**os.environ, **self.clock}, capture_output=True)
         seconds = json.loads(report.read_text())["seconds"]["solve"] / field.copies
         with h5py.File(answer) as solution:
             reaction = solution["lambda"][:sum(len(given.b) for given in field.given)].astype("f8")
@@ -78,16 +78,15 @@ class Field:
             return float(judge(batch, np.concatenate(reactions), law).max())
 
 
-def entrants(bench, stiction):
+def entrants(bench, built, stiction):
     clock = measure.processor_clock(bench.folder)
     bodies = pathlib.Path(stiction).resolve().parents[1] / "bench" / "bench_body_file"
-    for precision in ("f32", "f64"):
-        program = pathlib.Path(bench.folder, f"Bullet_{precision}")
-        if program.exists():
-            yield Engine("Bullet si", precision, program, "si", "bodies", BOXED)
-    for name, program, solver, form in (("ODE quick", "ODE", "quick", "bodies"), ("Bullet pgs", "Bullet_f64", "pgs", "A")):
-        if pathlib.Path(bench.folder, program).exists():
-            yield Engine(name, "f64", pathlib.Path(bench.folder, program), solver, form, BOXED)
+    for name, precision, program, solver, form in (("Bullet si", "f32", "Bullet f32", "si", "bodies"),
+                                                   ("Bullet si", "f64", "Bullet f64", "si", "bodies"),
+                                                   ("ODE quick", "f64", "ODE", "quick", "bodies"),
+                                                   ("Bullet pgs", "f64", "Bullet f64", "pgs", "A")):
+        if program in built:
+            yield Engine(name, precision, built[program], solver, form, BOXED)
     for precision in ("f32", "f64"):
         if bodies.exists():
             yield Engine("stiction si", precision, bodies, f"si_{precision}", "bodies", CONES)
@@ -96,28 +95,30 @@ def entrants(bench, stiction):
             yield Stiction(stiction, solver, precision, clock)
 
 
-def compare(bench, stiction, passes, judge):
-    rows, everyone = [], list(entrants(bench, stiction))
-    for scene in SCENES:
-        field = Field(bench, *scene)
-        measured = {entrant: [] for entrant in everyone}
-        for one in range(passes + 1):  # the first is a warm-up
-            for entrant in everyone[::-1] if one % 2 else everyone:
-                measured[entrant].append([entrant.solve(field, sweeps) for sweeps in (SHORT, LONG)])
-        slopes = {entrant: np.array([(far[0] - near[0]) / (LONG - SHORT) for near, far in own[1:]]) for entrant, own in measured.items()}
-        first = next((entrant for entrant in everyone if (entrant.name, entrant.precision) == FIRST), None)
-        for entrant, own in measured.items():
-            residual = [field.residual(entrant.law, reactions, judge) for _, _, reactions in own[0]]
-            call = np.median([near[1] for near, _ in own[1:]]) / SHORT
-            row = dict(scene=field.name, contacts=field.contacts // len(field.given), environments=len(field.given), solver=entrant.name,
-                       precision=entrant.precision, form=entrant.form, law=entrant.law,
-                       ns_sweep=f"{1e9 * np.median(slopes[entrant]) / field.contacts:.3g}", ns_call=f"{1e9 * call / field.contacts:.3g}",
-                       residual_20=f"{residual[0]:.2g}", residual_60=f"{residual[1]:.2g}")
-            if first:
-                row.update(zip(("ratio_q1", "ratio", "ratio_q3"),
-                               (f"{value:.3g}" for value in np.quantile(slopes[first] / slopes[entrant], (0.25, 0.5, 0.75)))))
-            rows.append(row)
-    return rows + baselines(bench, stiction)
+def compare(bench, built, stiction, scene, passes, judge):
+    """Rows of the table for one scene."""
+    everyone, field = list(entrants(bench, built, stiction)), Field(bench, *scene)
+    measured = {entrant: [] for entrant in everyone}
+    for one in range(passes + 1):  # the first is a warm-up
+        for entrant in everyone[::-1] if one % 2 else everyone:
+            measured[entrant].append([entrant.solve(field, sweeps) for sweeps in (SHORT, LONG)])
+    slopes = {entrant: np.array([(far[0] - near[0]) / (LONG - SHORT) for near, far in own[1:]])
+              for entrant, own in measured.items()}
+    first = next((entrant for entrant in everyone if (entrant.name, entrant.precision) == FIRST), None)
+    rows = []
+    for entrant, own in measured.items():
+        residual = [field.residual(entrant.law, reactions, judge) for _, _, reactions in own[0]]
+        call = np.median([near[1] for near, _ in own[1:]]) / SHORT
+        sweep = np.median(slopes[entrant])
+        row = dict(scene=field.name, contacts=field.contacts // len(field.given), environments=len(field.given),
+                   solver=entrant.name, precision=entrant.precision, form=entrant.form, law=entrant.law,
+                   ns_sweep=f"{1e9 * sweep / field.contacts:.3g}", ns_call=f"{1e9 * call / field.contacts:.3g}",
+                   residual_20=f"{residual[0]:.2g}", residual_60=f"{residual[1]:.2g}")
+        if first:
+            row.update(zip(("ratio_q1", "ratio", "ratio_q3"),
+                           (f"{value:.3g}" for value in np.quantile(slopes[first] / slopes[entrant], (0.25, 0.5, 0.75)))))
+        rows.append(row)
+    return rows
 
 
 def baselines(bench, stiction):
@@ -125,17 +126,18 @@ def baselines(bench, stiction):
     program, table = pathlib.Path(stiction).resolve().parents[1] / "bench" / "bench_ratio", bench.folder / "ratio.csv"
     if not program.exists():
         return []
-    subprocess.run([program, "--contacts", "8", "--envs", "512", "--family", "stack", "--precision", "f32,f64", "--repeats", "3", "--csv",
-                    table], check=True, capture_output=True)
-    return [dict(scene="stack 2, by bench_ratio", contacts=8, environments=512, solver=row["implementation"], precision=row["precision"],
-                 form="A", law=CONES, ns_sweep=row["ns_sweeps"], ns_call=row["ns_whole"], residual_20=row["residual_20"],
-                 residual_60=row["residual_60"])
+    subprocess.run([program, "--contacts", "8", "--envs", "512", "--family", "stack", "--precision", "f32,f64", "--repeats", "3",
+                    "--csv", table], check=True, capture_output=True)
+    return [dict(scene="stack 2, by bench_ratio", contacts=8, environments=512, solver=row["implementation"],
+                 precision=row["precision"], form="A", law=CONES, ns_sweep=row["ns_sweeps"], ns_call=row["ns_whole"],
+                 residual_20=row["residual_20"], residual_60=row["residual_60"])
             for row in read(table)[1] if row["flags"] == "-O3" or row["implementation"].startswith("stiction")]
 
 
 def table(rows):
-    lines = ["| scene, contacts, environments | solver | precision | works on | law | ns a contact and sweep | the same, whole call of 20 | "
-             "residual after 20, 60 | times Bullet's si in f32: median (quartiles) |", "|---|---|---|---|---|---|---|---|---|"]
+    lines = ["| scene, contacts, environments | solver | precision | works on | law | ns a contact and sweep | "
+             "the same, whole call of 20 | residual after 20, 60 | times Bullet's si in f32: median (quartiles) |",
+             "|---|---|---|---|---|---|---|---|---|"]
     for row in rows:
         ratio = "{ratio} ({ratio_q1}-{ratio_q3})".format(**row) if "ratio" in row else ""
         lines.append("| {scene}, {contacts}, {environments} | {solver} | {precision} | {form} | {law} | {ns_sweep} | {ns_call} | "

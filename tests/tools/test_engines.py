@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """bench/peers, boxed friction: its residual, its LCP, rigid bodies recovered from J and M, and engines that find known answers.
 
-Run as a program it exits with 77 (skipped) when numpy or h5py is missing, and says which. An engine that is not installed skips its
-own test, and so does SciPy.
+Run as a program it exits with 77 (skipped) when numpy or h5py is missing, and says which. An engine that is not installed skips
+its own test, and so does SciPy.
 """
 import sys
 import tempfile
@@ -33,7 +33,9 @@ def block(push):
 
 
 # Push, reaction, and the LCP's (x_n, p, v): each tangent is held at -1 or 1, or sticks.
-CASES = [((3, 0), (2, -1, 0), (2, 0, 1, 0, 0)), ((-3, 0.5), (2, 1, -0.5), (2, 2, 0.5, 2, 0)), ((3, -4), (2, -1, 1), (2, 0, 2, 0, 3))]
+CASES = [((3, 0), (2, -1, 0), (2, 0, 1, 0, 0)),
+         ((-3, 0.5), (2, 1, -0.5), (2, 2, 0.5, 2, 0)),
+         ((3, -4), (2, -1, 1), (2, 0, 2, 0, 3))]
 
 
 def tilted_box(twist=(0.1, -0.2, -1, 0.3, 0.1, -0.2)):
