@@ -59,6 +59,9 @@ TABLE = [
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
+    # Programs around solvers of others; they know nothing of this project.
+    Row("bench/peers", ["bench/peers"],
+        foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
     Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/base/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
