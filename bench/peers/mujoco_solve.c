@@ -66,7 +66,16 @@ static void islands(const mjModel* m, mjData* d, const Problem* p) {
     d->efc_type[i] = contact ? mjCNSTR_LIMIT_TENDON : p->type[i];
     d->efc_id[i] = contact ? d->nefc + p->id[i] : p->id[i];
   }
+  for (int i = 0; !mj_isSparse(m) && i < p->contact_count; ++i) {
+    const int row = p->contact_row[i];
+    for (int dof = 0; dof < m->nv; ++dof) {
+      d->efc_J[row * m->nv + dof] = any(p->jacobian + dof, m->nv, row, row + p->contact_size[i]);
+    }
+  }
   mj_island(m, d);
+  if (!mj_isSparse(m)) {
+    memcpy(d->efc_J, p->jacobian, sizeof(double) * (size_t)d->nJ);
+  }
   memcpy(d->efc_type, p->type, sizeof(int) * (size_t)d->nefc);
   memcpy(d->efc_id, p->id, sizeof(int) * (size_t)d->nefc);
   for (int i = 0; d->nisland && i < d->nefc; ++i) {
@@ -127,7 +136,7 @@ void peer_free(const mjModel* m, mjData* d) {
 #undef XNV
 #undef X
       (void)
-      m;
+  m;
   free(d->contact);
   mj_deleteData(d);
 }

@@ -16,9 +16,10 @@ one call for all environments. Three forms say what both sides are given, and so
 Each solver takes the largest tolerance of its ladder at which 95 % of the environments are judged within the goal, by the
 judge, or without one by stiction's `verify`. Cold starts begin at no reaction and at the free acceleration; warm ones from
 the solution of the same problem with every free acceleration changed by 5 % (normal noise): its reactions for stiction, its
-accelerations for MuJoCo. Those who reach the goal then run in turns, forth and back (A B C C B A) for --seconds of
+accelerations for MuJoCo. Those who reach the goal, without those that take three times as long as the fastest of their
+form (auto in f64 always runs), then run in turns, forth and back (A B C C B A) for --seconds of
 processor time at least three times; a ratio is MuJoCo's time over stiction's of one such turn, and the tables have its
-median and quartiles. Writes robots.csv, robots.md and peers_robots.png.
+median and quartiles. Who did not run for a goal is not asked for a smaller one. Writes robots.csv, robots.md and peers_robots.png.
 """
 
 import argparse
@@ -45,7 +46,7 @@ import stiction  # noqa: E402
 ROBOTS = ["humanoid", "g1", "go1", "leap_hand", "franka_cube", "aloha_peg", "car", "22_humanoids"]
 THEIR_LADDER = [10.0**-k for k in range(1, 17)]
 OUR_LADDER = [1, 0.3, 0.1, 0.01]  # times the goal
-SHARE, CHANGE = 0.95, 0.05
+SHARE, CHANGE, SLOWER = 0.95, 0.05, 3
 FORMS = ("matrix", "factor", "jacobian")
 OURS = [(form, solver, precision) for form in FORMS for solver in ("auto", "npgs", "newton")
         for precision in ("f64", "f32")]
@@ -116,6 +117,7 @@ class Ours:
 class Theirs:
     def __init__(self, robot, peer, solver, warm):
         self.robot, self.peer, self.solver, self.warm = robot, peer, solver, warm
+        self.form, self.precision = "peer", "f64"
 
     def ladder(self, goal):
         return THEIR_LADDER
@@ -146,12 +148,20 @@ def qualify(robot, entrant, goal, limit):
             spent = sum(entrant.run())
         except stiction.Error:
             return False
-        entrant.error = robot.error(entrant.reactions())
+        entrant.spent, entrant.error = spent, robot.error(entrant.reactions())
         if entrant.error <= SLACK * goal:
             return True
         if spent > limit:
             return False
     return False
+
+
+def contenders(entrants):
+    """Without those that took more than three times as long as the fastest of their form, or of MuJoCo's."""
+    least = {}
+    for one in entrants:
+        least[one.form] = min(least.get(one.form, np.inf), one.spent)
+    return [one for one in entrants if one.spent <= SLOWER * least[one.form] or (one.solver, one.precision) == ("auto", "f64")]
 
 
 def turns(entrants, seconds):
@@ -168,13 +178,13 @@ def race(robot, functions, arguments):
     peer = mujoco_peer.Peer(functions, robot.systems)
     rows = []
     for warm in (False, True):
-        ours = [Ours(robot, *which, warm) for which in OURS]
-        theirs = [Theirs(robot, peer, solver, warm) for solver in mujoco_peer.SOLVERS]
+        entrants = [Ours(robot, *which, warm) for which in OURS]
+        entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_peer.SOLVERS]
         for goal in arguments.goals:
-            entrants = [one for one in ours + theirs if qualify(robot, one, goal, arguments.limit)]
-            if not any(isinstance(one, Ours) for one in entrants) or not any(isinstance(one, Theirs) for one in entrants):
+            entrants = contenders([one for one in entrants if qualify(robot, one, goal, arguments.limit)])
+            if len({isinstance(one, Ours) for one in entrants}) < 2:
                 print(f"{robot.name}: nobody on one side reaches {goal:g}", file=sys.stderr)
-                continue
+                break
             spent = turns(entrants, arguments.seconds) * 1e6 / len(robot.systems)
             rows += list(pairs(robot, entrants, spent, "warm" if warm else "cold", goal))
     peer.close()
@@ -271,7 +281,7 @@ def main():
     parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
     parser.add_argument("--envs", type=int, default=64)
     parser.add_argument("--seconds", type=float, default=0.4, help="processor time of the turns of one start and goal")
-    parser.add_argument("--limit", type=float, default=1.0, help="seconds after which a solve is not asked for more")
+    parser.add_argument("--limit", type=float, default=0.5, help="seconds after which a solve is not asked for more")
     arguments = parser.parse_args()
     judge = load_judge(arguments.judge) if arguments.judge else None
     files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]

@@ -12,12 +12,13 @@ warm           consecutive steps in DATA/sequences: iterations and time to 1e-2 
 
 Sweeps are fixed by tolerance 0. Time is processor time for one thread and the wall clock for two, least of the calls that
 fit into a quarter of a second, three at least. An exponent is the slope of a least-squares line through logarithms of
-time over the tail that the report names, with its standard error. Writes scaling.csv, tails.csv, warm.csv (all with the
-prefix peers_), peers_scaling.md and peers_scaling.png.
+time over the tail that the report names, with its standard error. Writes scaling.csv, tails.csv, warm.csv,
+scaling.md and peers_scaling.png.
 """
 
 import argparse
 import functools
+import itertools
 import pathlib
 import subprocess
 import sys
@@ -32,6 +33,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import measure  # noqa: E402
 import problems  # noqa: E402
+import slopes  # noqa: E402
 from arrays import matrix_batch  # noqa: E402
 from environments import read_environments  # noqa: E402
 from roster import SLACK, law_of, load_judge  # noqa: E402
@@ -48,7 +50,6 @@ COLUMNS = ["series", "form", "precision", "threads", "contacts", "environments",
 TAIL_COLUMNS = ["set", "environments", "solved", "iterations_p50", "iterations_p95", "iterations_max", "us_p50", "us_p95", "us_max"]
 WARM_COLUMNS = ["sequence", "solver", "goal", "steps", "iterations_cold", "iterations_warm", "gain_iterations", "gain_q1", "gain_q3",
                 "gain_time"]
-FROM_ENVIRONMENTS, FROM_CONTACTS = 1024, 16
 
 
 @functools.cache
@@ -141,28 +142,6 @@ def contact_series(arguments, folder):
         yield point("contacts", "bodies", "f32", 1, contacts, many, body_batch(contacts, many, "f32", arguments.seed))
 
 
-def exponent(size, seconds):
-    """(slope, standard error) of log time over log size; NaN for fewer than three points."""
-    if len(size) < 3:
-        return np.nan, np.nan
-    x, y = np.log(size), np.log(seconds)
-    (slope, _), residue, *_ = np.linalg.lstsq(np.column_stack((x, np.ones_like(x))), y, rcond=None)
-    spread = residue[0] / (len(x) - 2) if len(residue) else 0.0
-    return slope, float(np.sqrt(spread / ((x - x.mean()) ** 2).sum()))
-
-
-def exponents(rows):
-    """(title, slope, error) of every series."""
-    found = []
-    for series, size, least in (("environments", "environments", FROM_ENVIRONMENTS), ("contacts", "contacts", FROM_CONTACTS)):
-        for key in dict.fromkeys((row["form"], row["precision"], row["threads"]) for row in rows if row["series"] == series):
-            own = [row for row in rows if row["series"] == series and (row["form"], row["precision"], row["threads"]) == key and
-                   row[size] >= least]
-            seconds = [row["us_per_env"] * (row["environments"] if series == "environments" else 1) for row in own]
-            found.append((f"{series}, {key[0]} {key[1]}, threads {key[2]}", *exponent([row[size] for row in own], seconds)))
-    return found
-
-
 def alone(environments, law, solver, warm=None):
     """(iterations, least microseconds, reactions, solved) of each environment in a call of its own."""
     for i, environment in enumerate(environments):
@@ -236,15 +215,6 @@ def judged(path, environments, reactions, law, judge, machine):
     return stiction.verify(matrix_batch(environments, "f64", law), np.concatenate(reactions))[:, 0]
 
 
-def threads_table(rows):
-    """(form, precision, environments, wall seconds of one thread over two) of the largest batches."""
-    for form, precision in dict.fromkeys((row["form"], row["precision"]) for row in rows if row["series"] == "environments"):
-        own = {(row["threads"], row["environments"]): row["us_per_env"] for row in rows
-               if row["series"] == "environments" and (row["form"], row["precision"]) == (form, precision)}
-        most = max(envs for threads, envs in own if threads == 2)
-        yield form, precision, most, own[1, most] / own[2, most]
-
-
 def write(arguments, rows, tail_rows, warm_rows):
     comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)[:-1] + [f"seed {arguments.seed}"]
 
@@ -252,20 +222,22 @@ def write(arguments, rows, tail_rows, warm_rows):
         return {key: f"{value:.4g}" if isinstance(value, (float, np.floating)) else value for key, value in row.items()}
 
     for name, columns, table in (("scaling", COLUMNS, rows), ("tails", TAIL_COLUMNS, tail_rows), ("warm", WARM_COLUMNS, warm_rows)):
-        measure.write_table(arguments.results / f"peers_{name}.csv", comments, columns, map(text, table))
+        measure.write_table(arguments.results / f"{name}.csv", comments, columns, map(text, table))
     lines = ["# How stiction's time grows", "", f"`bench/peers/scaling.py`, seed {arguments.seed}; {measure.machine_name()}.", "",
-             f"Exponents of time, by least squares from {FROM_ENVIRONMENTS} environments and {FROM_CONTACTS} contacts on.", "",
+             f"Exponents of time, by least squares from {slopes.SERIES['environments']} environments and "
+             f"{slopes.SERIES['contacts']} contacts on.", "",
              "| series | exponent | standard error |", "|---|---|---|"]
-    lines += [f"| {title} | {slope:.3f} | {error:.3f} |" for title, slope, error in exponents(rows)]
+    lines += [f"| {series}, {form} {precision}, threads {threads} | {slope:.3f} | {error:.3f} |"
+              for series, form, precision, threads, slope, error in slopes.exponents(rows)]
     lines += ["", "Two threads: processor time of one thread over wall-clock time of two (nothing else may run).", "",
               "| form | environments | times faster |", "|---|---|---|"]
-    lines += [f"| {form} {precision} | {envs} | {ratio:.2f} |" for form, precision, envs, ratio in threads_table(rows)]
+    lines += [f"| {form} {precision} | {envs} | {ratio:.2f} |" for form, precision, envs, ratio in slopes.second_thread(rows)]
     for title, columns, table in (("Each environment in a call of its own, to 1e-4, auto, f64", TAIL_COLUMNS, tail_rows),
                                   ("From the step before", WARM_COLUMNS, warm_rows)):
         lines += ["", f"{title}.", "", "| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
         lines += ["| " + " | ".join(f"{row[c]:.3g}" if isinstance(row[c], (float, np.floating)) else str(row[c]) for c in columns) + " |"
                   for row in table]
-    (arguments.results / "peers_scaling.md").write_text("\n".join(lines) + "\n")
+    (arguments.results / "scaling.md").write_text("\n".join(lines) + "\n")
 
 
 def draw(rows, tail_times, warm_rows, path):
@@ -275,12 +247,11 @@ def draw(rows, tail_times, warm_rows, path):
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(2, 2, figsize=(12, 9))
-    for axis, series, size in ((axes[0][0], "environments", "environments"), (axes[0][1], "contacts", "contacts")):
-        for key in dict.fromkeys((row["form"], row["precision"], row["threads"]) for row in rows if row["series"] == series):
-            own = [row for row in rows if row["series"] == series and (row["form"], row["precision"], row["threads"]) == key]
-            axis.plot([row[size] for row in own], [row["us_per_env"] for row in own], "-" if key[2] == 1 else ":", marker="o", markersize=3,
-                      label=f"{key[0]} {key[1]}" + ("" if key[2] == 1 else f", {key[2]} threads"))
-        axis.set(xscale="log", yscale="log", xlabel=f"{series}", ylabel=f"microseconds of an environment, {SWEEPS} sweeps")
+    for axis, series in zip(axes[0], slopes.SERIES):
+        for form, precision, threads, sizes, microseconds in slopes.of_series(rows, series):
+            axis.plot(sizes, microseconds, "-" if threads == 1 else ":", marker="o", markersize=3,
+                      label=f"{form} {precision}" + ("" if threads == 1 else f", {threads} threads"))
+        axis.set(xscale="log", yscale="log", xlabel=series, ylabel=f"microseconds of an environment, {SWEEPS} sweeps")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
     axis = axes[1][0]
@@ -316,8 +287,10 @@ def main():
     judge = load_judge(arguments.judge) if arguments.judge else None
     with tempfile.TemporaryDirectory() as folder:
         rows = []
-        for row in [*environment_series(arguments), *contact_series(arguments, folder)]:
+        for row in itertools.chain(environment_series(arguments), contact_series(arguments, folder)):
             rows.append(row)
+            print("{series}: {form} {precision}, {contacts} contacts, {environments} environments, threads {threads}: {us_per_env:.4g} us"
+                  .format(**row), file=sys.stderr, flush=True)
         tail_rows, tail_times = [], {}
         for row, microseconds in tails(arguments, folder):
             tail_rows.append(row)
