@@ -11,6 +11,7 @@ fresh/against.csv, fresh/against.md and fresh.md, which has both seeds' ratios s
 
 import argparse
 import csv
+import importlib.util
 import pathlib
 import secrets
 import subprocess
@@ -99,7 +100,8 @@ def main():
             subprocess.run([arguments.stiction, "generate", scene, "--size", str(size), "--envs", str(arguments.envs), "--seed", str(seed),
                             "-o", str(scenes / f"{scene}.h5"), "--quiet"], check=True)
         subprocess.run([sys.executable, str(HERE / "against.py"), arguments.stiction, str(scenes), "--judge", arguments.judge, "--results",
-                        str(results), "--goals", ",".join(GOALS), "--seconds", str(arguments.seconds), "--solvers", "auto,npgs"], check=True)
+                        str(results), "--goals", ",".join(GOALS), "--seconds", str(arguments.seconds), "--solvers", "auto,npgs", "--laws",
+                        "both" if importlib.util.find_spec("clarabel") else "file"], check=True)
     with open(results / "against.csv", encoding="utf-8") as file:
         lines += against_lines(list(csv.DictReader(file)))
     (arguments.results / "fresh.md").write_text("\n".join(lines) + "\n")
