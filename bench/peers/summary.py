@@ -55,7 +55,7 @@ def robot_lines(folder):
 def against_lines(folder):
     rows = rows_of(folder / "against.csv")
     for goal in dict.fromkeys(row["goal"] for row in rows):
-        ratios, won, files = [], 0, dict.fromkeys((row["file"], row["law"]) for row in rows)
+        ratios, more, files = [], [0, 0], dict.fromkeys((row["file"], row["law"]) for row in rows)
         for file, law in files:
             own = [row for row in rows if (row["file"], row["law"], row["goal"]) == (file, law, goal)]
             best = [min((row for row in own if row["solver"].startswith("stiction") is ours), default=None,
@@ -65,9 +65,9 @@ def against_lines(folder):
             solved = [int(row["solved"]) for row in best]
             if solved[0] == solved[1] > 0:
                 ratios.append(float(best[1]["ms_total"]) / float(best[0]["ms_total"]))
-            won += solved[0] > solved[1]
-        yield ("C5", f"others' time over stiction's to {float(goal):g}, files of which both solve as many; stiction solves more in {won}",
-               "5; 20" if float(goal) >= 1e-4 else "2; 5", spread(ratios))
+            more = [more[0] + (solved[0] > solved[1]), more[1] + (solved[0] < solved[1])]
+        yield ("C5", f"others' time over stiction's to {float(goal):g}, files of which both solve as many; stiction solves more in "
+               f"{more[0]}, others in {more[1]}", "5; 20" if float(goal) >= 1e-4 else "2; 5", spread(ratios))
 
 
 def scaling_lines(folder):

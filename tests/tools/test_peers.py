@@ -18,6 +18,7 @@ try:
     import against
     import siconos
     import slopes
+    import summary
     import systems
     from environments import BOX, FRICTION, UNILATERAL, Environment, read_environments, write_batch
 except ImportError as missing:
@@ -142,6 +143,18 @@ class Peers(unittest.TestCase):
         self.assertAlmostEqual(error, 0, 6)
         self.assertGreater(slopes.exponent(sizes, 3e-6 * sizes**1.7 * [1, 1.2, 0.9, 1])[1], 0.01)
         self.assertTrue(np.isnan(slopes.exponent(sizes[:2], sizes[:2])[0]))
+
+    def test_what_the_summary_says_of_solvers_of_others(self):
+        rows = ["file,law,solver,goal,solved,ms_total"]
+        for file, ours, theirs in (("a", (4, 2), (4, 6)), ("b", (4, 2), (4, 1)), ("c", (4, 9), (3, 1)), ("d", (0, 9), (0, 1))):
+            rows += [f"{file},coulomb,stiction auto,1e-4,{ours[0]},{ours[1]}", f"{file},coulomb,stiction npgs,1e-4,0,0.1",
+                     f"{file},coulomb,Siconos nsgs,1e-4,{theirs[0]},{theirs[1]}"]
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "against.csv").write_text("\n".join(rows))
+            (what, question, _, found), = summary.against_lines(Path(folder))
+        self.assertEqual(what, "C5")
+        self.assertIn("stiction solves more in 1, others in 0", question)
+        self.assertEqual(found, "1.75 (0.50 to 3.00; 2)")
 
     def test_what_a_second_thread_is_worth(self):
         rows = [dict(series="environments", form="matrix", precision="f32", threads=threads, environments=envs, us_per_env=us)
