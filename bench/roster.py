@@ -138,6 +138,17 @@ def goals_of(text):
     return [(precision, float(tolerance)) for precision, tolerance in (part.split(":") for part in text.split(","))]
 
 
+def write(arguments, rows, times):
+    with open(arguments.results / f"{arguments.name}.csv", "w", newline="") as file:
+        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    write_table(rows, arguments.results / f"{arguments.name}.md")
+    if arguments.profiles:
+        draw_profiles({goal: {solver: np.concatenate(own) for solver, own in found.items()} for goal, found in times.items()},
+                      arguments.profiles)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
@@ -164,14 +175,7 @@ def main():
                     times[precision, tolerance][solver].append(own)
                 print("{file:26} {solver:7} {precision} {tolerance:<6g} {solved:4} of {environments:<4} {us_per_env} us  {note}"
                       .format(**row), file=sys.stderr, flush=True)
-    with open(arguments.results / f"{arguments.name}.csv", "w", newline="") as file:
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    write_table(rows, arguments.results / f"{arguments.name}.md")
-    if arguments.profiles:
-        draw_profiles({goal: {solver: np.concatenate(own) for solver, own in found.items()} for goal, found in times.items()},
-                      arguments.profiles)
+        write(arguments, rows, times)
 
 
 if __name__ == "__main__":

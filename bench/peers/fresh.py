@@ -33,16 +33,16 @@ GOALS = ("1e-4", "1e-6")
 def ratios(program, seed, folder):
     """Rows of bench_ratio for that seed; times naive's is in whole_median and sweeps_median."""
     path = pathlib.Path(folder, f"ratio_{seed}.csv")
-    subprocess.run([program, "--contacts", "4,8,22", "--envs", "1024", "--precision", "f32", "--repeats", "5", "--seed", str(seed),
-                    "--csv", str(path)], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([program, "--contacts", "4,8,22", "--envs", "1024", "--precision", "f32", "--repeats", "5", "--seed",
+                    str(seed), "--csv", str(path)], check=True, stdout=subprocess.DEVNULL)
     return [row | {"seed": seed} for row in read(path)[1]]
 
 
 def ratio_lines(rows, seed):
-    lines = ["", "## Against a naive loop and Eigen", "", "Times as fast as the naive loop, f32, median (quartiles): the sweeps, and the "
-             f"whole call of 20 sweeps, with scenes of seed {COMMITTED_SEED} and of seed {seed}.", "",
-             "| family, contacts | implementation | " + " | ".join(f"sweeps, {s} | whole, {s}" for s in (COMMITTED_SEED, seed)) + " |",
-             "|---" * 6 + "|"]
+    heads = [f"sweeps, {one} | whole, {one}" for one in (COMMITTED_SEED, seed)]
+    lines = ["", "## Against a naive loop and Eigen", "", "Times as fast as the naive loop, f32, median (quartiles): the "
+             f"sweeps, and the whole call of 20 sweeps, with scenes of seed {COMMITTED_SEED} and of seed {seed}.", "",
+             f"| family, contacts | implementation | {' | '.join(heads)} |", "|---" * 6 + "|"]
     where = {(row["family"], row["contacts"], row["implementation"], row["flags"], row["seed"]): row for row in rows}
     for family, contacts, implementation, flags, own in where:
         if own != seed or implementation.startswith("naive"):
@@ -58,17 +58,18 @@ def ratio_lines(rows, seed):
 
 def against_lines(rows):
     """Per scene, law and goal: solved, and whole files' times of the best of ours and of others."""
-    lines = ["", "## Against Siconos and Clarabel", "", "Best of stiction's `auto` and `npgs` (solved, ms for the file) and best of the "
-             "others, and the others' time over stiction's where as many are solved.", "",
-             "| scene, law | " + " | ".join(f"{goal}: stiction | others | ratio" for goal in GOALS) + " |", "|---" * (1 + 3 * len(GOALS)) + "|"]
+    heads = [f"{goal}: stiction | others | ratio" for goal in GOALS]
+    lines = ["", "## Against Siconos and Clarabel", "", "Best of stiction's `auto` and `npgs` (solved, ms for the file) and "
+             "best of the others, and the others' time over stiction's where as many are solved.", "",
+             f"| scene, law | {' | '.join(heads)} |", "|---" * (1 + 3 * len(GOALS)) + "|"]
     for name, law in dict.fromkeys((row["file"], row["law"]) for row in rows):
         cells = []
         for goal in GOALS:
             own = [row for row in rows if (row["file"], row["law"], float(row["goal"])) == (name, law, float(goal))]
             best = [min((row for row in own if row["solver"].startswith("stiction") is ours), default=None,
                         key=lambda row: (-int(row["solved"]), float(row["ms_total"]))) for ours in (True, False)]
-            cells += ["-" if row is None else f"{row['solver'].replace('stiction ', '')} {row['solved']}/{row['environments']}, "
-                      f"{float(row['ms_total']):.3g}" for row in best]
+            cells += ["-" if row is None else f"{row['solver'].replace('stiction ', '')} {row['solved']}/"
+                      f"{row['environments']}, {float(row['ms_total']):.3g}" for row in best]
             equal = None not in best and best[0]["solved"] == best[1]["solved"] != "0"
             cells.append(f"{float(best[1]['ms_total']) / float(best[0]['ms_total']):.2f}" if equal else "-")
         lines.append(f"| {name.split('/')[-1]}, {law} | " + " | ".join(cells) + " |")
@@ -92,16 +93,18 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         if arguments.bench_ratio:
             rows = ratios(arguments.bench_ratio, COMMITTED_SEED, folder) + ratios(arguments.bench_ratio, seed, folder)
-            measure.write_table(results / "ratio.csv", measure.header(arguments.stiction, pathlib.Path(__file__).name), list(rows[0]), rows)
+            comments = measure.header(arguments.stiction, "peers/fresh.py")
+            measure.write_table(results / "ratio.csv", comments, list(rows[0]), rows)
             lines += ratio_lines(rows, seed)
         scenes = pathlib.Path(folder, f"seed_{seed}")
         scenes.mkdir()
         for scene, size in SIZES.items():
-            subprocess.run([arguments.stiction, "generate", scene, "--size", str(size), "--envs", str(arguments.envs), "--seed", str(seed),
-                            "-o", str(scenes / f"{scene}.h5"), "--quiet"], check=True)
-        subprocess.run([sys.executable, str(HERE / "against.py"), arguments.stiction, str(scenes), "--judge", arguments.judge, "--results",
-                        str(results), "--goals", ",".join(GOALS), "--seconds", str(arguments.seconds), "--solvers", "auto,npgs", "--laws",
-                        "both" if importlib.util.find_spec("clarabel") else "file"], check=True)
+            subprocess.run([arguments.stiction, "generate", scene, "--size", str(size), "--envs", str(arguments.envs),
+                            "--seed", str(seed), "-o", str(scenes / f"{scene}.h5"), "--quiet"], check=True)
+        laws = "both" if importlib.util.find_spec("clarabel") else "file"  # nobody else knows the convex law
+        subprocess.run([sys.executable, str(HERE / "against.py"), arguments.stiction, str(scenes), "--judge", arguments.judge,
+                        "--results", str(results), "--goals", ",".join(GOALS), "--seconds", str(arguments.seconds),
+                        "--solvers", "auto,npgs", "--laws", laws], check=True)
     with open(results / "against.csv", encoding="utf-8") as file:
         lines += against_lines(list(csv.DictReader(file)))
     (arguments.results / "fresh.md").write_text("\n".join(lines) + "\n")

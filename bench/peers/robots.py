@@ -258,9 +258,11 @@ def draw(rows, goals, path):
         for shift, (start, form, colour) in enumerate([("cold", "factor", "tab:blue"), ("cold", "matrix", "tab:cyan"),
                                                        ("warm", "factor", "tab:red"), ("warm", "matrix", "tab:orange")]):
             found = [best(rows, robot=name, form=form, start=start, goal=goal) for name in names]
-            ratio, low, high = ([np.nan if row is None else row[key] for row in found] for key in ("ratio", "ratio_q1", "ratio_q3"))
-            axis.errorbar(np.arange(len(names)) + 0.15 * (shift - 1.5), ratio, np.abs([np.subtract(ratio, low), np.subtract(high, ratio)]),
-                          fmt="o", color=colour, capsize=2, label=f"{start}, {'A' if form == 'matrix' else 'J and the factor of M'} given")
+            low, ratio, high = (np.array([np.nan if row is None else row[key] for row in found])
+                                for key in ("ratio_q1", "ratio", "ratio_q3"))
+            given = "A" if form == "matrix" else "J and the factor of M"
+            axis.errorbar(np.arange(len(names)) + 0.15 * (shift - 1.5), ratio, [ratio - low, high - ratio], fmt="o", color=colour,
+                          capsize=2, label=f"{start}, {given} given")
         axis.axhline(1, color="black", linewidth=0.8)
         axis.set(title=f"residual {goal:g}", yscale="log")
         axis.set_xticks(range(len(names)), names, rotation=30, ha="right")

@@ -44,30 +44,31 @@ def parts(a):
     ratio, data = a.build / "bench" / "bench_ratio", ["--data", a.data]
     seed = [] if a.seed is None else ["--seed", a.seed]
     goals = "f64:1e-2,f64:1e-4,f64:1e-6,f64:1e-8"
-    robots = [a.data / "mujoco" / f"{name}.h5" for name in ("humanoid", "g1", "go1", "leap_hand", "franka_cube", "aloha_peg", "car")]
+    names = ("humanoid", "g1", "go1", "leap_hand", "franka_cube", "aloha_peg", "car")
+    robots = [a.data / "mujoco" / f"{name}.h5" for name in names]
     contacts = [a.data / "coulomb" / f"{name}.h5" for name in ("boxes", "rover", "single_object", "small")]
     return [
-        Part("ratio", "against a naive loop and Eigen (C1, C2)", 80,
+        Part("ratio", "against a naive loop and Eigen (C1, C2)", 60,
              [ratio, "--contacts", "4,8,16,22,32", "--envs", "1024", "--precision", "f32", "--csv", a.results / "ratio.csv"],
              files=(ratio,)),
-        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 210,
+        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 150,
              [*script("robots.py"), *robots, *judge, *results, *images], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
-        Part("engines", "against Bullet, ODE and DART (C4)", 210,
+        Part("engines", "against Bullet, ODE and DART (C4)", 220,
              [*script("engines.py"), ours, *data, *judge, *results], files=(ours, HERE / "engines.py", a.data), judge=True),
         Part("against", "against Siconos and Clarabel on recorded contacts (C5)", 150,
              [*script("against.py"), ours, a.data / "fclib", *contacts, *judge, *results, "--goals", "1e-4,1e-8", "--seconds", "0.5",
               "--solvers", "auto,npgs", "--laws", "file"], files=(ours, a.data / "fclib", *contacts), judge=True),
-        Part("scaling", "time against environments, contacts and threads; tails; warm starts (C6, S4, S5, A3)", 150,
+        Part("scaling", "time against environments, contacts and threads; tails; warm starts (C6, S4, S5, A3)", 120,
              [*script("scaling.py"), ours, *data, *judge, *results, *images], ("stiction", "matplotlib"), (ours,)),
-        Part("fresh", "C1, C2 and C5 on scenes of a seed nobody has seen", 150,
+        Part("fresh", "C1, C2 and C5 on scenes of a seed nobody has seen", 160,
              [*script("fresh.py"), ours, "--bench-ratio", ratio, *judge, *results, *seed], files=(ours, ratio), judge=True),
-        Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 120,
-             [sys.executable, HERE.parent / "roster.py", ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals,
-              "--name", "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
-             ("matplotlib",), (ours, *robots, *contacts), True),
-        Part("work_precision", "residual against time", 120,
-             [sys.executable, HERE.parent / "work_precision.py", ours, *data, *judge, *results, *images, "--name", "peers_work_precision",
-              "--scenes", "humanoid,G1,LEAP hand,stack of 10", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
+        Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 220,
+             [*script("../roster.py"), ours, *robots[:4], *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
+              "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
+             ("matplotlib",), (ours, *robots[:4], *contacts), True),
+        Part("work_precision", "residual against time", 110,
+             [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
+              "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
     ]
 
 

@@ -188,7 +188,8 @@ def warm_starts(arguments, judge):
         environments = read_environments(path)
         with h5py.File(path) as batch:
             law, steps = law_of(batch), batch["step"][:]
-        after = [i for i in range(1, len(environments)) if environments[i].rows == environments[i - 1].rows > 0 and steps[i] > steps[i - 1]]
+        rows = [environment.rows for environment in environments]
+        after = [i for i in range(1, len(rows)) if rows[i] == rows[i - 1] > 0 and steps[i] > steps[i - 1]]
         for solver in ("npgs", "auto"):
             for goal in (1e-2, 1e-3):
                 machine = stiction.Solver(solver=solver, tolerance=goal, max_iterations=10000, threads=1)
@@ -204,9 +205,11 @@ def warm_starts(arguments, judge):
                     continue
                 was, now = (np.array([pair[k][:2] for pair in both], float) for k in (0, 1))
                 gain = (was[:, 0] + 1) / (now[:, 0] + 1)
+                low, middle, high = np.quantile(gain, (0.25, 0.5, 0.75))
+                total, time_saved = was.sum(axis=0) / now.sum(axis=0)
                 yield dict(sequence=name, solver=solver, goal=goal, steps=len(both), iterations_cold=np.median(was[:, 0]),
-                           iterations_warm=np.median(now[:, 0]), gain_iterations=np.median(gain), gain_q1=np.quantile(gain, 0.25),
-                           gain_q3=np.quantile(gain, 0.75), gain_total=was[:, 0].sum() / now[:, 0].sum(), gain_time=was[:, 1].sum() / now[:, 1].sum())
+                           iterations_warm=np.median(now[:, 0]), gain_iterations=middle, gain_q1=low, gain_q3=high,
+                           gain_total=total, gain_time=time_saved)
 
 
 def judged(path, environments, reactions, law, judge, machine):
@@ -220,11 +223,13 @@ def judged(path, environments, reactions, law, judge, machine):
 def write(arguments, rows, tail_rows, warm_rows):
     comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)[:-1] + [f"seed {arguments.seed}"]
 
-    def text(row):
-        return {key: f"{value:.4g}" if isinstance(value, (float, np.floating)) else value for key, value in row.items()}
+    def text(value, digits):
+        return f"{value:.{digits}g}" if isinstance(value, (float, np.floating)) else str(value)
 
-    for name, columns, table in (("scaling", COLUMNS, rows), ("tails", TAIL_COLUMNS, tail_rows), ("warm", WARM_COLUMNS, warm_rows)):
-        measure.write_table(arguments.results / f"{name}.csv", comments, columns, map(text, table))
+    tables = (("scaling", COLUMNS, rows), ("tails", TAIL_COLUMNS, tail_rows), ("warm", WARM_COLUMNS, warm_rows))
+    for name, columns, table in tables:
+        measure.write_table(arguments.results / f"{name}.csv", comments, columns,
+                            [{key: text(value, 4) for key, value in row.items()} for row in table])
     lines = ["# How stiction's time grows", "", f"`bench/peers/scaling.py`, seed {arguments.seed}; {measure.machine_name()}.", "",
              f"Exponents of time, by least squares from {slopes.SERIES['environments']} environments and "
              f"{slopes.SERIES['contacts']} contacts on.", "",
@@ -237,8 +242,7 @@ def write(arguments, rows, tail_rows, warm_rows):
     for title, columns, table in (("Each environment in a call of its own, to 1e-4, auto, f64", TAIL_COLUMNS, tail_rows),
                                   ("From the step before", WARM_COLUMNS, warm_rows)):
         lines += ["", f"{title}.", "", "| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
-        lines += ["| " + " | ".join(f"{row[c]:.3g}" if isinstance(row[c], (float, np.floating)) else str(row[c]) for c in columns) + " |"
-                  for row in table]
+        lines += ["| " + " | ".join(text(row[column], 3) for column in columns) + " |" for row in table]
     (arguments.results / "scaling.md").write_text("\n".join(lines) + "\n")
 
 
@@ -291,8 +295,8 @@ def main():
         rows = []
         for row in itertools.chain(environment_series(arguments), contact_series(arguments, folder)):
             rows.append(row)
-            print("{series}: {form} {precision}, {contacts} contacts, {environments} environments, threads {threads}: {us_per_env:.4g} us"
-                  .format(**row), file=sys.stderr, flush=True)
+            print("{series}: {form} {precision}, {contacts} contacts, {environments} environments, threads {threads}: "
+                  "{us_per_env:.4g} us".format(**row), file=sys.stderr, flush=True)
         tail_rows, tail_times = [], {}
         for row, microseconds in tails(arguments, folder):
             tail_rows.append(row)
