@@ -1,7 +1,8 @@
 // How many times faster lanes = environments are than a naive scalar loop: every implementation in turn, again and
 // again (A B C A B C ...), one thread, CPU time, warm-up excluded; median and quartiles of the ratio over repeats.
 //
-//   bench_ratio [--contacts 8,16] [--envs 1024] [--family stack] [--precision f32] [--repeats 5] [--csv PATH]
+//   bench_ratio [--contacts 8,16] [--envs 1024] [--family stack] [--precision f32] [--repeats 5] [--seed 7]
+//               [--csv PATH]
 
 #include <algorithm>
 #include <cstdio>
@@ -107,8 +108,8 @@ void prepare(Contestant<Real>& contestant, const ContactBatch<Real>& batch, std:
 }
 
 template <class Real>
-void compete(const std::string& family, Index contacts, Offset envs, int repeats, Csv* csv) {
-  const ContactBatch<Real> batch = make_contacts<Real>(family, contacts, envs);
+void compete(const std::string& family, Index contacts, Offset envs, std::uint64_t seed, int repeats, Csv* csv) {
+  const ContactBatch<Real> batch = make_contacts<Real>(family, contacts, envs, seed);
   std::vector<Contestant<Real>> all = make_contestants(batch);
   std::vector<Real> lambda;
   for (Contestant<Real>& contestant : all) prepare(contestant, batch, lambda);
@@ -161,7 +162,9 @@ int run(int argc, char** argv) {
                              {"--envs", "1024"},
                              {"--family", all_families},
                              {"--precision", "f32,f64"},
-                             {"--repeats", "5"}});
+                             {"--repeats", "5"},
+                             {"--seed", std::to_string(kSeed)}});
+  const auto seed = static_cast<std::uint64_t>(arguments.count("--seed", 0));
   const Offset most_envs = arguments.count("--envs");
   const int repeats = arguments.count("--repeats");
   // As many numbers as that many environments of 8 contacts have: larger ones are fewer.
@@ -176,9 +179,9 @@ int run(int argc, char** argv) {
       for (const Index contacts : arguments.counts("--contacts")) {
         const Offset envs = capped_envs(contacts, most_envs, entries);
         if (precision == "f32") {
-          compete<float>(family, contacts, envs, repeats, csv.get());
+          compete<float>(family, contacts, envs, seed, repeats, csv.get());
         } else {
-          compete<double>(family, contacts, envs, repeats, csv.get());
+          compete<double>(family, contacts, envs, seed, repeats, csv.get());
         }
       }
   return 0;

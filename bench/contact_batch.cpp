@@ -9,16 +9,15 @@ namespace stiction::bench {
 
 namespace {
 
-constexpr std::uint64_t kSeed = 7;
 constexpr Index kRows = 3;
 constexpr Index kMostContacts = 64;
 
 /// Environment `index` of the family, with at least that many contacts.
-Environment<double> make_scene(const std::string& family, Index contacts, Offset index) {
+Environment<double> make_scene(const std::string& family, Index contacts, Offset index, std::uint64_t seed) {
   const auto i = static_cast<std::uint64_t>(index);
-  if (family == "stack") return scenes::make("stack", kSeed, i, (contacts + 3) / 4).system;
+  if (family == "stack") return scenes::make("stack", seed, i, (contacts + 3) / 4).system;
   // Kind 1 of every eight is the crowded face; size 8 makes it 8 x 8 contacts.
-  if (family == "face") return scenes::make("adversarial", kSeed, 8 * i + 1, 8).system;
+  if (family == "face") return scenes::make("adversarial", seed, 8 * i + 1, 8).system;
   throw Error(ErrorCode::invalid_argument, "family '" + family + "' is unknown: use stack or face");
 }
 
@@ -70,14 +69,14 @@ std::vector<std::string> families() {
 }
 
 template <class Real>
-ContactBatch<Real> make_contacts(const std::string& family, Index contacts, Offset envs) {
+ContactBatch<Real> make_contacts(const std::string& family, Index contacts, Offset envs, std::uint64_t seed) {
   if (contacts < 1 || contacts > kMostContacts)
     throw Error(ErrorCode::invalid_argument,
                 "contacts is " + std::to_string(contacts) + ": use 1 to " + std::to_string(kMostContacts));
   if (envs < 1) throw Error(ErrorCode::invalid_argument, "envs is " + std::to_string(envs) + ": use 1 or more");
   ContactBatch<double> distinct(Law::coulomb);
   for (Offset i = 0; i < std::min(envs, kDistinct); ++i)
-    distinct.add(first_contacts(make_scene(family, contacts, i), contacts));
+    distinct.add(first_contacts(make_scene(family, contacts, i, seed), contacts));
   std::vector<Offset> order(static_cast<std::size_t>(envs));
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<Offset>(i) % kDistinct;
   return gather<Real>(convert<Real>(distinct), order);
@@ -115,8 +114,8 @@ std::string hash_text(const std::vector<Real>& lambda) {
   return text;
 }
 
-template ContactBatch<float> make_contacts(const std::string&, Index, Offset);
-template ContactBatch<double> make_contacts(const std::string&, Index, Offset);
+template ContactBatch<float> make_contacts(const std::string&, Index, Offset, std::uint64_t);
+template ContactBatch<double> make_contacts(const std::string&, Index, Offset, std::uint64_t);
 template double worst_residual(const ContactBatch<float>&, const std::vector<float>&);
 template double worst_residual(const ContactBatch<double>&, const std::vector<double>&);
 template std::string hash_text(const std::vector<float>&);

@@ -79,6 +79,27 @@ def cubes(masses, rng, mu=0.5, edge=0.2):
     return (J * inverse) @ J.T, J @ free, [(FRICTION, 3)] * (4 * count), np.tile([0, mu, mu], 4 * count)
 
 
+def face(contacts, rng, mu=0.5, edge=0.2):
+    """A cube on the ground with its contacts in a square grid on one face, slightly moving: A is full, of rank six."""
+    side = int(np.ceil(np.sqrt(contacts)))
+    grid = np.linspace(-0.5, 0.5, side) * edge if side > 1 else np.zeros(1)
+    arms = np.array([(x, y, -0.5 * edge) for x in grid for y in grid])[:contacts]
+    J = np.zeros((3 * contacts, 6))
+    for c, arm in enumerate(arms):
+        for axis, direction in enumerate(np.eye(3)[[2, 0, 1]]):
+            J[3 * c + axis] = np.concatenate((direction, np.cross(arm, direction)))
+    free = np.array([0, 0, -WEIGHT, 0, 0, 0]) + 0.2 * WEIGHT * rng.standard_normal(6)
+    A = (J * np.r_[np.ones(3), np.full(3, 6 / edge**2)]) @ J.T
+    return A, J @ free, [(FRICTION, 3)] * contacts, np.tile([0, mu, mu], contacts)
+
+
+def first_contacts(problem, contacts):
+    """The principal part that belongs to the first contacts of three rows."""
+    A, b, kinds, parameter = problem
+    rows = 3 * contacts
+    return A[:rows, :rows], b[:rows], kinds[:contacts], parameter[:rows]
+
+
 def sliding_blocks(count, mu=0.5, speed=3.0):
     """Unit masses on the ground, pressed on and sliding fast, in `count` directions."""
     angle = 2 * np.pi * (np.arange(count) + 0.5) / count

@@ -3,11 +3,12 @@
 
     bench/roster.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py
                     [--results DIR] [--profiles PNG] [--solvers npgs,newton,...] [--max-iterations 10000] [--timeout 20]
+                    [--goals f64:1e-3,f64:1e-6,f64:1e-8,f32:1e-3] [--profiled f64:1e-6] [--name roster]
 
-Each file is solved by each solver in f64 to 1e-3, 1e-6 and 1e-8 and in f32 to 1e-3, on one thread. An environment is
+Each file is solved by each solver to each goal, on one thread. An environment is
 solved if the judge's residual is within the tolerance. Writes roster.csv (a row for each file, solver and goal) and roster.md
-(shares of environments) into DIR, and for 1e-6 in f64 the profiles of Dolan and More (2002): the share of
-environments that a solver solves within a multiple of the time of the fastest one. A file's time is shared out over its
+(shares of environments) into DIR, or what --name says, and for the goals in --profiled the profiles of Dolan and More (2002): the
+share of environments that a solver solves within a multiple of the time of the fastest one. A file's time is shared out over its
 environments by their iterations. What is not answered within the timeout counts as unsolved.
 """
 
@@ -24,8 +25,7 @@ import h5py
 import numpy as np
 
 SOLVERS = ["pgs", "npgs", "nsgs", "jacobi", "apgd", "admm", "newton", "ipm", "lemke", "auto"]
-GOALS = [("f64", 1e-3), ("f64", 1e-6), ("f64", 1e-8), ("f32", 1e-3)]
-PROFILED = ("f64", 1e-6)
+GOALS, PROFILED = "f64:1e-3,f64:1e-6,f64:1e-8,f32:1e-3", "f64:1e-6"
 # The judge reads the numbers as written; the solver's residual is the same up to rounding.
 SLACK = 1.02
 COLUMNS = ["file", "solver", "precision", "tolerance", "environments", "solved", "claimed", "iterations_median", "iterations_p95",
@@ -108,26 +108,45 @@ def write_table(rows, path):
     path.write_text("\n".join(lines))
 
 
-def draw_profiles(times, path):
-    """times: solver -> microseconds of every environment."""
+def draw_profiles(profiled, path):
+    """profiled: (precision, tolerance) -> solver -> microseconds of every environment."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    best = np.min(list(times.values()), axis=0)
-    figure, axis = plt.subplots(figsize=(8, 5))
+    columns = min(2, len(profiled))
+    lines = -(-len(profiled) // columns)
+    figure, axes = plt.subplots(lines, columns, figsize=(8 * columns, 5 * lines), squeeze=False)
     ratios = np.logspace(0, 4, 200)
-    for solver, own in times.items():
-        ratio = np.where(np.isfinite(own), own / best, np.inf)
-        axis.step(ratios, [(ratio <= r).mean() for r in ratios], where="post", label=solver,
-                  linewidth=3 if solver == "auto" else 1.5)
-    axis.set(xscale="log", xlabel="time over the fastest solver's", ylabel="share of environments solved", ylim=(0, 1),
-             title=f"{len(best)} recorded environments, f64, relative residual {PROFILED[1]:g}, one thread")
-    axis.grid(alpha=0.3)
-    axis.legend(ncol=2)
+    for axis, ((precision, tolerance), times) in zip(axes.flat, profiled.items()):
+        best = np.min(list(times.values()), axis=0)
+        for solver, own in times.items():
+            ratio = np.full(len(own), np.inf)
+            np.divide(own, best, out=ratio, where=np.isfinite(own))
+            axis.step(ratios, [(ratio <= r).mean() for r in ratios], where="post", label=solver,
+                      linewidth=3 if solver == "auto" else 1.5)
+        axis.set(xscale="log", xlabel="time over the fastest solver's", ylabel="share of environments solved", ylim=(0, 1),
+                 title=f"{len(best)} recorded environments, {precision}, relative residual {tolerance:g}, one thread")
+        axis.grid(alpha=0.3)
+        axis.legend(ncol=2)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
+
+
+def goals_of(text):
+    return [(precision, float(tolerance)) for precision, tolerance in (part.split(":") for part in text.split(","))]
+
+
+def write(arguments, rows, times):
+    with open(arguments.results / f"{arguments.name}.csv", "w", newline="") as file:
+        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    write_table(rows, arguments.results / f"{arguments.name}.md")
+    if arguments.profiles:
+        draw_profiles({goal: {solver: np.concatenate(own) for solver, own in found.items()} for goal, found in times.items()},
+                      arguments.profiles)
 
 
 def main():
@@ -140,26 +159,23 @@ def main():
     parser.add_argument("--solvers", default=",".join(SOLVERS))
     parser.add_argument("--max-iterations", type=int, default=10000)
     parser.add_argument("--timeout", type=float, default=20)
+    parser.add_argument("--goals", type=goals_of, default=GOALS)
+    parser.add_argument("--profiled", type=goals_of, default=PROFILED)
+    parser.add_argument("--name", default="roster")
     arguments = parser.parse_args()
     judge = load_judge(arguments.judge)
     solvers = arguments.solvers.split(",")
-    rows, times = [], {solver: [] for solver in solvers}
+    rows, times = [], {goal: {solver: [] for solver in solvers} for goal in arguments.profiled}
     for path in files_of(arguments.batches):
         for solver in solvers:
-            for precision, tolerance in GOALS:
+            for precision, tolerance in arguments.goals:
                 row, own = run(arguments, judge, path, solver, precision, tolerance)
                 rows.append(row)
-                if (precision, tolerance) == PROFILED:
-                    times[solver].append(own)
+                if (precision, tolerance) in times:
+                    times[precision, tolerance][solver].append(own)
                 print("{file:26} {solver:7} {precision} {tolerance:<6g} {solved:4} of {environments:<4} {us_per_env} us  {note}"
                       .format(**row), file=sys.stderr, flush=True)
-    with open(arguments.results / "roster.csv", "w", newline="") as file:
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    write_table(rows, arguments.results / "roster.md")
-    if arguments.profiles:
-        draw_profiles({solver: np.concatenate(own) for solver, own in times.items()}, arguments.profiles)
+        write(arguments, rows, times)
 
 
 if __name__ == "__main__":

@@ -141,12 +141,13 @@ def draw(table, path, machine):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     measure.add_arguments(parser)
-    parser.add_argument("--scenes", help="these alone, by title; the others' rows in work_precision.csv are kept")
+    parser.add_argument("--scenes", help="these alone, by title; the others' rows in the table are kept")
     parser.add_argument("--short", action="store_true", help="f64 under the file's law alone")
+    parser.add_argument("--name", default="work_precision", help="of table and picture")
     parser.add_argument("--limit", type=float, default=3, help="processor seconds a batch may take")
     arguments = parser.parse_args()
     images = arguments.results if arguments.quick else arguments.images
-    results, kept, table = arguments.results / "work_precision.csv", [], []
+    results, kept, table = arguments.results / f"{arguments.name}.csv", [], []
     if arguments.scenes and results.exists():
         kept = [row for row in read(results)[1] if row["scene"] not in arguments.scenes.split(",")]
     comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)
@@ -155,7 +156,7 @@ def main():
         for table in sweep(bench, arguments):
             measure.write_table(results, comments, COLUMNS, kept + table)
     table = kept + table
-    draw(table, images / "work_precision.png", measure.machine_name())
+    draw(table, images / f"{arguments.name}.png", measure.machine_name())
 
 
 if __name__ == "__main__":

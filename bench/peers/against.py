@@ -3,6 +3,7 @@
 
     bench/peers/against.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py --results DIR
                            [--goals 1e-4,1e-6,1e-8] [--seconds 2] [--only stiction,siconos,clarabel]
+                           [--solvers npgs,auto] [--laws file]
 
 Siconos (apt install libsiconos-numerics-dev, and a C compiler) answers friction under Coulomb's law and LCPs, Clarabel
 (pip install clarabel scipy) the convex law; files of Coulomb's law are solved under both, and under the convex one with
@@ -165,7 +166,7 @@ def batches(arguments, folder):
 def entrants(arguments, program, environments, law):
     friction = any((e.kinds == FRICTION).any() for e in environments)
     if "stiction" in arguments.only:
-        yield from (Stiction(arguments.stiction, solver) for solver in STICTION if not (friction and solver == "lemke"))
+        yield from (Stiction(arguments.stiction, solver) for solver in arguments.solvers.split(",") if not (friction and solver == "lemke"))
     size = siconos.contact_size(environments, law)
     if program and size:
         yield from (Siconos(program, solver, size) for solver in siconos.SOLVERS[size])
@@ -320,6 +321,8 @@ def main():
     parser.add_argument("--goals", default="1e-4,1e-6,1e-8")
     parser.add_argument("--seconds", type=float, default=2)
     parser.add_argument("--only", default="stiction,siconos,clarabel")
+    parser.add_argument("--solvers", default=",".join(STICTION), help="of stiction")
+    parser.add_argument("--laws", default="both", choices=["both", "file"])
     arguments = parser.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     judge, goals = load_judge(arguments.judge), sorted(map(float, arguments.goals.split(",")), reverse=True)
@@ -330,7 +333,7 @@ def main():
             environments = read_environments(path)
             with h5py.File(path) as batch:
                 laws = [law_of(batch)]
-            if laws == ["coulomb"] and any((e.kinds == FRICTION).any() for e in environments):
+            if arguments.laws == "both" and laws == ["coulomb"] and any((e.kinds == FRICTION).any() for e in environments):
                 laws.append("convex")
             for law in laws:
                 if law != laws[0]:

@@ -17,10 +17,18 @@ try:
 
     import against
     import siconos
-    from environments import FRICTION, UNILATERAL, Environment, read_environments, write_batch
+    import slopes
+    import summary
+    import systems
+    from environments import BOX, FRICTION, UNILATERAL, Environment, read_environments, write_batch
 except ImportError as missing:
     print(f"SKIPPED: the peers are not tested, {missing}")
     sys.exit(77)
+
+try:
+    import mujoco_peer
+except ImportError:
+    mujoco_peer = None
 
 
 def dense(environment):
@@ -80,6 +88,78 @@ class Peers(unittest.TestCase):
         reaction, _, claimed = against.conic.solve(STICKING, 1e-10, 5.0)
         np.testing.assert_allclose(reaction, ANSWER, atol=1e-6)
         self.assertTrue(claimed)
+
+    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    def test_mujoco_finds_the_known_answers(self):
+        # Two degrees of freedom hang on the first, which STICKING's A does not see; a box row and a limit come before it.
+        M = np.diag([1, 2, 2, 2, 1, 1.0])
+        M[0, 1:3] = M[1:3, 0] = 0.5
+        J = np.zeros((5, 6))
+        J[0, 3], J[1, 4] = 1, 1
+        J[2:, [5, 0, 2]] = np.diag([1, 1, 1])
+        A = J @ np.linalg.solve(M, J.T)
+        compliance, reaction = np.full(5, 0.25), np.array([-0.5, 0, 1, -0.1, 0.2])
+        motion = np.array([0.3, 0.7, 0, 0, 0])  # the box is at its lower bound and moves up, the limit is left
+        b = motion - (A + np.diag(compliance)) @ reaction
+        problem = Environment(np.arange(6) * 5, np.tile(np.arange(5), 5), A.ravel(), b, compliance, np.array([BOX, UNILATERAL, FRICTION]),
+                              np.array([0, 1, 2, 5]), np.array([0.5, 0, 0, 0.5, 0.5]))
+        v_free = np.array([0.1, -0.2, 0.3, 0, 0, 0.4])
+        system = systems.System(problem, J, M, v_free, J @ v_free - b)
+        with tempfile.TemporaryDirectory() as folder:
+            functions = mujoco_peer.build(folder)
+            if functions is None:
+                self.skipTest("no C compiler, or no headers of MuJoCo")
+            peer = mujoco_peer.Peer(functions, [system] * 2)
+            for solver in mujoco_peer.SOLVERS:
+                peer.choose(solver, 1e-14, False)
+                peer.start(np.zeros((2, 6)))
+                peer.factor()
+                peer.project()
+                peer.solve()
+                found, iterations = peer.answer()
+                np.testing.assert_allclose(found, np.tile(reaction, 2), atol=1e-6, err_msg=solver)
+                self.assertTrue((iterations > 0).all())
+            peer.close()
+
+    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    def test_the_tree_of_a_mass_matrix(self):
+        branches = np.eye(5)
+        for dof, ancestor in ((1, 0), (2, 1), (3, 0), (2, 0)):  # 0 - 1 - 2, 0 - 3, and 4 alone
+            branches[dof, ancestor] = branches[ancestor, dof] = 0.1
+        self.assertEqual(mujoco_peer.parents([branches]).tolist(), [-1, 0, 1, 0, -1])
+        branches[2, 0] = branches[0, 2] = 0  # a zero by chance: 1 still hangs on 0
+        branches[3, 2] = branches[2, 3] = 0.1  # 3 hangs on 2, which has 1 and 0 above
+        self.assertEqual(mujoco_peer.parents([branches, np.eye(5)]).tolist(), [-1, 0, 1, 2, -1])
+
+    def test_the_blocks_of_a_mass_matrix(self):
+        whole, halves = np.ones((6, 6)), np.kron(np.eye(2), np.ones((3, 3)))
+        for size, M in ((1, np.eye(6)), (3, halves), (0, whole)):
+            self.assertEqual(systems.mass_block([systems.System(LCP, None, M, None, None)]), size)
+
+    def test_the_exponent_of_a_power(self):
+        sizes = np.array([16.0, 32, 64, 128])
+        slope, error = slopes.exponent(sizes, 3e-6 * sizes**1.7)
+        self.assertAlmostEqual(slope, 1.7, 12)
+        self.assertAlmostEqual(error, 0, 6)
+        self.assertGreater(slopes.exponent(sizes, 3e-6 * sizes**1.7 * [1, 1.2, 0.9, 1])[1], 0.01)
+        self.assertTrue(np.isnan(slopes.exponent(sizes[:2], sizes[:2])[0]))
+
+    def test_what_the_summary_says_of_solvers_of_others(self):
+        rows = ["file,law,solver,goal,solved,ms_total"]
+        for file, ours, theirs in (("a", (4, 2), (4, 6)), ("b", (4, 2), (4, 1)), ("c", (4, 9), (3, 1)), ("d", (0, 9), (0, 1))):
+            rows += [f"{file},coulomb,stiction auto,1e-4,{ours[0]},{ours[1]}", f"{file},coulomb,stiction npgs,1e-4,0,0.1",
+                     f"{file},coulomb,Siconos nsgs,1e-4,{theirs[0]},{theirs[1]}"]
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "against.csv").write_text("\n".join(rows))
+            (what, question, _, found), = summary.against_lines(Path(folder))
+        self.assertEqual(what, "C5")
+        self.assertIn("stiction solves more in 1, others in 0", question)
+        self.assertEqual(found, "1.75 (0.50 to 3.00; 2)")
+
+    def test_what_a_second_thread_is_worth(self):
+        rows = [dict(series="environments", form="matrix", precision="f32", threads=threads, environments=envs, us_per_env=us)
+                for threads, envs, us in ((1, 16, 8), (1, 64, 6), (2, 16, 9), (2, 64, 4))]
+        self.assertEqual(list(slopes.second_thread(rows)), [("matrix", "f32", 64, 1.5)])
 
 
 if __name__ == "__main__":
