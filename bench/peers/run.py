@@ -48,8 +48,8 @@ def parts(a):
     robots = [a.data / "mujoco" / f"{name}.h5" for name in names]
     contacts = [a.data / "coulomb" / f"{name}.h5" for name in ("boxes", "rover", "single_object", "small")]
     return [
-        Part("ratio", "against a naive loop and Eigen (C1, C2)", 60,
-             [ratio, "--contacts", "4,8,16,22,32", "--envs", "1024", "--precision", "f32", "--csv", a.results / "ratio.csv"],
+        Part("ratio", "against a naive loop and Eigen (C1, C2)", 90,
+             [ratio, "--contacts", "4,8,16,22", "--envs", "1024", "--precision", "f32", "--csv", a.results / "ratio.csv"],
              files=(ratio,)),
         Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 150,
              [*script("robots.py"), *robots, *judge, *results, *images], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
@@ -62,10 +62,10 @@ def parts(a):
              [*script("scaling.py"), ours, *data, *judge, *results, *images], ("stiction", "matplotlib"), (ours,)),
         Part("fresh", "C1, C2 and C5 on scenes of a seed nobody has seen", 160,
              [*script("fresh.py"), ours, "--bench-ratio", ratio, *judge, *results, *seed], files=(ours, ratio), judge=True),
-        Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 220,
-             [*script("../roster.py"), ours, *robots[:4], *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
+        Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 190,
+             [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
               "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
-             ("matplotlib",), (ours, *robots[:4], *contacts), True),
+             ("matplotlib",), (ours, *robots, *contacts), True),
         Part("work_precision", "residual against time", 110,
              [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
               "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
