@@ -2,12 +2,12 @@
 """stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems of its own law.
 
     bench/peers/engines.py build/bin/stiction --data FOLDER --judge check_solution.py --results DIR [--passes 4]
-                           [--only lcp,pyramids,boxed,sweeps]
+                           [--goal 1e-6] [--only lcp,pyramids,boxed,sweeps]
 
 Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; who is missing is left out. FOLDER holds
 recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`. Writes engines.csv and engines.md into DIR.
 
-Three races to a residual of 1e-6, on problems that both sides solve under the same law:
+Three races to a residual of --goal, on problems that both sides solve under the same law:
   lcp       recorded linear complementarity problems as they are;
   pyramids  friction as pyramids of four edges under the convex law: symmetric LCPs (docs/pyramid.md);
   boxed     friction as engines have it (boxed.py). stiction, which has cones, gets the LCP with the same solutions, five
@@ -49,7 +49,7 @@ from against import hidden_residual  # noqa: E402
 from environments import read_environments, write_batch  # noqa: E402
 from roster import load_judge  # noqa: E402
 
-GOAL, SLACK = 1e-6, 1.02
+SLACK = 1.02
 RUNGS = [10, 15, 22, 33, 50, 75, 110, 160, 240, 360, 540, 800, 1200, 1800, 2700, 4000, 6000, 9000]
 PIVOTS = [1000]
 CALL_SECONDS = 0.02  # of stiction, by copies; of an engine in one pass, by calls, a quarter of it
@@ -96,7 +96,7 @@ class Engine:
                 residual = race.residual(i, reaction)
                 if best[i].reaction is None or residual < best[i].residual:
                     best[i] = Answer(reaction, residual, how == programs.SOLVED, rung)
-            ask = [i for i in ask if best[i].residual > SLACK * GOAL]
+            ask = [i for i in ask if best[i].residual > SLACK * race.goal]
         return best
 
     def times(self, race, solved, answers):
@@ -123,7 +123,7 @@ class Stiction:
             environment = problem.cones if self.in_cones else problem.environment
             write_batch(path, [environment] * copies, "coulomb" if self.in_cones else "convex", "engines.py")
         report = pathlib.Path(race.folder, "report.json")
-        command = [self.program, "solve", str(path), "--solver", self.solver, "--precision", "f64", "--tolerance", repr(GOAL),
+        command = [self.program, "solve", str(path), "--solver", self.solver, "--precision", "f64", "--tolerance", repr(race.goal),
                    "--max-iterations", "10000", "--threads", "1", "--quiet", "--isolate", "--json", str(report)]
         status, message = measure.run(command + (["-o", str(answer)] if answer else []), {**os.environ, **self.clock}, 5)
         if status is None:
@@ -158,8 +158,8 @@ class Stiction:
 class Race:
     """One file, one law: who solves what, and in what time."""
 
-    def __init__(self, kind, name, problems, judge, folder):
-        self.kind, self.name, self.problems, self.judge = kind, name, problems, judge
+    def __init__(self, kind, name, problems, judge, goal, folder):
+        self.kind, self.name, self.problems, self.judge, self.goal = kind, name, problems, judge, goal
         self.folder = pathlib.Path(folder, f"{kind}_{name}".replace("/", "_").replace(" ", "_"))
         self.folder.mkdir()
 
@@ -183,7 +183,7 @@ class Race:
 
     def run(self, entrants, passes):
         answers = {entrant: entrant.answers(self) for entrant in entrants}
-        solved = {entrant: [i for i, answer in enumerate(own) if answer.residual <= SLACK * GOAL]
+        solved = {entrant: [i for i, answer in enumerate(own) if answer.residual <= SLACK * self.goal]
                   for entrant, own in answers.items()}
         times = {entrant: [] for entrant in entrants}
         for one in range(passes):
@@ -243,19 +243,19 @@ def races(bench, built, arguments, judge):
         for path in sorted(arguments.data.glob("lcp/*.h5")):
             if not path.stem.endswith("_unsolved"):
                 problems = [Problem(boxed.plain(e), e) for e in read_environments(path) if e.rows <= arguments.rows]
-                yield (Race("lcp", f"lcp/{path.stem}", problems, judge, bench.folder),
+                yield (Race("lcp", f"lcp/{path.stem}", problems, judge, arguments.goal, bench.folder),
                        [ours(solver) for solver in ("lemke", "auto")] + engines(LCP_ENGINES, False))
     for name, cones, found in friction_files(bench, arguments.data):
         if "pyramids" in arguments.only:
             problems = [Problem(boxed.plain(e), e) for e in map(boxed.edges, cones)]
-            yield (Race("pyramids", name, problems, judge, bench.folder),
+            yield (Race("pyramids", name, problems, judge, arguments.goal, bench.folder),
                    [ours(solver) for solver in ("lemke", "npgs", "auto")] + engines(LCP_ENGINES, False))
         if "boxed" in arguments.only:
             problems = []
             for i, e in enumerate(cones):
                 given = boxed.of_environment(e)
                 problems.append(Problem(given, *boxed.as_lcp(given), scene=found[i] if found else None, cones=e))
-            yield (Race("boxed", name, problems, judge, bench.folder),
+            yield (Race("boxed", name, problems, judge, arguments.goal, bench.folder),
                    [ours("lemke"), ours("npgs", in_cones=True)] + engines(MATRIX_ENGINES, False)
                    + (engines(SCENE_ENGINES, True) if found else []))
 
@@ -295,6 +295,7 @@ def main():
     parser.add_argument("--judge", required=True)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--passes", type=int, default=4)
+    parser.add_argument("--goal", type=float, default=1e-6)
     parser.add_argument("--rows", type=int, default=150, help="LCPs of more rows are left out")
     parser.add_argument("--only", default="lcp,pyramids,boxed,sweeps")
     arguments = parser.parse_args()
@@ -306,7 +307,7 @@ def main():
     def write(built):
         head = measure.header(arguments.stiction, "peers/engines.py")[:-1] + [
             ", ".join(map(programs.version, built)) or "no engine was found",
-            f"{arguments.passes} passes on one thread; load of the machine when it began {load:.1f}, when it ended "
+            f"residual {arguments.goal:g}, {arguments.passes} passes on one thread; load of the machine when it began {load:.1f}, when it ended "
             f"{os.getloadavg()[0]:.1f}; {processor_seconds():.0f} s of processor time, compilers included"]
         measure.write_table(arguments.results / "engines.csv", head, COLUMNS, rows)
         if swept:
