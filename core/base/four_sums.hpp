@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/base/real.hpp"
+#include "stiction/types.hpp"
 #if defined(__AVX2__) && defined(__FMA__)
 #include "core/base/pack.hpp"
 #endif

@@ -72,12 +72,17 @@ STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   return solver != SolverKind::lemke || seen.friction_cones == 0;
 }
 
+/// Whether it is a smooth problem without the cones: what Newton's method is best at, and sweeps find easy, too.
+STICTION_HD bool is_smooth(const EnvFeatures& seen) {
+  return seen.law == Law::convex && seen.is_compliant;
+}
+
 /// The rung that an environment begins on.
 STICTION_HD int first_rung(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
   const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
   if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
-  if (seen.spread > kSpreadForSplitting && can_stand_on(kSplittingRung)) return kSplittingRung;
+  if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_stand_on(kSplittingRung)) return kSplittingRung;
   return 0;
 }
 
@@ -85,8 +90,7 @@ STICTION_HD int first_rung(const EnvFeatures& seen) {
 /// right after sweeps where the problem is smooth, the interior point instead of it where there is no friction cone:
 /// both then end in some ten factorisations.
 STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
-  const bool is_smooth = seen.law == Law::convex && seen.is_compliant;
-  const int shortcut = is_smooth ? kNewtonRung : seen.friction_cones == 0 ? kInteriorRung : 0;
+  const int shortcut = is_smooth(seen) ? kNewtonRung : seen.friction_cones == 0 ? kInteriorRung : 0;
   if (tried < kNewtonRung && shortcut > tried && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
   for (int rung = tried + 1; rung < kLadderRungs; ++rung)
     if (can_treat(ladder_rung(rung).solver, seen)) return rung;
