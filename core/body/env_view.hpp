@@ -19,7 +19,7 @@ struct EnvView {
   const ConeKind* kind;          ///< kind                                      (cone_count)
   const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
   std::uint32_t flags;           ///< what was found when the batch was made
-  bool is_full;                  ///< known: every row stores all n columns in order. False tells nothing
+  bool is_full;                  ///< known: has_full_rows(). False tells nothing
   const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
   const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
   const Offset* column_offsets;  ///< where each row's columns begin            (n)
@@ -78,12 +78,14 @@ STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
   return off == 0;
 }
 
-/// Whether that holds for every row, all columns stored: then each pass over A need not look at columns again. For
-/// machines whose lanes each have an environment of their own.
+/// Whether that holds for every row, all columns stored and row after row without room between: then each pass over A
+/// need not look at columns again. For machines whose lanes each have an environment of their own.
 template <class Real>
 STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
   for (Index row = 0; row < env.n; ++row)
-    if (env.entries(row) != env.n || !is_run(env, row)) return false;
+    if (env.row_offsets[row] - env.row_offsets[0] != Offset{env.n} * row || env.entries(row) != env.n ||
+        !is_run(env, row))
+      return false;
   return true;
 }
 
