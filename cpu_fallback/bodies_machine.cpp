@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -6,6 +5,7 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/runtime/body_backend.hpp"
+#include "cpu_fallback/body_deal.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 #include "cpu_fallback/thread_team.hpp"
@@ -13,11 +13,6 @@
 namespace stiction {
 
 namespace {
-
-/// An environment with fewer contacts is not worth a team: its colours end before the threads have met.
-constexpr Index kTeamContacts = 4096;
-/// Contacts that one thread takes at a time.
-constexpr Offset kRunContacts = 1024;
 
 /// Memory nothing is known about.
 template <class T>
@@ -58,40 +53,6 @@ const auto& pick(const Set& set, Law law) {
   }
 }
 
-/// Runs of environments for single threads, and those that get a team.
-struct Deal {
-  std::vector<std::pair<Offset, Offset>> runs;
-  std::vector<Offset> large;
-};
-
-Deal deal_out(const BodyPlanData& plan, int threads) {
-  Deal deal;
-  for (Offset env = 0; env < plan.env_count(); ++env)
-    if (plan.kept[static_cast<std::size_t>(env)] >= kTeamContacts) deal.large.push_back(env);
-  // Many large environments fill the threads by themselves.
-  if (threads == 1 || deal.large.size() >= 4 * static_cast<std::size_t>(threads)) deal.large.clear();
-  std::size_t next_large = 0;
-  Offset begin = 0;
-  Offset contacts = 0;
-  const auto close_at = [&](Offset end) {
-    if (end > begin) deal.runs.emplace_back(begin, end);
-    begin = end;
-    contacts = 0;
-  };
-  for (Offset env = 0; env < plan.env_count(); ++env) {
-    if (next_large < deal.large.size() && deal.large[next_large] == env) {
-      close_at(env);
-      begin = env + 1;
-      ++next_large;
-      continue;
-    }
-    contacts += plan.kept[static_cast<std::size_t>(env)] + 16;
-    if (contacts >= kRunContacts) close_at(env + 1);
-  }
-  close_at(plan.env_count());
-  return deal;
-}
-
 template <class Real>
 void run(const BodyRequest<Real>& request) {
   const BodyPlanData& plan = *request.plan;
@@ -113,7 +74,15 @@ void run(const BodyRequest<Real>& request) {
   };
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
-  const Deal deal = deal_out(plan, threads);
+  const auto pack_exact = [&](const cpu::BodyRoom& room) {
+    return kernels.pack_width * kernels.exact_elements(room.bodies);
+  };
+  const auto pack_bytes = [&](const cpu::BodyRoom& room) {
+    return kernels.pack_elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
+           pack_exact(room) * static_cast<Offset>(sizeof(double));
+  };
+  const cpu::BodyDeal deal = cpu::deal_out(plan, [&](Offset env) { return static_cast<Index>(bodies(env)); },
+                                           {threads, is_newton ? 1 : kernels.pack_width, pack_bytes});
   for (const Offset env : deal.large) {
     Scratch<Real> scratch;
     Real* const memory = numbers(env, scratch);
@@ -122,10 +91,16 @@ void run(const BodyRequest<Real>& request) {
                   [&](cpu::ThreadTeam& team, Index rank) { solve_together(job, env, memory, twists, team, rank); });
   }
   std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
-  cpu::parallel_for(threads, static_cast<int>(deal.runs.size()), [&](int index, int worker) {
+  cpu::parallel_for(threads, static_cast<int>(deal.work.size()), [&](int index, int worker) {
     Scratch<Real>& own = scratch[static_cast<std::size_t>(worker)];
-    const auto [begin, end] = deal.runs[static_cast<std::size_t>(index)];
-    for (Offset env = begin; env < end; ++env) solve_alone(job, env, numbers(env, own), exact(env, own));
+    const cpu::BodyWork& work = deal.work[static_cast<std::size_t>(index)];
+    if (work.packed) {
+      Real* const memory = own.numbers.reserve(kernels.pack_elements(work.room, request.options.momentum));
+      kernels.solve_pack(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.room, memory,
+                         own.exact.reserve(pack_exact(work.room)));
+    } else {
+      for (const Offset env : work.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
+    }
   });
 }
 

@@ -27,6 +27,7 @@ cpu::WorldKernelSet world_kernels();
 namespace isa_avx512 {
 cpu::KernelSet npgs_kernels();
 cpu::KernelSet pgs_kernels();
+cpu::BodyKernelSet si_kernels();
 }  // namespace isa_avx512
 #endif
 
@@ -51,7 +52,7 @@ KernelSet avx512_kernels(SolverKind solver) {
 // Widest first; the last one runs anywhere.
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
-    {"avx512", has_avx512, avx512_kernels, isa_avx2::si_kernels, isa_avx2::newton_body_kernels,
+    {"avx512", has_avx512, avx512_kernels, isa_avx512::si_kernels, isa_avx2::newton_body_kernels,
      isa_avx2::jacobian_kernels, isa_avx2::world_kernels},
 #endif
 #if defined(STICTION_HAS_AVX2)

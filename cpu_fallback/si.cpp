@@ -1,6 +1,7 @@
 #include "core/body/bodies/si_body.hpp"
 
 #include "cpu_fallback/bodies_kernels.hpp"
+#include "cpu_fallback/body_pack_driver.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -10,8 +11,20 @@ template <class Real, Law kLaw>
 cpu::BodyKernels<Real> kernels() {
   using Method = BodySweeps<kLaw, Real>;
   using System = typename Method::System;
-  return {System::elements, System::exact_elements, System::swept_elements, solve_alone<Method, Real>,
-          solve_together<Method, Real>};
+  cpu::BodyKernels<Real> table{System::elements,
+                               System::exact_elements,
+                               System::swept_elements,
+                               solve_alone<Method, Real>,
+                               solve_together<Method, Real>,
+                               1,
+                               nullptr,
+                               nullptr};
+  if constexpr (1 < kPackWidth<Real>) {
+    table.pack_width = kPackWidth<Real>;
+    table.pack_elements = BodyPackMemory<kLaw, Real>::elements;
+    table.solve_pack = solve_body_pack<kLaw, Real>;
+  }
+  return table;
 }
 
 }  // namespace

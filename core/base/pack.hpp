@@ -50,6 +50,7 @@ struct Pack {
   friend STICTION_HD Pack operator+(Pack a, Pack b) { return a.v + b.v; }
   friend STICTION_HD Pack operator-(Pack a, Pack b) { return a.v - b.v; }
   friend STICTION_HD Pack operator*(Pack a, Pack b) { return a.v * b.v; }
+  friend STICTION_HD Pack operator-(Pack a) { return -a.v; }
 };
 
 /// Lane-wise truth: all bits set or none.

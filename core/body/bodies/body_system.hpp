@@ -8,11 +8,16 @@ namespace stiction::inline STICTION_ISA {
 /// Contacts whose numbers of one field lie side by side: a cache line of single precision, half a warp.
 inline constexpr Index kTileContacts = 16;
 
+/// Whether several systems share an array, number by number: each seen by itself, with a stride, or all of them at once,
+/// as packs.
+template <class Real, int kStride>
+inline constexpr bool kInterleaved = kStride > 1 || RealTraits<Real>::kLanes > 1;
+
 /// Numbers of the contacts, by position, field by field in tiles: what neighbouring lanes read is together, and so is
-/// what one visit reads. With a stride neighbouring lanes read neighbouring environments, and a tile is one contact.
+/// what one visit reads. Interleaved, neighbouring lanes read neighbouring environments, and a tile is one contact.
 template <class Real, int kStride>
 struct ContactTiles {
-  static constexpr Index kTile = kStride == 1 ? kTileContacts : 1;
+  static constexpr Index kTile = kInterleaved<Real, kStride> ? 1 : kTileContacts;
   Real* data = nullptr;
   Index fields = 0;
   [[nodiscard]] STICTION_HD Real& at(Index field, Index p) const {
@@ -67,8 +72,8 @@ struct BodySystem {
   using Tiles = ContactTiles<Real, kStride>;
   /// Places of a body's numbers. On its own a system has whole sectors of memory in single precision; interleaved, the
   /// memory is scarce and a sector holds one number of many bodies.
-  static constexpr Index kMassRow = kStride == 1 ? 8 : 7;
-  static constexpr Index kTwistRow = kStride == 1 ? 8 : 6;
+  static constexpr Index kMassRow = kInterleaved<Real, kStride> ? 7 : 8;
+  static constexpr Index kTwistRow = kInterleaved<Real, kStride> ? 6 : 8;
 
   Index contacts;                  ///< that are solved
   Index bodies;                    ///< without the world
@@ -123,6 +128,7 @@ struct BodySystem {
   [[nodiscard]] STICTION_HD Vector3<Real> vector(Index first_field, Index p) const {
     return {field.at(first_field, p), field.at(first_field + 1, p), field.at(first_field + 2, p)};
   }
+  [[nodiscard]] STICTION_HD ContactFrame<Real> frame(Index p) const { return frame_of(vector(kFieldNormal, p)); }
   /// The numbers of one body.
   [[nodiscard]] STICTION_HD Numbers mass_row(Index slot) const {
     return mass.from(static_cast<Offset>(slot) * kMassRow);
@@ -142,6 +148,10 @@ struct BodySystem {
   [[nodiscard]] STICTION_HD InverseMass<Real> inverse_mass(Index slot) const {
     const Numbers row = mass_row(slot);
     return {row[0], load6<Real>(row.from(1))};
+  }
+  /// Moves a side of a contact, which is pushed; `where` has nothing to add.
+  STICTION_HD void move_side(Index side, bool, const Twist<Real>&, const Twist<Real>& twist) const {
+    set_twist(motion, side, twist);
   }
 };
 

@@ -27,8 +27,9 @@ STICTION_HD void start_momentum(B& block, const BodySystem<Real, kLaw, kStride>&
 }
 
 /// Extrapolates along the last change. Twists are affine in impulses, so the same numbers serve both.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void extrapolate(B& block, const BodySystem<Real, kLaw, kStride>& s, Real beta) {
+template <Block B, class System>
+STICTION_HD void extrapolate(B& block, const System& s, typename System::Real beta) {
+  using Real = typename System::Real;
   const auto move = [beta](Real& now, Real& before) {
     const Real value = now;
     now = fma_(beta, value - before, value);
@@ -45,21 +46,20 @@ STICTION_HD void extrapolate(B& block, const BodySystem<Real, kLaw, kStride>& s,
 }
 
 /// One sweep with momentum, docs/math/npgs.md (1)-(4).
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void accelerated_sweep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                   Real omega, SiMomentum<Real>& momentum) {
+template <Block B, class Env, class System, class Real>
+STICTION_HD void accelerated_sweep(B& block, const Env& env, const System& s, Real omega, SiMomentum<Real>& momentum) {
   const Real square = momentum.theta * momentum.theta;
   const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
   const Real beta = div_(momentum.theta * (Real(1) - momentum.theta), square + next);
   extrapolate(block, s, beta);
   const Real progress = block.max(sweep_bodies(block, env, s, omega));
-  momentum.theta = progress > momentum.progress ? Real(1) : next;
+  momentum.theta = select(progress > momentum.progress, Real(1), next);
   momentum.progress = progress;
 }
 
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void run_sweeps(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                    const SiParams& params, Index count, SiMomentum<Real>& momentum) {
+template <Block B, class Env, class System, class Real>
+STICTION_HD void run_sweeps(B& block, const Env& env, const System& s, const SiParams& params, Index count,
+                            SiMomentum<Real>& momentum) {
   const Real omega = static_cast<Real>(params.omega);
   for (Index k = 0; k < count; ++k) {
     if (params.momentum) {
@@ -68,7 +68,6 @@ STICTION_HD_OUTLINE void run_sweeps(B& block, const BodyEnv<Real>& env, const Bo
       sweep_bodies(block, env, s, omega);
     }
   }
-  refresh_bodies(block, env, s, params);
 }
 
 /// Where a solve stands between two chunks of sweeps. Lanes of a block hold equal copies.
@@ -78,10 +77,16 @@ struct SiProgress {
   double scale = 0.0;                                    ///< max|b| of this sub-step [w]
   Real best = static_cast<Real>(__builtin_huge_valf());  ///< smallest residual estimate of the last sub-step [w]
   Real verified = Real(-1);                              ///< that of the iterate that was last judged [w]
+  Real estimate = Real(0);                               ///< of the iterate, in the last sub-step [w]
   std::uint32_t flags = 0;
   Index step = 0;  ///< sub-steps that have ended
   Index done = 0;  ///< sweeps of this one
 };
+
+/// Only the last sub-step is judged.
+STICTION_HD bool is_last_substep(const SiParams& params, Index step) {
+  return step + 1 >= params.substeps;
+}
 
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
@@ -91,6 +96,7 @@ STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySys
   if (params.momentum) start_momentum(block, s);
   progress.momentum = SiMomentum<Real>{};
   progress.done = 0;
+  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
 }
 
 /// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
@@ -100,7 +106,7 @@ STICTION_HD_OUTLINE void leave_substep(B& block, const BodyEnv<Real>& env, const
                                        const SiParams& params) {
   const Real step = static_cast<Real>(params.step);
   share_out(block, s.contacts, [&](Index p) {
-    const Visit<Real> visit = visit_of(env, s, p);
+    const auto visit = visit_of(env, s, p);
     const Vector3<Real> u = relative_velocity(s.twist(s.motion, slot_of(visit.side_a)), visit.arm_a,
                                               s.twist(s.motion, slot_of(visit.side_b)), visit.arm_b);
     s.depth.at(0, p) = fma_(-step, dot(u, visit.frame.n), s.depth.at(0, p));
@@ -142,7 +148,7 @@ template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                      SiParams params, SiProgress<Real>& progress) {
   const Index earlier = (params.substeps - 1) * params.iterations;
-  const Real estimate = estimate_residual(block, env, s);
+  const Real estimate = progress.estimate;
   if (progress.done == 0 || estimate < progress.best) {
     progress.best = estimate;
     keep_best(block, s);
@@ -187,7 +193,7 @@ STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySyst
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
-  while (progress.step + 1 < params.substeps) {
+  while (!is_last_substep(params, progress.step)) {
     if (progress.done < params.iterations) return false;
     leave_substep(block, env, s, params);
     ++progress.step;
@@ -196,13 +202,21 @@ STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySys
   return settle_last_substep(block, env, s, params, progress);
 }
 
+/// Sweeps of the next chunk.
+template <class Real>
+STICTION_HD Index next_chunk(const SiParams& params, const SiProgress<Real>& progress) {
+  const Index left = params.iterations - progress.done;
+  return left < kSiChunk ? left : kSiChunk;
+}
+
 /// One chunk of sweeps.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void advance_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                const SiParams& params, SiProgress<Real>& progress) {
-  const Index left = params.iterations - progress.done;
-  const Index count = left < kSiChunk ? left : kSiChunk;
+STICTION_HD_OUTLINE void advance_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                        const SiParams& params, SiProgress<Real>& progress) {
+  const Index count = next_chunk(params, progress);
   run_sweeps(block, env, s, params, count, progress.momentum);
+  refresh_bodies(block, env, s, params);
+  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
   progress.done += count;
 }
 

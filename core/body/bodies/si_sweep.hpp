@@ -21,58 +21,61 @@ struct OneContact {
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
-/// A contact's geometry while it is visited.
-template <class Real>
+/// A contact's geometry while it is visited. A side is a number, or one for each lane of a pack.
+template <class Real, class Side>
 struct Visit {
-  Index side_a, side_b;
+  Side side_a, side_b;
   Vector3<Real> arm_a, arm_b;
   ContactFrame<Real> frame;
   Real mu;
 };
 
-template <class Real, Law kLaw, int kStride>
-STICTION_HD Visit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
-  return {env.sides[2 * static_cast<Offset>(p)],
-          env.sides[2 * static_cast<Offset>(p) + 1],
-          s.vector(kFieldArmA, p),
-          s.vector(kFieldArmB, p),
-          frame_of(s.vector(kFieldNormal, p)),
-          s.field.at(kFieldMu, p)};
+/// `env` knows the sides, `s` everything else. A system is one (BodySystem) or those of a pack's lanes (BodyPack).
+template <class Env, class System>
+STICTION_HD auto visit_of(const Env& env, const System& s, Index p) {
+  using Side = decltype(env.side(Offset{}));
+  return Visit<typename System::Real, Side>{env.side(2 * static_cast<Offset>(p)),
+                                            env.side(2 * static_cast<Offset>(p) + 1),
+                                            s.vector(kFieldArmA, p),
+                                            s.vector(kFieldArmB, p),
+                                            s.frame(p),
+                                            s.field.at(kFieldMu, p)};
 }
 
 /// Motion of a contact's rows in the solver's coordinates, y = mu (J v + bias + R lambda).
-template <class Real, Law kLaw, int kStride>
-STICTION_HD void motion_of(const BodySystem<Real, kLaw, kStride>& s, const Visit<Real>& visit, Real bias,
-                           const Twist<Real>& a, const Twist<Real>& b, const Real (&x)[3], Real (&y)[3]) {
+template <class System, class Real, class Side>
+STICTION_HD void motion_of(const System& s, const Visit<Real, Side>& visit, Real bias, const Twist<Real>& a,
+                           const Twist<Real>& b, const Real (&x)[3], Real (&y)[3]) {
   const Vector3<Real> u = relative_velocity(a, visit.arm_a, b, visit.arm_b);
   y[0] = fma_(s.compliance, x[0], dot(u, visit.frame.n) + bias);
   y[1] = visit.mu * fma_(s.compliance, visit.mu * x[1], dot(u, visit.frame.t1));
   y[2] = visit.mu * fma_(s.compliance, visit.mu * x[2], dot(u, visit.frame.t2));
 }
 
-template <class Real>
-STICTION_HD Vector3<Real> impulse_of(const Visit<Real>& visit, const Real (&x)[3]) {
+template <class Real, class Side>
+STICTION_HD Vector3<Real> impulse_of(const Visit<Real, Side>& visit, const Real (&x)[3]) {
   return to_world(visit.frame, x[0], visit.mu * x[1], visit.mu * x[2]);
 }
 
-/// Adds a contact's impulse to the twists of the bodies that it pushes.
-template <class Real, Law kLaw, int kStride>
-STICTION_HD void push(const BodySystem<Real, kLaw, kStride>& s, const Visit<Real>& visit, const Twist<Real>& a,
-                      const Twist<Real>& b, const Vector3<Real>& impulse) {
-  if (is_pushed(visit.side_b))
-    s.set_twist(s.motion, visit.side_b, pushed(b, s.inverse_mass(visit.side_b), impulse, cross(visit.arm_b, impulse)));
-  if (is_pushed(visit.side_a)) {
-    const Vector3<Real> opposite{-impulse.x, -impulse.y, -impulse.z};
-    s.set_twist(s.motion, visit.side_a,
-                pushed(a, s.inverse_mass(visit.side_a), opposite, cross(visit.arm_a, opposite)));
-  }
+template <class Real>
+STICTION_HD Vector3<Real> opposite(const Vector3<Real>& impulse) {
+  return {-impulse.x, -impulse.y, -impulse.z};
 }
 
-template <class Real, Law kLaw, int kStride>
-STICTION_HD OneContact<Real> local_problem(const BodySystem<Real, kLaw, kStride>& s, Index p) {
-  OneContact<Real> one;
+/// Adds an impulse to the twist of the body on one side, in the lanes that move.
+template <class System, class Real, class Side>
+STICTION_HD void push(const System& s, const Side& side, const Vector3<Real>& arm, const Twist<Real>& twist,
+                      const Vector3<Real>& impulse, Mask<Real> moves) {
+  const Mask<Real> where = and_(moves, is_pushed(side));
+  if (any(where))
+    s.move_side(side, where, twist, pushed(twist, s.inverse_mass(slot_of(side)), impulse, cross(arm, impulse)));
+}
+
+template <class System>
+STICTION_HD OneContact<typename System::Real> local_problem(const System& s, Index p) {
+  OneContact<typename System::Real> one;
   for (int k = 0; k < 3; ++k) one.x[k] = s.x.at(k, p);
-  if constexpr (kLaw == Law::coulomb) {
+  if constexpr (System::kLaw == Law::coulomb) {
     one.inv_n[0] = s.field.at(kFieldInverse, p);
     one.inv_t[0] = s.field.at(kFieldBlock, p);
     one.block[1][0] = s.field.at(kFieldBlock + 1, p);
@@ -87,31 +90,34 @@ STICTION_HD OneContact<Real> local_problem(const BodySystem<Real, kLaw, kStride>
 }
 
 /// One contact's step. Returns its size in units of w.
-template <class Real, Law kLaw, int kStride>
-STICTION_HD Real visit_contact(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p,
-                               Real omega) {
-  const Visit<Real> visit = visit_of(env, s, p);
+template <class Env, class System>
+STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
+  using Real = typename System::Real;
+  const auto visit = visit_of(env, s, p);
   const Twist<Real> a = s.twist(s.motion, slot_of(visit.side_a));
   const Twist<Real> b = s.twist(s.motion, slot_of(visit.side_b));
   const OneContact<Real> one = local_problem(s, p);
   Real y[3];
   motion_of(s, visit, s.field.at(kFieldBias, p), a, b, one.x, y);
-  const ConeStep<Real, 3> step = local_step<kLaw>(ContactShape{}, one, 0, 0, y, omega);
+  const ConeStep<Real, 3> step = local_step<System::kLaw>(ContactShape{}, one, 0, 0, y, omega);
   const Real size = step_size(step, s.field.at(kFieldWeight, p));
-  if (size != Real(0)) {
-    for (int k = 0; k < 3; ++k) s.x.at(k, p) = one.x[k] + step.d[k];
-    push(s, visit, a, b, impulse_of(visit, step.d));
+  const Mask<Real> moves = size != Real(0);
+  if (any(moves)) {
+    for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(moves, one.x[k] + step.d[k], one.x[k]);
+    const Vector3<Real> impulse = impulse_of(visit, step.d);
+    push(s, visit.side_b, visit.arm_b, b, impulse, moves);
+    push(s, visit.side_a, visit.arm_a, a, opposite(impulse), moves);
   }
   return size;
 }
 
 /// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
 /// of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD Real sweep_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                              Real omega) {
+template <Block B, class Env, class System>
+STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typename System::Real omega) {
+  using Real = typename System::Real;
   Real largest(0);
-  if constexpr (kStride > 1) {
+  if constexpr (kInterleaved<Real, System::kStride>) {
     // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
     for (Index p = 0; p < s.contacts; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
   } else {
@@ -138,7 +144,7 @@ STICTION_HD Twist<T> gather_impulses(const BodyEnv<Real>& env, Index body, const
     const bool is_b = entry >= 0;
     Vector3<T> arm;
     Vector3<T> impulse = impulse_at(is_b ? entry : ~entry, is_b, arm);
-    if (!is_b) impulse = {-impulse.x, -impulse.y, -impulse.z};
+    if (!is_b) impulse = opposite(impulse);
     sum = add_scaled(sum, T(1), impulse);
     about_center = add_cross(about_center, arm, impulse);
   }
@@ -157,7 +163,7 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
         {static_cast<Real>(free.angular.x), static_cast<Real>(free.angular.y), static_cast<Real>(free.angular.z)}};
     const Twist<Real> fresh =
         gather_impulses(env, body, base, s.inverse_mass(body), [&](Index p, bool is_b, Vector3<Real>& arm) {
-          const Visit<Real> visit = visit_of(env, s, p);
+          const auto visit = visit_of(env, s, p);
           arm = is_b ? visit.arm_b : visit.arm_a;
           const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
           return impulse_of(visit, x);
@@ -174,17 +180,18 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
 }
 
 /// The largest natural-map residual over the contacts [w], for fresh twists.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE Real estimate_residual(B& block, const BodyEnv<Real>& env,
-                                           const BodySystem<Real, kLaw, kStride>& s) {
+template <Block B, class Env, class System>
+STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const System& s) {
+  using Real = typename System::Real;
   Real largest(0);
   share_out(block, s.contacts, [&](Index p) {
-    const Visit<Real> visit = visit_of(env, s, p);
+    const auto visit = visit_of(env, s, p);
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), s.twist(s.motion, slot_of(visit.side_a)),
               s.twist(s.motion, slot_of(visit.side_b)), x, y);
-    largest = max_(natural_map<kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
+    largest = max_(
+        natural_map<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
   });
   return block.max(largest);
 }

@@ -1,0 +1,212 @@
+#pragma once
+
+#include "core/base/pack_gather.hpp"
+#include "core/body/bodies/si_body.hpp"
+
+/// Body systems in the lanes of a pack: contact p of every lane is visited at once, whichever bodies it is between.
+/// Each lane's numbers are those of a BodySystem with a stride, so one system can also be worked on by itself; each
+/// lane does what such a system does in the same order, so its bits are the same. Host only.
+namespace stiction::inline STICTION_ISA {
+
+/// One side of a contact in every lane, as in BodyEnv::sides.
+template <class T, int W>
+struct LaneSides {
+  PackPlaces<T, W> side;
+  bool is_uniform;  ///< all lanes have the same slot
+};
+
+template <class T, int W>
+STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
+  return {sides.side >= 0};
+}
+
+/// Where the bodies of a side keep their numbers.
+template <class T, int W>
+struct LaneSlots {
+  PackPlaces<T, W> slot;
+  bool is_uniform;
+};
+
+template <class T, int W>
+STICTION_HD LaneSlots<T, W> slot_of(const LaneSides<T, W>& sides) {
+  return {sides.side >= 0 ? sides.side : ~sides.side, sides.is_uniform};
+}
+
+/// What a pack keeps of the plan: sides by position, lane by lane. A lane that has no contact at a position has a side
+/// there that nothing pushes, the same as another lane's.
+template <class T, int W>
+struct PackSides {
+  using Word = typename PackMask<T, W>::Word;
+  Word* side = nullptr;
+  std::uint8_t* is_uniform = nullptr;
+
+  [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset place) const {
+    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), is_uniform[place] != 0};
+  }
+};
+
+/// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
+/// tangents, and the twists without reactions.
+template <class T, int W, Law kLawValue>
+struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
+  using Base = BodySystem<Pack<T, W>, kLawValue>;
+  using Real = Pack<T, W>;
+  using OneLane = BodySystem<T, kLawValue, W>;
+  using Numbers = typename Base::Numbers;
+
+  typename Base::Tiles tangents;  ///< t1, t2
+  Numbers free;                   ///< twists after the sub-step without reactions        (bodies + 1 rows)
+  Numbers sums;                   ///< impulses on the bodies, while twists are computed   (bodies + 1 rows)
+
+  /// Numbers of T for each lane.
+  static constexpr Offset elements(Offset contacts, Offset bodies, bool momentum) {
+    return Base::elements(contacts, bodies, momentum) + 6 * contacts + 2 * Base::kTwistRow * (bodies + 1);
+  }
+
+  BodyPack(Index most_contacts, Index most_bodies, const SiParams& params, T* numbers)
+      : Base(most_contacts, most_bodies, params, reinterpret_cast<Real*>(numbers), nullptr) {
+    Real* more = reinterpret_cast<Real*>(numbers) + Base::elements(most_contacts, most_bodies, params.momentum);
+    tangents = {more, 6};
+    free = {more + 6 * static_cast<Offset>(most_contacts)};
+    sums = free.from(Base::kTwistRow * (static_cast<Offset>(most_bodies) + 1));
+  }
+
+  [[nodiscard]] STICTION_HD ContactFrame<Real> frame(Index p) const {
+    return {this->vector(kFieldNormal, p),
+            {tangents.at(0, p), tangents.at(1, p), tangents.at(2, p)},
+            {tangents.at(3, p), tangents.at(4, p), tangents.at(5, p)}};
+  }
+
+  using Base::inverse_mass;
+  using Base::set_twist;
+  using Base::twist;
+  [[nodiscard]] STICTION_HD Twist<Real> twist(const Numbers& twists, const LaneSlots<T, W>& at) const {
+    if (at.is_uniform) return Base::twist(twists, static_cast<Index>(at.slot[0]));
+    Real row[6];
+    gather_row<Base::kTwistRow>(twists, at, row);
+    return twist_at<Real>(row);
+  }
+  [[nodiscard]] STICTION_HD InverseMass<Real> inverse_mass(const LaneSlots<T, W>& at) const {
+    if (at.is_uniform) return Base::inverse_mass(static_cast<Index>(at.slot[0]));
+    Real row[7];
+    gather_row<Base::kMassRow>(this->mass, at, row);
+    return {row[0], load6<Real>(row + 1)};
+  }
+  /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
+  STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
+                             const Twist<Real>& old, const Twist<Real>& value) const {
+    const auto blend = [where](const Vector3<Real>& a, const Vector3<Real>& b) {
+      return Vector3<Real>{select(where, a.x, b.x), select(where, a.y, b.y), select(where, a.z, b.z)};
+    };
+    const Twist<Real> kept{blend(value.linear, old.linear), blend(value.angular, old.angular)};
+    if (at.is_uniform) {
+      set_twist(twists, static_cast<Index>(at.slot[0]), kept);
+    } else {
+      const PackPlaces<T, W> place = places<Base::kTwistRow>(at);
+      Real row[6];
+      Real* const numbers = row;
+      put_twist(numbers, kept);
+      for (int k = 0; k < 6; ++k) scatter<T, W>(reinterpret_cast<T*>(twists.data + k), place, row[k]);
+    }
+  }
+  STICTION_HD void move_side(const LaneSides<T, W>& side, PackMask<T, W> where, const Twist<Real>& old,
+                             const Twist<Real>& value) const {
+    set_twist(this->motion, slot_of(side), where, old, value);
+  }
+
+ private:
+  /// Places of the first number of each lane's row.
+  template <Index kRow>
+  static STICTION_HD PackPlaces<T, W> places(const LaneSlots<T, W>& at) {
+    PackPlaces<T, W> lane;
+    for (int l = 0; l < W; ++l) lane[l] = l;
+    return at.slot * (kRow * W) + lane;
+  }
+  template <Index kRow, int kCount>
+  static STICTION_HD void gather_row(const Numbers& numbers, const LaneSlots<T, W>& at, Real (&row)[kCount]) {
+    const PackPlaces<T, W> place = places<kRow>(at);
+    for (int k = 0; k < kCount; ++k) row[k] = gather<T, W>(reinterpret_cast<const T*>(numbers.data + k), place);
+  }
+};
+
+/// Sides as an environment has them, for visit_of().
+template <class T, int W>
+struct PackEnv {
+  PackSides<T, W> sides;
+  [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset place) const { return sides.of(place); }
+};
+
+/// refresh_bodies() in the lanes of `due`: contacts in order instead of bodies one by one, which gives each body's sum
+/// the same terms in the same order.
+template <class T, int W, Law kLaw>
+STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, PackMask<T, W> due) {
+  using Real = Pack<T, W>;
+  const Vector3<Real> zero{Real(0), Real(0), Real(0)};
+  for (Index slot = 0; slot <= s.bodies; ++slot) s.set_twist(s.sums, slot, {zero, zero});
+  const auto add = [&](const LaneSides<T, W>& side, const Vector3<Real>& arm, const Vector3<Real>& impulse) {
+    const PackMask<T, W> where = is_pushed(side);
+    if (!any(where)) return;
+    const LaneSlots<T, W> at = slot_of(side);
+    const Twist<Real> sum = s.twist(s.sums, at);
+    s.set_twist(s.sums, at, where, sum,
+                {add_scaled(sum.linear, Real(1), impulse), add_cross(sum.angular, arm, impulse)});
+  };
+  for (Index p = 0; p < s.contacts; ++p) {
+    const auto visit = visit_of(env, s, p);
+    const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
+    const Vector3<Real> impulse = impulse_of(visit, x);
+    add(visit.side_b, visit.arm_b, impulse);
+    add(visit.side_a, visit.arm_a, opposite(impulse));
+  }
+  for (Index body = 0; body < s.bodies; ++body) {
+    const Twist<Real> sum = s.twist(s.sums, body);
+    const Twist<Real> fresh = pushed(s.twist(s.free, body), s.inverse_mass(body), sum.linear, sum.angular);
+    const auto now = s.twist_row(s.motion, body);
+    Real value[6];
+    Real* const numbers = value;
+    put_twist(numbers, fresh);
+    if (s.has_momentum()) {
+      const auto before = s.twist_row(s.motion_before, body);
+      for (Index k = 0; k < 6; ++k)
+        before[k] = select(due, fma_(Real(1), value[k] - now[k], before[k]), before[k]);
+    }
+    for (Index k = 0; k < 6; ++k) now[k] = select(due, value[k], now[k]);
+  }
+}
+
+/// Makes the contacts of a lane from position `first` on, which an earlier environment has left there, ones that stay at
+/// rest: they are visited with those of other lanes.
+template <class T, int W, Law kLaw>
+STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index first, Index end, int lane) {
+  for (Index p = first; p < end; ++p) {
+    for (Index k = 0; k < kContactFields<kLaw>; ++k) pack.field.at(k, p).v[lane] = T(0);
+    for (Index k = 0; k < 3; ++k) {
+      pack.x.at(k, p).v[lane] = T(0);
+      if (pack.has_momentum()) pack.before.at(k, p).v[lane] = T(0);
+    }
+  }
+}
+
+/// Fills what a pack keeps besides an environment's own numbers, when that environment enters a lane or begins another
+/// sub-step.
+template <class T, int W, Law kLaw>
+STICTION_HD void load_lane_tangents(const BodyPack<T, W, kLaw>& pack, const BodySystem<T, kLaw, W>& s, int lane) {
+  for (Index p = 0; p < s.contacts; ++p) {
+    const ContactFrame<T> frame = s.frame(p);
+    const T t[6] = {frame.t1.x, frame.t1.y, frame.t1.z, frame.t2.x, frame.t2.y, frame.t2.z};
+    for (Index k = 0; k < 6; ++k) pack.tangents.at(k, p).v[lane] = t[k];
+  }
+}
+template <class T, int W, Law kLaw>
+STICTION_HD void load_lane_free(const BodyPack<T, W, kLaw>& pack, const BodyEnv<T>& env,
+                                const BodySystem<T, kLaw, W>& s, const SiParams& params, int lane) {
+  for (Index body = 0; body <= s.bodies; ++body) {
+    double twist[6];
+    double* const numbers = twist;
+    put_twist(numbers, free_twist(env, s, params, body));
+    const auto row = pack.twist_row(pack.free, body);
+    for (Index k = 0; k < 6; ++k) row[k].v[lane] = static_cast<T>(twist[k]);
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

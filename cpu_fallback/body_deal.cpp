@@ -1,0 +1,122 @@
+#include "cpu_fallback/body_deal.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+#include "core/base/extents.hpp"
+
+namespace stiction::cpu {
+
+namespace {
+
+/// An environment with fewer contacts is not worth a team: its colours end before the threads have met.
+constexpr Index kTeamContacts = 4096;
+/// Contacts that one thread takes at a time, one environment after the other.
+constexpr Offset kRunContacts = 1024;
+/// A pack that leaves the second-level cache is slower than its environments one by one.
+constexpr Offset kLargestPackBytes = Offset{3} << 19;
+/// Padding a pack may add to the work of its smallest member, until it fills its lanes kLongRun times and after.
+constexpr double kLargestPadding = 1.6;
+constexpr double kPaddingOfLongRuns = 1.1;
+constexpr Offset kLongRun = 4;
+
+Offset work_of(const BodyRoom& room) {
+  // A visit of a contact against what sweeps and looks at the residual do for each body.
+  return 8 * Offset{room.contacts} + Offset{room.bodies};
+}
+
+BodyRoom join(const BodyRoom& a, const BodyRoom& b) {
+  return {larger_of(a.contacts, b.contacts), larger_of(a.bodies, b.bodies)};
+}
+
+/// Runs of environments of like size, the largest first; those that no pack takes are left in `alone`.
+class Packing {
+ public:
+  Packing(const BodyDealRules& rules, std::vector<BodyWork>& work, std::vector<Offset>& alone)
+      : rules_(rules), work_(work), alone_(alone) {}
+
+  void add(Offset env, const BodyRoom& room) {
+    if (!group_.empty() && !takes(room)) close();
+    room_ = group_.empty() ? room : join(room_, room);
+    group_.push_back(env);
+  }
+
+  void close() {
+    const auto size = static_cast<Offset>(group_.size());
+    if (4 * size < rules_.pack_width || rules_.pack_bytes(room_) > kLargestPackBytes) {
+      alone_.insert(alone_.end(), group_.begin(), group_.end());
+    } else {
+      // Long runs keep lanes full; several per thread keep threads busy.
+      const Offset pieces = bounded<Offset>(size / (4 * Offset{rules_.pack_width}), 1,
+                                            rules_.threads == 1 ? 1 : 4 * Offset{rules_.threads});
+      for (Offset piece = 0; piece < pieces; ++piece)
+        work_.push_back({{group_.begin() + size * piece / pieces, group_.begin() + size * (piece + 1) / pieces},
+                         room_,
+                         true});
+    }
+    group_.clear();
+  }
+
+ private:
+  [[nodiscard]] bool takes(const BodyRoom& room) const {
+    const bool is_long = static_cast<Offset>(group_.size()) >= kLongRun * rules_.pack_width;
+    const double most = is_long ? kPaddingOfLongRuns : kLargestPadding;
+    const BodyRoom joined = join(room_, room);
+    return static_cast<double>(work_of(joined)) <= most * static_cast<double>(work_of(room)) &&
+           rules_.pack_bytes(joined) <= kLargestPackBytes;
+  }
+
+  const BodyDealRules& rules_;
+  std::vector<BodyWork>& work_;
+  std::vector<Offset>& alone_;
+  std::vector<Offset> group_;
+  BodyRoom room_;
+};
+
+}  // namespace
+
+BodyDeal deal_out(const BodyPlanData& plan, const std::function<Index(Offset)>& bodies, const BodyDealRules& rules) {
+  BodyDeal deal;
+  const auto kept = [&](Offset env) { return plan.kept[static_cast<std::size_t>(env)]; };
+  for (Offset env = 0; env < plan.env_count(); ++env)
+    if (kept(env) >= kTeamContacts) deal.large.push_back(env);
+  // Many large environments fill the threads by themselves.
+  if (rules.threads == 1 || deal.large.size() >= 4 * static_cast<std::size_t>(rules.threads)) deal.large.clear();
+
+  std::vector<std::pair<BodyRoom, Offset>> small;
+  std::vector<Offset> alone;
+  std::size_t next_large = 0;
+  for (Offset env = 0; env < plan.env_count(); ++env) {
+    if (next_large < deal.large.size() && deal.large[next_large] == env) {
+      ++next_large;
+    } else if (rules.pack_width == 1 || kept(env) == 0) {
+      alone.push_back(env);
+    } else {
+      small.push_back({{kept(env), bodies(env)}, env});
+    }
+  }
+  std::sort(small.begin(), small.end(), [](const auto& a, const auto& b) {
+    return std::tuple(-a.first.contacts, -a.first.bodies, a.second) <
+           std::tuple(-b.first.contacts, -b.first.bodies, b.second);
+  });
+  Packing packing(rules, deal.work, alone);
+  for (const auto& [room, env] : small) packing.add(env, room);
+  packing.close();
+
+  BodyWork run;
+  Offset contacts = 0;
+  const auto close_run = [&] {
+    if (!run.envs.empty()) deal.work.push_back(std::move(run));
+    run = {};
+    contacts = 0;
+  };
+  for (const Offset env : alone) {
+    run.envs.push_back(env);
+    contacts += kept(env) + 16;
+    if (contacts >= kRunContacts) close_run();
+  }
+  close_run();
+  return deal;
+}
+
+}  // namespace stiction::cpu
