@@ -50,9 +50,8 @@ class Packing {
       const Offset pieces = bounded<Offset>(size / (4 * Offset{rules_.pack_width}), 1,
                                             rules_.threads == 1 ? 1 : 4 * Offset{rules_.threads});
       for (Offset piece = 0; piece < pieces; ++piece)
-        work_.push_back({{group_.begin() + size * piece / pieces, group_.begin() + size * (piece + 1) / pieces},
-                         room_,
-                         true});
+        work_.push_back(
+            {{group_.begin() + size * piece / pieces, group_.begin() + size * (piece + 1) / pieces}, room_, true});
     }
     group_.clear();
   }

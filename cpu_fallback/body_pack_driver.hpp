@@ -130,7 +130,11 @@ void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count,
       momentum.theta.v[l] = lane.progress.momentum.theta;
       momentum.progress.v[l] = lane.progress.momentum.progress;
     }
-    if (entered) write_sides(pack_env.sides, lanes, pack.contacts);
+    if (entered) {
+      write_sides(pack_env.sides, lanes, pack.contacts);
+      for (Offset place = 0; place < 2 * Offset{pack.contacts}; ++place)
+        if (const auto slots = slot_of(pack_env.side(place)); !slots.is_uniform) pack.keep_masses(slots);
+    }
     run_sweeps(block, pack_env, pack, params, run, momentum);
     Packed due(0);
     for (int l = 0; l < kWidth; ++l) {

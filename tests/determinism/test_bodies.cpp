@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <limits>
 
 #include "bench/scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
+#include "tests/support/scoped_isa.hpp"
 
 /// Bits of the body form: whatever the threads, the instruction set and the neighbours.
 namespace stiction::test {
@@ -64,8 +64,6 @@ TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_ins
   const auto batch =
       batch_of<float>({scenes::rounded(random_bodies(1, 5, 20)), scenes::rounded(scenes::make_body_pile(2, 5000)),
                        scenes::rounded(random_bodies(2, 5, 20))});
-  const char* before = std::getenv("STICTION_ISA");
-  const std::string saved = before == nullptr ? "" : before;
   for (const BodyPreconditioner preconditioner : {BodyPreconditioner::block_diagonal, BodyPreconditioner::multigrid}) {
     BodySolverOptions options = few_steps(preconditioner);
     options.iterations = 2;
@@ -74,13 +72,8 @@ TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_ins
     EXPECT_EQ(expected.status[1].iterations, 2);
     options.threads = 3;
     expect_same(expected, solve_bodies(batch, {}, options), "3 threads");
-    setenv("STICTION_ISA", "baseline", 1);
+    const ScopedIsa baseline("baseline");
     expect_same(expected, solve_bodies(batch, {}, options), "baseline");
-    if (before == nullptr) {
-      unsetenv("STICTION_ISA");
-    } else {
-      setenv("STICTION_ISA", saved.c_str(), 1);
-    }
   }
 }
 
@@ -121,16 +114,10 @@ TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads)
 
 TEST(bodies, every_instruction_set_gives_the_same_bits) {
   const auto batch = batch_of<float>(mixed_environments());
-  const char* before = std::getenv("STICTION_ISA");
-  const std::string saved = before == nullptr ? "" : before;
-  setenv("STICTION_ISA", "baseline", 1);
   const auto expected = solve_bodies(batch, {}, few_sweeps());
-  setenv("STICTION_ISA", "avx2", 1);
-  expect_same(expected, solve_bodies(batch, {}, few_sweeps()), "avx2");
-  if (before == nullptr) {
-    unsetenv("STICTION_ISA");
-  } else {
-    setenv("STICTION_ISA", saved.c_str(), 1);
+  for (const char* name : usable_isas()) {
+    const ScopedIsa isa(name);
+    expect_same(expected, solve_bodies(batch, {}, few_sweeps()), name);
   }
 }
 

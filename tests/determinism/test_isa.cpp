@@ -1,9 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <new>
-#include <optional>
 #include <string>
 
 #include "core/base/fp_env.hpp"
@@ -11,45 +9,13 @@
 #include "cpu_fallback/isa.hpp"
 #include "tests/support/plan_views.hpp"
 #include "tests/support/scene_batches.hpp"
+#include "tests/support/scoped_isa.hpp"
 #include "tests/support/small_systems.hpp"
 
 namespace {
 
 using namespace stiction;
 using namespace stiction::test;
-
-constexpr const char* kIsaNames[] = {"baseline", "avx2", "avx512"};
-
-/// Asks for one build of the kernels while it lives; best_isa() reads the variable at every solve.
-class ScopedIsa {
- public:
-  explicit ScopedIsa(const char* name) {
-    if (const char* before = std::getenv("STICTION_ISA")) before_ = before;
-    setenv("STICTION_ISA", name, 1);
-  }
-  ~ScopedIsa() {
-    if (before_) {
-      setenv("STICTION_ISA", before_->c_str(), 1);
-    } else {
-      unsetenv("STICTION_ISA");
-    }
-  }
-  ScopedIsa(const ScopedIsa&) = delete;
-  ScopedIsa& operator=(const ScopedIsa&) = delete;
-
- private:
-  std::optional<std::string> before_;
-};
-
-/// The builds that this CPU runs.
-std::vector<const char*> usable_isas() {
-  std::vector<const char*> usable;
-  for (const char* name : kIsaNames) {
-    const ScopedIsa isa(name);
-    if (std::string(cpu::best_isa().name) == name) usable.push_back(name);
-  }
-  return usable;
-}
 
 template <class Real>
 const cpu::Kernels<Real>& pick(const cpu::KernelSet& set, Law law) {

@@ -12,6 +12,7 @@ namespace stiction::inline STICTION_ISA {
 template <class T, int W>
 struct LaneSides {
   PackPlaces<T, W> side;
+  Offset place;     ///< as in BodyEnv::side()
   bool is_uniform;  ///< all lanes have the same slot
 };
 
@@ -24,12 +25,13 @@ STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
 template <class T, int W>
 struct LaneSlots {
   PackPlaces<T, W> slot;
+  Offset place;
   bool is_uniform;
 };
 
 template <class T, int W>
 STICTION_HD LaneSlots<T, W> slot_of(const LaneSides<T, W>& sides) {
-  return {sides.side >= 0 ? sides.side : ~sides.side, sides.is_uniform};
+  return {sides.side >= 0 ? sides.side : ~sides.side, sides.place, sides.is_uniform};
 }
 
 /// What a pack keeps of the plan: sides by position, lane by lane. A lane that has no contact at a position has a side
@@ -41,7 +43,7 @@ struct PackSides {
   std::uint8_t* is_uniform = nullptr;
 
   [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset place) const {
-    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), is_uniform[place] != 0};
+    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), place, is_uniform[place] != 0};
   }
 };
 
@@ -55,19 +57,22 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   using Numbers = typename Base::Numbers;
 
   typename Base::Tiles tangents;  ///< t1, t2
+  typename Base::Tiles masses;    ///< inverse mass and inertia of a, of b, where lanes have different bodies
   Numbers free;                   ///< twists after the sub-step without reactions        (bodies + 1 rows)
   Numbers sums;                   ///< impulses on the bodies, while twists are computed   (bodies + 1 rows)
 
   /// Numbers of T for each lane.
   static constexpr Offset elements(Offset contacts, Offset bodies, bool momentum) {
-    return Base::elements(contacts, bodies, momentum) + 6 * contacts + 2 * Base::kTwistRow * (bodies + 1);
+    return Base::elements(contacts, bodies, momentum) + (6 + 14) * contacts + 2 * Base::kTwistRow * (bodies + 1);
   }
 
   BodyPack(Index most_contacts, Index most_bodies, const SiParams& params, T* numbers)
       : Base(most_contacts, most_bodies, params, reinterpret_cast<Real*>(numbers), nullptr) {
     Real* more = reinterpret_cast<Real*>(numbers) + Base::elements(most_contacts, most_bodies, params.momentum);
     tangents = {more, 6};
-    free = {more + 6 * static_cast<Offset>(most_contacts)};
+    more += 6 * static_cast<Offset>(most_contacts);
+    masses = {more, 14};
+    free = {more + 14 * static_cast<Offset>(most_contacts)};
     sums = free.from(Base::kTwistRow * (static_cast<Offset>(most_bodies) + 1));
   }
 
@@ -88,9 +93,14 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   }
   [[nodiscard]] STICTION_HD InverseMass<Real> inverse_mass(const LaneSlots<T, W>& at) const {
     if (at.is_uniform) return Base::inverse_mass(static_cast<Index>(at.slot[0]));
-    Real row[7];
-    gather_row<Base::kMassRow>(this->mass, at, row);
+    const Real* const row = mass_of(at.place);
     return {row[0], load6<Real>(row + 1)};
+  }
+  /// Looks up the masses on a side that is not uniform, once for all sweeps.
+  STICTION_HD void keep_masses(const LaneSlots<T, W>& at) const {
+    Real row[Base::kMassRow];
+    gather_row<Base::kMassRow>(this->mass, at, row);
+    for (Index k = 0; k < Base::kMassRow; ++k) mass_of(at.place)[k] = row[k];
   }
   /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
   STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
@@ -115,6 +125,9 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   }
 
  private:
+  [[nodiscard]] STICTION_HD Real* mass_of(Offset place) const {
+    return &masses.at(static_cast<Index>(place % 2) * Base::kMassRow, static_cast<Index>(place / 2));
+  }
   /// Places of the first number of each lane's row.
   template <Index kRow>
   static STICTION_HD PackPlaces<T, W> places(const LaneSlots<T, W>& at) {
@@ -167,15 +180,14 @@ STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kL
     put_twist(numbers, fresh);
     if (s.has_momentum()) {
       const auto before = s.twist_row(s.motion_before, body);
-      for (Index k = 0; k < 6; ++k)
-        before[k] = select(due, fma_(Real(1), value[k] - now[k], before[k]), before[k]);
+      for (Index k = 0; k < 6; ++k) before[k] = select(due, fma_(Real(1), value[k] - now[k], before[k]), before[k]);
     }
     for (Index k = 0; k < 6; ++k) now[k] = select(due, value[k], now[k]);
   }
 }
 
-/// Makes the contacts of a lane from position `first` on, which an earlier environment has left there, ones that stay at
-/// rest: they are visited with those of other lanes.
+/// Makes the contacts of a lane from position `first` on, which an earlier environment has left there, ones that stay
+/// at rest: they are visited with those of other lanes.
 template <class T, int W, Law kLaw>
 STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index first, Index end, int lane) {
   for (Index p = first; p < end; ++p) {

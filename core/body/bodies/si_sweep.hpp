@@ -190,8 +190,8 @@ STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const Syste
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), s.twist(s.motion, slot_of(visit.side_a)),
               s.twist(s.motion, slot_of(visit.side_b)), x, y);
-    largest = max_(
-        natural_map<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
+    largest =
+        max_(natural_map<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
   });
   return block.max(largest);
 }

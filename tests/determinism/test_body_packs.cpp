@@ -1,0 +1,130 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "cpu_fallback/body_deal.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/body_systems.hpp"
+#include "tests/support/scoped_isa.hpp"
+
+/// Body environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+namespace stiction::test {
+
+namespace {
+
+template <class Real>
+BodyEnvironment<Real> as(const BodyEnvironment<double>& env) {
+  if constexpr (std::is_same_v<Real, float>) {
+    return scenes::rounded(env);
+  } else {
+    return env;
+  }
+}
+
+/// Sizes that make lanes wait, leave early and be taken again; a few whose lanes all push the same bodies.
+template <class Real>
+std::vector<BodyEnvironment<Real>> crowd() {
+  std::vector<BodyEnvironment<Real>> envs;
+  for (std::uint64_t seed = 0; seed < 45; ++seed)
+    envs.push_back(
+        as<Real>(random_bodies(seed, 2 + static_cast<Index>(seed % 9), 1 + static_cast<Index>((7 * seed) % 40))));
+  for (std::uint64_t seed = 0; seed < 20; ++seed) envs.push_back(as<Real>(scenes::make_body_stack(seed, 3)));
+  envs.push_back({});
+  envs[13].contacts[0].mu = -1;  // refused while its neighbours go on
+  return envs;
+}
+
+struct Setting {
+  Law law;
+  bool momentum;
+  Index substeps;
+  double tolerance;
+  bool warm;
+};
+
+constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false},
+                                 {Law::coulomb, false, 3, 0, true},
+                                 {Law::convex, true, 2, 1e-5, true},
+                                 {Law::convex, false, 1, 1e-2, false}};
+
+template <class Real>
+void expect_packs_change_nothing(const Setting& setting) {
+  const auto envs = crowd<Real>();
+  const auto batch = batch_of<Real>(envs);
+  const auto view = batch.view();
+  BodySolverOptions options;
+  options.law = setting.law;
+  options.momentum = setting.momentum;
+  options.substeps = setting.substeps;
+  options.tolerance = setting.tolerance;
+  options.iterations = 41;  // chunks of 16, 16 and 9
+  options.threads = 1;
+  options.invalid = InvalidPolicy::isolate;
+  std::vector<Real> warm;
+  if (setting.warm)
+    for (Offset i = 0; i < 3 * view.contact_count; ++i) warm.push_back(static_cast<Real>(i % 5) * Real(0.125));
+  const auto together = solve_bodies(batch, {}, options, Device::cpu(), std::span<const Real>(warm));
+  for (Offset env = 0; env < view.env_count; ++env) {
+    const auto one = batch_of<Real>({envs[static_cast<std::size_t>(env)]});
+    const auto contact = static_cast<std::size_t>(3 * view.env_contact_offsets[env]);
+    const auto body = static_cast<std::size_t>(6 * view.env_body_offsets[env]);
+    const auto own =
+        warm.empty() ? std::span<const Real>()
+                     : std::span<const Real>(warm).subspan(contact, static_cast<std::size_t>(3 * one.contact_count()));
+    const auto alone = solve_bodies(one, {}, options, Device::cpu(), own);
+    const auto same = [](const std::vector<Real>& part, const std::vector<Real>& all, std::size_t first) {
+      return same_bits(std::span<const Real>(part), std::span<const Real>(all).subspan(first, part.size()));
+    };
+    EXPECT_TRUE(same(alone.impulse, together.impulse, contact)) << env;
+    EXPECT_TRUE(same(alone.twist, together.twist, body)) << env;
+    EXPECT_TRUE(same(alone.w, together.w, contact)) << env;
+    EXPECT_TRUE(same_bits(std::span<const EnvStatus>(alone.status),
+                          std::span<const EnvStatus>(together.status).subspan(static_cast<std::size_t>(env), 1)))
+        << env;
+  }
+}
+
+}  // namespace
+
+TEST(body_packs, an_environment_has_the_bits_of_a_call_of_its_own) {
+  for (const char* name : usable_isas()) {
+    const ScopedIsa isa(name);
+    for (const Setting& setting : kSettings) {
+      SCOPED_TRACE(std::string(name) + ", law " + std::to_string(static_cast<int>(setting.law)));
+      expect_packs_change_nothing<float>(setting);
+      expect_packs_change_nothing<double>(setting);
+    }
+  }
+}
+
+TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
+  BodyPlanData plan;
+  plan.kept = {40, 0, 5000, 41, 3, 42, 39, 2, 38, 3, 700};
+  const auto bodies = [](Offset env) { return static_cast<Index>(5 + env); };
+  const auto bytes = [](const cpu::BodyRoom& room) { return Offset{room.contacts} * 3000; };
+  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies, {2, 4, bytes});
+  EXPECT_EQ(deal.large, std::vector<Offset>{2});
+  std::vector<int> seen(plan.kept.size());
+  for (const cpu::BodyWork& work : deal.work)
+    for (const Offset env : work.envs) {
+      ++seen[static_cast<std::size_t>(env)];
+      const Index kept = plan.kept[static_cast<std::size_t>(env)];
+      if (!work.packed) continue;
+      EXPECT_LE(kept, work.room.contacts);
+      EXPECT_LE(bodies(env), work.room.bodies);
+      EXPECT_LE(work.room.contacts, 2 * kept);
+    }
+  EXPECT_EQ(seen, (std::vector<int>{1, 1, 0, 1, 1, 1, 1, 1, 1, 1, 1}));
+  // The five of some forty contacts share a pack; one alone, without contacts or too large, has none.
+  const auto packed = [&](Offset env) {
+    for (const cpu::BodyWork& work : deal.work)
+      for (const Offset other : work.envs)
+        if (other == env) return work.packed;
+    return false;
+  };
+  for (const Offset env : {0, 3, 5, 6, 8}) EXPECT_TRUE(packed(env)) << env;
+  for (const Offset env : {1, 10}) EXPECT_FALSE(packed(env)) << env;
+}
+
+}  // namespace stiction::test
