@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/base/extents.hpp"
 #include "core/body/bodies/body_pack.hpp"
 #include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/pack_width.hpp"
@@ -66,94 +67,134 @@ void write_sides(const PackSides<Real, W>& sides, const BodyLane<Real> (&lanes)[
 /// As solve_pack(): environments enter and leave lanes between chunks, each with its own count of sweeps, so what one
 /// computes does not depend on its lane, its neighbours or the moment it entered.
 template <Law kLaw, class Real>
-void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count, const cpu::BodyRoom& room,
-                     Real* memory, double* exact) {
+class BodyPackRun {
   using Memory = BodyPackMemory<kLaw, Real>;
   using Lanes = typename Memory::Lanes;
   using Packed = typename Lanes::Real;
-  constexpr int kWidth = Memory::kWidth;
-  const SiParams params = si_params(job.stepping, job.options);
-  SerialBlock block;
-  // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
-  std::fill_n(memory, Memory::numbers(room, params.momentum), Real(0));
-  Lanes pack(room.contacts, room.bodies, params, memory);
-  const PackEnv<Real, kWidth> pack_env{Memory::sides(room, params.momentum, memory)};
-  BodyLane<Real> lanes[kWidth];
-  const auto system_of = [&](int l) {
-    typename Lanes::OneLane system(room.contacts, room.bodies, params, memory + l, exact + l);
-    system.contacts = lanes[l].env.kept;
-    system.bodies = lanes[l].env.bodies;
-    return system;
-  };
-  Offset next = 0;
-  int busy = 0;
-  for (;;) {
-    bool entered = false;
-    for (int l = 0; l < kWidth; ++l) {
-      BodyLane<Real>& lane = lanes[l];
-      if (lane.busy && lane.left == 0) {
-        if (settle_bodies(block, lane.env, system_of(l), params, lane.progress)) {
-          lane.busy = false;
-          --busy;
-        } else {
-          lane.left = next_chunk(params, lane.progress);
-          if (lane.progress.step != lane.substep) load_lane_free(pack, lane.env, system_of(l), params, l);
-          lane.substep = lane.progress.step;
+  using Lane = BodyLane<Real>;
+  static constexpr int kWidth = Memory::kWidth;
+
+ public:
+  BodyPackRun(const BodyJob<Real>& job, const cpu::BodyRoom& room, Real* memory, double* exact)
+      : job_(job),
+        params_(si_params(job.stepping, job.options)),
+        room_(room),
+        memory_(memory),
+        exact_(exact),
+        pack_(room.contacts, room.bodies, params_, memory),
+        env_{Memory::sides(room, params_.momentum, memory)} {
+    // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
+    std::fill_n(memory, Memory::numbers(room, params_.momentum), Real(0));
+  }
+
+  void solve(const Offset* envs, Offset count) {
+    Offset next = 0;
+    for (;;) {
+      bool entered = false;
+      int busy = 0;
+      for (int l = 0; l < kWidth; ++l) {
+        if (lanes_[l].busy && lanes_[l].left == 0) go_on(l);
+        while (!lanes_[l].busy && next < count) {
+          enter(l, envs[next++]);
+          entered = entered || lanes_[l].busy;
         }
+        if (lanes_[l].busy) ++busy;
       }
-      while (!lane.busy && next < count) {
-        lane.env = slice_bodies(job, envs[next++]);
-        const auto system = system_of(l);
-        lane.written = std::max(lane.written, lane.env.kept);
-        if (!start_bodies(block, lane.env, system, params, lane.progress)) continue;
-        if (settle_bodies(block, lane.env, system, params, lane.progress)) continue;
-        lane.left = next_chunk(params, lane.progress);
-        lane.substep = lane.progress.step;
-        rest_from(pack, lane.env.kept, lane.written, l);
-        lane.written = lane.env.kept;
-        load_lane_tangents(pack, system, l);
-        load_lane_free(pack, lane.env, system, params, l);
-        lane.busy = entered = true;
-        ++busy;
-      }
+      if (busy == 0) return;
+      advance(entered);
     }
-    if (busy == 0) return;
-    Index run = kSiChunk;
-    pack.contacts = pack.bodies = 0;
+  }
+
+ private:
+  /// The system in a lane, as the body of a single environment knows it.
+  typename Lanes::OneLane system_of(int l) const {
+    typename Lanes::OneLane system(room_.contacts, room_.bodies, params_, memory_ + l, exact_ + l);
+    system.contacts = lanes_[l].env.kept;
+    system.bodies = lanes_[l].env.bodies;
+    return system;
+  }
+
+  /// A chunk has ended: the environment is answered, or begins another.
+  void go_on(int l) {
+    Lane& lane = lanes_[l];
+    const auto system = system_of(l);
+    lane.busy = !settle_bodies(block_, lane.env, system, params_, lane.progress);
+    if (!lane.busy) return;
+    lane.left = next_chunk(params_, lane.progress);
+    if (lane.progress.step != lane.substep) load_lane_free(pack_, lane.env, system, params_, l);
+    lane.substep = lane.progress.step;
+  }
+
+  /// Takes an environment into a lane, which stays idle if that is answered at once.
+  void enter(int l, Offset env) {
+    Lane& lane = lanes_[l];
+    lane.env = slice_bodies(job_, env);
+    lane.written = larger_of(lane.written, lane.env.kept);
+    const auto system = system_of(l);
+    lane.busy = start_bodies(block_, lane.env, system, params_, lane.progress) &&
+                !settle_bodies(block_, lane.env, system, params_, lane.progress);
+    if (!lane.busy) return;
+    lane.left = next_chunk(params_, lane.progress);
+    lane.substep = lane.progress.step;
+    rest_from(pack_, lane.env.kept, lane.written, l);
+    lane.written = lane.env.kept;
+    load_lane_tangents(pack_, system, l);
+    load_lane_free(pack_, lane.env, system, params_, l);
+  }
+
+  /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
+  void advance(bool entered) {
+    Index count = kSiChunk;
+    pack_.contacts = pack_.bodies = 0;
     SiMomentum<Packed> momentum;
     for (int l = 0; l < kWidth; ++l) {
-      const BodyLane<Real>& lane = lanes[l];
+      const Lane& lane = lanes_[l];
       if (!lane.busy) continue;
-      run = std::min(run, lane.left);
-      pack.contacts = std::max(pack.contacts, lane.env.kept);
-      pack.bodies = std::max(pack.bodies, lane.env.bodies);
+      count = smaller_of(count, lane.left);
+      pack_.contacts = larger_of(pack_.contacts, lane.env.kept);
+      pack_.bodies = larger_of(pack_.bodies, lane.env.bodies);
       momentum.theta.v[l] = lane.progress.momentum.theta;
       momentum.progress.v[l] = lane.progress.momentum.progress;
     }
     if (entered) {
-      write_sides(pack_env.sides, lanes, pack.contacts);
-      for (Offset place = 0; place < 2 * Offset{pack.contacts}; ++place)
-        if (const auto slots = slot_of(pack_env.side(place)); !slots.is_uniform) pack.keep_masses(slots);
+      write_sides(env_.sides, lanes_, pack_.contacts);
+      for (Offset place = 0; place < 2 * Offset{pack_.contacts}; ++place)
+        if (const auto slots = slot_of(env_.side(place)); !slots.is_uniform) pack_.keep_masses(slots);
     }
-    run_sweeps(block, pack_env, pack, params, run, momentum);
+    run_sweeps(block_, env_, pack_, params_, count, momentum);
     Packed due(0);
     for (int l = 0; l < kWidth; ++l) {
-      BodyLane<Real>& lane = lanes[l];
+      Lane& lane = lanes_[l];
       if (!lane.busy) continue;
       lane.progress.momentum = {momentum.theta.v[l], momentum.progress.v[l]};
-      lane.left -= run;
+      lane.left -= count;
       due.v[l] = lane.left == 0 ? Real(1) : Real(0);
     }
-    if (!any(due > Packed(0))) continue;
-    refresh_lanes(pack_env, pack, due > Packed(0));
-    const Packed estimate = estimate_residual(block, pack_env, pack);
+    refresh_lanes(env_, pack_, due > Packed(0));
+    const Packed estimate = estimate_residual(block_, env_, pack_);
     for (int l = 0; l < kWidth; ++l) {
-      BodyLane<Real>& lane = lanes[l];
+      Lane& lane = lanes_[l];
       if (!lane.busy || lane.left > 0) continue;
       lane.progress.estimate = estimate.v[l];
-      lane.progress.done += next_chunk(params, lane.progress);
+      lane.progress.done += next_chunk(params_, lane.progress);
     }
   }
+
+  const BodyJob<Real>& job_;
+  SiParams params_;
+  cpu::BodyRoom room_;
+  Real* memory_;
+  double* exact_;
+  SerialBlock block_;
+  Lanes pack_;
+  PackEnv<Real, kWidth> env_;
+  Lane lanes_[kWidth];
+};
+
+template <Law kLaw, class Real>
+void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count, const cpu::BodyRoom& room,
+                     Real* memory, double* exact) {
+  BodyPackRun<kLaw, Real>(job, room, memory, exact).solve(envs, count);
 }
 
 }  // namespace stiction::inline STICTION_ISA
