@@ -81,7 +81,7 @@ void run(const BodyRequest<Real>& request) {
     return kernels.pack_elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
            pack_exact(room) * static_cast<Offset>(sizeof(double));
   };
-  const cpu::BodyDeal deal = cpu::deal_out(plan, [&](Offset env) { return static_cast<Index>(bodies(env)); },
+  const cpu::BodyDeal deal = cpu::deal_out(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
                                            {threads, is_newton ? 1 : kernels.pack_width, pack_bytes});
   for (const Offset env : deal.large) {
     Scratch<Real> scratch;

@@ -1,6 +1,7 @@
 #include "cpu_fallback/body_deal.hpp"
 
 #include <algorithm>
+#include <string_view>
 #include <tuple>
 
 #include "core/base/extents.hpp"
@@ -27,6 +28,23 @@ Offset work_of(const BodyRoom& room) {
 
 BodyRoom join(const BodyRoom& a, const BodyRoom& b) {
   return {larger_of(a.contacts, b.contacts), larger_of(a.bodies, b.bodies)};
+}
+
+/// What environments are sorted by.
+struct Shape {
+  BodyRoom room;
+  std::size_t sides;  ///< hash of the bodies that the contacts are between
+  Offset env;
+
+  friend bool operator<(const Shape& a, const Shape& b) {
+    return std::tuple(-a.room.contacts, -a.room.bodies, a.sides, a.env) <
+           std::tuple(-b.room.contacts, -b.room.bodies, b.sides, b.env);
+  }
+};
+
+std::size_t hash_of(const Index* sides, Index contacts) {
+  return std::hash<std::string_view>()(
+      {reinterpret_cast<const char*>(sides), 2 * static_cast<std::size_t>(contacts) * sizeof(Index)});
 }
 
 /// Runs of environments of like size, the largest first; those that no pack takes are left in `alone`.
@@ -74,7 +92,8 @@ class Packing {
 
 }  // namespace
 
-BodyDeal deal_out(const BodyPlanData& plan, const std::function<Index(Offset)>& bodies, const BodyDealRules& rules) {
+BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, const Offset* env_contact_offsets,
+                  const BodyDealRules& rules) {
   BodyDeal deal;
   const auto kept = [&](Offset env) { return plan.kept[static_cast<std::size_t>(env)]; };
   for (Offset env = 0; env < plan.env_count(); ++env)
@@ -82,7 +101,7 @@ BodyDeal deal_out(const BodyPlanData& plan, const std::function<Index(Offset)>& 
   // Many large environments fill the threads by themselves.
   if (rules.threads == 1 || deal.large.size() >= 4 * static_cast<std::size_t>(rules.threads)) deal.large.clear();
 
-  std::vector<std::pair<BodyRoom, Offset>> small;
+  std::vector<Shape> small;
   std::vector<Offset> alone;
   std::size_t next_large = 0;
   for (Offset env = 0; env < plan.env_count(); ++env) {
@@ -91,15 +110,14 @@ BodyDeal deal_out(const BodyPlanData& plan, const std::function<Index(Offset)>& 
     } else if (rules.pack_width == 1 || kept(env) == 0) {
       alone.push_back(env);
     } else {
-      small.push_back({{kept(env), bodies(env)}, env});
+      const auto bodies = static_cast<Index>(env_body_offsets[env + 1] - env_body_offsets[env]);
+      const Index* const sides = plan.sides.data() + 2 * env_contact_offsets[env];
+      small.push_back({{kept(env), bodies}, hash_of(sides, kept(env)), env});
     }
   }
-  std::sort(small.begin(), small.end(), [](const auto& a, const auto& b) {
-    return std::tuple(-a.first.contacts, -a.first.bodies, a.second) <
-           std::tuple(-b.first.contacts, -b.first.bodies, b.second);
-  });
+  std::sort(small.begin(), small.end());
   Packing packing(rules, deal.work, alone);
-  for (const auto& [room, env] : small) packing.add(env, room);
+  for (const Shape& shape : small) packing.add(shape.env, shape.room);
   packing.close();
 
   BodyWork run;

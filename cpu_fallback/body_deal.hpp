@@ -21,7 +21,7 @@ struct BodyDeal {
   std::vector<Offset> large;  ///< environments that get a team of threads each
 };
 
-/// What dealing out depends on. Only speed does.
+/// What dealing out depends on; only speed depends on how it is done.
 struct BodyDealRules {
   int threads = 1;
   int pack_width = 1;  ///< 1: no packs
@@ -29,6 +29,9 @@ struct BodyDealRules {
   std::function<Offset(const BodyRoom&)> pack_bytes;
 };
 
-BodyDeal deal_out(const BodyPlanData& plan, const std::function<Index(Offset)>& bodies, const BodyDealRules& rules);
+/// Environments of like size share packs; among equals those whose contacts are between the same bodies come together,
+/// since their lanes then find twists side by side. The two arrays are those of the batch.
+BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, const Offset* env_contact_offsets,
+                  const BodyDealRules& rules);
 
 }  // namespace stiction::cpu

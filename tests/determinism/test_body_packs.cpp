@@ -101,30 +101,52 @@ TEST(body_packs, an_environment_has_the_bits_of_a_call_of_its_own) {
 TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
   BodyPlanData plan;
   plan.kept = {40, 0, 5000, 41, 3, 42, 39, 2, 38, 3, 700};
-  const auto bodies = [](Offset env) { return static_cast<Index>(5 + env); };
+  std::vector<Offset> bodies{0};
+  std::vector<Offset> contacts{0};
+  for (std::size_t env = 0; env < plan.kept.size(); ++env) {
+    bodies.push_back(bodies.back() + 5 + static_cast<Offset>(env));
+    contacts.push_back(contacts.back() + plan.kept[env]);
+  }
+  plan.sides.assign(static_cast<std::size_t>(2 * contacts.back()), 0);
   const auto bytes = [](const cpu::BodyRoom& room) { return Offset{room.contacts} * 3000; };
-  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies, {2, 4, bytes});
+  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {2, 4, bytes});
   EXPECT_EQ(deal.large, std::vector<Offset>{2});
   std::vector<int> seen(plan.kept.size());
+  std::vector<bool> packed(plan.kept.size());
   for (const cpu::BodyWork& work : deal.work)
     for (const Offset env : work.envs) {
-      ++seen[static_cast<std::size_t>(env)];
-      const Index kept = plan.kept[static_cast<std::size_t>(env)];
+      const auto e = static_cast<std::size_t>(env);
+      ++seen[e];
+      packed[e] = work.packed;
       if (!work.packed) continue;
-      EXPECT_LE(kept, work.room.contacts);
-      EXPECT_LE(bodies(env), work.room.bodies);
-      EXPECT_LE(work.room.contacts, 2 * kept);
+      EXPECT_LE(plan.kept[e], work.room.contacts);
+      EXPECT_LE(bodies[e + 1] - bodies[e], work.room.bodies);
+      EXPECT_LE(work.room.contacts, 2 * plan.kept[e]);
     }
   EXPECT_EQ(seen, (std::vector<int>{1, 1, 0, 1, 1, 1, 1, 1, 1, 1, 1}));
-  // The five of some forty contacts share a pack; one alone, without contacts or too large, has none.
-  const auto packed = [&](Offset env) {
-    for (const cpu::BodyWork& work : deal.work)
-      for (const Offset other : work.envs)
-        if (other == env) return work.packed;
-    return false;
-  };
-  for (const Offset env : {0, 3, 5, 6, 8}) EXPECT_TRUE(packed(env)) << env;
-  for (const Offset env : {1, 10}) EXPECT_FALSE(packed(env)) << env;
+  // The five of some forty contacts share a pack; one without contacts or too large for one has none.
+  for (const std::size_t e : {0U, 3U, 5U, 6U, 8U}) EXPECT_TRUE(packed[e]) << e;
+  for (const std::size_t e : {1U, 10U}) EXPECT_FALSE(packed[e]) << e;
+}
+
+TEST(body_packs, environments_whose_contacts_are_between_the_same_bodies_come_together) {
+  BodyPlanData plan;
+  std::vector<Offset> bodies{0};
+  std::vector<Offset> contacts{0};
+  for (int env = 0; env < 12; ++env) {
+    plan.kept.push_back(2);
+    plan.sides.insert(plan.sides.end(), env % 3 == 0 ? std::initializer_list<Index>{~2, 0, 0, 1}
+                                                     : std::initializer_list<Index>{~2, 1, 1, 0});
+    bodies.push_back(bodies.back() + 2);
+    contacts.push_back(contacts.back() + 2);
+  }
+  const auto bytes = [](const cpu::BodyRoom&) { return Offset{1}; };
+  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {1, 4, bytes});
+  ASSERT_EQ(deal.work.size(), 1U);
+  int changes = 0;
+  for (std::size_t k = 1; k < deal.work[0].envs.size(); ++k)
+    changes += (deal.work[0].envs[k] % 3 == 0) != (deal.work[0].envs[k - 1] % 3 == 0) ? 1 : 0;
+  EXPECT_EQ(changes, 1);
 }
 
 }  // namespace stiction::test
