@@ -15,8 +15,8 @@ from environments import write_batch
 from table import read
 
 SHORT, LONG = 20, 60
-SECONDS = 0.005  # of calls of one environment in one pass
-SCENES = [("stack", 2, 32), ("stack", 10, 8), ("pile", 20, 8), ("wall", 4, 4)]
+SECONDS = 0.001  # of calls of one environment in one pass
+SCENES = [("stack", 2, 64), ("stack", 10, 64), ("pile", 20, 64), ("wall", 4, 64)]
 COLUMNS = ["scene", "contacts", "environments", "solver", "precision", "form", "law", "ns_sweep", "ns_call", "residual_20",
            "residual_60", "ratio_q1", "ratio", "ratio_q3"]
 FIRST = "Bullet si", "f32"  # the 1 of every ratio
@@ -56,7 +56,7 @@ class Stiction:
 class Field:
     """The environments of one scene, in every form."""
 
-    copies = 8  # of the batch, so that a call of stiction's takes milliseconds
+    copies = 2  # of the batch, so that a call of stiction's takes milliseconds
 
     def __init__(self, bench, kind, size, count):
         self.name, self.folder = f"{kind} {size}", bench.folder
