@@ -43,6 +43,7 @@ struct BodyLane {
   Index substep = 0;  ///< the one that the pack has the free twists of
   Index written = 0;  ///< positions that hold contacts, of this environment or of one before
   bool busy = false;
+  bool is_new = false;  ///< not looked at yet
 };
 
 /// The sides of all lanes, once more after some lanes have another environment.
@@ -90,18 +91,18 @@ class BodyPackRun {
   void solve(const Offset* envs, Offset count) {
     Offset next = 0;
     for (;;) {
-      bool entered = false;
-      int busy = 0;
-      for (int l = 0; l < kWidth; ++l) {
+      for (int l = 0; l < kWidth; ++l)
         if (lanes_[l].busy && lanes_[l].left == 0) go_on(l);
-        while (!lanes_[l].busy && next < count) {
-          enter(l, envs[next++]);
-          entered = entered || lanes_[l].busy;
-        }
-        if (lanes_[l].busy) ++busy;
+      for (;;) {
+        int entered = 0;
+        for (int l = 0; l < kWidth; ++l)
+          while (!lanes_[l].busy && next < count)
+            if (enter(l, envs[next++])) ++entered;
+        if (entered == 0) break;
+        look_at_new(entered);
       }
-      if (busy == 0) return;
-      advance(entered);
+      if (!measure()) return;
+      advance();
     }
   }
 
@@ -125,59 +126,103 @@ class BodyPackRun {
     lane.substep = lane.progress.step;
   }
 
-  /// Takes an environment into a lane, which stays idle if that is answered at once.
-  void enter(int l, Offset env) {
+  /// Takes an environment into a lane. Whether there is anything to solve.
+  bool enter(int l, Offset env) {
     Lane& lane = lanes_[l];
     lane.env = slice_bodies(job_, env);
     lane.written = larger_of(lane.written, lane.env.kept);
     const auto system = system_of(l);
-    lane.busy = start_bodies(block_, lane.env, system, params_, lane.progress) &&
-                !settle_bodies(block_, lane.env, system, params_, lane.progress);
-    if (!lane.busy) return;
-    lane.left = next_chunk(params_, lane.progress);
-    lane.substep = lane.progress.step;
+    lane.busy = lane.is_new = take_bodies(block_, lane.env, system, params_, lane.progress);
+    if (!lane.busy) return false;
     rest_from(pack_, lane.env.kept, lane.written, l);
     lane.written = lane.env.kept;
     load_lane_tangents(pack_, system, l);
     load_lane_free(pack_, lane.env, system, params_, l);
+    is_composed_ = false;
+    return true;
+  }
+
+  /// First looks at the environments that have entered; some are answered by that.
+  void look_at_new(int entered) {
+    // A look at all lanes takes as long as some at one each.
+    const bool is_together = 4 * entered > kWidth;
+    if (is_together) {
+      measure();
+      compose();
+      const auto due = lanes_where([](const Lane& lane) { return lane.is_new; });
+      refresh_lanes(env_, pack_, due);
+      if (params_.momentum) start_momentum_in(pack_, due);
+      keep_estimates(due);
+    }
+    for (int l = 0; l < kWidth; ++l) {
+      Lane& lane = lanes_[l];
+      if (!lane.is_new) continue;
+      const auto system = system_of(l);
+      if (!is_together) look_first(block_, lane.env, system, params_, lane.progress);
+      lane.is_new = false;
+      lane.substep = 0;
+      go_on(l);
+    }
+  }
+
+  /// How much of the pack is in use. Whether any.
+  bool measure() {
+    pack_.contacts = pack_.bodies = 0;
+    bool is_busy = false;
+    for (const Lane& lane : lanes_) {
+      if (!lane.busy) continue;
+      is_busy = true;
+      pack_.contacts = larger_of(pack_.contacts, lane.env.kept);
+      pack_.bodies = larger_of(pack_.bodies, lane.env.bodies);
+    }
+    return is_busy;
+  }
+
+  /// Brings what the pack keeps of all lanes together up to date.
+  void compose() {
+    if (is_composed_) return;
+    write_sides(env_.sides, lanes_, pack_.contacts);
+    for (Offset place = 0; place < 2 * Offset{pack_.contacts}; ++place)
+      if (const auto slots = slot_of(env_.side(place)); !slots.is_uniform) pack_.keep_masses(slots);
+    is_composed_ = true;
+  }
+
+  template <class F>
+  PackMask<Real, kWidth> lanes_where(F&& f) const {
+    Packed chosen(0);
+    for (int l = 0; l < kWidth; ++l) chosen.v[l] = lanes_[l].busy && f(lanes_[l]) ? Real(1) : Real(0);
+    return chosen > Packed(0);
+  }
+
+  void keep_estimates(PackMask<Real, kWidth> due) {
+    const Packed estimate = estimate_residual(block_, env_, pack_);
+    for (int l = 0; l < kWidth; ++l)
+      if (due.v[l] != 0) lanes_[l].progress.estimate = estimate.v[l];
   }
 
   /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
-  void advance(bool entered) {
+  void advance() {
+    compose();
     Index count = kSiChunk;
-    pack_.contacts = pack_.bodies = 0;
     SiMomentum<Packed> momentum;
     for (int l = 0; l < kWidth; ++l) {
       const Lane& lane = lanes_[l];
       if (!lane.busy) continue;
       count = smaller_of(count, lane.left);
-      pack_.contacts = larger_of(pack_.contacts, lane.env.kept);
-      pack_.bodies = larger_of(pack_.bodies, lane.env.bodies);
       momentum.theta.v[l] = lane.progress.momentum.theta;
       momentum.progress.v[l] = lane.progress.momentum.progress;
     }
-    if (entered) {
-      write_sides(env_.sides, lanes_, pack_.contacts);
-      for (Offset place = 0; place < 2 * Offset{pack_.contacts}; ++place)
-        if (const auto slots = slot_of(env_.side(place)); !slots.is_uniform) pack_.keep_masses(slots);
-    }
     run_sweeps(block_, env_, pack_, params_, count, momentum);
-    Packed due(0);
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.busy) continue;
       lane.progress.momentum = {momentum.theta.v[l], momentum.progress.v[l]};
       lane.left -= count;
-      due.v[l] = lane.left == 0 ? Real(1) : Real(0);
+      if (lane.left == 0) lane.progress.done += next_chunk(params_, lane.progress);
     }
-    refresh_lanes(env_, pack_, due > Packed(0));
-    const Packed estimate = estimate_residual(block_, env_, pack_);
-    for (int l = 0; l < kWidth; ++l) {
-      Lane& lane = lanes_[l];
-      if (!lane.busy || lane.left > 0) continue;
-      lane.progress.estimate = estimate.v[l];
-      lane.progress.done += next_chunk(params_, lane.progress);
-    }
+    const auto due = lanes_where([](const Lane& lane) { return lane.left == 0; });
+    refresh_lanes(env_, pack_, due);
+    keep_estimates(due);
   }
 
   const BodyJob<Real>& job_;
@@ -189,6 +234,7 @@ class BodyPackRun {
   Lanes pack_;
   PackEnv<Real, kWidth> env_;
   Lane lanes_[kWidth];
+  bool is_composed_ = false;  ///< nobody has entered since compose()
 };
 
 template <Law kLaw, class Real>

@@ -186,6 +186,18 @@ STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kL
   }
 }
 
+/// start_momentum() in the lanes of `due`.
+template <class T, int W, Law kLaw>
+STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W> due) {
+  for (Index p = 0; p < s.contacts; ++p)
+    for (Index k = 0; k < 3; ++k) s.before.at(k, p) = select(due, s.x.at(k, p), s.before.at(k, p));
+  for (Index body = 0; body < s.bodies; ++body)
+    for (Index k = 0; k < 6; ++k) {
+      Pack<T, W>& before = s.twist_row(s.motion_before, body)[k];
+      before = select(due, s.twist_row(s.motion, body)[k], before);
+    }
+}
+
 /// Makes the contacts of a lane from position `first` on, which an earlier environment has left there, ones that stay
 /// at rest: they are visited with those of other lanes.
 template <class T, int W, Law kLaw>

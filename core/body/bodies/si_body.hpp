@@ -88,15 +88,29 @@ STICTION_HD bool is_last_substep(const SiParams& params, Index step) {
   return step + 1 >= params.substeps;
 }
 
+/// Begins a sub-step, but for its first look.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void set_out(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                         const SiParams& params, SiProgress<Real>& progress) {
+  progress.scale = max_(begin_substep(block, env, s, params), 1e-300);
+  progress.momentum = SiMomentum<Real>{};
+  progress.done = 0;
+}
+
+/// The twists that the first iterate of a sub-step begins with, and its residual.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void look_first(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                            const SiParams& params, SiProgress<Real>& progress) {
+  refresh_bodies(block, env, s, params);
+  if (params.momentum) start_momentum(block, s);
+  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
+}
+
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
-  progress.scale = max_(begin_substep(block, env, s, params), 1e-300);
-  refresh_bodies(block, env, s, params);
-  if (params.momentum) start_momentum(block, s);
-  progress.momentum = SiMomentum<Real>{};
-  progress.done = 0;
-  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
+  set_out(block, env, s, params, progress);
+  look_first(block, env, s, params, progress);
 }
 
 /// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
@@ -175,8 +189,8 @@ STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const B
 
 /// Loads an environment. Whether there is anything to solve; if not, it is answered.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                              const SiParams& params, SiProgress<Real>& progress) {
+STICTION_HD bool take_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                             const SiParams& params, SiProgress<Real>& progress) {
   clear_impulses(block, env);
   progress = SiProgress<Real>{};
   progress.flags = load_bodies(block, env, s, params);
@@ -184,7 +198,16 @@ STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySyst
     refuse_bodies(block, env, params, progress.flags);
     return false;
   }
-  enter_substep(block, env, s, params, progress);
+  set_out(block, env, s, params, progress);
+  return true;
+}
+
+/// The same up to the first sweep.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              const SiParams& params, SiProgress<Real>& progress) {
+  if (!take_bodies(block, env, s, params, progress)) return false;
+  look_first(block, env, s, params, progress);
   return true;
 }
 
