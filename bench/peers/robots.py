@@ -2,7 +2,8 @@
 """MuJoCo's constraint solvers and stiction on the same recorded robots, one thread, at equal judged residuals.
 
     PYTHONPATH=build/python bench/peers/robots.py [FILE ...] [--data DATA] [--judge check_solution.py] [--results DIR]
-                            [--images DIR] [--goals 1e-4,1e-6] [--envs 64] [--seconds 0.4]
+                            [--images DIR] [--goals 1e-4,1e-6] [--envs 64] [--seconds 0.4] [--forms matrix,factor,jacobian]
+                            [--name robots]
 
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
 DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. The environments of a file are repeated until there are
@@ -19,7 +20,7 @@ the solution of the same problem with every free acceleration changed by 5 % (no
 accelerations for MuJoCo. Those who reach the goal, without those that take three times as long as the fastest of their
 form (auto in f64 always runs), then run in turns, forth and back (A B C C B A) for --seconds of
 processor time at least three times; a ratio is MuJoCo's time over stiction's of one such turn, and the tables have its
-median and quartiles. Who did not run for a goal is not asked for a smaller one. Writes robots.csv, robots.md and peers_robots.png.
+median and quartiles. Who did not run for a goal is not asked for a smaller one. Writes NAME.csv, NAME.md and peers_NAME.png.
 """
 
 import argparse
@@ -48,8 +49,7 @@ THEIR_LADDER = [10.0**-k for k in range(1, 17)]
 OUR_LADDER = [1, 0.3, 0.1, 0.01]  # times the goal
 SHARE, CHANGE, SLOWER = 0.95, 0.05, 3
 FORMS = ("matrix", "factor", "jacobian")
-OURS = [(form, solver, precision) for form in FORMS for solver in ("auto", "npgs", "newton")
-        for precision in ("f64", "f32")]
+OURS = [(solver, precision) for solver in ("auto", "npgs", "newton") for precision in ("f64", "f32")]
 COLUMNS = ["robot", "environments", "rows", "dofs", "start", "goal", "form", "solver", "precision", "us", "residual_p95", "peer",
            "peer_tolerance", "peer_us", "peer_residual_p95", "ratio_q1", "ratio", "ratio_q3", "turns"]
 
@@ -178,7 +178,7 @@ def race(robot, functions, arguments):
     peer = mujoco_peer.Peer(functions, robot.systems)
     rows = []
     for warm in (False, True):
-        entrants = [Ours(robot, *which, warm) for which in OURS]
+        entrants = [Ours(robot, form, *which, warm) for form in arguments.forms for which in OURS]
         entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_peer.SOLVERS]
         for goal in arguments.goals:
             entrants = contenders([one for one in entrants if qualify(robot, one, goal, arguments.limit)])
@@ -226,7 +226,7 @@ def report(rows, goals, path):
              f"{stiction.__version__}. A cell: MuJoCo's fastest solver and its microseconds of an environment, stiction's fastest "
              "and its, then the ratio (above 1: stiction is faster), median and quartiles over turns. `auto f64`: the same "
              "without a choice of ours. -: one side does not reach the residual.", ""]
-    for form, start in [(form, start) for form in FORMS for start in ("cold", "warm")]:
+    for form, start in [(form, start) for form in dict.fromkeys(row["form"] for row in rows) for start in ("cold", "warm")]:
         lines += [f"## {form} form, {start} start", "", "| robot | rows, dofs | " + " | ".join(
             f"{goal:g} | {goal:g}, auto f64" for goal in goals) + " |", "|---|---|" + "---|" * (2 * len(goals))]
         ratios = []
@@ -258,6 +258,8 @@ def draw(rows, goals, path):
         for shift, (start, form, colour) in enumerate([("cold", "factor", "tab:blue"), ("cold", "matrix", "tab:cyan"),
                                                        ("warm", "factor", "tab:red"), ("warm", "matrix", "tab:orange")]):
             found = [best(rows, robot=name, form=form, start=start, goal=goal) for name in names]
+            if not any(found):
+                continue
             low, ratio, high = (np.array([np.nan if row is None else row[key] for row in found])
                                 for key in ("ratio_q1", "ratio", "ratio_q3"))
             given = "A" if form == "matrix" else "J and the factor of M"
@@ -282,6 +284,8 @@ def main():
     parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
     parser.add_argument("--envs", type=int, default=64)
+    parser.add_argument("--forms", type=lambda text: text.split(","), default=list(FORMS))
+    parser.add_argument("--name", default="robots", help="of the files written")
     parser.add_argument("--seconds", type=float, default=0.4, help="processor time of the turns of one start and goal")
     parser.add_argument("--limit", type=float, default=0.5, help="seconds after which a solve is not asked for more")
     arguments = parser.parse_args()
@@ -297,10 +301,10 @@ def main():
             rows += race(Robot(path, arguments.envs, judge), functions, arguments)
             print(f"{path.stem}: {time.process_time() - begin:.1f} s", file=sys.stderr, flush=True)
     written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows]
-    measure.write_table(arguments.results / "robots.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",
+    measure.write_table(arguments.results / f"{arguments.name}.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",
                         f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, written)
-    report(rows, arguments.goals, arguments.results / "robots.md")
-    draw(rows, arguments.goals, arguments.images / "peers_robots.png")
+    report(rows, arguments.goals, arguments.results / f"{arguments.name}.md")
+    draw(rows, arguments.goals, arguments.images / f"peers_{arguments.name}.png")
 
 
 if __name__ == "__main__":

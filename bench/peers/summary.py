@@ -40,16 +40,42 @@ def ratio_lines(folder):
                            spread(best["stiction"] / best["eigen"] for best in own))
 
 
+ASKED_OF_ROBOTS = {("matrix", 1e-4): "7; 20", ("matrix", 1e-6): "3; 10"}
+
+
+def fastest(rows):
+    """MuJoCo's time over stiction's, the fastest setting of each, robot by robot."""
+    for robot in dict.fromkeys(row["robot"] for row in rows):
+        own = [row for row in rows if row["robot"] == robot]
+        yield float(min(own, key=lambda row: (float(row["us"]), float(row["peer_us"])))["ratio"])
+
+
 def robot_lines(folder):
-    rows = rows_of(folder / "robots.csv")
-    for form, start, goal in dict.fromkeys((row["form"], row["start"], row["goal"]) for row in rows):
-        ratios = []
-        for robot in dict.fromkeys(row["robot"] for row in rows):
-            own = [row for row in rows if (row["robot"], row["form"], row["start"], row["goal"]) == (robot, form, start, goal)]
-            if own:
-                ratios.append(float(min(own, key=lambda row: (float(row["us"]), float(row["peer_us"])))["ratio"]))
-        yield ("C3", f"MuJoCo's time over stiction's, fastest of each, {form} form, {start} start, {float(goal):g}; robots", "2; 6",
-               spread(ratios))
+    for path in sorted(folder.glob("robots*.csv")):
+        rows = rows_of(path)
+        envs = max((int(row["environments"]) for row in rows), default=0)
+        for form, start, goal in dict.fromkeys((row["form"], row["start"], row["goal"]) for row in rows):
+            own = [row for row in rows if (row["form"], row["start"], row["goal"]) == (form, start, goal)]
+            where = f"{form} form, {start} start, {float(goal):g}; robots, {envs} environments"
+            asked = ASKED_OF_ROBOTS.get((form, float(goal)), "2; 6") if start == "cold" else "2; 6"
+            yield "C3", f"MuJoCo's time over stiction's, fastest of each, {where}", asked, spread(fastest(own))
+            for peer in ("Newton", "PGS") if (form, start) == ("matrix", "cold") else ():
+                of_peer = [row for row in own if row["peer"] == peer]
+                if of_peer:
+                    yield ("C3", f"MuJoCo's {peer} over stiction's fastest, {where}", "20" if peer == "PGS" else asked,
+                           spread(fastest(of_peer)))
+
+
+def sweep_lines(folder):
+    own = [row for row in rows_of(folder / "engines_sweeps.csv") if row["scene"] and row["precision"] == "f32"]
+    bullet = {row["scene"]: row for row in own if row["solver"] == "Bullet si"}
+    for solver in ("stiction si", "stiction si, momentum"):
+        ours = [row for row in own if row["solver"] == solver and row["scene"] in bullet]
+        if ours:
+            yield "C4", f"Bullet's time over that of {solver} on bodies, a contact and sweep, f32", "8; 30", spread(
+                float(row["ratio"]) for row in ours)
+            yield "C4", f"the same, whole calls of 20 sweeps, {solver}", "8; 30", spread(
+                float(bullet[row["scene"]]["ns_call"]) / float(row["ns_call"]) for row in ours)
 
 
 def against_lines(folder):
@@ -94,6 +120,6 @@ def text(folder, ended):
     lines += [f"| {name} | {question} | {said} | {spent:.0f} |" for name, question, said, spent in ended]
     lines += ["", "Median over the cases (least to most; how many), each the fastest setting of either side. Above 1, stiction is the "
               "faster; asked: what had to be reached, and what was hoped for.", "", "| | what | asked | found |", "|---|---|---|---|"]
-    for part in (ratio_lines, robot_lines, against_lines, scaling_lines):
+    for part in (ratio_lines, robot_lines, sweep_lines, against_lines, scaling_lines):
         lines += [f"| {' | '.join(row)} |" for row in part(folder)]
     return "\n".join(lines) + "\n"
