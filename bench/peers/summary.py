@@ -87,13 +87,22 @@ def scaling_lines(folder):
                "3; 8" if float(row["goal"]) >= 5e-3 else "1.7; 3", f"{row['gain_iterations']} ({row['gain_q1']} to {row['gain_q3']})")
 
 
+def roofline_lines(folder):
+    rows = rows_of(folder / "roofline.csv")
+    for kernel, precision in dict.fromkeys((row["kernel"], row["precision"]) for row in rows):
+        own = [row for row in rows if (row["kernel"], row["precision"], row["batch"]) == (kernel, precision, "near")]
+        lanes = [float(row["share_of_one_lane"]) for row in own if row["share_of_one_lane"]]
+        said = f"; of one lane's multiply-adds {spread(lanes)}" if lanes else ""
+        yield "G10", f"share of one core's roof, {kernel} {precision}", "0.5; 0.7", spread(float(row["share"]) for row in own) + said
+
+
 def text(folder, ended):
     """The page. ended: (part, question, how it ended, seconds)."""
     lines = ["# Comparisons on the CPU", "", f"`bench/peers/run.py`; {measure.machine_name()}; {sum(one[3] for one in ended):.0f} s.", "",
              "| part | what | how it ended | s |", "|---|---|---|---|"]
     lines += [f"| {name} | {question} | {said} | {spent:.0f} |" for name, question, said, spent in ended]
-    lines += ["", "Median over the cases (least to most; how many), each the fastest setting of either side. Above 1, stiction is the "
-              "faster; asked: what had to be reached, and what was hoped for.", "", "| | what | asked | found |", "|---|---|---|---|"]
-    for part in (ratio_lines, robot_lines, against_lines, scaling_lines):
+    lines += ["", "Median over the cases (least to most; how many), each the fastest setting of either side. Of ratios of times above 1, "
+              "stiction is the faster; asked: what had to be reached, and what was hoped for.", "", "| | what | asked | found |", "|---|---|---|---|"]
+    for part in (ratio_lines, robot_lines, against_lines, scaling_lines, roofline_lines):
         lines += [f"| {' | '.join(row)} |" for row in part(folder)]
     return "\n".join(lines) + "\n"
