@@ -123,8 +123,8 @@ class Theirs:
         self.answer = self.peer.solve(self.tolerance)
 
     def reactions(self):
-        answer = self.answer
-        return (answer.double().cpu() if isinstance(answer, torch.Tensor) else answer).__array__()
+        answer = self.answer.cpu() if isinstance(self.answer, torch.Tensor) else self.answer
+        return answer.numpy() if hasattr(answer, "numpy") else np.asarray(answer)
 
 
 def optional(name):
@@ -156,7 +156,7 @@ def offers(robot, envs, arguments):
     warp = optional("warp_peer") if "warp" in wanted else None
     for method in warp.SOLVERS if warp else ():
         yield f"MuJoCo Warp {method}", lambda m=method: Theirs(
-            "MuJoCo Warp", m, "f32", lambda: warp.Peer(robot.first, robot.padded, envs, m, device), True)
+            "MuJoCo Warp", m, "f32", lambda: warp.Peer(robot.padded, envs, m, device), True)
 
 
 def seconds_of(entrant, device):

@@ -9,7 +9,7 @@ import jax
 import mujoco
 import mujoco_peer
 import numpy as np
-from environments import BOX, FREE, FRICTION, UNILATERAL
+from environments import BOX, FREE, UNILATERAL
 from jax import numpy as jnp
 from mujoco import mjx
 from mujoco.mjx._src import solver
@@ -24,29 +24,20 @@ class Peer:
     def __init__(self, padded, envs, precision, method, device):
         self.wide = precision == "f64"
         self.device = jax.devices("gpu" if device.startswith("cuda") else "cpu")[0]
-        contacts = [(first + size * k, size) for kind, size, cones, first in padded.segments if kind == FRICTION for k in range(cones)]
+        contacts = padded.contacts()
         if any(size not in CONTACT_SIZES for _, size in contacts):
             raise ValueError("MJX has contacts of 1, 3, 4 and 6 rows")
         of_kind = {kind: sum(size * cones for own, size, cones, _ in padded.segments if own == kind) for kind in (FREE, BOX, UNILATERAL)}
         address, size = (np.array([contact[k] for contact in contacts], int) for k in (0, 1))
-        stands = np.array([(padded.J[:, row] != 0).any(axis=1) for row in address]).T  # what does not fill up  (envs, contacts)
-        compliance = padded.R.copy()
-        ratio = (compliance[:, address] / compliance[:, address + 1])[stands] if contacts else np.ones(0)
-        impratio = float(ratio[0]) if len(ratio) else 1.0
-        if not np.allclose(ratio, impratio, rtol=1e-6):
-            raise ValueError("contacts of different ratios of compliance: MJX has one for all")
-        friction = np.ones((len(padded.R), len(contacts), 5))
-        for k, (row, rows) in enumerate(contacts):
-            friction[:, k, :rows - 1] = padded.mu[:, row + 1:row + rows]
         model = mujoco_peer.model_of(list(padded.M), 0, padded.rows)
-        model.opt.solver, model.opt.impratio = SOLVERS[method], impratio
+        model.opt.solver, model.opt.impratio = SOLVERS[method], padded.impratio()
         model.opt.iterations = mujoco_peer.ITERATIONS[method]
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
         model.dof_frictionloss[:] = of_kind[BOX] > 0
         with jax.enable_x64(self.wide), jax.default_device(self.device):
             self.model = mjx.put_model(model)
             blank = mjx.make_data(self.model)
-            some = dict(J=padded.J, D=1 / compliance, target=padded.target, loss=padded.bound, friction=friction,
+            some = dict(J=padded.J, D=1 / padded.R, target=padded.target, loss=padded.bound, friction=padded.contact_friction(),
                         M=padded.M, free=padded.v_free, smooth=np.einsum("eij,ej->ei", padded.M, padded.v_free),
                         factor=np.linalg.cholesky(padded.M).transpose(0, 2, 1))
             copies, kind = -(-envs // len(padded.R)), jnp.float64 if self.wide else jnp.float32

@@ -54,6 +54,26 @@ class Padded:
                 found[:, row] = self.mu[:, row] if (row - first) % size else 0
         return found
 
+    def contacts(self):
+        """(first row, rows) of every friction cone."""
+        return [(first + size * k, size) for kind, size, cones, first in self.segments if kind == FRICTION for k in range(cones)]
+
+    def impratio(self):
+        """Compliance of normals over that of first tangents: MuJoCo's impratio, one number for a model."""
+        address = np.array([first for first, _ in self.contacts()], int)
+        stands = (self.J[:, address] != 0).any(axis=2)  # what does not fill up
+        ratio = (self.R[:, address] / self.R[:, address + 1])[stands] if len(address) else np.ones(0)
+        if not np.allclose(ratio, ratio[:1], rtol=1e-6):
+            raise ValueError("contacts of different ratios of compliance: MuJoCo has one for all")
+        return float(ratio[0]) if len(ratio) else 1.0
+
+    def contact_friction(self):
+        """mu of every contact's tangents, then ones, as MuJoCo has them (environments, contacts, 5)."""
+        found = np.ones((len(self.R), len(self.contacts()), 5))
+        for k, (first, size) in enumerate(self.contacts()):
+            found[:, k, :size - 1] = self.mu[:, first + 1:first + size]
+        return found
+
     def cones(self):
         """Cones of every environment as stiction takes them."""
         return [(NAMES[kind], size) for kind, size, cones, _ in self.segments for _ in range(cones)]

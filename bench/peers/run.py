@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Every comparison on the CPU in one command: tables, pictures and a summary, in under 20 minutes on two idle cores.
+"""Every comparison in one command: tables, pictures and a summary, in under 20 minutes on two idle cores; a GPU takes 15 more.
 
     bench/peers/run.py [--build build-bench] [--python-package BUILD/python] [--data DATA] [--judge check_solution.py]
                        [--results bench/results/MACHINE/peers] [--images docs/images] [--seed S] [--parts a,b] [--patience 1]
 
-A part that lacks something (a Python module, a program, recorded problems, a judge) is left out, and the summary says what
+A part that lacks something (a Python module, a program, recorded problems, a judge, a GPU) is left out, and the summary says what
 it lacks. Each part has a limit in seconds of the wall clock, times --patience on a machine that is busy; what it has
 written by then is kept. Each part's own output is in --logs. Writes summary.md.
 """
@@ -35,6 +35,10 @@ class Part:
     modules: tuple = ()  # of Python
     files: tuple = ()  # programs and folders
     judge: bool = False
+    gpu: bool = False
+
+
+SEES_GPU = "import torch, stiction; assert torch.cuda.is_available(); stiction.Solver(device='cuda')"
 
 
 def parts(a):
@@ -48,10 +52,10 @@ def parts(a):
     robots = [a.data / "mujoco" / f"{name}.h5" for name in names]
     contacts = [a.data / "coulomb" / f"{name}.h5" for name in ("boxes", "rover", "single_object", "small")]
     return [
-        Part("ratio", "against a naive loop and Eigen (C1, C2)", 90,
+        Part("ratio", "against a naive loop and Eigen (C1, C2)", 60,
              [ratio, "--contacts", "4,8,16,22", "--envs", "1024", "--precision", "f32", "--csv", a.results / "ratio.csv"],
              files=(ratio,)),
-        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 150,
+        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 120,
              [*script("robots.py"), *robots, *judge, *results, *images], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
         Part("engines", "against Bullet, ODE and DART (C4)", 220,
              [*script("engines.py"), ours, *data, *judge, *results], files=(ours, HERE / "engines.py", a.data), judge=True),
@@ -68,6 +72,8 @@ def parts(a):
              [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
               "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
              ("matplotlib",), (ours, *robots, *contacts), True),
+        Part("gpu", "stiction on a GPU against MJX, MuJoCo Warp and PyTorch; the GPU against two threads (G1, G4, G5, X1)", 900,
+             [*script("gpu.py"), *data, *judge, *results, *images], ("stiction", "torch", "matplotlib"), (a.data,), gpu=True),
         Part("work_precision", "residual against time", 110,
              [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
               "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
@@ -82,6 +88,8 @@ def lacks(part, a, environment):
             missing.append(f"no Python module {module}")
     if part.judge and not a.judge:
         missing.append("no --judge")
+    if part.gpu and not missing and subprocess.run([sys.executable, "-c", SEES_GPU], capture_output=True, env=environment).returncode:
+        missing.append("no GPU that PyTorch and stiction can use")
     return "; ".join(missing)
 
 
