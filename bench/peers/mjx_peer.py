@@ -5,14 +5,18 @@ free acceleration, target, compliance, friction and friction loss are written in
 MJX's. f64 is JAX's x64 mode.
 """
 
-import jax
-import mujoco
-import mujoco_peer
-import numpy as np
-from environments import BOX, FREE, UNILATERAL
-from jax import numpy as jnp
-from mujoco import mjx
-from mujoco.mjx._src import solver
+import os
+
+os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")  # other programs have arrays on the same GPU
+
+import jax  # noqa: E402
+import mujoco  # noqa: E402
+import mujoco_peer  # noqa: E402
+import numpy as np  # noqa: E402
+from environments import BOX, FREE, UNILATERAL  # noqa: E402
+from jax import numpy as jnp  # noqa: E402
+from mujoco import mjx  # noqa: E402
+from mujoco.mjx._src import solver  # noqa: E402
 
 SOLVERS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG}
 CONTACT_SIZES = (3, 4, 6)

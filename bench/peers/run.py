@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every comparison in one command: tables, pictures and a summary, in under 20 minutes on two idle cores; a GPU takes 15 more.
+"""Every comparison in one command: tables, pictures and a summary, in under 20 minutes on two idle cores; a GPU takes 30 more.
 
     bench/peers/run.py [--build build-bench] [--python-package BUILD/python] [--data DATA] [--judge check_solution.py]
                        [--results bench/results/MACHINE/peers] [--images docs/images] [--seed S] [--parts a,b] [--patience 1]
@@ -72,8 +72,9 @@ def parts(a):
              [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
               "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
              ("matplotlib",), (ours, *robots, *contacts), True),
-        Part("gpu", "stiction on a GPU against MJX, MuJoCo Warp and PyTorch; the GPU against two threads (G1, G4, G5, X1)", 900,
-             [*script("gpu.py"), *data, *judge, *results, *images], ("stiction", "torch", "matplotlib"), (a.data,), gpu=True),
+        Part("gpu", "stiction on a GPU against MJX, MuJoCo Warp and PyTorch; the GPU against two threads (G1, G4, G5, X1)", 1800,
+             [*script("gpu.py"), *robots[:3], "--envs", "1024,8192,32768", *judge, *results, *images], ("stiction", "torch", "matplotlib"),
+             tuple(robots[:3]), gpu=True),
         Part("work_precision", "residual against time", 110,
              [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
               "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),

@@ -32,7 +32,7 @@ class Given:
 
 
 class Peer:
-    """One method on one batch. All its memory is taken at once, so that a chunk can be a CUDA graph."""
+    """One method on one batch. What a chunk reads and writes is taken once and changed in place: a CUDA graph keeps addresses."""
 
     chunk = 10
 
@@ -41,7 +41,7 @@ class Peer:
         self.A, self.b = torch.empty_like(given.A), torch.empty_like(given.b)
         self.scale, self.z, self.y = (torch.zeros_like(given.b) for _ in range(3))
         self.low, self.high = torch.zeros_like(given.b), torch.zeros_like(given.b)
-        self.error = torch.zeros_like(given.b[:, 0])
+        self.error, self.unit = (torch.zeros_like(given.b[:, 0]) for _ in range(2))
         self.graph = None
         self.allocate()
         if graphed:
@@ -77,7 +77,7 @@ class Peer:
         torch.mul(given.b, self.scale, out=self.b)
         torch.div(given.bound, self.scale.clamp_min(1e-30), out=self.high)
         torch.neg(self.high, out=self.low)
-        self.unit = self.b.abs().amax(dim=1).clamp_min(1e-30)
+        self.unit.copy_(self.b.abs().amax(dim=1).clamp_min(1e-30))
         self.z.zero_()
         self.begin()
 
@@ -93,8 +93,9 @@ class Peer:
         normal, length = z[..., :1], z[..., 1:].norm(dim=-1, keepdim=True)
         middle = 0.5 * (normal + length)
         inside, polar = length <= normal, length <= -normal
-        factor = torch.where(inside, 1.0, torch.where(polar, 0.0, middle / length.clamp_min(1e-30)))
-        return torch.cat((torch.where(inside, normal, torch.where(polar, 0.0, middle)), factor * z[..., 1:]), dim=-1)
+        # No scalar as an operand of torch.where: on a GPU it would be copied there, which a graph cannot hold.
+        factor = (middle / length.clamp_min(1e-30)).masked_fill(polar, 0).masked_fill(inside, 1)
+        return torch.cat((torch.where(inside, normal, middle.masked_fill(polar, 0)), factor * z[..., 1:]), dim=-1)
 
     def onto(self, kind, z, first, last):
         """z (environments, cones, rows) onto cones of that kind, which are the rows from first to last."""
@@ -176,9 +177,9 @@ class Apgd(Peer):
     def iterate(self):
         point = self.project(self.ahead - self.gain * self.motion(self.ahead))
         uphill = ((self.ahead - point) * (point - self.z)).sum(dim=1, keepdim=True) > 0
-        theta = torch.where(uphill, 1.0, self.theta)
+        theta = self.theta.masked_fill(uphill, 1)
         following = 0.5 * (torch.sqrt(theta**4 + 4 * theta**2) - theta**2)
-        beta = torch.where(uphill, 0.0, theta * (1 - theta) / (theta**2 + following))
+        beta = (theta * (1 - theta) / (theta**2 + following)).masked_fill(uphill, 0)
         self.ahead.copy_(point + beta * (point - self.z))
         self.z.copy_(point)
         self.theta.copy_(following)
@@ -215,7 +216,7 @@ class Admm(Peer):
 
     def after_chunk(self):
         ratio = self.primal * self.rho / self.change.clamp_min(1e-30)
-        factor = torch.where((ratio > self.off) | (ratio < 1 / self.off), ratio.sqrt().clamp(0.1, 10), 1.0)
+        factor = ratio.sqrt().clamp(0.1, 10).masked_fill((ratio <= self.off) & (ratio >= 1 / self.off), 1)
         if bool((factor != 1).any()):
             self.rho.mul_(factor)
             self.dual.div_(factor)
