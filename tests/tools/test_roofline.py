@@ -183,6 +183,17 @@ class Summary(unittest.TestCase):
         self.assertEqual((what, question), ("G10", "share of one core's roof, pgs f32"))
         self.assertEqual(found, "0.60 (0.50 to 0.70; 2); of one lane's multiply-adds 2.00 (2.00 to 2.00; 1)")
 
+    def test_what_is_said_of_a_gpu(self):
+        rows = ["robot,environments,goal,us,peer,peer_us,ratio", "a,64,1e-4,2,MJX CG,9,4.5", "a,64,1e-4,1,MJX CG,9,9",
+                "a,64,1e-4,1,MJX Newton,5,5", "b,64,1e-4,1,MJX CG,7,7"]
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "gpu.csv").write_text("\n".join(rows))
+            Path(folder, "gpu_fallback.csv").write_text("same_bits,ratio\nTrue,10\nFalse,20\n")
+            (what, _, _, found), (other, question, _, ratio) = summary.gpu_lines(Path(folder))
+        self.assertEqual((what, found), ("G4", "6.00 (5.00 to 7.00; 2)"))
+        self.assertEqual((other, ratio), ("X1", "15.00 (10.00 to 20.00; 2)"))
+        self.assertIn("in 1 of 2", question)
+
 
 if __name__ == "__main__":
     unittest.main()
