@@ -1,6 +1,7 @@
 #include "bench/machine.hpp"
 
 #include <ctime>
+#include <filesystem>
 
 #include <cstdlib>
 #include <fstream>
@@ -48,7 +49,10 @@ std::vector<std::pair<std::string, std::string>> describe_machine() {
 
 std::string command_line(int argc, char** argv) {
   std::string line;
-  for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + std::string(argv[i]);
+  for (int i = 0; i < argc; ++i) {
+    const std::filesystem::path word = argv[i];
+    line += (i > 0 ? " " : "") + (word.is_absolute() ? word.filename() : word).string();
+  }
   return line;
 }
 

@@ -72,7 +72,8 @@ def main():
                 rows.append(measure(arguments.stiction, scene, precision, int(envs), arguments))
                 print("  ".join(str(rows[-1][name]) for name in COLUMNS[:12]), file=sys.stderr)
     text = io.StringIO()
-    text.write(f"# bench/step.py {' '.join(sys.argv[1:])}\n# processor: {processor()}\n# cores: {os.cpu_count()}\n")
+    words = [pathlib.Path(word).name if word.startswith("/") else word for word in sys.argv[1:]]
+    text.write(f"# bench/step.py {' '.join(words)}\n# processor: {processor()}\n# cores: {os.cpu_count()}\n")
     text.write(f"# load average of a minute: {before} before, {load()} after\n")
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()

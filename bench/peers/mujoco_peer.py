@@ -62,8 +62,8 @@ def parents(inertias):
     return found
 
 
-def model_of(inertias, equality_rows, largest_rows):
-    """A model whose sparse mass matrix has room for these."""
+def model_of(inertias, equality_rows, largest_rows, largest_contact=0):
+    """A model whose sparse mass matrix has room for these; largest_contact: rows that a program is to expect of contacts."""
     tree, dofs = parents(inertias), len(inertias[0])
     children = [[] for _ in range(dofs + 1)]
     for dof, parent in enumerate(tree):
@@ -75,9 +75,10 @@ def model_of(inertias, equality_rows, largest_rows):
                 "</body>")
 
     equalities = '<joint joint1="j0" active="false"/>' * equality_rows
+    geom = f'<geom size="1" condim="{largest_contact}" contype="0" conaffinity="0"/>' if largest_contact else ""
     room = 1 + (8 * (6 * largest_rows**2 + 4 * dofs**2 + 8 * largest_rows * dofs) >> 20)  # [MiB]
     model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><size memory="{room}M"/><option cone="elliptic" /><worldbody>'
+        f'<mujoco><size memory="{room}M"/><option cone="elliptic" /><worldbody>{geom}'
         f'{"".join(map(body, children[-1]))}</worldbody><equality>{equalities}</equality></mujoco>')
     order = np.array([int(model.joint(j).name[1:]) for j in range(dofs)])
     if (order != np.arange(dofs)).any():

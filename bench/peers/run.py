@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Every comparison on the CPU in one command: tables, pictures and a summary, in under 20 minutes on two idle cores.
+"""Every comparison in one command: tables, pictures and a summary, in under 20 minutes on two idle cores; a GPU takes 30 more.
 
     bench/peers/run.py [--build build-bench] [--python-package BUILD/python] [--data DATA] [--judge check_solution.py]
                        [--results bench/results/MACHINE/peers] [--images docs/images] [--seed S] [--parts a,b] [--patience 1]
 
-A part that lacks something (a Python module, a program, recorded problems, a judge) is left out, and the summary says what
+A part that lacks something (a Python module, a program, recorded problems, a judge, a GPU) is left out, and the summary says what
 it lacks. Each part has a limit in seconds of the wall clock, times --patience on a machine that is busy; what it has
 written by then is kept. Each part's own output is in --logs. Writes summary.md.
 """
@@ -35,6 +35,10 @@ class Part:
     modules: tuple = ()  # of Python
     files: tuple = ()  # programs and folders
     judge: bool = False
+    gpu: bool = False
+
+
+SEES_GPU = "import torch, stiction; assert torch.cuda.is_available(); stiction.Solver(device='cuda')"
 
 
 def parts(a):
@@ -48,10 +52,10 @@ def parts(a):
     robots = [a.data / "mujoco" / f"{name}.h5" for name in names]
     contacts = [a.data / "coulomb" / f"{name}.h5" for name in ("boxes", "rover", "single_object", "small")]
     return [
-        Part("ratio", "against a naive loop and Eigen (C1, C2)", 90,
+        Part("ratio", "against a naive loop and Eigen (C1, C2)", 60,
              [ratio, "--contacts", "4,8,16,22", "--envs", "1024", "--precision", "f32", "--csv", a.results / "ratio.csv"],
              files=(ratio,)),
-        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 150,
+        Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 120,
              [*script("robots.py"), *robots, *judge, *results, *images], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
         Part("robots_1024", "the same with 1024 environments, A given", 200,
              [*script("robots.py"), *robots, *judge, *results, *images, "--envs", "1024", "--forms", "matrix", "--seconds", "0.8",
@@ -63,12 +67,17 @@ def parts(a):
               "--solvers", "auto,npgs", "--laws", "file"], files=(ours, a.data / "fclib", *contacts), judge=True),
         Part("scaling", "time against environments, contacts and threads; tails; warm starts (C6, S4, S5, A3)", 120,
              [*script("scaling.py"), ours, *data, *judge, *results, *images], ("stiction", "matplotlib"), (ours,)),
+        Part("roofline", "operations a second of sweeps, under the roof of one core (G10 on the CPU)", 60,
+             [*script("roofline.py"), *results, *images], ("stiction", "matplotlib"), (HERE / "yardstick.c",)),
         Part("fresh", "C1, C2 and C5 on scenes of a seed nobody has seen", 160,
              [*script("fresh.py"), ours, "--bench-ratio", ratio, *judge, *results, *seed], files=(ours, ratio), judge=True),
         Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 190,
              [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
               "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
              ("matplotlib",), (ours, *robots, *contacts), True),
+        Part("gpu", "stiction on a GPU against MJX, MuJoCo Warp and PyTorch; the GPU against two threads (G1, G4, G5, X1)", 1800,
+             [*script("gpu.py"), *robots[:3], "--envs", "1024,8192,32768", *judge, *results, *images], ("stiction", "torch", "matplotlib"),
+             tuple(robots[:3]), gpu=True),
         Part("work_precision", "residual against time", 110,
              [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
               "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
@@ -83,6 +92,8 @@ def lacks(part, a, environment):
             missing.append(f"no Python module {module}")
     if part.judge and not a.judge:
         missing.append("no --judge")
+    if part.gpu and not missing and subprocess.run([sys.executable, "-c", SEES_GPU], capture_output=True, env=environment).returncode:
+        missing.append("no GPU that PyTorch and stiction can use")
     return "; ".join(missing)
 
 

@@ -113,13 +113,43 @@ def scaling_lines(folder):
                "3; 8" if float(row["goal"]) >= 5e-3 else "1.7; 3", f"{row['gain_iterations']} ({row['gain_q1']} to {row['gain_q3']})")
 
 
+def roofline_lines(folder):
+    rows = rows_of(folder / "roofline.csv")
+    for kernel, precision in dict.fromkeys((row["kernel"], row["precision"]) for row in rows):
+        own = [row for row in rows if (row["kernel"], row["precision"], row["batch"]) == (kernel, precision, "near")]
+        lanes = [float(row["share_of_one_lane"]) for row in own if row["share_of_one_lane"]]
+        said = f"; of one lane's multiply-adds {spread(lanes)}" if lanes else ""
+        yield "G10", f"share of one core's roof, {kernel} {precision}", "0.5; 0.7", spread(float(row["share"]) for row in own) + said
+
+
+GPU_ASKED = {"MuJoCo Warp": ("G1", "4; 10"), "MJX": ("G4", "20; 60"), "torch PGS": ("G5", "50; 200"), "torch APGD": ("G5", "8; 20"),
+             "torch ADMM": ("G5", "-")}
+
+
+def gpu_lines(folder):
+    rows = rows_of(folder / "gpu.csv")
+    for peer, (what, asked) in GPU_ASKED.items():
+        best = {}
+        for row in rows:
+            if row["peer"].startswith(peer):
+                best.setdefault((row["robot"], row["environments"], row["goal"]), []).append(row)
+        if best:
+            yield (what, f"{peer}'s time over stiction's on one device, fastest of each; robots, batches and goals", asked,
+                   spread(float(min(own, key=lambda row: (float(row["us"]), float(row["peer_us"])))["ratio"]) for own in best.values()))
+    alone = rows_of(folder / "gpu_fallback.csv")
+    if alone:
+        same = sum(row["same_bits"] == "True" for row in alone)
+        yield ("X1", f"two threads' time over the device's, the same bits in {same} of {len(alone)}", "60; 150",
+               spread(float(row["ratio"]) for row in alone))
+
+
 def text(folder, ended):
     """The page. ended: (part, question, how it ended, seconds)."""
-    lines = ["# Comparisons on the CPU", "", f"`bench/peers/run.py`; {measure.machine_name()}; {sum(one[3] for one in ended):.0f} s.", "",
+    lines = ["# Comparisons", "", f"`bench/peers/run.py`; {measure.machine_name()}; {sum(one[3] for one in ended):.0f} s.", "",
              "| part | what | how it ended | s |", "|---|---|---|---|"]
     lines += [f"| {name} | {question} | {said} | {spent:.0f} |" for name, question, said, spent in ended]
-    lines += ["", "Median over the cases (least to most; how many), each the fastest setting of either side. Above 1, stiction is the "
-              "faster; asked: what had to be reached, and what was hoped for.", "", "| | what | asked | found |", "|---|---|---|---|"]
-    for part in (ratio_lines, robot_lines, sweep_lines, against_lines, scaling_lines):
+    lines += ["", "Median over the cases (least to most; how many), each the fastest setting of either side. Of ratios of times above 1, "
+              "stiction is the faster; asked: what had to be reached, and what was hoped for.", "", "| | what | asked | found |", "|---|---|---|---|"]
+    for part in (ratio_lines, robot_lines, sweep_lines, against_lines, scaling_lines, roofline_lines, gpu_lines):
         lines += [f"| {' | '.join(row)} |" for row in part(folder)]
     return "\n".join(lines) + "\n"
