@@ -1,9 +1,9 @@
 #include "bench/machine.hpp"
 
 #include <ctime>
-#include <filesystem>
 
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 
