@@ -72,7 +72,8 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
     }
     const std::span<const Offset> group = std::span(order).subspan(begin, end - begin);
     const auto size = group.size();
-    if (!packable(slots) || 4 * size < static_cast<std::size_t>(pack_width)) {
+    // A pack costs as much however few are in it, and the narrowest takes longer over one than that takes by itself.
+    if (!packable(slots) || size == 1 || 4 * size < static_cast<std::size_t>(pack_width)) {
       one_by_one(group);
     } else {
       // Long runs keep lanes full; several per thread keep threads busy.
