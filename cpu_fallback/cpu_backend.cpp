@@ -18,16 +18,15 @@ namespace stiction {
 
 namespace {
 
-/// Scratch of one thread, aligned for the widest vectors.
-template <class Real>
-class Scratch {
+/// Memory that grows, aligned for the widest vectors.
+class Room {
  public:
-  Real* reserve(Offset elements) {
-    if (elements > capacity_) {
+  void* reserve(std::size_t bytes) {
+    if (bytes > capacity_) {
       memory_.reset();
-      memory_.reset(static_cast<Real*>(
-          ::operator new (static_cast<std::size_t>(elements) * sizeof(Real), std::align_val_t{kAlignment})));
-      capacity_ = elements;
+      capacity_ = 0;
+      memory_.reset(::operator new (bytes, std::align_val_t{kAlignment}));
+      capacity_ = bytes;
     }
     return memory_.get();
   }
@@ -35,10 +34,29 @@ class Scratch {
  private:
   static constexpr std::size_t kAlignment = 64;
   struct Free {
-    void operator()(Real* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
+    void operator()(void* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
   };
-  std::unique_ptr<Real, Free> memory_;
-  Offset capacity_ = 0;
+  std::unique_ptr<void, Free> memory_;
+  std::size_t capacity_ = 0;
+};
+
+/// Scratch of one worker during one solve. What is small is the thread's own and stays from solve to solve: an
+/// allocator that gives it back to the system in between makes every page of it fault again.
+class Scratch {
+ public:
+  template <class Real>
+  Real* reserve(Offset elements) {
+    const std::size_t bytes = static_cast<std::size_t>(elements) * sizeof(Real);
+    return static_cast<Real*>((bytes <= kMostKept ? kept() : large_).reserve(bytes));
+  }
+
+ private:
+  static constexpr std::size_t kMostKept = std::size_t{1} << 20;
+  static Room& kept() {
+    thread_local Room room;
+    return room;
+  }
+  Room large_;
 };
 
 const char* name_of(EnvPath path) {
@@ -105,33 +123,34 @@ class CpuBackend final : public Backend {
 
   /// Solves the environments that `takes` says.
   template <class Real>
-  static void solve_by(const SolveRequest<Real>& request, const cpu::Job<Real>& job, SolverKind solver,
-                       const std::function<bool(Offset)>& takes) {
+  void solve_by(const SolveRequest<Real>& request, const cpu::Job<Real>& job, SolverKind solver,
+                const std::function<bool(Offset)>& takes) const {
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
-    const cpu::KernelSet set = cpu::best_isa().kernels(solver);
+    const cpu::KernelSet set = isa_.kernels(solver);
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const int threads = cpu::thread_count(options.threads);
     const auto items = cpu::partition(plan, takes, kernels.pack_width, sizeof(Real), threads);
-    std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
+    std::vector<Scratch> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
       const ScopedSpan span(options.tracer, item.packed ? "pack" : "one by one",
                             name_of(plan.path[static_cast<std::size_t>(item.envs.front())]), worker,
                             static_cast<std::int64_t>(item.envs.size()));
-      Scratch<Real>& memory = scratch[static_cast<std::size_t>(worker)];
+      Scratch& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
         kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
-                           memory.reserve(kernels.pack_elements(item.slots)));
+                           memory.reserve<Real>(kernels.pack_elements(item.slots)));
       } else {
-        for (const Offset env : item.envs) kernels.solve_one(job, env, memory.reserve(kernels.one_elements(job, env)));
+        for (const Offset env : item.envs)
+          kernels.solve_one(job, env, memory.reserve<Real>(kernels.one_elements(job, env)));
       }
     });
   }
 
   /// Rung by rung, each from the answer so far, those environments that have come to it (docs/math/auto.md).
   template <class Real>
-  static void climb(const SolveRequest<Real>& request, cpu::Job<Real> job) {
+  void climb(const SolveRequest<Real>& request, cpu::Job<Real> job) const {
     const Offset envs = request.batch.env_count;
     const int threads = cpu::thread_count(request.options.threads);
     std::vector<EnvFeatures> seen(static_cast<std::size_t>(envs));
@@ -159,6 +178,8 @@ class CpuBackend final : public Backend {
         if (assigned[env] == rung && falls_short(job.status[env])) assigned[env] = next_rung(rung, seen[env]);
     }
   }
+
+  const cpu::Isa& isa_ = cpu::best_isa();
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <span>
 
 #include "core/base/extents.hpp"
 
@@ -37,14 +38,11 @@ Offset work(const ConeCounts& counts) {
 std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
                                 std::size_t scalar_bytes, int threads) {
   std::vector<WorkItem> items;
-  const auto one_by_one = [&](const std::vector<Offset>& envs) {
+  const auto one_by_one = [&](std::span<const Offset> envs) {
     constexpr std::size_t kRun = 8;
     for (std::size_t begin = 0; begin < envs.size(); begin += kRun) {
-      const std::size_t end = smaller_of(begin + kRun, envs.size());
-      items.push_back(
-          {{envs.begin() + static_cast<std::ptrdiff_t>(begin), envs.begin() + static_cast<std::ptrdiff_t>(end)},
-           {},
-           false});
+      const auto run = envs.subspan(begin, smaller_of(kRun, envs.size() - begin));
+      items.push_back({{run.begin(), run.end()}, {}, false});
     }
   };
   for (const auto* order : {&plan.factor_order, &plan.sparse_order})
@@ -57,6 +55,7 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
   };
   const auto counts_of = [&](Offset env) -> const ConeCounts& { return plan.counts[static_cast<std::size_t>(env)]; };
   std::vector<Offset> order;
+  order.reserve(plan.dense_order.size());
   std::copy_if(plan.dense_order.begin(), plan.dense_order.end(), std::back_inserter(order), takes);
   std::size_t begin = 0;
   while (begin < order.size()) {
@@ -71,10 +70,10 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
       slots = joined;
       ++end;
     }
-    const std::vector<Offset> group(order.begin() + static_cast<std::ptrdiff_t>(begin),
-                                    order.begin() + static_cast<std::ptrdiff_t>(end));
+    const std::span<const Offset> group = std::span(order).subspan(begin, end - begin);
     const auto size = group.size();
-    if (!packable(slots) || 4 * size < static_cast<std::size_t>(pack_width)) {
+    // A pack costs as much however few are in it, and the narrowest takes longer over one than that takes by itself.
+    if (!packable(slots) || size == 1 || 4 * size < static_cast<std::size_t>(pack_width)) {
       one_by_one(group);
     } else {
       // Long runs keep lanes full; several per thread keep threads busy.

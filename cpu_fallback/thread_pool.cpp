@@ -29,7 +29,9 @@ void require(PoolKind kind) {
 
 int thread_count(int requested) {
   if (requested > 0) return requested;
-  return static_cast<int>(larger_of(1U, std::thread::hardware_concurrency()));
+  // Asked once: the C library may open a file to count them, which takes longer than a small solve.
+  static const int cores = static_cast<int>(larger_of(1U, std::thread::hardware_concurrency()));
+  return cores;
 }
 
 bool has_pool(PoolKind kind) {

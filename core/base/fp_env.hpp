@@ -10,26 +10,40 @@ namespace stiction {
 
 /// The floating-point environment the bodies assume: round to nearest, subnormals kept. A process may have lost it
 /// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every solving thread sets it
-/// and puts back what it found.
+/// and puts back what it found. With SSE the bodies never use the x87 unit, whose whole environment takes longer to
+/// save and load than a small solve's sweeps: its rounding is kept in step, so that std::fegetround() tells the truth.
 class ScopedFpEnv {
  public:
+#if defined(__SSE2__)
+  ScopedFpEnv() : rounding_(std::fegetround()), saved_(_mm_getcsr()) {
+    constexpr unsigned kFlushToZero = 0x8000U;
+    constexpr unsigned kDenormalsAreZero = 0x0040U;
+    if (rounding_ != FE_TONEAREST) std::fesetround(FE_TONEAREST);
+    _mm_setcsr(saved_ & ~(kFlushToZero | kDenormalsAreZero | _MM_ROUND_MASK));
+  }
+  ~ScopedFpEnv() {
+    if (rounding_ != FE_TONEAREST) std::fesetround(rounding_);
+    _mm_setcsr(saved_);
+  }
+#else
   ScopedFpEnv() {
     std::fegetenv(&saved_);
     std::fesetround(FE_TONEAREST);
-#if defined(__SSE2__)
-    constexpr unsigned kFlushToZero = 0x8000U;
-    constexpr unsigned kDenormalsAreZero = 0x0040U;
-    _mm_setcsr(_mm_getcsr() & ~(kFlushToZero | kDenormalsAreZero));
-#endif
   }
   ~ScopedFpEnv() {
     std::fesetenv(&saved_);
   }
+#endif
   ScopedFpEnv(const ScopedFpEnv&) = delete;
   ScopedFpEnv& operator=(const ScopedFpEnv&) = delete;
 
  private:
+#if defined(__SSE2__)
+  int rounding_;    ///< of the x87 unit
+  unsigned saved_;  ///< control and status of SSE
+#else
   std::fenv_t saved_{};
+#endif
 };
 
 }  // namespace stiction

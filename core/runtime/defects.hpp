@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -55,6 +56,42 @@ bool all_finite(std::span<const Real> values) {
     any |= static_cast<Bits>((std::bit_cast<Bits>(value) & kExponent) == kExponent ? 1 : 0);
   }
   return any == 0;
+}
+
+/// Whether no value is infinite, NaN or below zero, likewise.
+template <class Real>
+bool all_finite_nonnegative(std::span<const Real> values) {
+  unsigned below = 0;
+  for (const Real value : values) below |= value < Real(0) ? 1U : 0U;
+  return below == 0 && all_finite(values);
+}
+
+/// Whether lo <= hi everywhere and some finite number is between them, likewise. Infinite bounds are none.
+template <class Real>
+bool all_bounds(const Real* lo, const Real* hi, std::size_t count) {
+  constexpr Real kMost = std::numeric_limits<Real>::max();
+  unsigned broken = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    broken |= static_cast<unsigned>(!((lo[i] <= hi[i]) & (lo[i] <= kMost) & (hi[i] >= -kMost)));
+  return broken == 0;
+}
+
+/// Whether no row of a batch can have a defect in b, R, mu, lo or hi: one look at the whole arrays, room that nobody
+/// uses included. False tells nothing.
+template <class Real>
+bool rows_pass(const ContactBatchView<Real>& batch) {
+  const auto rows = static_cast<std::size_t>(batch.row_count);
+  const auto frictions = batch.mu_offsets != nullptr ? static_cast<std::size_t>(batch.mu_count) : rows;
+  return all_finite(std::span(batch.b, rows)) && all_finite_nonnegative(std::span(batch.R, rows)) &&
+         all_finite_nonnegative(std::span(batch.mu, frictions)) && all_bounds(batch.lo, batch.hi, rows);
+}
+
+/// Whether the indices are 0, 1, 2, ..., likewise.
+inline bool is_run(std::span<const Index> indices) {
+  std::uint32_t off = 0;
+  for (std::size_t k = 0; k < indices.size(); ++k)
+    off |= static_cast<std::uint32_t>(indices[k]) ^ static_cast<std::uint32_t>(k);
+  return off == 0;
 }
 
 /// Whether every index is in 0..bound-1, likewise without a branch: a negative one is a large unsigned one.

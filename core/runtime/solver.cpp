@@ -135,6 +135,8 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution);
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
+    reject(validate(batch, 1, options_.solver));
   // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
   if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
     reject(validate_structure(batch, 1));
@@ -181,8 +183,17 @@ void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, cons
 
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
-  if (batch.space == MemorySpace::host) reject(validate_structure(batch, 1));
+  const bool is_host = batch.space == MemorySpace::host;
+  if (!is_host || options_.invalid != InvalidPolicy::reject) {
+    if (is_host) reject(validate_structure(batch, 1));
+    check_request(batch, solution);
+    return;
+  }
+  // One pass finds both; where the answer goes is asked between them, as it is with a plan.
+  const std::vector<Defect> defects = validate(batch, 1, options_.solver);
+  if (!defects.empty() && defects.front().structural) reject(defects);
   check_request(batch, solution);
+  reject(defects);
 }
 
 template <class Real>
@@ -214,7 +225,7 @@ void Solver::synchronize(StreamRef stream) const {
   backend_->synchronize(stream);
 }
 
-/// What both ways of solving ask of a batch and of where its answer goes.
+/// What both ways of solving ask of where a batch is and its answer goes.
 template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
   check_solution(batch, solution);
@@ -223,8 +234,6 @@ void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionVi
     throw Error(ErrorCode::unsupported,
                 "options.islands is apart and the batch is in device memory, but islands are taken apart on the host: "
                 "copy the batch with Solver::to_host, or solve with IslandMode::together");
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
-    reject(validate(batch, 1, options_.solver));
 }
 
 template <class Real>

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "core/base/cone_counts.hpp"
@@ -41,6 +42,13 @@ class Validator {
   }
 
  private:
+  /// What is known of an environment whose offsets are sound.
+  enum class Found : std::uint8_t {
+    broken,  ///< a cone or a column has a defect
+    sound,
+    runs,  ///< sound, and every row stores columns 0, 1, 2, ... in order
+  };
+
   /// Counts and pointers, before anything is read through them.
   bool check_view(bool with_values) {
     bool sound = true;
@@ -111,7 +119,7 @@ class Validator {
                                   batch_.factor_count, "factor entries", env_place, report_);
       for (Offset env = 0; rows_sound_ && env < batch_.env_count; ++env) rows_sound_ = check_factor(env);
     }
-    env_sound_.assign(static_cast<std::size_t>(batch_.env_count), true);
+    found_.assign(static_cast<std::size_t>(batch_.env_count), Found::sound);
   }
 
   /// A factor has as many entries in every row, and takes the place of stored ones.
@@ -166,7 +174,7 @@ class Validator {
   }
 
   void fail_env(Offset env, Index cone, Index row, std::string message) {
-    env_sound_[static_cast<std::size_t>(env)] = false;
+    found_[static_cast<std::size_t>(env)] = Found::broken;
     report_.add({env, cone, row, true, std::move(message)});
   }
 
@@ -242,6 +250,11 @@ class Validator {
         continue;
       }
       if (batch_.normal_last) check_row_order(env, first, rows);
+      if (columns_run(first, static_cast<Index>(rows))) {
+        Found& found = found_[static_cast<std::size_t>(env)];
+        if (found == Found::sound) found = Found::runs;
+        continue;
+      }
       if (columns_below(first, static_cast<Index>(rows), static_cast<std::size_t>(entries))) continue;
       for (Offset i = 0; i < rows; ++i) {
         const Index* columns = batch_.row_columns(first + i);
@@ -263,6 +276,16 @@ class Validator {
   [[nodiscard]] Offset rows_of(Offset env) const {
     return batch_.env_row_counts != nullptr ? batch_.env_row_counts[env]
                                             : batch_.env_row_offsets[env + 1] - batch_.env_row_offsets[env];
+  }
+
+  /// Whether every row stores columns 0, 1, 2, ... in order, as a dense matrix written as CSR does: all of its own
+  /// then.
+  [[nodiscard]] bool columns_run(Offset first, Index rows) const {
+    for (Offset row = first; row < first + rows; ++row) {
+      const Index count = batch_.row_entries(row);
+      if (count > rows || !is_run(std::span(batch_.row_columns(row), static_cast<std::size_t>(count)))) return false;
+    }
+    return true;
   }
 
   /// Whether the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
@@ -304,6 +327,11 @@ class Validator {
       });
     }
     check_factor_values();
+    if (!rows_pass(batch_)) check_row_arrays();
+    check_diagonals();
+  }
+
+  void check_row_arrays() {
     check_rows("b", batch_.b, [&](Offset, Offset row) { return std::isfinite(batch_.b[row]) ? "" : "must be finite"; });
     check_rows("R", batch_.R, [&](Offset, Offset row) {
       if (!std::isfinite(batch_.R[row])) return "must be finite";
@@ -319,7 +347,7 @@ class Validator {
         },
         batch_.mu_offsets);
     check_rows("lo", batch_.lo, [&](Offset cone, Offset row) -> std::string {
-      if (batch_.cone_kind[cone] != ConeKind::box) return "";
+      if (batch_.cone_kind[cone] != ConeKind::box) return {};
       const Real lo = batch_.lo[row], hi = batch_.hi[row];
       if (std::isnan(lo)) return "a bound must be a number (-inf: no bound)";
       if (lo > hi) return "the lower bound must not be above the upper, hi = " + shortest_text(hi);
@@ -331,7 +359,6 @@ class Validator {
       if (std::isnan(hi)) return "a bound must be a number (inf: no bound)";
       return hi < std::numeric_limits<Real>::lowest() ? "no finite reaction stays below this upper bound" : "";
     });
-    check_diagonals();
   }
 
   /// One row of an environment's factor, empty where A is stored.
@@ -371,11 +398,17 @@ class Validator {
       }
       if (takes_any) return;
       const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
-      Real diagonal = batch_.R[row] + entry_sum(row, own);
+      const bool runs = found_[static_cast<std::size_t>(env)] == Found::runs;
+      Real diagonal = batch_.R[row] + (runs ? entry_of_run(row, own) : entry_sum(row, own));
       for (const Real value : factor_row(env, row)) diagonal += value * value;
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
       add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
     });
+  }
+
+  /// The entry of A in that column of a row that stores columns 0, 1, 2, ...
+  Real entry_of_run(Offset row, Index column) const {
+    return column < batch_.row_entries(row) ? batch_.A[batch_.row_offsets[row] + column] : Real(0);
   }
 
   /// The entry of A in that column, duplicates added up. Nearly every row stores it once, and looking for it in
@@ -401,8 +434,9 @@ class Validator {
   template <class Fault>
   void check_rows(const char* array, const Real* values, const Fault& fault, const Offset* places = nullptr) {
     for_each_row([&](Offset env, Offset cone, Offset row) {
-      const std::string what = fault(cone, row);
-      if (!what.empty()) add_value(array, env, cone, row, "", values[places == nullptr ? row : places[row]], what);
+      const auto what = fault(cone, row);  // text that need not be copied, where it is always the same
+      if (std::string_view(what).empty()) return;
+      add_value(array, env, cone, row, "", values[places == nullptr ? row : places[row]], std::string(what));
     });
   }
 
@@ -410,7 +444,7 @@ class Validator {
   template <class Visit>
   void for_each_row(const Visit& visit) const {
     for (Offset env = 0; env < batch_.env_count; ++env) {
-      if (!env_sound_[static_cast<std::size_t>(env)]) continue;
+      if (found_[static_cast<std::size_t>(env)] == Found::broken) continue;
       const Offset first_cone = batch_.env_cone_offsets[env];
       for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
         for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {
@@ -434,7 +468,7 @@ class Validator {
   DefectReport report_;
   bool pivots_;  ///< the solver is one that takes rows without a positive diagonal
   bool env_rows_sound_ = false, env_cones_sound_ = false, cone_rows_sound_ = false, rows_sound_ = false;
-  std::vector<bool> env_sound_;  ///< cones and columns of that environment are sound too  (env_count)
+  std::vector<Found> found_;  ///< of each environment's cones and columns  (env_count)
 };
 
 template <class Real>

@@ -22,9 +22,10 @@ def describe(dtype, shape, device, contiguous=True):
 
 def look(name, obj):
     """The array as the module sees it, neither copied nor converted."""
-    if isinstance(obj, np.ndarray) and obj.dtype == STATUS_DTYPE:
-        obj = status_bytes(obj)
-    if getattr(obj, "requires_grad", False):
+    if isinstance(obj, np.ndarray):
+        if obj.dtype.names is not None and obj.dtype == STATUS_DTYPE:
+            obj = status_bytes(obj)
+    elif getattr(obj, "requires_grad", False):
         raise TypeError(f"{name}: expected an array without a gradient, got one that requires it: give {name}.detach()")
     try:
         return _core.Array(obj)
@@ -39,8 +40,9 @@ def take(name, obj, dtype, shape, device, writable=False):
     `shape` may hold names in place of numbers: such an extent may be anything.
     """
     seen = look(name, obj)
-    fits = len(seen.shape) == len(shape) and all(
-        isinstance(want, str) or want == got for want, got in zip(shape, seen.shape))
+    extents = seen.shape
+    fits = extents == shape or len(extents) == len(shape) and all(
+        isinstance(want, str) or want == got for want, got in zip(shape, extents))
     if seen.dtype == dtype and fits and seen.device == device and seen.contiguous:
         if writable and not (seen.writable and framework_of(obj).writable):
             raise ValueError(f"{name}: expected a writable array, got a read-only one")

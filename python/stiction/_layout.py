@@ -132,6 +132,8 @@ class Padded:
             "row_counts": np.zeros(self.row_count, np.int32),
         }
         self._first = (first * room)[:, None]
+        # Rows of the first 0, 1, 2, ... cones, where all environments have the same.
+        self._rows_of_cones = offsets_of(self._dims) if self._uniform and (self._dims > 0).all() else None
         if device == "cpu":
             self._refresh_cones()
             self._refresh_counts()
@@ -182,34 +184,58 @@ class Padded:
         places[:, 1:] = self._first + self._ends
         rows[-1] = self.row_count
 
-    def _refresh_counts(self):
+    def _wanted_cones(self):
+        wanted = self._cone_counts.astype(np.int64)
+        if (wanted < 0).any():
+            raise ValueError("cone_counts: expected numbers of cones >= 0, got a negative one")
+        return wanted
+
+    def _count_same_cones(self, limit):
+        """(cones, rows, over) in use of each environment, all of which have the same cones of one row or more; `limit`:
+        the rows of each that the caller counted, or None.
+        """
+        rows_of = self._rows_of_cones
+        if self._cone_counts is not None:
+            wanted = self._wanted_cones()
+            cones = np.minimum(wanted, self.cone_room)
+            return cones, rows_of[cones], wanted > self.cone_room
+        if limit is None:
+            return self.cone_room, rows_of[-1], False
+        cones = np.searchsorted(rows_of, np.minimum(np.maximum(limit, 0), self.room), side="right") - 1
+        return cones, rows_of[cones], limit > self.room
+
+    def _count_own_cones(self, limit):
+        """The same, each environment having cones of its own."""
         whole = np.cumsum(np.broadcast_to(self._dims, self.cone_shape), axis=1, dtype=np.int64)
         if self._cone_counts is not None:
-            wanted = self._cone_counts.astype(np.int64)
-            if (wanted < 0).any():
-                raise ValueError("cone_counts: expected numbers of cones >= 0, got a negative one")
+            wanted = self._wanted_cones()
             limit = np.where(wanted > 0, np.take_along_axis(
                 whole, np.clip(wanted - 1, 0, max(self.cone_room - 1, 0))[:, None], axis=1)[:, 0], 0) \
                 if self.cone_room else np.zeros(self.env_count, np.int64)
             over = wanted > self.cone_room
         else:
-            limit = self._counts.astype(np.int64) if self._counts is not None else whole[:, -1] if self.cone_room \
-                else np.zeros(self.env_count, np.int64)
+            if limit is None:
+                limit = whole[:, -1] if self.cone_room else np.zeros(self.env_count, np.int64)
             over = np.zeros(self.env_count, bool)
         fits = (whole <= np.minimum(limit, self.room)[:, None]) & (np.broadcast_to(self._dims, self.cone_shape) > 0)
         cones = fits.sum(axis=1)
         rows = np.where(cones > 0, np.take_along_axis(
             whole, np.maximum(cones - 1, 0)[:, None], axis=1)[:, 0], 0) if self.cone_room else limit * 0
-        if self._counts is not None:
-            wrong = (limit < 0) | ((rows != limit) & (limit <= self.room))
+        return cones, rows, over | (limit > self.room)
+
+    def _refresh_counts(self):
+        given = None if self._counts is None else self._counts.astype(np.int64)
+        count = self._count_own_cones if self._rows_of_cones is None else self._count_same_cones
+        cones, rows, over = count(given)
+        if given is not None:
+            wrong = (given < 0) | ((rows != given) & (given <= self.room))
             if wrong.any():
                 env = int(np.argmax(wrong))
-                raise ValueError(f"counts[env {env}]: expected rows of whole cones, got {int(limit[env])}")
-        over |= limit > self.room
+                raise ValueError(f"counts[env {env}]: expected rows of whole cones, got {int(given[env])}")
         self.integers["env_cone_counts"][:] = cones
         self.integers["env_row_counts"][:] = rows
-        self.integers["env_flags"][:] = np.where(over, FLAG_CAPACITY, 0)
-        self.integers["row_counts"].reshape(self.row_shape)[:] = rows[:, None]
+        self.integers["env_flags"][:] = over * np.uint32(FLAG_CAPACITY)
+        self.integers["row_counts"].reshape(self.row_shape)[:] = np.reshape(rows, (-1, 1))
 
     def refresh(self):
         """Reads counts, kinds and dims again."""

@@ -112,6 +112,23 @@ def test_counts_are_read_anew_at_every_solve(padded):
     np.testing.assert_array_equal(fewer[0].lambda_, whole[0].lambda_)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.int64])
+def test_cones_alike_are_counted_as_cones_of_ones_own_are(dtype):
+    """Two ways to count: by one list that all environments share, and environment by environment."""
+    cones = [("friction", 3), ("unilateral", 1), ("friction", 4), ("box", 1)]
+    kinds = np.array([[3, 1, 3, 2]] * 7, np.uint8)
+    A, b = np.tile(np.eye(300), (7, 1, 1)), np.ones((7, 300))  # more room than a byte counts to
+    wanted = np.array([0, 1, 2, 3, 4, 5, 250], dtype)
+    for counts in ({"cone_counts": wanted}, {"counts": np.array([0, 3, 4, 8, 9, 0, 9], dtype)}, {}):
+        alike = Batch.from_delassus(A, b, cones=cones, **counts).layout.integers
+        own = Batch.from_delassus(A, b, kinds=kinds, dims=np.array([[3, 1, 4, 1]] * 7), **counts).layout.integers
+        for name, integers in own.items():
+            np.testing.assert_array_equal(alike[name], integers, err_msg=f"{name}, {list(counts)}")
+    for wrong in (2, 5, 10):
+        with pytest.raises(ValueError, match=r"counts\[env 1\]: expected rows of whole cones, got"):
+            Batch.from_delassus(A, b, cones=cones, counts=np.array([3, wrong, 0, 0, 0, 0, 0], dtype))
+
+
 def test_contacts_beyond_the_room_are_flagged_and_the_others_solved(padded, scenes):
     wanted = padded.counts // 3
     wanted[0] = 5

@@ -125,6 +125,7 @@ TEST_F(Refused, UsageErrors) {
       {"solve", batch, "--pyramid", "4", "--record", folder_ / "x.h5"},
       {"solve", batch, "--permute", "many"},
       {"solve", batch, "--permute", "-1"},
+      {"solve", batch, "--repeat", "0"},
       {"generate", "stack", "--seed", "-1", "-o", folder_ / "x.h5"},
       {"verify", batch},
       {"verify", batch, batch, "--tolerance", "nan"},

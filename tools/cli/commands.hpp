@@ -52,6 +52,7 @@ struct SolveArguments {
   double omega = 1.0;
   Index direct_rows = SolverOptions{}.direct_rows;
   int threads = 0;
+  int repeat = 1;   ///< solves, of which the shortest is reported
   int pyramid = 0;  ///< sides of the pyramids that replace friction cones; 0: cones stay
   bool isolate = false;
   bool quiet = false;

@@ -66,6 +66,9 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--direct-rows", a.direct_rows, "Rows up to which a matrix is factorised, CPU only")
       ->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
+  app.add_option("--repeat", a.repeat, "Solve so many times and report the shortest time")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_option("--pyramid", a.pyramid, "Replace friction cones by pyramids of 4, 8 or 16 sides, law convex")
       ->check(CLI::IsMember({4, 8, 16}));
   app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")
