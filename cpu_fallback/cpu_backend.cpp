@@ -11,35 +11,13 @@
 #include "core/runtime/backend.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
+#include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {
 
 namespace {
-
-/// Scratch of one thread, aligned for the widest vectors.
-template <class Real>
-class Scratch {
- public:
-  Real* reserve(Offset elements) {
-    if (elements > capacity_) {
-      memory_.reset();
-      memory_.reset(static_cast<Real*>(
-          ::operator new (static_cast<std::size_t>(elements) * sizeof(Real), std::align_val_t{kAlignment})));
-      capacity_ = elements;
-    }
-    return memory_.get();
-  }
-
- private:
-  static constexpr std::size_t kAlignment = 64;
-  struct Free {
-    void operator()(Real* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
-  };
-  std::unique_ptr<Real, Free> memory_;
-  Offset capacity_ = 0;
-};
 
 const char* name_of(EnvPath path) {
   switch (path) {
@@ -113,13 +91,13 @@ class CpuBackend final : public Backend {
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const int threads = cpu::thread_count(options.threads);
     const auto items = cpu::partition(plan, takes, kernels.pack_width, sizeof(Real), threads);
-    std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
+    std::vector<cpu::Scratch<Real>> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
       const ScopedSpan span(options.tracer, item.packed ? "pack" : "one by one",
                             name_of(plan.path[static_cast<std::size_t>(item.envs.front())]), worker,
                             static_cast<std::int64_t>(item.envs.size()));
-      Scratch<Real>& memory = scratch[static_cast<std::size_t>(worker)];
+      cpu::Scratch<Real>& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
         kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
                            memory.reserve(kernels.pack_elements(item.slots)));

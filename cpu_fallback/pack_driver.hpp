@@ -1,27 +1,12 @@
 #pragma once
 
-#include "core/base/pack.hpp"
 #include "core/body/solve_body.hpp"
 #include "cpu_fallback/job.hpp"
+#include "cpu_fallback/pack_width.hpp"
 #include "cpu_fallback/shared_bodies.hpp"
 
 /// Feeds environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
-
-// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a
-// time.
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
-inline constexpr int kVectorBytes = 64;
-#elif defined(__AVX2__) && defined(__FMA__)
-inline constexpr int kVectorBytes = 32;
-#elif defined(__ARM_NEON)
-inline constexpr int kVectorBytes = 16;
-#else
-inline constexpr int kVectorBytes = 0;
-#endif
-
-template <class Real>
-inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));
 
 template <class Real>
 EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {

@@ -118,6 +118,16 @@ STICTION_HD Pack<T, W> div_(Pack<T, W> a, Pack<T, W> b) {
   return a.v / b.v;
 }
 
+/// No alignment is asked for.
+template <class T, int W>
+STICTION_HD void load_lanes(const T* from, Pack<T, W>& to) {
+  __builtin_memcpy(&to.v, from, sizeof(to.v));
+}
+template <class T, int W>
+STICTION_HD void store_lanes(T* to, Pack<T, W> value) {
+  __builtin_memcpy(to, &value.v, sizeof(value.v));
+}
+
 /// Lane by lane through the scalar: what the overloads below fall back to.
 template <class T, int W>
 STICTION_HD Pack<T, W> fma_(Pack<T, W> a, Pack<T, W> b, Pack<T, W> c) {

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "core/base/pack.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one
+// row, at a time.
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+inline constexpr int kVectorBytes = 64;
+#elif defined(__AVX2__) && defined(__FMA__)
+inline constexpr int kVectorBytes = 32;
+#elif defined(__ARM_NEON)
+inline constexpr int kVectorBytes = 16;
+#else
+inline constexpr int kVectorBytes = 0;
+#endif
+
+/// Numbers that a vector of this instruction set holds.
+template <class Real>
+inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));
+
+}  // namespace stiction::inline STICTION_ISA
