@@ -69,61 +69,112 @@ STICTION_HD bool load_mass(B& team, const BlockTriangle<Tile>& L, const Scalar<t
   return team.combine(broken) == 0;
 }
 
-/// M = L L', right-looking, column by column: entry (i, j) takes its updates in the order of the columns, whoever makes
-/// them. Whether every pivot was positive and finite, on every lane; where one was not the factor is unfinished. A
-/// number that is not finite below the diagonal leaves no such pivot in its row.
+/// Columns [0, count) of a tile that are all but known: each is divided by its pivot and taken out of those behind it.
+/// factor: the first column's multipliers, the next one's kRows further on.
+template <class Tile>
+STICTION_HD void substitute_group(typename Tile::Wide (&sum)[Tile::kLanes][Tile::kVectors],
+                                  const typename Tile::Real* factor, Index count) {
+  using Wide = typename Tile::Wide;
+  for (Index r = 0; r < Tile::kLanes; ++r)
+    if (r < count)
+      for (Index v = 0; v < Tile::kVectors; ++v) {
+        const typename Tile::Real* const column = factor + r * Tile::kRows;
+        sum[r][v] = div_(sum[r][v], Wide(column[r]));
+        for (Index s = r + 1; s < Tile::kLanes; ++s) sum[s][v] = fma_(Wide(column[s]), sum[r][v], sum[s][v]);
+      }
+}
+
+/// Pivots of `count` columns of a panel from `group` on, which are rows of it too, and the entries below them in the
+/// panel. Whether all pivots were positive and finite.
+template <class Tile>
+STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index count) {
+  using Wide = typename Tile::Wide;
+  using Real = typename Tile::Real;
+  for (Index r = 0; r < count; ++r) {
+    Real* const column = columns + r * Tile::kRows;
+    const Real diagonal = column[group + r];
+    if (!(diagonal > Real(0)) || !finite_(diagonal)) return false;
+    const Real pivot = sqrt_(diagonal);
+    Wide known[Tile::kVectors];
+    for (Index v = 0; v < Tile::kVectors; ++v) {
+      load_lanes(column + v * Tile::kLanes, known[v]);
+      known[v] = div_(known[v], Wide(pivot));
+      store_lanes(column + v * Tile::kLanes, Wide(0) - known[v]);
+    }
+    column[group + r] = pivot;
+    for (Index s = r + 1; s < count; ++s)
+      for (Index v = 0; v < Tile::kVectors; ++v) {
+        Real* const target = columns + s * Tile::kRows + v * Tile::kLanes;
+        Wide entry;
+        load_lanes(target, entry);
+        store_lanes(target, fma_(Wide(column[group + s]), known[v], entry));
+      }
+  }
+  return true;
+}
+
+/// M = L L', right-looking, as many columns at a time as a vector has lanes: entry (i, j) takes its updates in the
+/// order of the columns, whoever makes them. Whether every pivot was positive and finite, on every lane; where one was
+/// not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
 template <class Tile, Block B>
 STICTION_HD bool factor_mass(B& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
                              MassForm form) {
   using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;
-  constexpr Index kEdge = Tile::kRows;
+  constexpr Index kEdge = Tile::kRows, kGroup = Tile::kLanes, kVectors = Tile::kVectors;
   if (!load_mass(team, L, M, form)) return false;
   if (form == MassForm::factor) return true;
-  for (Index k = 0; k < L.rows; ++k) {
-    const Index begin = L.block == L.rows ? 0 : k - k % L.block;
-    const Index own = (k - begin) / kEdge, lane = (k - begin) % kEdge;
-    const Index below = L.block_panels() - own;
-    Real* const block_data = L.data + (begin / L.block) * L.block_panels() * L.panel_elements();
-    Real* const column = block_data + own * L.panel_elements() + (k - begin) * kEdge;
-    const Real pivot = team.broadcast([&] {
-      const Real diagonal = column[lane];
-      return diagonal > Real(0) && finite_(diagonal) ? sqrt_(diagonal) : Real(0);
-    });
-    if (!(pivot > Real(0))) return false;
-    for_each(team, below, [&](Index p) {
-      Real* const mine = column + p * L.panel_elements();
-      for (Index v = 0; v < kEdge; v += Tile::kLanes) {
-        Wide entry;
-        load_lanes(mine + v, entry);
-        store_lanes(mine + v, Wide(0) - div_(entry, Wide(pivot)));
-      }
-      if (p == 0) mine[lane] = pivot;
-    });
-    for_each(team, below, [&](Index p) {
-      const Real* const mine = column + p * L.panel_elements();
-      Wide known[Tile::kVectors];
-      Mask<Wide> full = Wide(0) != Wide(0);
-      for (Index v = 0; v < Tile::kVectors; ++v) {
-        load_lanes(mine + v * Tile::kLanes, known[v]);
-        known[v] = Wide(0) - known[v];
-        full = or_(full, known[v] != Wide(0));
-      }
-      if (!any(full)) return;
-      // Column c of this panel, row c of the factor being in one of the panels up to it.
-      Real* target = block_data + (own + p) * L.panel_elements();
-      for (Index other = own; other <= own + p; ++other) {
-        const Real* const factor = block_data + other * L.panel_elements() + (k - begin) * kEdge;
-        const Index rows = L.block - other * kEdge < kEdge ? L.block - other * kEdge : kEdge;
-        for (Index l = other == own ? lane + 1 : 0; l < rows; ++l)
-          for (Index v = 0; v < Tile::kVectors; ++v) {
-            Real* const entries = target + (other * kEdge + l) * kEdge + v * Tile::kLanes;
-            Wide entry;
-            load_lanes(entries, entry);
-            store_lanes(entries, fma_(Wide(factor[l]), known[v], entry));
+  const Index panels = L.panels();
+  for (Index q = 0; q < panels; ++q) {
+    const auto own = L.panel(q);
+    const Index first_panel = (own.first - own.begin) / kEdge, below = L.block_panels() - first_panel;
+    for (Index group = 0; group < own.count; group += kGroup) {
+      const Index count = own.count - group < kGroup ? own.count - group : kGroup;
+      Real* const columns = own.column(own.first + group);
+      if (!team.broadcast([&] { return factor_group<Tile>(columns, group, count); })) return false;
+      // Entries of these columns in panel p below this one, and in columns [from, to) of it.
+      const auto entries = [&](Index p) { return columns + p * L.panel_elements(); };
+      for_each(team, below - 1, [&](Index p) {
+        Real* const mine = entries(p + 1);
+        Wide sum[kGroup][kVectors];
+        for (Index r = 0; r < kGroup; ++r)
+          for (Index v = 0; v < kVectors; ++v) load_lanes(mine + r * kEdge + v * kGroup, sum[r][v]);
+        substitute_group<Tile>(sum, columns + group, kGroup);
+        for (Index r = 0; r < kGroup; ++r)
+          for (Index v = 0; v < kVectors; ++v) store_lanes(mine + r * kEdge + v * kGroup, Wide(0) - sum[r][v]);
+      });
+      // Its own panel has columns behind these only where vectors are shorter than panels.
+      const Index nearest = group + kGroup < own.count ? 0 : 1;
+      for_each(team, below - nearest, [&](Index at) {
+        const Index p = nearest + at;
+        const Real* const mine = entries(p);
+        Wide known[kGroup][kVectors];
+        Mask<Wide> some = Wide(0) != Wide(0);
+        for (Index r = 0; r < kGroup; ++r)
+          for (Index v = 0; v < kVectors; ++v) {
+            known[r][v] = Wide(0);
+            if (r >= count) continue;
+            load_lanes(mine + r * kEdge + v * kGroup, known[r][v]);
+            known[r][v] = Wide(0) - known[r][v];
+            some = or_(some, known[r][v] != Wide(0));
           }
-      }
-    });
+        if (!any(some)) return;
+        // Column c of this panel; row c of the factor is in one of the panels up to it.
+        Real* target = columns + p * L.panel_elements() + kGroup * kEdge;
+        for (Index other = 0; other <= p; ++other) {
+          const Real* const factor = entries(other);
+          const Index rows =
+              L.block - (first_panel + other) * kEdge < kEdge ? L.block - (first_panel + other) * kEdge : kEdge;
+          for (Index l = other == 0 ? group + kGroup : 0; l < rows; ++l, target += kEdge)
+            for (Index v = 0; v < kVectors; ++v) {
+              Wide entry;
+              load_lanes(target + v * kGroup, entry);
+              for (Index r = 0; r < kGroup; ++r) entry = fma_(Wide(factor[r * kEdge + l]), known[r][v], entry);
+              store_lanes(target + v * kGroup, entry);
+            }
+        }
+      });
+    }
   }
   return true;
 }
@@ -160,15 +211,13 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
           for (Index r = 0; r < kGroup; ++r) sum[r][v] = fma_(Wide(factor[r]), known, sum[r][v]);
         }
       });
+      substitute_group<Tile>(sum, panel.column(first) + group, count);
       for (Index r = 0; r < kGroup; ++r)
         if (r < count) {
-          const Real* const factor = panel.column(first + r) + group;
           Mask<Wide> some = Wide(0) != Wide(0);
           for (Index v = 0; v < kVectors; ++v) {
-            const Wide known = div_(sum[r][v], Wide(factor[r]));
-            store_lanes(own + static_cast<Offset>(r) * step + v * Tile::kLanes, known);
-            some = or_(some, known != Wide(0));
-            for (Index s = r + 1; s < kGroup; ++s) sum[s][v] = fma_(Wide(factor[s]), known, sum[s][v]);
+            store_lanes(own + static_cast<Offset>(r) * step + v * Tile::kLanes, sum[r][v]);
+            some = or_(some, sum[r][v] != Wide(0));
           }
           full.put(first + r, any(some));
         }
