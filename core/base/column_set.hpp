@@ -19,10 +19,27 @@ struct ColumnSet {
   STICTION_HD void clear(Index columns) const {
     for (Index k = 0; k < static_cast<Index>(size(columns)); ++k) words[k] = 0;
   }
-  STICTION_HD void put(Index column, bool member) const {
+  STICTION_HD void put(Index column) const {
+    if constexpr (kKept) words[column / 64] |= std::uint64_t{1} << (column % 64);
+  }
+  /// The members among [first, first + count), count < 64: column first + k for bit k.
+  STICTION_HD void assign(Index first, Index count, std::uint64_t bits) const {
     if constexpr (kKept) {
-      const std::uint64_t bit = std::uint64_t{1} << (column % 64);
-      words[column / 64] = member ? words[column / 64] | bit : words[column / 64] & ~bit;
+      const std::uint64_t all = (std::uint64_t{1} << count) - 1;
+      const Index shift = first % 64;
+      std::uint64_t* const word = words + first / 64;
+      word[0] = (word[0] & ~(all << shift)) | bits << shift;
+      if (shift + count > 64) word[1] = (word[1] & ~(all >> (64 - shift))) | bits >> (64 - shift);
+    }
+  }
+  /// The columns for which member(column) holds.
+  template <class F>
+  STICTION_HD void fill(Index columns, F&& member) const {
+    for (Index k = 0; k < static_cast<Index>(size(columns)); ++k) {
+      std::uint64_t bits = 0;
+      for (Index column = k * 64; column < columns && column < k * 64 + 64; ++column)
+        bits |= static_cast<std::uint64_t>(member(column)) << (column % 64);
+      words[k] = bits;
     }
   }
   [[nodiscard]] STICTION_HD bool any(Index from, Index to) const {

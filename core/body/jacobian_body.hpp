@@ -86,24 +86,46 @@ STICTION_HD JacobianEnv<Tile> slice(const JacobianBatchView<typename Tile::Real>
   return e;
 }
 
+/// The rows of J of a tile, and the columns in which they have anything.
+template <class Tile>
+STICTION_HD void load_rows(const JacobianEnv<Tile>& env, Index tile) {
+  using Wide = typename Tile::Wide;
+  using Real = typename Tile::Real;
+  Real* const x = env.tile(tile);
+  const Index step = env.step(), first = tile * Tile::kRows, count = env.tile_rows(tile);
+  const auto full = env.columns(tile);
+  if (env.batch->column == nullptr) {
+    const Offset* const begin = env.batch->row_offsets + env.first_row + first;
+    turn_rows<Tile>(
+        count, env.dofs, [&](Index r) { return env.batch->J + begin[r]; }, x, step);
+    full.fill(env.dofs, [&](Index k) {
+      Mask<Wide> some = Wide(0) != Wide(0);
+      for (Index v = 0; v < Tile::kRows; v += Tile::kLanes) {
+        Wide entries;
+        load_lanes(x + static_cast<Offset>(k) * step + v, entries);
+        some = or_(some, entries != Wide(0));
+      }
+      return any(some);
+    });
+    return;
+  }
+  for (Index k = 0; k < env.dofs; ++k)
+    for (Index r = 0; r < Tile::kRows; ++r) x[static_cast<Offset>(k) * step + r] = 0;
+  full.clear(env.dofs);
+  for (Index r = 0; r < count; ++r)
+    env.for_each_entry(first + r, [&](Index k, Real value) {
+      Real& entry = x[static_cast<Offset>(k) * step + r];
+      entry = entry + value;
+      full.put(k);
+    });
+}
+
 /// L^-1 J'. Rows of J are independent; a lane takes a tile of them at once.
 template <class Tile, Block B>
 STICTION_HD void solve_rows(B& block, const JacobianEnv<Tile>& env) {
-  using Real = typename Tile::Real;
   for_each(block, env.tiles(), [&](Index tile) {
-    Real* const x = env.tile(tile);
-    const Index step = env.step();
-    const auto full = env.columns(tile);
-    for (Index k = 0; k < env.dofs; ++k)
-      for (Index r = 0; r < Tile::kRows; ++r) x[static_cast<Offset>(k) * step + r] = 0;
-    full.clear(env.dofs);
-    for (Index r = 0; r < env.tile_rows(tile); ++r)
-      env.for_each_entry(tile * Tile::kRows + r, [&](Index k, Real value) {
-        Real& entry = x[static_cast<Offset>(k) * step + r];
-        entry = entry + value;
-        full.put(k, true);
-      });
-    substitute(env.L, x, step, full);
+    load_rows(env, tile);
+    substitute(env.L, env.tile(tile), env.step(), env.columns(tile));
   });
 }
 

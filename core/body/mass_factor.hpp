@@ -40,30 +40,34 @@ struct BlockTriangle {
   }
 };
 
-/// The lower triangle of M into the panels, zeros elsewhere; or a factor that came as M. Whether that is one: positive
-/// on the diagonal, and finite.
+/// The lower triangle of M into the panels; or a factor that came as M. Whether that is one: positive on the diagonal,
+/// and finite. Numbers that belong to no entry may be anything.
 template <class Tile, Block B>
 STICTION_HD bool load_mass(B& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M, MassForm form) {
+  using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;
+  constexpr Index kEdge = Tile::kRows;
   std::uint32_t broken = 0;
   for_each(team, L.panels(), [&](Index q) {
     const auto panel = L.panel(q);
-    const Index local = panel.first - panel.begin;
-    for (Index k = 0; k < (local + panel.count) * Tile::kRows; ++k) panel.data[k] = 0;
+    const Index left = panel.first - panel.begin;
+    const auto row = [&](Index r) { return M + static_cast<Offset>(panel.first + r) * L.block; };
+    turn_rows<Tile>(panel.count, left, row, panel.data, kEdge);
+    Real* const square = panel.data + left * kEdge;
+    for (Index k = 0; k < panel.count * kEdge; ++k) square[k] = 0;
+    for (Index r = 0; r < panel.count; ++r)
+      for (Index j = 0; j <= r; ++j) square[j * kEdge + r] = row(r)[left + j];
+    if (form == MassForm::matrix) return;
+    for (Index k = 0; k < (left + panel.count) * kEdge; k += Tile::kLanes) {
+      Wide entries;
+      load_lanes(panel.data + k, entries);
+      broken |= static_cast<std::uint32_t>(any(not_(finite_(entries))));
+      store_lanes(panel.data + k, Wide(0) - entries);
+    }
     for (Index r = 0; r < panel.count; ++r) {
-      const Real* const row = M + static_cast<Offset>(panel.first + r) * L.block;
-      Real* const to = panel.data + r;
-      if (form == MassForm::matrix) {
-        for (Index j = 0; j <= local + r; ++j) to[j * Tile::kRows] = row[j];
-      } else {
-        for (Index j = 0; j < local + r; ++j) {
-          to[j * Tile::kRows] = Real(0) - row[j];
-          broken |= static_cast<std::uint32_t>(!finite_(row[j]));
-        }
-        const Real diagonal = row[local + r];
-        to[(local + r) * Tile::kRows] = diagonal;
-        broken |= static_cast<std::uint32_t>(!(diagonal > Real(0)) || !finite_(diagonal));
-      }
+      Real& diagonal = square[r * kEdge + r];
+      diagonal = Real(0) - diagonal;
+      broken |= static_cast<std::uint32_t>(!(diagonal > Real(0)));
     }
   });
   return team.combine(broken) == 0;
@@ -193,7 +197,7 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
     if (!full.any(panel.begin, panel.first + panel.count)) continue;
     for (Index group = 0; group < panel.count; group += kGroup) {
       // As many columns together as there are lanes: a known one is read once for all of them, and their sums do not
-      // wait for each other. Behind the block's last one the factor has zeros.
+      // wait for each other. What there is behind the block's last one is not kept.
       const Index first = panel.first + group;
       const Index count = panel.count - group < kGroup ? panel.count - group : kGroup;
       Real* const own = x + static_cast<Offset>(first) * step;
@@ -212,15 +216,17 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
         }
       });
       substitute_group<Tile>(sum, panel.column(first) + group, count);
+      std::uint64_t some = 0;
       for (Index r = 0; r < kGroup; ++r)
         if (r < count) {
-          Mask<Wide> some = Wide(0) != Wide(0);
+          Mask<Wide> filled = Wide(0) != Wide(0);
           for (Index v = 0; v < kVectors; ++v) {
             store_lanes(own + static_cast<Offset>(r) * step + v * Tile::kLanes, sum[r][v]);
-            some = or_(some, sum[r][v] != Wide(0));
+            filled = or_(filled, sum[r][v] != Wide(0));
           }
-          full.put(first + r, any(some));
+          some |= static_cast<std::uint64_t>(any(filled)) << r;
         }
+      full.assign(first, count, some);
     }
   }
 }
