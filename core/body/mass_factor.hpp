@@ -192,6 +192,17 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
   using Real = typename Tile::Real;
   constexpr Index kGroup = Tile::kLanes, kVectors = Tile::kVectors;
   const Index panels = L.panels();
+  if (L.block == 1) {
+    full.for_each(0, L.rows, [&](Index k) {
+      for (Index v = 0; v < kVectors; ++v) {
+        Real* const entries = x + static_cast<Offset>(k) * step + v * Tile::kLanes;
+        Wide entry;
+        load_lanes(entries, entry);
+        store_lanes(entries, div_(entry, Wide(L.data[k * Tile::kRows])));
+      }
+    });
+    return;
+  }
   for (Index q = 0; q < panels; ++q) {
     const auto panel = L.panel(q);
     if (!full.any(panel.begin, panel.first + panel.count)) continue;
