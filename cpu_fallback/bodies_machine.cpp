@@ -7,6 +7,7 @@
 #include "core/runtime/body_backend.hpp"
 #include "cpu_fallback/body_deal.hpp"
 #include "cpu_fallback/isa.hpp"
+#include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 #include "cpu_fallback/thread_team.hpp"
 
@@ -14,33 +15,10 @@ namespace stiction {
 
 namespace {
 
-/// Memory nothing is known about.
-template <class T>
-class Room {
- public:
-  T* reserve(Offset elements) {
-    if (elements > capacity_) {
-      memory_.reset();
-      memory_.reset(static_cast<T*>(
-          ::operator new (static_cast<std::size_t>(elements) * sizeof(T), std::align_val_t{kAlignment})));
-      capacity_ = elements;
-    }
-    return memory_.get();
-  }
-
- private:
-  static constexpr std::size_t kAlignment = 64;
-  struct Free {
-    void operator()(T* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
-  };
-  std::unique_ptr<T, Free> memory_;
-  Offset capacity_ = 0;
-};
-
-template <class Real>
+/// Scratch of one worker: two pieces at a time.
 struct Scratch {
-  Room<Real> numbers;
-  Room<double> exact;
+  cpu::Room numbers;
+  cpu::Room exact;
 };
 
 template <class Real, class Set>
@@ -62,15 +40,16 @@ void run(const BodyRequest<Real>& request) {
                           request.warm_start, request.stepping, request.options};
   const int threads = cpu::thread_count(request.options.threads);
   const auto bodies = [&](Offset env) { return job.batch.env_body_offsets[env + 1] - job.batch.env_body_offsets[env]; };
-  const auto numbers = [&](Offset env, Scratch<Real>& scratch) {
-    return scratch.numbers.reserve(
+  const auto numbers = [&](Offset env, Scratch& scratch) {
+    return scratch.numbers.reserve<Real>(
         kernels.elements(plan.kept[static_cast<std::size_t>(env)], bodies(env), request.options.momentum));
   };
   const cpu::NewtonBodyKernelSet newton_set = cpu::best_isa().newton_body_kernels();
   const cpu::NewtonBodyKernels<Real>& newton = pick<Real>(newton_set, request.options.law);
   const bool is_newton = request.options.method == BodyMethod::newton;
-  const auto exact = [&](Offset env, Scratch<Real>& scratch) {
-    return scratch.exact.reserve(kernels.exact_elements(bodies(env)) + (is_newton ? newton.doubles(job, env) : 0));
+  const auto exact = [&](Offset env, Scratch& scratch) {
+    return scratch.exact.reserve<double>(kernels.exact_elements(bodies(env)) +
+                                         (is_newton ? newton.doubles(job, env) : 0));
   };
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
@@ -84,20 +63,20 @@ void run(const BodyRequest<Real>& request) {
   const cpu::BodyDeal deal = cpu::deal_out(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
                                            {threads, is_newton ? 1 : kernels.pack_width, pack_bytes});
   for (const Offset env : deal.large) {
-    Scratch<Real> scratch;
+    Scratch scratch;
     Real* const memory = numbers(env, scratch);
     double* const twists = exact(env, scratch);
     cpu::run_team(threads,
                   [&](cpu::ThreadTeam& team, Index rank) { solve_together(job, env, memory, twists, team, rank); });
   }
-  std::vector<Scratch<Real>> scratch(static_cast<std::size_t>(threads));
+  std::vector<Scratch> scratch(static_cast<std::size_t>(threads));
   cpu::parallel_for(threads, static_cast<int>(deal.work.size()), [&](int index, int worker) {
-    Scratch<Real>& own = scratch[static_cast<std::size_t>(worker)];
+    Scratch& own = scratch[static_cast<std::size_t>(worker)];
     const cpu::BodyWork& work = deal.work[static_cast<std::size_t>(index)];
     if (work.packed) {
-      Real* const memory = own.numbers.reserve(kernels.pack_elements(work.room, request.options.momentum));
+      Real* const memory = own.numbers.reserve<Real>(kernels.pack_elements(work.room, request.options.momentum));
       kernels.solve_pack(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.room, memory,
-                         own.exact.reserve(pack_exact(work.room)));
+                         own.exact.reserve<double>(pack_exact(work.room)));
     } else {
       for (const Offset env : work.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
     }

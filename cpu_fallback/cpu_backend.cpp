@@ -11,53 +11,13 @@
 #include "core/runtime/backend.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
+#include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {
 
 namespace {
-
-/// Memory that grows, aligned for the widest vectors.
-class Room {
- public:
-  void* reserve(std::size_t bytes) {
-    if (bytes > capacity_) {
-      memory_.reset();
-      capacity_ = 0;
-      memory_.reset(::operator new (bytes, std::align_val_t{kAlignment}));
-      capacity_ = bytes;
-    }
-    return memory_.get();
-  }
-
- private:
-  static constexpr std::size_t kAlignment = 64;
-  struct Free {
-    void operator()(void* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
-  };
-  std::unique_ptr<void, Free> memory_;
-  std::size_t capacity_ = 0;
-};
-
-/// Scratch of one worker during one solve. What is small is the thread's own and stays from solve to solve: an
-/// allocator that gives it back to the system in between makes every page of it fault again.
-class Scratch {
- public:
-  template <class Real>
-  Real* reserve(Offset elements) {
-    const std::size_t bytes = static_cast<std::size_t>(elements) * sizeof(Real);
-    return static_cast<Real*>((bytes <= kMostKept ? kept() : large_).reserve(bytes));
-  }
-
- private:
-  static constexpr std::size_t kMostKept = std::size_t{1} << 20;
-  static Room& kept() {
-    thread_local Room room;
-    return room;
-  }
-  Room large_;
-};
 
 const char* name_of(EnvPath path) {
   switch (path) {
@@ -131,13 +91,13 @@ class CpuBackend final : public Backend {
     const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
     const int threads = cpu::thread_count(options.threads);
     const auto items = cpu::partition(plan, takes, kernels.pack_width, sizeof(Real), threads);
-    std::vector<Scratch> scratch(static_cast<std::size_t>(threads));
+    std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
       const ScopedSpan span(options.tracer, item.packed ? "pack" : "one by one",
                             name_of(plan.path[static_cast<std::size_t>(item.envs.front())]), worker,
                             static_cast<std::int64_t>(item.envs.size()));
-      Scratch& memory = scratch[static_cast<std::size_t>(worker)];
+      cpu::Scratch& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
         kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
                            memory.reserve<Real>(kernels.pack_elements(item.slots)));

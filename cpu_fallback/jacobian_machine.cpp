@@ -8,6 +8,7 @@
 #include "core/base/extents.hpp"
 #include "core/body/jacobian_batch_body.hpp"
 #include "cpu_fallback/isa.hpp"
+#include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 
 namespace stiction {
@@ -29,12 +30,9 @@ template <class Real, class Kernel>
 void for_each_env(const JacobianJob<Real>& job, int threads, Offset (*elements)(const JacobianJob<Real>&, Offset),
                   const Kernel& kernel) {
   const int count = cpu::thread_count(threads);
-  std::vector<std::vector<Real>> scratch(static_cast<std::size_t>(count));
+  std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(count));
   cpu::parallel_for(count, static_cast<int>(job.batch.env_count), [&](int env, int worker) {
-    std::vector<Real>& memory = scratch[static_cast<std::size_t>(worker)];
-    const auto needed = static_cast<std::size_t>(elements(job, env));
-    if (memory.size() < needed) memory.resize(needed);
-    kernel(job, env, memory.data());
+    kernel(job, env, scratch[static_cast<std::size_t>(worker)].template reserve<Real>(elements(job, env)));
   });
 }
 

@@ -2,11 +2,11 @@
 
 #include "core/base/pack.hpp"
 
-/// How many environments go through the lanes of a vector. Differs from one instruction set to the next.
+/// How many environments, or rows, go through the lanes of a vector. Differs from one instruction set to the next.
 namespace stiction::inline STICTION_ISA {
 
-// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment at a
-// time.
+// Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one
+// row, at a time.
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
 inline constexpr int kVectorBytes = 64;
 #elif defined(__AVX2__) && defined(__FMA__)
@@ -17,6 +17,7 @@ inline constexpr int kVectorBytes = 16;
 inline constexpr int kVectorBytes = 0;
 #endif
 
+/// Numbers that a vector of this instruction set holds.
 template <class Real>
 inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));
 

@@ -20,10 +20,12 @@ struct VectorOf;
 template <int W>
 struct VectorOf<float, W> {
   typedef float Type __attribute__((vector_size(4 * W)));
+  typedef float Anywhere __attribute__((vector_size(4 * W), aligned(4), may_alias));
 };
 template <int W>
 struct VectorOf<double, W> {
   typedef double Type __attribute__((vector_size(8 * W)));
+  typedef double Anywhere __attribute__((vector_size(8 * W), aligned(8), may_alias));
 };
 template <int W>
 struct VectorOf<std::int32_t, W> {
@@ -117,6 +119,16 @@ STICTION_HD Pack<T, W> select(PackMask<T, W> c, Pack<T, W> a, Pack<T, W> b) {
 template <class T, int W>
 STICTION_HD Pack<T, W> div_(Pack<T, W> a, Pack<T, W> b) {
   return a.v / b.v;
+}
+
+/// No alignment is asked for. Whole vectors: what is stored in halves, as g++ copies memory, is slow to load again.
+template <class T, int W>
+STICTION_HD void load_lanes(const T* from, Pack<T, W>& to) {
+  to.v = *reinterpret_cast<const typename VectorOf<T, W>::Anywhere*>(from);
+}
+template <class T, int W>
+STICTION_HD void store_lanes(T* to, Pack<T, W> value) {
+  *reinterpret_cast<typename VectorOf<T, W>::Anywhere*>(to) = value.v;
 }
 
 /// Lane by lane through the scalar: what the overloads below fall back to.

@@ -66,6 +66,20 @@ STICTION_HD double div_(double a, double b) {
 }
 #endif
 
+/// The numbers at an address into the lanes, and back: one of each here, as many as a Pack has lanes there.
+STICTION_HD void load_lanes(const float* from, float& to) {
+  to = *from;
+}
+STICTION_HD void load_lanes(const double* from, double& to) {
+  to = *from;
+}
+STICTION_HD void store_lanes(float* to, float value) {
+  *to = value;
+}
+STICTION_HD void store_lanes(double* to, double value) {
+  *to = value;
+}
+
 STICTION_HD float select(bool c, float a, float b) {
   return c ? a : b;
 }

@@ -149,7 +149,7 @@ STICTION_HD void write_env(B& block, const JacobianBatchJob<Real>& job, Offset e
   // Every lane has seen the flags before one of them adds to them.
   block.sync();
   write_rows(block, job, env);
-  if (assembled) assemble_env(block, job.job(), env, scratch);
+  if (assembled) assemble_env<RowTile<Real>>(block, job.job(), env, scratch);
 }
 
 /// The velocity of one environment, if anybody can say where it is.
@@ -157,7 +157,7 @@ template <Block B, class Real>
 STICTION_HD void move_env(B& block, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
   const JacobianExtent extent = extent_of(job.batch, env);
   if (extent.rows < 0 || extent.dofs < 0 || (job.status[env].flags & kFlagBadStructure) != 0) return;
-  velocity_env(block, job.job(), env, scratch);
+  velocity_env<RowTile<Real>>(block, job.job(), env, scratch);
 }
 
 }  // namespace stiction::inline STICTION_ISA

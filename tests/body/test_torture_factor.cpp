@@ -1,3 +1,4 @@
+#include "core/base/pack.hpp"
 #include "core/body/apgd_body.hpp"
 #include "core/body/jacobi_body.hpp"
 #include "core/body/jacobian_body.hpp"
@@ -5,6 +6,7 @@
 #include "core/body/npgs_body.hpp"
 
 #include "tests/support/jacobian_systems.hpp"
+#include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/torture_cases.hpp"
 
 namespace stiction::test {
@@ -58,38 +60,49 @@ TEST(torture, factors_have_the_same_bits_on_blocks_of_every_width) {
   torture_both_laws<Newton>();
 }
 
+/// What one environment is assembled to, and where reactions of 0.25 take it, on teams of all widths, their lanes
+/// taking a tile of rows at once.
+template <class Tile>
+void expect_same_form(const JacobianBatchView<double>& view) {
+  const auto matrix = assemble(view), factor = assemble(view, FactorUse::always);
+  const std::vector<double> lambda(static_cast<std::size_t>(view.row_count), 0.25);
+  const auto velocity = velocities(view, std::span<const double>(lambda));
+  const Offset rows[] = {0, view.row_count};
+  for (const Index width : kLanes)
+    for (const bool as_factor : {false, true}) {
+      const Offset entries[] = {0, view.row_count * (as_factor ? view.dof_count : view.row_count)}, none[] = {0, 0};
+      std::vector<double> result(static_cast<std::size_t>(entries[1])), b(lambda.size()), moved(velocity.size());
+      std::uint32_t flags = 0;
+      JacobianJob<double> job{view, rows, as_factor ? none : entries, as_factor ? entries : none};
+      job.A = job.Y = result.data();
+      job.b = b.data();
+      job.flags = &flags;
+      job.lambda = lambda.data();
+      job.velocity = moved.data();
+      std::vector<double> scratch(static_cast<std::size_t>(jacobian_elements<Tile>(view, 0)), __builtin_nan(""));
+      run_block(width, kTorture<8>, [&](auto& block) {
+        assemble_env<Tile>(block, job, 0, scratch.data());
+        block.sync();
+        velocity_env<Tile>(block, job, 0, scratch.data());
+      });
+      const auto& expected = as_factor ? factor.arrays().factor : matrix.arrays().A;
+      EXPECT_TRUE(same_bits(std::span<const double>(expected), std::span<const double>(result))) << width;
+      EXPECT_TRUE(same_bits(std::span<const double>(matrix.arrays().b), std::span<const double>(b))) << width;
+      EXPECT_TRUE(same_bits(std::span<const double>(velocity), std::span<const double>(moved))) << width;
+    }
+}
+
 TEST(torture, assembling_and_velocities_have_the_same_bits_on_blocks_of_every_width) {
-  for (const Index mass_block : {0, 6}) {
-    JacobianBatch<double> jacobian(Law::convex, MassForm::matrix, mass_block);
-    jacobian.add(random_jacobian({5, 4, 3, 12, mass_block}));
-    const auto view = jacobian.view();
-    const auto matrix = assemble(view), factor = assemble(view, FactorUse::always);
-    const std::vector<double> lambda(static_cast<std::size_t>(view.row_count), 0.25);
-    const auto velocity = velocities(view, std::span<const double>(lambda));
-    const Offset rows[] = {0, view.row_count};
-    for (const Index width : kLanes)
-      for (const bool as_factor : {false, true}) {
-        const Offset entries[] = {0, view.row_count * (as_factor ? view.dof_count : view.row_count)}, none[] = {0, 0};
-        std::vector<double> result(static_cast<std::size_t>(entries[1])), b(lambda.size()), moved(velocity.size());
-        std::uint32_t flags = 0;
-        JacobianJob<double> job{view, rows, as_factor ? none : entries, as_factor ? entries : none};
-        job.A = job.Y = result.data();
-        job.b = b.data();
-        job.flags = &flags;
-        job.lambda = lambda.data();
-        job.velocity = moved.data();
-        std::vector<double> scratch(static_cast<std::size_t>(jacobian_elements(view, 0)), __builtin_nan(""));
-        run_block(width, kTorture<8>, [&](auto& block) {
-          assemble_env(block, job, 0, scratch.data());
-          block.sync();
-          velocity_env(block, job, 0, scratch.data());
-        });
-        const auto& expected = as_factor ? factor.arrays().factor : matrix.arrays().A;
-        EXPECT_TRUE(same_bits(std::span<const double>(expected), std::span<const double>(result))) << width;
-        EXPECT_TRUE(same_bits(std::span<const double>(matrix.arrays().b), std::span<const double>(b))) << width;
-        EXPECT_TRUE(same_bits(std::span<const double>(velocity), std::span<const double>(moved))) << width;
-      }
-  }
+  for (const bool sparse : {false, true})
+    for (const Index mass_block : {0, 6}) {
+      JacobianBatch<double> jacobian(Law::convex, MassForm::matrix, mass_block);
+      JacobianEnvironment<double> env = random_jacobian({5, 4, 3, 12, mass_block});
+      if (sparse) thin_out(env);
+      jacobian.add(env);
+      expect_same_form<RowTile<double>>(jacobian.view());
+      expect_same_form<RowTile<Pack<double, 2>, 4>>(jacobian.view());
+      expect_same_form<RowTile<Pack<double, 2>>>(jacobian.view());
+    }
 }
 
 }  // namespace stiction::test

@@ -118,6 +118,87 @@ TEST(Jacobian, BlocksOnTheDiagonalHaveTheBitsOfOneDenseMatrix) {
   EXPECT_TRUE(same_bits(std::span<const double>(dense.arrays().A), std::span<const double>(blocks.arrays().A)));
 }
 
+/// The two as one environment that nothing couples, its M dense.
+JacobianEnvironment<double> side_by_side(const JacobianEnvironment<double>& one,
+                                         const JacobianEnvironment<double>& two) {
+  JacobianEnvironment<double> both = one;
+  const std::size_t n = one.mu.size(), m = two.mu.size(), dofs = one.v_free.size(), more = two.v_free.size();
+  const auto append = [](std::vector<double>& to, const std::vector<double>& from) {
+    to.insert(to.end(), from.begin(), from.end());
+  };
+  const auto diagonal = [&](const std::vector<double>& a, const std::vector<double>& b, std::size_t rows,
+                            std::size_t others) {
+    std::vector<double> result((rows + others) * (dofs + more));
+    for (std::size_t i = 0; i < rows; ++i)
+      for (std::size_t k = 0; k < dofs; ++k) result[i * (dofs + more) + k] = a[i * dofs + k];
+    for (std::size_t i = 0; i < others; ++i)
+      for (std::size_t k = 0; k < more; ++k) result[(rows + i) * (dofs + more) + dofs + k] = b[i * more + k];
+    return result;
+  };
+  both.cones.insert(both.cones.end(), two.cones.begin(), two.cones.end());
+  both.J = diagonal(one.J, two.J, n, m);
+  both.M = diagonal(one.M, two.M, dofs, more);
+  append(both.v_free, two.v_free);
+  append(both.target, two.target);
+  append(both.R, two.R);
+  append(both.mu, two.mu);
+  append(both.lo, two.lo);
+  append(both.hi, two.hi);
+  return both;
+}
+
+TEST(Jacobian, RobotsThatDoNotTouchHaveTheBitsOfEachAlone) {
+  // Their zeros are skipped in ways that depend on where in a vector and in a word of 64 columns they are.
+  for (const Index dofs : {5, 8, 27, 59, 64, 66}) {
+    const auto one = random_jacobian({static_cast<std::uint64_t>(dofs), 4, 2, dofs, 0});
+    const auto two = random_jacobian({static_cast<std::uint64_t>(100 + dofs), 6, 3, 13, 0});
+    const auto alone = assemble(batch_of({one, two}).view(), FactorUse::never);
+    const auto together = assemble(batch_of({side_by_side(one, two)}).view(), FactorUse::never);
+    const std::size_t n = one.mu.size(), m = two.mu.size();
+    const std::vector<double>& A = together.arrays().A;
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t j = 0; j < n + m; ++j) {
+        double expected = 0;
+        if (i < n && j < n) expected = alone.arrays().A[i * n + j];
+        if (i >= n && j >= n) expected = alone.arrays().A[n * n + (i - n) * m + j - n];
+        EXPECT_TRUE(same_bits(std::span<const double>(&expected, 1), std::span(&A[i * (n + m) + j], 1)))
+            << dofs << ", " << i << ", " << j;
+      }
+    EXPECT_TRUE(same_bits(std::span<const double>(alone.arrays().b), std::span<const double>(together.arrays().b)));
+    const std::vector<double> lambda(n + m, 0.5);
+    const auto moved = velocities(batch_of({one, two}).view(), std::span<const double>(lambda));
+    const auto moved_together = velocities(batch_of({side_by_side(one, two)}).view(), std::span<const double>(lambda));
+    EXPECT_TRUE(same_bits(std::span<const double>(moved), std::span<const double>(moved_together)));
+  }
+}
+
+TEST(Jacobian, NoZeroOfAHasASign) {
+  // The product of the rows is below the smallest number, and negative.
+  JacobianEnvironment<double> env;
+  env.cones = {unilateral(), unilateral()};
+  env.J = {1e-200, -1e-200};
+  env.M = {1};
+  env.v_free = {1};
+  const auto contact = assemble(batch_of({env}).view());
+  const std::vector<double> zeros(4, 0.0);
+  EXPECT_TRUE(same_bits(std::span<const double>(zeros), std::span<const double>(contact.arrays().A)));
+}
+
+TEST(Jacobian, AFactorThatIsNotFiniteIsNoFactor) {
+  for (const double broken : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()})
+    for (const std::size_t at : {2, 0, 3}) {
+      JacobianEnvironment<double> env;
+      env.cones = {unilateral()};
+      env.J = {0, 1};
+      env.M = {1, 0, 0.5, 1};
+      env.M[at] = broken;
+      env.v_free = {1, 1};
+      const auto contact = assemble(batch_of({env}, 0, MassForm::factor).view());
+      EXPECT_EQ(contact.arrays().env_flags, std::vector<std::uint32_t>{kFlagBadMass}) << broken << " at " << at;
+      EXPECT_EQ(contact.arrays().A, std::vector<double>{0});
+    }
+}
+
 TEST(Jacobian, RowsMayBeSparseAndMixedWithDenseOnes) {
   auto envs = several();
   const auto expected = assemble(batch_of(envs).view());

@@ -134,8 +134,9 @@ STICTION_HD constexpr bool keeps_factor(FactorUse use, Offset n, Offset dofs) {
 
 /// The contact batch of a Jacobian batch in host memory, on the CPU: M = L L' by Cholesky, Y = J L^-T, A = Y Y'
 /// (symmetric to the last bit), b. Rows follow one another without room between them. An environment whose M is not
-/// positive definite is marked kFlagBadMass in env_flags, and no other environment is touched by it. `threads` 0: all
-/// cores; the bits do not depend on it. \throws Error(invalid_argument) if the structure is broken.
+/// positive definite, or given as a factor that is not finite, is marked kFlagBadMass in env_flags, and no other
+/// environment is touched by it. `threads` 0: all cores; the bits do not depend on it. \throws Error(invalid_argument)
+/// if the structure is broken.
 template <class Real>
 ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::by_size, int threads = 0);
 
