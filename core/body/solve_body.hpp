@@ -20,14 +20,17 @@ STICTION_HD constexpr Index chunk_of() {
   }
 }
 
-/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, and the iterate
-/// recorded in the lanes of `due`.
+/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
+/// the lanes of `due`, and whatever else the method does there where the `goal`, the tolerance, is not reached.
 template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
+STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due,
+                           typename System::Real goal) {
   using Real = typename System::Real;
   const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
   if (any(stale)) Method::refresh(block, s, stale);
   if (any(due)) record<Method, kLaw>(block, s, due);
+  if constexpr (requires { Method::template leap<kLaw>(block, s, due, goal); })
+    Method::template leap<kLaw>(block, s, due, goal);
 }
 
 /// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in
@@ -35,7 +38,7 @@ STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mas
 /// from then on.
 template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                         typename System::Real phase, typename System::Real left) {
+                         typename System::Real phase, typename System::Real left, typename System::Real goal) {
   using Real = typename System::Real;
   for (Index k = 1;; ++k) {
     Method::template iterate<kLaw>(block, s, params);
@@ -44,7 +47,7 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
     const auto due = left == Real(0);
     if (any(due)) record<Method, kLaw>(block, s, due);
   }
-  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0));
+  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0), goal);
 }
 
 /// The next chunk of one environment, of which `progress` says how far it is.
@@ -53,7 +56,7 @@ STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& pa
                                EnvProgress<Real>& progress) {
   const Index left = rule.max_iterations - progress.iterations;
   advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
-                        static_cast<Real>(left));
+                        static_cast<Real>(left), static_cast<Real>(rule.tolerance));
   progress.iterations += left < chunk_of<Method>() ? left : chunk_of<Method>();
 }
 
