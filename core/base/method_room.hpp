@@ -33,9 +33,7 @@ struct MethodRoom {
     return doubles(n) * static_cast<Offset>((sizeof(double) + sizeof(Real) - 1) / sizeof(Real));
   }
   /// Numbers of Real for the squares of a dense system of n rows.
-  [[nodiscard]] STICTION_HD constexpr Offset square_elements(Offset n) const {
-    return squares * n * n;
-  }
+  [[nodiscard]] STICTION_HD constexpr Offset square_elements(Offset n) const { return squares * n * n; }
   /// The same room without what no loading touches.
   [[nodiscard]] STICTION_HD constexpr MethodRoom to_load() const {
     MethodRoom room = *this;
@@ -59,8 +57,10 @@ struct MethodRoom {
   [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return wide > 0 || matrices > 0; }
   /// What is enough for either of two methods.
   [[nodiscard]] STICTION_HD constexpr MethodRoom joined(const MethodRoom& other) const {
-    return {vectors > other.vectors ? vectors : other.vectors, wide > other.wide ? wide : other.wide,
-            matrices > other.matrices ? matrices : other.matrices, instead > other.instead ? instead : other.instead,
+    return {vectors > other.vectors ? vectors : other.vectors,
+            wide > other.wide ? wide : other.wide,
+            matrices > other.matrices ? matrices : other.matrices,
+            instead > other.instead ? instead : other.instead,
             direct_rows > other.direct_rows ? direct_rows : other.direct_rows,
             squares > other.squares ? squares : other.squares};
   }

@@ -7,9 +7,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Sweeps with momentum and, between them, a leap to where the problem would be solved if every cone kept its zone:
-/// held contacts hold, sliding ones slide, open ones stay open (docs/math/subspace.md; Silcowitz-Hansen, Niebe, Erleben
-/// 2010). That is a linear system, and one factorisation. Sweeps find the zones, the leap does away with the slow part
-/// of their convergence. It is taken only where the residual falls.
+/// held contacts hold, sliding ones slide, open ones stay open (docs/math/subspace.md; Silcowitz, Niebe, Erleben 2010).
+/// That is a linear system, and one factorisation. Sweeps find the zones, the leap does away with the slow part of
+/// their convergence. It is taken only where the residual falls.
 struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
   static STICTION_HD constexpr MethodRoom room() { return {kVectors, 0, 0, 0, kDirectRows, 1}; }
@@ -20,7 +20,7 @@ struct Subspace {
   /// The environment's own rows, which a pack's slots are not.
   template <Block B, class Real, class System>
   static STICTION_HD void load(B& block, const EnvView<Real>& env, System& s) {
-    single(block, [&] { s.scalar[kRung] = static_cast<Real>(env.n); });
+    single(block, [&] { s.scalar[kOwnRows] = static_cast<Real>(env.n); });
   }
 
   template <Law kLaw, Block B, class System>
@@ -28,8 +28,8 @@ struct Subspace {
     Npgs::start<kLaw>(block, s);
     single(block, [&] {
       s.scalar[kAge] = 0;
-      s.scalar[kSwitches] = 1;
-      s.scalar[kHistory] = static_cast<typename System::Real>(__builtin_huge_valf());
+      s.scalar[kWait] = 1;
+      s.scalar[kSeen] = static_cast<typename System::Real>(__builtin_huge_valf());
     });
   }
 
@@ -49,10 +49,10 @@ struct Subspace {
     const Real best = s.scalar[kBestResidual];
     const Real last = s.scalar[kLastResidual];
     const Real age = s.scalar[kAge] + Real(1);
-    const Real wait = s.scalar[kSwitches];
+    const Real wait = s.scalar[kWait];
     // An iterate within the goal is looked at first, but only once: if it was not good enough, its estimate is.
-    const auto is_open = or_(best > goal, best == s.scalar[kHistory]);
-    const auto is_small = s.scalar[kRung] <= Real(kMostRows);
+    const auto is_open = or_(best > goal, best == s.scalar[kSeen]);
+    const auto is_small = s.scalar[kOwnRows] <= Real(kMostRows);
     auto leaps = and_(and_(due, age >= wait), and_(is_small, and_(is_open, finite_(last))));
     block.sync();
     Real taken(0);
@@ -63,15 +63,12 @@ struct Subspace {
         kept_x[i] = s.x[i];
         kept_y[i] = s.y[i];
       });
-      // Where nothing slides the problem is linear, and a leap the end of it. Newton's method on what slides has to be
-      // worth more than the sweeps it costs.
-      const Real sliding = find_zones<kLaw>(block, s);
-      const auto is_linear = sliding == Real(0);
-      if constexpr (kLaw == Law::coulomb) {
-        leaps = and_(leaps, is_linear);
-      }
+      // What slides by Coulomb's law has an asymmetric matrix.
+      const Real sliding = find_zones(block, s);
+      if constexpr (kLaw == Law::coulomb) leaps = and_(leaps, sliding == Real(0));
       taken = any(leaps) ? take_leap<kLaw>(block, s, leaps, last) : Real(0);
       const auto gains = taken > Real(0);
+      // npgs starts anew from there.
       const auto x_before = s.vector(0);
       const auto y_before = s.vector(1);
       for_each(block, s.n, [&](Index i) {
@@ -85,9 +82,9 @@ struct Subspace {
     single(block, [&] {
       s.scalar[kTheta] = select(gains, Real(1), s.scalar[kTheta]);
       s.scalar[kProgress] = select(gains, Real(__builtin_huge_valf()), s.scalar[kProgress]);
-      s.scalar[kSwitches] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
+      s.scalar[kWait] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
       s.scalar[kAge] = select(leaps, Real(0), age);
-      s.scalar[kHistory] = s.scalar[kBestResidual];
+      s.scalar[kSeen] = s.scalar[kBestResidual];
     });
   }
   /// Other forms of systems are swept alone.
@@ -95,8 +92,13 @@ struct Subspace {
   static STICTION_HD void leap(B&, System&, Mask<typename System::Real>, typename System::Real) {}
 
  private:
-  /// Largest environment for which a factorisation is worth its while.
-  static constexpr Index kMostRows = 64;
+  /// Largest environment that leaps. A factorisation costs what rows / 6 sweeps do, if not more
+  /// (docs/math/subspace.md).
+  static constexpr Index kMostRows = 40;
+  // Scalars that have other names elsewhere.
+  static constexpr Index kOwnRows = kRung;   ///< rows of the environment, without a pack's padding
+  static constexpr Index kWait = kSwitches;  ///< chunks from leap to leap: doubled by each that was not taken
+  static constexpr Index kSeen = kHistory;   ///< smallest residual before this chunk
   /// Of a pivot, relative to the matrix's own diagonal.
   static constexpr float kLeastPivot = 0x1p-20F;
 
@@ -111,8 +113,8 @@ struct Subspace {
     kVectors
   };
 
-  /// Moves x and y, in the lanes of `leaps`, to the solution of the linear problem. Returns 1 in those whose residual is
-  /// below `last` there, and elsewhere 0; these keep `last`.
+  /// Moves x and y, in the lanes of `leaps`, to the solution of the linear problem. Returns 1 in those whose residual
+  /// is below `last` there, and elsewhere 0; these keep `last`.
   template <Law kLaw, Block B, class Real, int kStride>
   static STICTION_HD Real take_leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> leaps, Real last) {
     refresh_motion(block, s);
@@ -133,7 +135,7 @@ struct Subspace {
 
   /// The zone of every cone, and x moved to the point of it that is nearest to where the cone's own step leads.
   /// Returns 1 where some cone slides, else 0.
-  template <Law kLaw, Block B, class Real, int kStride>
+  template <Block B, class Real, int kStride>
   static STICTION_HD Real find_zones(B& block, DenseSystem<Real, kStride>& s) {
     const auto loose = s.vector(kLoose);
     const auto normal = s.vector(kNormal);
