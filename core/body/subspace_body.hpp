@@ -29,7 +29,6 @@ struct Subspace {
     single(block, [&] {
       s.scalar[kAge] = 0;
       s.scalar[kWait] = 1;
-      s.scalar[kSeen] = static_cast<typename System::Real>(__builtin_huge_valf());
     });
   }
 
@@ -43,17 +42,15 @@ struct Subspace {
     Npgs::refresh(block, s, due);
   }
 
-  /// After a chunk whose last iterate has been recorded in the lanes of `due`.
+  /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
+  /// makes no difference: what k iterations lead to must not depend on when somebody means to stop.
   template <Law kLaw, Block B, class Real, int kStride>
-  static STICTION_HD_OUTLINE void leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> due, Real goal) {
-    const Real best = s.scalar[kBestResidual];
+  static STICTION_HD_OUTLINE void leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> due, Real) {
     const Real last = s.scalar[kLastResidual];
     const Real age = s.scalar[kAge] + Real(1);
     const Real wait = s.scalar[kWait];
-    // An iterate within the goal is looked at first, but only once: if it was not good enough, its estimate is.
-    const auto is_open = or_(best > goal, best == s.scalar[kSeen]);
     const auto is_small = s.scalar[kOwnRows] <= Real(kMostRows);
-    auto leaps = and_(and_(due, age >= wait), and_(is_small, and_(is_open, finite_(last))));
+    auto leaps = and_(and_(due, age >= wait), and_(is_small, finite_(last)));
     block.sync();
     Real taken(0);
     if (any(leaps)) {
@@ -84,7 +81,6 @@ struct Subspace {
       s.scalar[kProgress] = select(gains, Real(__builtin_huge_valf()), s.scalar[kProgress]);
       s.scalar[kWait] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
       s.scalar[kAge] = select(leaps, Real(0), age);
-      s.scalar[kSeen] = s.scalar[kBestResidual];
     });
   }
   /// Other forms of systems are swept alone.
@@ -98,7 +94,6 @@ struct Subspace {
   // Scalars that have other names elsewhere.
   static constexpr Index kOwnRows = kRung;   ///< rows of the environment, without a pack's padding
   static constexpr Index kWait = kSwitches;  ///< chunks from leap to leap: doubled by each that was not taken
-  static constexpr Index kSeen = kHistory;   ///< smallest residual before this chunk
   /// Of a pivot, relative to the matrix's own diagonal.
   static constexpr float kLeastPivot = 0x1p-20F;
 
