@@ -119,14 +119,12 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
     if (busy == 0) return;
     Lanes phase(0);
     Lanes left(0);
-    Lanes goal(0);
     for (int l = 0; l < kWidth; ++l) {
       if (!lanes[l].busy) continue;
       phase.v[l] = static_cast<Real>(lanes[l].progress.iterations % kRefreshInterval);
       left.v[l] = static_cast<Real>(lanes[l].rule.max_iterations - lanes[l].progress.iterations);
-      goal.v[l] = static_cast<Real>(lanes[l].rule.tolerance);
     }
-    advance<Method, kLaw>(block, pack, params, phase, left, goal);
+    advance<Method, kLaw>(block, pack, params, phase, left);
     for (Lane& lane : lanes)
       if (lane.busy) {
         const Index remaining = lane.rule.max_iterations - lane.progress.iterations;

@@ -21,16 +21,14 @@ STICTION_HD constexpr Index chunk_of() {
 }
 
 /// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
-/// the lanes of `due`, and whatever else the method does there where the `goal`, the tolerance, is not reached.
+/// the lanes of `due`, and whatever else the method does there.
 template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due,
-                           typename System::Real goal) {
+STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
   if (any(stale)) Method::refresh(block, s, stale);
   if (any(due)) record<Method, kLaw>(block, s, due);
-  if constexpr (requires { Method::template leap<kLaw>(block, s, due, goal); })
-    Method::template leap<kLaw>(block, s, due, goal);
+  if constexpr (requires { Method::template leap<kLaw>(block, s, due); }) Method::template leap<kLaw>(block, s, due);
 }
 
 /// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in
@@ -38,7 +36,7 @@ STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mas
 /// from then on.
 template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                         typename System::Real phase, typename System::Real left, typename System::Real goal) {
+                         typename System::Real phase, typename System::Real left) {
   using Real = typename System::Real;
   for (Index k = 1;; ++k) {
     Method::template iterate<kLaw>(block, s, params);
@@ -47,7 +45,7 @@ STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename
     const auto due = left == Real(0);
     if (any(due)) record<Method, kLaw>(block, s, due);
   }
-  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0), goal);
+  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0));
 }
 
 /// The next chunk of one environment, of which `progress` says how far it is.
@@ -56,7 +54,7 @@ STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& pa
                                EnvProgress<Real>& progress) {
   const Index left = rule.max_iterations - progress.iterations;
   advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
-                        static_cast<Real>(left), static_cast<Real>(rule.tolerance));
+                        static_cast<Real>(left));
   progress.iterations += left < chunk_of<Method>() ? left : chunk_of<Method>();
 }
 

@@ -45,7 +45,7 @@ struct Subspace {
   /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
   /// makes no difference: what k iterations lead to must not depend on when somebody means to stop.
   template <Law kLaw, Block B, class Real, int kStride>
-  static STICTION_HD_OUTLINE void leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> due, Real) {
+  static STICTION_HD_OUTLINE void leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];
     const Real age = s.scalar[kAge] + Real(1);
     const Real wait = s.scalar[kWait];
@@ -85,7 +85,7 @@ struct Subspace {
   }
   /// Other forms of systems are swept alone.
   template <Law kLaw, Block B, class System>
-  static STICTION_HD void leap(B&, System&, Mask<typename System::Real>, typename System::Real) {}
+  static STICTION_HD void leap(B&, System&, Mask<typename System::Real>) {}
 
  private:
   /// Largest environment that leaps. A factorisation costs what rows / 6 sweeps do, if not more

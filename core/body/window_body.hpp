@@ -54,8 +54,7 @@ STICTION_HD void advance_chunk(SerialBlock& block, DenseSystem<Real, kStride>& s
   } else {
     iterate_in_window<Method, kLaw, kLargeWindow>(s, params);
   }
-  end_chunk<Method, kLaw>(block, s, static_cast<Real>(progress.iterations % kRefreshInterval), true,
-                          static_cast<Real>(rule.tolerance));
+  end_chunk<Method, kLaw>(block, s, static_cast<Real>(progress.iterations % kRefreshInterval), true);
   progress.iterations += kChunk;
 }
 
