@@ -24,7 +24,7 @@ import tempfile
 import h5py
 import numpy as np
 
-SOLVERS = ["pgs", "npgs", "nsgs", "jacobi", "apgd", "admm", "newton", "ipm", "lemke", "auto"]
+SOLVERS = ["pgs", "npgs", "subspace", "nsgs", "jacobi", "apgd", "admm", "newton", "ipm", "lemke", "auto"]
 GOALS, PROFILED = "f64:1e-3,f64:1e-6,f64:1e-8,f32:1e-3", "f64:1e-6"
 # The judge reads the numbers as written; the solver's residual is the same up to rounding.
 SLACK = 1.02

@@ -116,10 +116,11 @@ SolverKind solver_of(const char* field, std::int32_t value) {
        STICTION_SAME(STICTION_SOLVER_NSGS, SolverKind::nsgs), STICTION_SAME(STICTION_SOLVER_ADMM, SolverKind::admm),
        STICTION_SAME(STICTION_SOLVER_NEWTON, SolverKind::newton),
        STICTION_SAME(STICTION_SOLVER_LEMKE, SolverKind::lemke), STICTION_SAME(STICTION_SOLVER_IPM, SolverKind::ipm),
+       STICTION_SAME(STICTION_SOLVER_SUBSPACE, SolverKind::subspace),
        STICTION_SAME(STICTION_SOLVER_MULTIGRID, SolverKind::multigrid),
        STICTION_SAME(STICTION_SOLVER_AUTO, SolverKind::automatic)});
 }
-static_assert(kSolverKindCount == 9);
+static_assert(kSolverKindCount == 10);
 
 InvalidPolicy invalid_of(const char* field, std::int32_t value) {
   return checked_as<InvalidPolicy>(field, value,

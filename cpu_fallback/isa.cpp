@@ -28,6 +28,7 @@ namespace isa_avx512 {
 cpu::KernelSet npgs_kernels();
 cpu::KernelSet pgs_kernels();
 cpu::BodyKernelSet si_kernels();
+cpu::KernelSet subspace_kernels();
 }  // namespace isa_avx512
 #endif
 
@@ -45,6 +46,7 @@ bool has_avx512() {
 KernelSet avx512_kernels(SolverKind solver) {
   if (solver == SolverKind::npgs) return isa_avx512::npgs_kernels();
   if (solver == SolverKind::pgs) return isa_avx512::pgs_kernels();
+  if (solver == SolverKind::subspace) return isa_avx512::subspace_kernels();
   return isa_avx2::solver_kernels(solver);
 }
 #endif

@@ -37,7 +37,8 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
-  return 2 * kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::room());
+  return kPackWidth<Real> * (DenseSystem<Real>::elements(slots, Method::room()) +
+                             DenseSystem<Real>::elements(slots, Method::room().to_load()));
 }
 
 /// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
@@ -62,10 +63,10 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   int busy = 0;
   // An environment is loaded where its numbers lie together and then moved into its lane, together with all others that
   // enter at the same time: in a lane every number has a cache line of its own, and each line is visited once.
-  const Offset elements = DenseSystem<Real>::elements(slots, Method::room());
-  Real* const staging = scratch + kWidth * elements;
+  const Offset elements = DenseSystem<Real>::elements(slots, Method::room().to_load());
+  Real* const staging = scratch + kWidth * DenseSystem<Real>::elements(slots, Method::room());
   // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
-  for (Offset i = 0; i < 2 * kWidth * elements; ++i) scratch[i] = Real(0);
+  for (Offset i = 0; i < kWidth * elements; ++i) scratch[i] = staging[i] = Real(0);
 
   for (;;) {
     int entering[kWidth];
@@ -78,7 +79,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
         --busy;
       }
       // The first place is used again and again, so it stays in the nearest cache.
-      DenseSystem<Real> staged(slots, Method::room(), staging + entering_count * elements);
+      DenseSystem<Real> staged(slots, Method::room().to_load(), staging + entering_count * elements);
       while (!lane.busy && next < count) {
         lane.rule = stop_rule(job, envs[next]);
         lane.env = slice_to_load(job, envs[next++]);

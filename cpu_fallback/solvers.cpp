@@ -12,6 +12,7 @@ cpu::KernelSet admm_kernels();
 cpu::KernelSet newton_kernels();
 cpu::KernelSet lemke_kernels();
 cpu::KernelSet ipm_kernels();
+cpu::KernelSet subspace_kernels();
 
 cpu::KernelSet solver_kernels(SolverKind solver) {
   switch (solver) {
@@ -33,6 +34,8 @@ cpu::KernelSet solver_kernels(SolverKind solver) {
       return lemke_kernels();
     case SolverKind::ipm:
       return ipm_kernels();
+    case SolverKind::subspace:
+      return subspace_kernels();
     case SolverKind::multigrid:
     case SolverKind::automatic:
       break;

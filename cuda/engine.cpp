@@ -178,8 +178,8 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
     const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
-    const MethodRoom method = is_bundle(size_class) ? MethodRoom{room.method.vectors} : room.method;
-    elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows;
+    const MethodRoom method = is_bundle(size_class) ? room.method.in_bundles() : room.method;
+    elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
   }
   // Even, so that doubles in it are aligned.
   elements += elements % 2;

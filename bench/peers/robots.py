@@ -7,7 +7,7 @@
 
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
 DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. The environments of a file are repeated until there are
---envs. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs and newton, f32 and f64,
+--envs. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
 one call for all environments. Three forms say what both sides are given, and so what is timed:
 
     matrix     A. stiction solves; MuJoCo too (mj_fwdConstraint), whose Newton and CG know J and M's factor instead
@@ -49,7 +49,7 @@ THEIR_LADDER = [10.0**-k for k in range(1, 17)]
 OUR_LADDER = [1, 0.3, 0.1, 0.01]  # times the goal
 SHARE, CHANGE, SLOWER = 0.95, 0.05, 3
 FORMS = ("matrix", "factor", "jacobian")
-OURS = [(solver, precision) for solver in ("auto", "npgs", "newton") for precision in ("f64", "f32")]
+OURS = [(solver, precision) for solver in ("auto", "npgs", "subspace", "newton") for precision in ("f64", "f32")]
 COLUMNS = ["robot", "environments", "rows", "dofs", "start", "goal", "form", "solver", "precision", "us", "residual_p95", "peer",
            "peer_tolerance", "peer_us", "peer_residual_p95", "ratio_q1", "ratio", "ratio_q3", "turns"]
 

@@ -47,6 +47,7 @@ typedef enum stiction_solver_kind {
   STICTION_SOLVER_NEWTON = 6,
   STICTION_SOLVER_LEMKE = 7,
   STICTION_SOLVER_IPM = 8,
+  STICTION_SOLVER_SUBSPACE = 9,
   STICTION_SOLVER_MULTIGRID = 254, /**< of bodies alone, in status records */
   STICTION_SOLVER_AUTO = 255       /**< chosen for each environment; its status says who answered */
 } stiction_solver_kind;

@@ -17,7 +17,7 @@ struct Rung {
 /// region of convergence, and from where they came to rest Newton's method with patience.
 inline constexpr int kLadderRungs = 8;
 STICTION_HD constexpr Rung ladder_rung(int rung) {
-  constexpr Rung kLadder[kLadderRungs] = {{SolverKind::npgs, 512, 1.0},
+  constexpr Rung kLadder[kLadderRungs] = {{SolverKind::subspace, 512, 1.0},
                                           {SolverKind::admm, 256, 1.0},
                                           {SolverKind::newton, 64, 1.0},
                                           {SolverKind::ipm, 128, 1.0},

@@ -19,6 +19,7 @@ struct MethodRoom {
   Index matrices = 0;               ///< of n x n doubles, for environments of at most direct_rows rows
   Index instead = 0;                ///< of n doubles, for larger ones; 0: the method has no other way
   Index direct_rows = kDirectRows;  ///< no less than dense systems have rows
+  Index squares = 0;                ///< of n x n numbers of Real beside a dense system: for lanes of packs, too
 
   /// Whether an environment of n rows gets the matrices.
   [[nodiscard]] STICTION_HD constexpr bool has_matrices(Offset n) const { return n <= direct_rows; }
@@ -31,6 +32,21 @@ struct MethodRoom {
   [[nodiscard]] STICTION_HD constexpr Offset double_elements(Offset n) const {
     return doubles(n) * static_cast<Offset>((sizeof(double) + sizeof(Real) - 1) / sizeof(Real));
   }
+  /// Numbers of Real for the squares of a dense system of n rows.
+  [[nodiscard]] STICTION_HD constexpr Offset square_elements(Offset n) const { return squares * n * n; }
+  /// The same room without what no loading touches.
+  [[nodiscard]] STICTION_HD constexpr MethodRoom to_load() const {
+    MethodRoom room = *this;
+    room.squares = 0;
+    return room;
+  }
+  /// The same room for lanes each of which has an environment: no doubles.
+  [[nodiscard]] STICTION_HD constexpr MethodRoom in_bundles() const {
+    MethodRoom room;
+    room.vectors = vectors;
+    room.squares = squares;
+    return room;
+  }
   /// The same with matrices for environments of up to `rows` rows.
   [[nodiscard]] STICTION_HD constexpr MethodRoom up_to(Index rows) const {
     MethodRoom room = *this;
@@ -41,9 +57,12 @@ struct MethodRoom {
   [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return wide > 0 || matrices > 0; }
   /// What is enough for either of two methods.
   [[nodiscard]] STICTION_HD constexpr MethodRoom joined(const MethodRoom& other) const {
-    return {vectors > other.vectors ? vectors : other.vectors, wide > other.wide ? wide : other.wide,
-            matrices > other.matrices ? matrices : other.matrices, instead > other.instead ? instead : other.instead,
-            direct_rows > other.direct_rows ? direct_rows : other.direct_rows};
+    return {vectors > other.vectors ? vectors : other.vectors,
+            wide > other.wide ? wide : other.wide,
+            matrices > other.matrices ? matrices : other.matrices,
+            instead > other.instead ? instead : other.instead,
+            direct_rows > other.direct_rows ? direct_rows : other.direct_rows,
+            squares > other.squares ? squares : other.squares};
   }
   friend constexpr bool operator==(const MethodRoom&, const MethodRoom&) = default;
 };

@@ -67,7 +67,7 @@ STICTION_HD void begin_climb(B& block, const EnvView<Real>& env) {
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (seen.is_pivots && solver != SolverKind::lemke) return false;
-  if (solver == SolverKind::npgs || solver == SolverKind::apgd) return true;
+  if (solver == SolverKind::subspace || solver == SolverKind::npgs || solver == SolverKind::apgd) return true;
   if (seen.rows > kDirectRows) return false;
   return solver != SolverKind::lemke || seen.friction_cones == 0;
 }

@@ -22,15 +22,18 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   Index n = 0;               ///< rows laid out
   Index cones = 0;           ///< cones laid out
   Strided<Real, kStride> A;  ///< A + diag R in the solver's coordinates, column-major  (n * n)
+  Strided<Real, kStride> K;  ///< the method's own matrix, where it has one             (n * n)
 
   static Offset elements(const ConeCounts& counts, const MethodRoom& room) {
     const Offset rows = row_count(counts);
-    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), room) + rows * rows;
+    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), room) + rows * rows +
+           room.square_elements(rows);
   }
 
   STICTION_HD DenseSystem(const ConeCounts& layout, const MethodRoom& room, Real* memory)
       : counts(layout), n(row_count(layout)), cones(cone_count(layout)) {
     A = this->carve({this->carve_wide(memory, n, room)}, n, cones, room);
+    K = A.from(Offset{n} * n);
   }
 
   /// Entry (i, j) of the block of the cone at `row`.

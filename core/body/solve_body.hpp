@@ -20,14 +20,15 @@ STICTION_HD constexpr Index chunk_of() {
   }
 }
 
-/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, and the iterate
-/// recorded in the lanes of `due`.
+/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
+/// the lanes of `due`, and whatever else the method does there.
 template <class Method, Law kLaw, Block B, class System>
 STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
   if (any(stale)) Method::refresh(block, s, stale);
   if (any(due)) record<Method, kLaw>(block, s, due);
+  if constexpr (requires { Method::template leap<kLaw>(block, s, due); }) Method::template leap<kLaw>(block, s, due);
 }
 
 /// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in

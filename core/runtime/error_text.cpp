@@ -82,6 +82,8 @@ const char* to_string(SolverKind solver) noexcept {
       return "lemke";
     case SolverKind::ipm:
       return "ipm";
+    case SolverKind::subspace:
+      return "subspace";
     case SolverKind::multigrid:
       return "multigrid";
     case SolverKind::automatic:

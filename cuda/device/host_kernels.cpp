@@ -13,6 +13,7 @@ SolverKernels host_admm_kernels();
 SolverKernels host_newton_kernels();
 SolverKernels host_lemke_kernels();
 SolverKernels host_ipm_kernels();
+SolverKernels host_subspace_kernels();
 BodyKernels host_body_kernels();
 WorldKernels host_world_kernels(Precision precision);
 NewtonBodyKernels host_newton_body_kernels();
@@ -20,7 +21,7 @@ NewtonBodyKernels host_newton_body_kernels();
 const KernelCatalogue& host_kernels() {
   static const KernelCatalogue catalogue{
       {host_pgs_kernels(), host_npgs_kernels(), host_jacobi_kernels(), host_apgd_kernels(), host_nsgs_kernels(),
-       host_admm_kernels(), host_newton_kernels(), host_lemke_kernels(), host_ipm_kernels()},
+       host_admm_kernels(), host_newton_kernels(), host_lemke_kernels(), host_ipm_kernels(), host_subspace_kernels()},
       {host_kernel<AnswerSettled<float>>("answer_settled"), host_kernel<AnswerSettled<double>>("answer_settled")},
       {host_kernel<ChooseEnvironments<float>>("choose"), host_kernel<ChooseEnvironments<double>>("choose")},
       plan_kernels<MakeHostKernel>(),

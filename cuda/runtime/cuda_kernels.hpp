@@ -19,6 +19,7 @@ SolverKernels cuda_admm_kernels();
 SolverKernels cuda_newton_kernels();
 SolverKernels cuda_lemke_kernels();
 SolverKernels cuda_ipm_kernels();
+SolverKernels cuda_subspace_kernels();
 PlanKernels cuda_plan_kernels();
 KernelRef cuda_settled_kernel(Precision precision);
 KernelRef cuda_choose_kernel(Precision precision);

@@ -99,8 +99,8 @@ class Solver(Machine):
 
     device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated": the GPU's programs run
         by the CPU, for tests; its device memory is any memory of the process.
-    solver: "auto" (the default: one for each environment, and the next where it falls short), "npgs", "pgs", "apgd",
-        "nsgs", "jacobi", "admm", "newton", "ipm", "lemke". For bodies: "pgs" (sequential impulses), "newton" or
+    solver: "auto" (the default: one for each environment, and the next where it falls short), "npgs", "subspace",
+        "pgs", "apgd", "nsgs", "jacobi", "admm", "newton", "ipm", "lemke". For bodies: "pgs" (sequential impulses), "newton" or
         "multigrid" (Newton's method with that preconditioner); any other name: sequential impulses with momentum.
     law: "convex" or "coulomb" instead of the batch's.
     tolerance: on the relative residual [-], 1e-4 if not given; 0: all iterations. max_iterations: 1000 if not given.

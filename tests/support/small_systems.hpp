@@ -85,12 +85,12 @@ inline SolverOptions options(SolverKind solver, double tolerance, Index max_iter
 }
 
 /// Those that iterate with cheap iterations and take every environment.
-inline constexpr SolverKind kAllSolvers[] = {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd,
-                                             SolverKind::nsgs};
+inline constexpr SolverKind kAllSolvers[] = {SolverKind::pgs,  SolverKind::npgs, SolverKind::jacobi,
+                                             SolverKind::apgd, SolverKind::nsgs, SolverKind::subspace};
 /// Those that answer at all, the ones that factorise included.
-inline constexpr SolverKind kEverySolver[] = {SolverKind::pgs,    SolverKind::npgs,  SolverKind::jacobi,
-                                              SolverKind::apgd,   SolverKind::nsgs,  SolverKind::admm,
-                                              SolverKind::newton, SolverKind::lemke, SolverKind::ipm};
+inline constexpr SolverKind kEverySolver[] = {
+    SolverKind::pgs,  SolverKind::npgs,   SolverKind::jacobi, SolverKind::apgd, SolverKind::nsgs,
+    SolverKind::admm, SolverKind::newton, SolverKind::lemke,  SolverKind::ipm,  SolverKind::subspace};
 inline constexpr Law kBothLaws[] = {Law::convex, Law::coulomb};
 
 /// "npgs, coulomb", for SCOPED_TRACE.

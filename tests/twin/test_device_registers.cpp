@@ -161,7 +161,7 @@ TEST(DeviceRegisters, batches_of_small_environments_have_the_cpus_bits) {
   const ContactBatch<float> batch = small_batch();
   const Capacity need = Capacity::of(batch.view());
   bool overflowed = false;
-  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs})
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::subspace})
     for (const Law law : kBothLaws)
       for (const Index limit : {1, 3, 4, 6, 90}) {
         SolverOptions wanted = options(solver, limit == 90 ? 1e-6 : 0, limit);

@@ -60,7 +60,8 @@ TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
     EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
     EXPECT_STREQ(
         error.what(),
-        "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm");
+        "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm, "
+        "subspace");
   }
 }
 

@@ -1,0 +1,11 @@
+#include "core/body/subspace_body.hpp"
+
+#include "cpu_fallback/pack_driver.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+cpu::KernelSet subspace_kernels() {
+  return kernel_set<Subspace>();
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,11 @@
+#include "core/body/subspace_body.hpp"
+
+#include "cuda/runtime/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+SolverKernels cuda_subspace_kernels() {
+  return solver_kernels<MakeCudaKernel, Subspace>();
+}
+
+}  // namespace stiction::cuda
