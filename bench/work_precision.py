@@ -23,8 +23,8 @@ from table import read
 
 COLUMNS = ["scene", "environments", "rows", "solver", "law", "precision", "tolerance", "residual_median", "residual_worst",
            "us_per_env", "iterations_median", "iterations_max", "unsolved", "repeats", "note"]
-COLOURS = dict(zip(SOLVERS, ["tab:blue", "tab:cyan", "tab:olive", "tab:gray", "tab:green", "tab:orange", "tab:red",
-                             "tab:purple", "tab:brown", "black"]))
+COLOURS = dict(zip(SOLVERS, ["tab:blue", "tab:cyan", "tab:pink", "tab:olive", "tab:gray", "tab:green", "tab:orange", "tab:red",
+                             "tab:purple", "tab:brown", "black"], strict=True))
 NO_FRICTION = {"column of 100"}  # where laws are the same, and which lemke takes as it is
 LARGE = {"chain of 100 links", "wall 5 x 5"}  # in f64 under the file's law only: minutes for each solver
 SLACK = 1.02
