@@ -10,8 +10,9 @@ rows, d degrees of freedom:
              four sums). Bytes: Y twice (for u, and at the cone, whose three rows stay near while they are used again), b and R
              read, x read and written
     bodies   a cone from its two bodies' twists, its step pushed back into them (core/body/bodies/si_sweep.hpp). Operations: see
-             CONTACT. Bytes: 16 numbers of a contact and two integers read, x read and written, of every body 7 numbers read and
-             6 read and written; bodies are counted once, though each contact asks for two
+             CONTACT. Bytes, in packs (body_pack.hpp): 16 numbers of a contact, its tangents and two sides as wide as numbers
+             read, x read and written, of every body 7 numbers read and 6 read and written; bodies are counted once, though
+             each contact asks for two. Lanes push the same bodies, so no masses are kept by contact
 
 npgs adds per row 3 operations for x and 3 for y (x += beta (x - before)) and reads and writes both before. Bytes are compulsory
 traffic: what must come from where the environment (or the pack of environments in lock-step) lies when nothing is kept nearer
@@ -26,9 +27,9 @@ REFRESH = 16  # sweeps between two times that y is computed afresh (kRefreshInte
 # Then x of three rows 3, size of the step 1.
 STEP = 4 + 11 + 7 + 4
 
-# Tangents of the normal 13; relative velocity 12 + 12 + 3; motion of the rows 8 + 9 + 9; the step; impulse in the world's axes
+# Relative velocity 12 + 12 + 3; motion of the rows 8 + 9 + 9; the step; impulse in the world's axes
 # 2 + 15; a body's answer 9 (arm x impulse) + 6 (linear) + 18 (angular), for two.
-CONTACT = 13 + 27 + 26 + STEP + 17 + 2 * 33
+CONTACT = 27 + 26 + STEP + 17 + 2 * 33
 
 
 @dataclasses.dataclass
@@ -53,4 +54,4 @@ def of_factor(contacts, dofs, size):
 
 
 def of_bodies(contacts, bodies, size):
-    return Sweep(CONTACT * contacts, size * (22 * contacts + 19 * bodies) + 8 * contacts)
+    return Sweep(CONTACT * contacts, size * (30 * contacts + 19 * bodies))

@@ -9,7 +9,7 @@ Operations and bytes of a sweep are counted from its formulas, not measured (cou
 sweeps less a call of few, at tolerance 0, processor time of one thread, so loading, checking and the answer cancel out.
 
 kernels   pgs and npgs on a full A (packs of environments side by side as far as 128 rows), pgs on a factor Y of 22 degrees of
-          freedom, and sequential impulses on bodies (one environment at a time), f32 and f64
+          freedom, and sequential impulses on bodies (packs), f32 and f64
 problems  all contacts stick and carry, under matrices whose spectra sweeps take long to go through (matrix, factor), or a stack
           of boxes (bodies): what does not move pushes nothing, and would be counted all the same
 batches   `near` takes half of the second cache, `far` four times all of it. A solver takes one environment or pack after
@@ -148,15 +148,15 @@ class Case:
         self.solver, self.precision, self.contacts, self.where = solver, precision, contacts, where
         self.kernel = {"matrix": solver, "factor": f"{solver}, factor", "bodies": "si, bodies"}[form]
         size, rows, lanes = np.dtype(PRECISION[precision]).itemsize, 3 * contacts, 1
+        width = yardstick.vector // size
         if form == "matrix":
             self.sweep, own = counts.of_matrix(contacts, size, solver == "npgs"), size * rows**2
-            width = yardstick.vector // size
             lanes = width if own * width <= LARGEST_PACK else 1
         elif form == "factor":
             self.sweep, own = counts.of_factor(contacts, DOFS, size), size * rows * DOFS
         else:
             boxes = -(-contacts // 4)
-            self.sweep, own = counts.of_bodies(contacts, boxes, size), size * (22 * contacts + 19 * boxes)
+            self.sweep, own, lanes = counts.of_bodies(contacts, boxes, size), size * (22 * contacts + 19 * boxes), width
         self.set, self.one_lane = lanes * self.sweep.bytes, lanes == 1
         self.level = yardstick.level(self.set)
         room = yardstick.levels["L2"] * (0.5 if where == "near" else 4)

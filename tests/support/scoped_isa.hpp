@@ -11,7 +11,8 @@ namespace stiction::test {
 
 inline constexpr const char* kIsaNames[] = {"baseline", "avx2", "avx512"};
 
-/// Asks for one build of the kernels while it lives; best_isa() reads the variable at every solve.
+/// Asks for one build of the kernels while it lives, of solvers that are made then: best_isa() reads the variable, a
+/// Solver when it is constructed, bodies, Jacobians and worlds at every solve.
 class ScopedIsa {
  public:
   explicit ScopedIsa(const char* name) {

@@ -136,6 +136,7 @@ class Counts(unittest.TestCase):
         b = n[0] * n[1] * a
         first = vector(minus + sign * n[0] * n[0] * a, sign * b, sign * n[0])
         second = vector(b, sign + n[1] * n[1] * a, n[1])
+        Counting.done = 0  # a pack keeps its tangents
         u = (twists[1, :3] + cross(twists[1, 3:], arms[1])) - (twists[0, :3] + cross(twists[0, 3:], arms[0]))
         y = [dot(u, n) + bias + compliance * x[0]]
         y += [mu * (dot(u, t) + compliance * (mu * x[k])) for k, t in ((1, first), (2, second))]
