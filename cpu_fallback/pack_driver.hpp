@@ -1,5 +1,9 @@
 #pragma once
 
+#include <array>
+#include <utility>
+
+#include "core/body/lane_body.hpp"
 #include "core/body/solve_body.hpp"
 #include "cpu_fallback/job.hpp"
 #include "cpu_fallback/pack_width.hpp"
@@ -29,7 +33,7 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
   const auto ask = [](const auto* first, Offset count) {
     const auto* byte = reinterpret_cast<const char*>(first);
     const Offset bytes = count * static_cast<Offset>(sizeof(*first));
-    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 2);
+    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 3);
   };
   ask(view.A + view.row_offsets[0], view.entry_span());
   ask(view.columns(0), view.entry_span());
@@ -37,83 +41,111 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
-  return kPackWidth<Real> * (DenseSystem<Real>::elements(slots, Method::room()) +
-                             DenseSystem<Real>::elements(slots, Method::room().to_load()));
+  return kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::room()) +
+         LaneRows<Real>::elements(row_count(slots), kPackWidth<Real>);
 }
 
-/// Environments enter and leave lanes at chunk boundaries: a lane that has finished takes the next environment of the
-/// run at once, so the vector stays full until the run ends. Every environment starts at a chunk boundary with its own
-/// count of iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
+/// One lane of a pack, as an environment's own system.
+template <class Real>
+using Lane = DenseSystem<Real, kPackWidth<Real>>;
+template <class Real, int... kLanes>
+std::array<Lane<Real>, kPackWidth<Real>> lanes_of(const ConeCounts& slots, const MethodRoom& room, Real* memory,
+                                                  std::integer_sequence<int, kLanes...>) {
+  return {Lane<Real>(slots, room, memory + kLanes)...};
+}
+
+/// The lanes that an environment is entering, as numbers are compared.
+template <class Real, int W>
+Mask<Pack<Real, W>> mask_of(const int* lanes, int count) {
+  Pack<Real, W> marked(0);
+  for (int k = 0; k < count; ++k) marked.v[lanes[k]] = Real(1);
+  return marked > Pack<Real, W>(0);
+}
+
+/// Environments enter and leave lanes at chunk boundaries, so the vector stays nearly full until the run ends. Every
+/// environment starts at a chunk boundary with its own count of iterations, so what it computes does not depend on its
+/// lane, its neighbours or the moment it entered.
 template <class Method, Law kLaw, class Real>
 void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
   constexpr int kWidth = kPackWidth<Real>;
+  // Much of entering is done in all lanes whoever enters: lanes that become free wait until so many are.
+  constexpr int kTogether = kWidth > 2 ? kWidth * 3 / 8 : 1;
   using Lanes = Pack<Real, kWidth>;
   const MethodParams<Real> params{job.omega, job.is_rung()};
   SerialBlock block;
   DenseSystem<Lanes> pack(slots, Method::room(), reinterpret_cast<Lanes*>(scratch));
+  const Offset elements = kWidth * DenseSystem<Real>::elements(slots, Method::room());
+  // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
+  for (Offset i = 0; i < elements; ++i) scratch[i] = Real(0);
 
-  struct Lane {
+  struct Guest {
     EnvView<Real> env;
     StopRule rule;
     EnvProgress<Real> progress;
     bool busy = false;
+    bool was_here = false;  ///< the lane's padding is that of env.counts
   };
-  Lane lanes[kWidth];
+  Guest guests[kWidth];
   Offset next = 0;
   int busy = 0;
-  // An environment is loaded where its numbers lie together and then moved into its lane, together with all others that
-  // enter at the same time: in a lane every number has a cache line of its own, and each line is visited once.
-  const Offset elements = DenseSystem<Real>::elements(slots, Method::room().to_load());
-  Real* const staging = scratch + kWidth * DenseSystem<Real>::elements(slots, Method::room());
-  // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
-  for (Offset i = 0; i < kWidth * elements; ++i) scratch[i] = staging[i] = Real(0);
+  auto lanes = lanes_of<Real>(slots, Method::room(), scratch, std::make_integer_sequence<int, kWidth>{});
+  /// The next environment that can be solved enters lane l as number k of those that enter with it, or none does.
+  const auto enter = [&](int l, int k) {
+    const LaneRows<Real> rows(scratch + elements, pack.n, kWidth, k);
+    Guest& guest = guests[l];
+    Lane<Real>& system = lanes[l];
+    const LoadRules rules = load_rules<Method>(kLaw, system);
+    while (next < count) {
+      const EnvView<Real> env = slice_to_load(job, envs[next]);
+      guest.rule = stop_rule(job, envs[next]);
+      const bool is_laid_out = !guest.was_here || guest.env.counts == env.counts;
+      guest.env = env;
+      guest.was_here = true;
+      guest.progress = EnvProgress<Real>{};
+      if (++next < count) prefetch(job, envs[next]);
+      guest.progress.flags = load_lane(env, system, rules, is_laid_out, rows) | unsupported_flags<Method>(system);
+      if (is_solvable(guest.progress.flags)) return true;
+      refuse(block, env, Method::kKind, guest.progress.flags);
+    }
+    return false;
+  };
 
   for (;;) {
-    int entering[kWidth];
-    int entering_count = 0;
     for (int l = 0; l < kWidth; ++l) {
-      Lane& lane = lanes[l];
-      const DenseSystem<Real, kWidth> system(slots, Method::room(), scratch + l);
-      if (lane.busy && settle<Method>(block, lane.env, system, lane.rule, lane.progress)) {
-        lane.busy = false;
+      Guest& guest = guests[l];
+      if (guest.busy && settle<Method>(block, guest.env, lanes[l], guest.rule, guest.progress)) {
+        guest.busy = false;
         --busy;
       }
-      // The first place is used again and again, so it stays in the nearest cache.
-      DenseSystem<Real> staged(slots, Method::room().to_load(), staging + entering_count * elements);
-      while (!lane.busy && next < count) {
-        lane.rule = stop_rule(job, envs[next]);
-        lane.env = slice_to_load(job, envs[next++]);
-        if (next < count) prefetch(job, envs[next]);
-        lane.progress = EnvProgress<Real>{};
-        lane.progress.flags = prepare<Method, kLaw>(block, lane.env, staged);
-        if (!is_solvable(lane.progress.flags)) {
-          refuse(block, lane.env, Method::kKind, lane.progress.flags);
-        } else if (!settle<Method>(block, lane.env, staged, lane.rule, lane.progress)) {
-          lane.busy = true;
-          ++busy;
-          entering[entering_count++] = l;
-        }
+    }
+    while (next < count && busy <= kWidth - kTogether) {
+      int entering[kWidth];
+      int entering_count = 0;
+      for (int l = 0; l < kWidth; ++l)
+        if (!guests[l].busy && enter(l, entering_count)) entering[entering_count++] = l;
+      deal_matrices<Real, kWidth>(scratch + elements, entering, entering_count, pack.n, lanes[0].A.data);
+      begin_lanes<Method, kLaw>(pack, mask_of<Real, kWidth>(entering, entering_count));
+      for (int k = 0; k < entering_count; ++k) {
+        Guest& guest = guests[entering[k]];
+        Lane<Real>& system = lanes[entering[k]];
+        start_method<Method, kLaw>(block, guest.env, system);
+        guest.busy = !settle<Method>(block, guest.env, system, guest.rule, guest.progress);
+        busy += guest.busy ? 1 : 0;
       }
     }
-    if (entering_count > 0)
-      for (Offset i = 0; i < elements; ++i)
-        for (int k = 0; k < entering_count; ++k) {
-          const int l = entering[k];
-          scratch[i * kWidth + l] = staging[k * elements + i];
-        }
     if (busy == 0) return;
     Lanes phase(0);
     Lanes left(0);
     for (int l = 0; l < kWidth; ++l) {
-      if (!lanes[l].busy) continue;
-      phase.v[l] = static_cast<Real>(lanes[l].progress.iterations % kRefreshInterval);
-      left.v[l] = static_cast<Real>(lanes[l].rule.max_iterations - lanes[l].progress.iterations);
+      if (!guests[l].busy) continue;
+      phase.v[l] = static_cast<Real>(guests[l].progress.iterations % kRefreshInterval);
+      left.v[l] = static_cast<Real>(guests[l].rule.max_iterations - guests[l].progress.iterations);
     }
     advance<Method, kLaw>(block, pack, params, phase, left);
-    for (Lane& lane : lanes)
-      if (lane.busy) {
-        const Index remaining = lane.rule.max_iterations - lane.progress.iterations;
-        lane.progress.iterations += remaining < kChunk ? remaining : kChunk;
+    for (Guest& guest : guests)
+      if (guest.busy) {
+        const Index remaining = guest.rule.max_iterations - guest.progress.iterations;
+        guest.progress.iterations += remaining < kChunk ? remaining : kChunk;
       }
   }
 }
@@ -151,7 +183,11 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 
 template <class Method, Law kLaw, class Real>
 cpu::Kernels<Real> kernels() {
-  cpu::Kernels<Real> table{1, nullptr, one_elements<Method, kLaw, Real>, nullptr, solve_one<Method, kLaw, Real>};
+  cpu::Kernels<Real> table{1, nullptr, nullptr, nullptr, nullptr};
+  if constexpr (!kPacksAlone) {
+    table.one_elements = one_elements<Method, kLaw, Real>;
+    table.solve_one = solve_one<Method, kLaw, Real>;
+  }
   constexpr bool kPacks = 1 < kPackWidth<Real> && !Method::room().is_direct();
   if constexpr (kPacks) {
     table.pack_width = kPackWidth<Real>;

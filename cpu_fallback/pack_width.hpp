@@ -17,6 +17,13 @@ inline constexpr int kVectorBytes = 16;
 inline constexpr int kVectorBytes = 0;
 #endif
 
+/// Whether this build has kernels for packs alone: a CPU that runs it takes all others from a narrower one.
+#if defined(STICTION_PACKS_ALONE)
+inline constexpr bool kPacksAlone = true;
+#else
+inline constexpr bool kPacksAlone = false;
+#endif
+
 /// Numbers that a vector of this instruction set holds.
 template <class Real>
 inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));

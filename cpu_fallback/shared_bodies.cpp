@@ -2,6 +2,12 @@
 
 namespace stiction::inline STICTION_ISA {
 
+// Packs load their lanes themselves.
+#if defined(STICTION_PACKS_ALONE)
+template Judgement final_residual(SerialBlock&, const EnvView<float>&, const StoredRows<float>&);
+template Judgement final_residual(SerialBlock&, const EnvView<double>&, const StoredRows<double>&);
+#else
 STICTION_SHARED_BODIES(, SerialBlock)
+#endif
 
 }  // namespace stiction::inline STICTION_ISA

@@ -11,14 +11,12 @@ template <class Real, Law kLaw>
 cpu::BodyKernels<Real> kernels() {
   using Method = BodySweeps<kLaw, Real>;
   using System = typename Method::System;
-  cpu::BodyKernels<Real> table{System::elements,
-                               System::exact_elements,
-                               System::swept_elements,
-                               solve_alone<Method, Real>,
-                               solve_together<Method, Real>,
-                               1,
-                               nullptr,
-                               nullptr};
+  cpu::BodyKernels<Real> table{
+      System::elements, System::exact_elements, System::swept_elements, nullptr, nullptr, 1, nullptr, nullptr};
+  if constexpr (!kPacksAlone) {
+    table.solve_alone = solve_alone<Method, Real>;
+    table.solve_together = solve_together<Method, Real>;
+  }
   if constexpr (1 < kPackWidth<Real>) {
     table.pack_width = kPackWidth<Real>;
     table.pack_elements = BodyPackMemory<kLaw, Real>::elements;

@@ -35,6 +35,18 @@ struct ConeCounts {
   friend constexpr auto operator<=>(const ConeCounts&, const ConeCounts&) = default;
 };
 
+/// The shapes of cones in canonical order: free, unilateral, box, friction of 2, 3, ... 6 rows.
+inline constexpr int kConeShapes = 2 + kMaxConeRows;
+/// Rows of a cone of that shape.
+STICTION_HD constexpr Index shape_rows(int shape) {
+  return shape < 3 ? 1 : shape - 1;
+}
+/// How many cones of it there are.
+STICTION_HD constexpr Index shape_count(const ConeCounts& counts, int shape) {
+  if (shape >= 3) return counts.friction[shape - 1];
+  return shape == 0 ? counts.free : shape == 1 ? counts.unilateral : counts.box;
+}
+
 /// Rows tiled by those cones.
 STICTION_HD constexpr Index row_count(const ConeCounts& counts) {
   Index rows = counts.free + counts.unilateral + counts.box;

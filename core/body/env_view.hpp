@@ -82,11 +82,25 @@ STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
 /// need not look at columns again. For machines whose lanes each have an environment of their own.
 template <class Real>
 STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
-  for (Index row = 0; row < env.n; ++row)
-    if (env.row_offsets[row] - env.row_offsets[0] != Offset{env.n} * row || env.entries(row) != env.n ||
-        !is_run(env, row))
-      return false;
-  return true;
+  const Offset first = env.row_offsets[0];
+  const Offset first_column = env.column_offsets[0];
+  unsigned off = 0;
+  unsigned apart = 0;
+  for (Index row = 0; row < env.n; ++row) {
+    off |= static_cast<unsigned>(env.row_offsets[row] - first != Offset{env.n} * row) |
+           static_cast<unsigned>(env.entries(row) != env.n);
+    apart |= static_cast<unsigned>(env.column_offsets[row] - first_column != Offset{env.n} * row);
+  }
+  if (off != 0 || !is_run(env, 0)) return false;
+  if (apart != 0) {
+    for (Index row = 1; row < env.n; ++row)
+      if (!is_run(env, row)) return false;
+    return true;
+  }
+  // Every row's columns are those of the row before: one loop over all, and nothing left over at the end of each.
+  const Index* const column = env.columns(0);
+  for (Index k = env.n; k < env.n * env.n; ++k) off |= static_cast<unsigned>(column[k] != column[k - env.n]);
+  return off == 0;
 }
 
 /// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.

@@ -17,22 +17,29 @@ struct Inspection {
   Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
 };
 
-/// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A, b and R is finite.
+/// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A is finite.
 template <class Real>
 struct RowScan {
   Real diagonal;
   bool finite;
 };
 
-/// The first loop has no branch on the data, so that it vectorises: this reads every entry of every environment, and on
-/// small systems that costs as much as sweeps do.
+/// Whether all of them are finite. No branch on the data, so that it vectorises: this reads every entry of every
+/// environment, and on small systems that costs as much as sweeps do.
 template <class Real>
-STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
+STICTION_HD bool all_finite(const Real* a, Offset count) {
+  unsigned broken = 0;
+  for (Offset k = 0; k < count; ++k) broken |= static_cast<unsigned>(!finite_(a[k]));
+  return broken == 0;
+}
+
+/// `is_finite`: all of A is known to be.
+template <class Real, class System>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const System&, Index row, bool is_finite) {
   const Offset begin = env.row_offsets[row];
   const Index count = env.entries(row);
   const Real* a = env.A + begin;
-  unsigned broken = 0;
-  for (Index k = 0; k < count; ++k) broken |= static_cast<unsigned>(!finite_(a[k]));
+  const bool finite = is_finite || all_finite(a, count);
   Real diagonal = env.R[row];
   if (row < count && is_run(env, row)) {
     diagonal = diagonal + a[row];
@@ -41,19 +48,14 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, Index row) {
     for (Index k = 0; k < count; ++k)
       if (column[k] == row) diagonal = diagonal + a[k];
   }
-  return {diagonal, broken == 0 && finite_(env.b[row]) && finite_(env.R[row])};
-}
-
-template <class Real, class System>
-STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const System&, Index row) {
-  return scan_row(env, row);
+  return {diagonal, finite};
 }
 
 /// The same of a row of Y.
 template <class Real>
-STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<Real>&, Index row) {
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<Real>&, Index row, bool) {
   const Real* y = env.factor + static_cast<Offset>(row) * env.dofs;
-  bool finite = finite_(env.b[row]) && finite_(env.R[row]);
+  bool finite = true;
   Real diagonal = env.R[row];
   for (Index k = 0; k < env.dofs; ++k) {
     finite = finite && finite_(y[k]);
@@ -63,12 +65,22 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<
 }
 
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
-/// cone's diagonal in the system's trace.
-template <Block B, class Real, class System>
-STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
+/// cone's diagonal in the system's trace, and calls visit(cone, place, k, row of the batch) for row k of every cone.
+template <Block B, class Real, class System, class Visit>
+STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s, Visit&& visit) {
   std::uint32_t flags = env.flags;
   Real largest_b(0);
   Real largest_diagonal(0);
+  unsigned broken = 0;
+  unsigned negative = 0;
+  for (Index i = block.rank(); i < env.n; i += block.size()) {
+    broken |= static_cast<unsigned>(!finite_(env.b[i])) | static_cast<unsigned>(!finite_(env.R[i]));
+    negative |= static_cast<unsigned>(env.R[i] < Real(0));
+    largest_b = max_(abs_(env.b[i]), largest_b);
+  }
+  if (broken != 0) flags |= kFlagNonFiniteInput;
+  if (negative != 0) flags |= kFlagNegativeCompliance;
+  const bool is_finite = env.is_full && all_finite(env.A + env.row_offsets[0], Offset{env.n} * env.n);
   for_each_place(block, env, s, [&](Index cone, ConePlace place) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
@@ -76,7 +88,8 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
     Real sum(0);
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
-      const RowScan<Real> row = scan_row(env, s, i);
+      visit(cone, place, k, i);
+      const RowScan<Real> row = scan_row(env, s, i, is_finite);
       bool finite = row.finite;
       if (kind == ConeKind::friction && k > 0) {
         finite = finite && finite_(env.friction(i));
@@ -87,12 +100,10 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
         if (env.lo[i] > env.hi[i]) flags |= kFlagCrossedBounds;
       }
       if (!finite) flags |= kFlagNonFiniteInput;
-      if (env.R[i] < Real(0)) flags |= kFlagNegativeCompliance;
       // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
       const bool bad = k == 0 ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
       if (bad && kind != ConeKind::free) flags |= kFlagBadDiagonal;
       sum = sum + row.diagonal;
-      largest_b = max_(abs_(env.b[i]), largest_b);
       largest_diagonal = max_(abs_(row.diagonal), largest_diagonal);
     }
     s.trace[place.cone] = sum;

@@ -14,7 +14,8 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   using Real = typename System::Real;
   Real trace(0);
   for (int i = kFirst; i < M; ++i) trace = trace + s.block_entry(row, i, i);
-  if (!(trace > Real(0))) return Real(0);
+  const auto positive = trace > Real(0);
+  if (!any(positive)) return Real(0);
   // The powers of a symmetric matrix are symmetric: the upper triangle is enough.
   const Real inverse = div_(Real(0.5), trace);
   Real power[M][M];
@@ -34,7 +35,7 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   }
   Real sum(0);
   for (int i = kFirst; i < M; ++i) sum = sum + power[i][i];
-  return trace * sqrt_(sqrt_(sqrt_(sqrt_(sum))));
+  return select(positive, trace * sqrt_(sqrt_(sqrt_(sqrt_(sum)))), Real(0));
 }
 
 /// The dense matrix from rows that are stored in full, in tiles: some rows of the system times as many columns of the
@@ -212,61 +213,100 @@ STICTION_HD Real matrix_scale(const FactorSystem<Real>&, Real largest_diagonal) 
 /// Smallest tangential step bound relative to the whole block's.
 inline constexpr float kSmallestTangential = 1.0F / (1 << 30);
 
-/// b, bounds, step lengths and the first iterate of the cone at `place`, whose trace holds the sum of its diagonal.
+/// The numbers of a cone's row k, normal first, as the batch has them, with the row's scale in best. inv_cone becomes
+/// 1: there is a cone.
 template <class Real, class System>
-STICTION_HD void prepare_cone(const EnvView<Real>& env, System& s, Index cone, ConePlace place, Real scale_a,
-                              Real scale_b, bool warm) {
+STICTION_HD void place_row(const EnvView<Real>& env, System& s, Index cone, ConePlace place, Index k, Index i) {
   const ConeKind kind = env.kind[cone];
-  const Index first = env.cone_row(cone);
-  const Index size = env.cone_size(cone);
-  const Real scale_x = div_(scale_b, scale_a);
-  s.trace[place.cone] = residual_weight(div_(s.trace[place.cone], static_cast<Real>(size)) * scale_a);
-  s.lo[place.cone] = kind == ConeKind::box ? env.lo[first] * scale_x : Real(0);
-  s.hi[place.cone] = kind == ConeKind::box ? env.hi[first] * scale_x : Real(0);
-  with_shape(kind, size, [&](auto shape) {
-    constexpr int kRows = decltype(shape)::kRows;
-    const Real normal = s.block_entry(place.row, 0, 0);
-    s.inv_n[place.cone] = normal > Real(0) ? div_(Real(1), normal) : Real(0);
-    if constexpr (kRows == 1) {
-      s.inv_t[place.cone] = 0;
-      s.inv_cone[place.cone] = s.inv_n[place.cone];
-    } else {
-      // A tangential block that couples to nothing still needs a finite step: its rows slide to the disk's edge.
-      const Real whole = largest_eigenvalue_bound<kRows, 0>(s, place.row);
-      const Real tangential = largest_eigenvalue_bound<kRows, 1>(s, place.row);
-      const Real floored = max_(tangential, whole * Real(kSmallestTangential));
-      s.inv_t[place.cone] = floored > Real(0) ? div_(Real(1), floored) : Real(0);
-      s.inv_cone[place.cone] = whole > Real(0) ? div_(Real(1), whole) : Real(0);
-    }
-    Real z[kRows];
-    Real still[kRows];
-    for (int k = 0; k < kRows; ++k) {
-      const Index i = env.row_of(first, size, k);
-      const Real scale = row_scale(env, kind, k, i);
-      s.b[place.row + k] = (env.b[i] * scale_b) * scale;
-      z[k] = warm && scale > Real(0) ? div_(env.warm_start[i] * scale_x, scale) : Real(0);
-      still[k] = 0;
-    }
-    proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[place.cone], s.hi[place.cone]);
-    for (int k = 0; k < kRows; ++k) s.x[place.row + k] = canonical_zero(z[k]);
-  });
+  const Index row = place.row + k;
+  s.b[row] = env.b[i];
+  s.x[row] = env.warm_start != nullptr ? env.warm_start[i] : Real(0);
+  s.best[row] = row_scale(env, kind, k, i);
+  if (k == 0) {
+    s.inv_cone[place.cone] = 1;
+    s.lo[place.cone] = kind == ConeKind::box ? env.lo[i] : Real(0);
+    s.hi[place.cone] = kind == ConeKind::box ? env.hi[i] : Real(0);
+  }
 }
 
-/// max|A - A'| / max|A| of the dense system.
+/// What an environment's numbers are multiplied by.
+template <class Real>
+struct LoadScales {
+  Real a;  ///< A, a power of two
+  Real b;  ///< b, a power of two
+  Real x;  ///< reactions: b / a
+};
+template <class Real, int kStride>
+STICTION_HD LoadScales<Real> load_scales(const SystemArrays<Real, kStride>& s) {
+  return {s.scalar[kScaleA], s.scalar[kScaleB], div_(s.scalar[kScaleB], s.scalar[kScaleA])};
+}
+
+/// 1 / value where that is positive, else 0.
+template <class Real>
+STICTION_HD Real inverse_of_positive(Real value) {
+  return select(value > Real(0), div_(Real(1), value), Real(0));
+}
+
+/// In the lanes of `due`: what place_row() has put there in the solver's units, step lengths from the cone's rows of A,
+/// which are in place and scaled, and the guess moved into the cone. trace holds the sum of the cone's diagonal.
+template <class Shape, class System>
+STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
+                             const LoadScales<typename System::Real>& scales, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  constexpr int kRows = Shape::kRows;
+  const auto put = [due](Real& to, Real value) { to = select(due, value, to); };
+  // A slot without a cone weighs nothing, as all of it is zero.
+  const Real mean = kRows == 1 ? s.trace[cone] : div_(s.trace[cone], Real(kRows));
+  put(s.trace[cone], select(s.inv_cone[cone] > Real(0), residual_weight(mean * scales.a), Real(0)));
+  const Real inv_n = inverse_of_positive(s.block_entry(row, 0, 0));
+  put(s.inv_n[cone], inv_n);
+  if constexpr (kRows == 1) {
+    put(s.inv_t[cone], Real(0));
+    put(s.inv_cone[cone], inv_n);
+  } else {
+    // A tangential block that couples to nothing still needs a finite step: its rows slide to the disk's edge.
+    const Real whole = largest_eigenvalue_bound<kRows, 0>(s, row);
+    const Real tangential = largest_eigenvalue_bound<kRows, 1>(s, row);
+    put(s.inv_t[cone], inverse_of_positive(max_(tangential, whole * Real(kSmallestTangential))));
+    put(s.inv_cone[cone], inverse_of_positive(whole));
+  }
+  if constexpr (Shape::kKind == ConeKind::box) {
+    put(s.lo[cone], s.lo[cone] * scales.x);
+    put(s.hi[cone], s.hi[cone] * scales.x);
+  }
+  Real z[kRows];
+  Real still[kRows];
+  for (int k = 0; k < kRows; ++k) {
+    const Real scale = s.best[row + k];
+    put(s.b[row + k], (s.b[row + k] * scales.b) * scale);
+    z[k] = select(scale > Real(0), div_(s.x[row + k] * scales.x, scale), Real(0));
+    still[k] = Real(0);
+  }
+  proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
+  for (int k = 0; k < kRows; ++k) put(s.x[row + k], canonical_zero(z[k]));
+}
+
+/// max|A - A'| / max|A| of n rows or columns that lie one behind the other.
 template <Block B, class Real, int kStride>
-STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
+STICTION_HD Real asymmetry(B& block, Strided<Real, kStride> A, Index n) {
   Real largest(0);
   Real difference(0);
-  for (Index j = block.rank(); j < s.n; j += block.size()) {
-    const Strided<Real, kStride> column = s.A.from(Offset{s.n} * j);
-    for (Index i = 0; i < s.n; ++i) {
+  for (Index j = block.rank(); j < n; j += block.size()) {
+    const Strided<Real, kStride> column = A.from(Offset{n} * j);
+    for (Index i = 0; i < n; ++i) {
       largest = max_(abs_(column[i]), largest);
-      difference = max_(abs_(column[i] - s.A[j + s.n * i]), difference);
+      difference = max_(abs_(column[i] - A[j + n * i]), difference);
     }
   }
   largest = block.max(largest);
   difference = block.max(difference);
   return largest > Real(0) ? div_(difference, largest) : Real(0);
+}
+
+/// The same of a dense system.
+template <Block B, class Real, int kStride>
+STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
+  return asymmetry(block, s.A, s.n);
 }
 
 /// The same on a sparse pattern; an entry whose transpose is not stored counts in full. Duplicates are compared one by
@@ -317,31 +357,48 @@ STICTION_HD LoadRules load_rules(Law law, const System& s) {
 };
 }
 
+/// Whether an environment that was found to be sound starts from its guess.
+template <class Real>
+STICTION_HD bool takes_warm_start(const EnvView<Real>& env, const Inspection<Real>& seen) {
+  // With b = 0 the answer is zero, and no warm start is better.
+  return env.warm_start != nullptr && (seen.flags & kFlagWarmStartRejected) == 0 && seen.largest_b > Real(0);
+}
+
+/// The scalars of an environment that has not begun.
+template <class Real, class System>
+STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
+  const Real scale_b = unit_scale(seen.largest_b);
+  s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
+  s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
+  s.scalar[kScaleA] = matrix_scale(s, seen.largest_diagonal);
+  s.scalar[kScaleB] = scale_b;
+  s.scalar[kOutcome] = Real(kRunning);
+}
+
 /// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
 /// the flags; with any but kHarmlessFlags set the system is not to be used.
 template <Block B, class Real, class System>
 STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, LoadRules rules) {
   for_each(block, s.cones,
            [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
-  const Inspection<Real> seen = inspect(block, env, s);
+  const Inspection<Real> seen = inspect(block, env, s, [](Index, ConePlace, Index, Index) {});
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
-  const Real scale_a = matrix_scale(s, seen.largest_diagonal);
-  const Real scale_b = unit_scale(seen.largest_b);
-  // With b = 0 the answer is zero, and no warm start is better.
-  const bool warm = env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0 && seen.largest_b > Real(0);
-  assemble(block, env, s, scale_a);
-  for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = 0; });
-  for_each_place(block, env, s,
-                 [&](Index cone, ConePlace place) { prepare_cone(env, s, cone, place, scale_a, scale_b, warm); });
-  if (rules.needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
-  single(block, [&] {
-    s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
-    s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
-    s.scalar[kScaleA] = scale_a;
-    s.scalar[kScaleB] = scale_b;
-    s.scalar[kOutcome] = Real(kRunning);
+  single(block, [&] { start_scalars(s, seen); });
+  const LoadScales<Real> scales = load_scales(s);
+  assemble(block, env, s, scales.a);
+  for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = s.best[i] = 0; });
+  const bool warm = takes_warm_start(env, seen);
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    for (Index k = 0; k < size; ++k) {
+      place_row(env, s, cone, place, k, env.row_of(first, size, k));
+      if (!warm) s.x[place.row + k] = 0;
+    }
+    with_shape(env.kind[cone], size, [&](auto shape) { finish_cone(shape, s, place.cone, place.row, scales, true); });
   });
+  if (rules.needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
 }
 
@@ -354,15 +411,21 @@ STICTION_HD std::uint32_t unsupported_flags(const System& s) {
   return flags;
 }
 
-/// Records the first iterate of a loaded system and starts the method, which may first take from the environment what
-/// the system does not keep.
+/// Starts the method on a system whose first iterate is recorded; it may first take from the environment what the
+/// system does not keep.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void start_method(B& block, const EnvView<Real>& env, System& s) {
+  if constexpr (requires { Method::load(block, env, s); }) Method::load(block, env, s);
+  Method::template start<kLaw>(block, s);
+}
+
+/// Records the first iterate of a loaded system and starts the method.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void begin_method(B& block, const EnvView<Real>& env, System& s) {
   refresh_motion(block, s);
   for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
   record<Method, kLaw>(block, s, true);
-  if constexpr (requires { Method::load(block, env, s); }) Method::load(block, env, s);
-  Method::template start<kLaw>(block, s);
+  start_method<Method, kLaw>(block, env, s);
 }
 
 /// Whether an environment with those flags can be solved.

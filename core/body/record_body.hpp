@@ -28,7 +28,7 @@ STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M]
 /// reaction and motion, and they are compared as numbers (docs/math/residual.md).
 template <class Real>
 STICTION_HD Real residual_weight(Real mean_diagonal) {
-  return mean_diagonal > Real(0) ? mean_diagonal : Real(1);
+  return select(mean_diagonal > Real(0), mean_diagonal, Real(1));
 }
 
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the

@@ -62,34 +62,46 @@ STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System
 /// was short of iterations.
 inline constexpr double kWorseThanNothing = 1e3;
 
-/// Looks at an environment between chunks: true when it is finished, and then its answer and status are written. The
-/// estimate the iteration works with only nominates; the residual that decides, and is reported, is computed in double
-/// from the batch's own numbers and the very bits of lambda that are returned.
-template <class Method, Block B, class Real, class System>
-STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
-                                EnvProgress<Real>& progress) {
+/// What a look at an environment between chunks has found.
+struct Look {
+  bool broken;     ///< the latest iterate is not of numbers
+  bool stalled;    ///< no better one was found for as long as was allowed
+  bool stopped;    ///< the method has ended by itself
+  bool ended;      ///< one of these, or no iterations are left
+  bool nominated;  ///< the best iterate may be an answer
+};
+
+/// Takes note of the best iterate so far.
+template <class Real, class System>
+STICTION_HD Look look_at(const System& s, const StopRule& rule, EnvProgress<Real>& progress) {
   const Real best = s.scalar[kBestResidual];
-  const Real last = s.scalar[kLastResidual];
   if (progress.iterations == 0 || best < progress.best) {
     progress.best = best;
     progress.best_at = progress.iterations;
   }
-  const bool broken = !finite_(last);
-  const bool stalled = rule.stall_window > 0 && progress.iterations - progress.best_at >= rule.stall_window;
-  const Real outcome = s.scalar[kOutcome];
-  const bool stopped = outcome != Real(kRunning);
-  const bool ended = broken || stalled || stopped || progress.iterations >= rule.max_iterations;
-  const bool nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
-  if (outcome == Real(kRayDetected)) progress.flags |= kFlagRay;
-  // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
-  block.sync();
-  if (!nominated && !ended) return false;
+  Look look;
+  look.broken = !finite_(s.scalar[kLastResidual]);
+  look.stalled = rule.stall_window > 0 && progress.iterations - progress.best_at >= rule.stall_window;
+  look.stopped = s.scalar[kOutcome] != Real(kRunning);
+  look.ended = look.broken || look.stalled || look.stopped || progress.iterations >= rule.max_iterations;
+  look.nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
+  return look;
+}
+
+/// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
+/// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
+/// and the very bits of lambda that are returned.
+template <class Method, Block B, class Real, class System>
+STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                                const Look& look, EnvProgress<Real>& progress) {
+  const Real best = s.scalar[kBestResidual];
+  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
   publish(block, env, s);
   const double scale = residual_scale(block, env);
   const double allowed = rule.tolerance * scale;
   const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
   double absolute = judge();
-  if (ended && !(div_(absolute, scale) <= kWorseThanNothing)) {
+  if (look.ended && !(div_(absolute, scale) <= kWorseThanNothing)) {
     // Not one iterate had an answer of any use in the batch's units: zero always does.
     for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
     const double of_nothing = judge();
@@ -103,13 +115,23 @@ STICTION_HD_OUTLINE bool settle(B& block, const EnvView<Real>& env, const System
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
-  if (!solved && !ended) return false;
-  const EnvCode code = solved               ? EnvCode::solved
-                       : broken             ? EnvCode::numerical
-                       : stalled || stopped ? EnvCode::stalled
-                                            : EnvCode::max_iterations;
+  if (!solved && !look.ended) return false;
+  const EnvCode code = solved                         ? EnvCode::solved
+                       : look.broken                  ? EnvCode::numerical
+                       : look.stalled || look.stopped ? EnvCode::stalled
+                                                      : EnvCode::max_iterations;
   write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
   return true;
+}
+
+/// Looks at an environment between chunks: true when it is finished.
+template <class Method, Block B, class Real, class System>
+STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                        EnvProgress<Real>& progress) {
+  const Look look = look_at(s, rule, progress);
+  // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
+  block.sync();
+  return (look.nominated || look.ended) && answer<Method>(block, env, s, rule, look, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

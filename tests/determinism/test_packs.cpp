@@ -1,0 +1,122 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+
+#include "tests/support/random_systems.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/scoped_isa.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// Contact environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// The environment with a cluster of its rows cut off from the others, so that rows are not stored in full.
+Environment<double> cut(Environment<double> env) {
+  const Index n = static_cast<Index>(env.b.size());
+  std::vector<double> A(static_cast<std::size_t>(n) * static_cast<std::size_t>(n), 0.0);
+  const auto side = [&](Index row) {
+    Index first = 0;
+    Index cone = 0;
+    for (; first + env.cones[static_cast<std::size_t>(cone)].row_count <= row; ++cone)
+      first += env.cones[static_cast<std::size_t>(cone)].row_count;
+    return cone % 2;
+  };
+  for (Index i = 0; i < n; ++i)
+    for (Offset k = env.row_offsets[static_cast<std::size_t>(i)]; k < env.row_offsets[static_cast<std::size_t>(i) + 1];
+         ++k) {
+      const Index j = env.column[static_cast<std::size_t>(k)];
+      if (side(i) == side(j)) A[static_cast<std::size_t>(i * n + j)] = env.A[static_cast<std::size_t>(k)];
+    }
+  env.set_dense(A, n);
+  return env;
+}
+
+/// The environment with couplings far beyond what its diagonal bears: its iterates grow until they are no numbers.
+Environment<double> blown_up(Environment<double> env) {
+  const auto n = env.b.size();
+  for (std::size_t i = 0; i < n; ++i)
+    for (auto k = static_cast<std::size_t>(env.row_offsets[i]); k < static_cast<std::size_t>(env.row_offsets[i + 1]);
+         ++k)
+      if (env.column[k] != static_cast<Index>(i)) env.A[k] *= -1e6;
+  return env;
+}
+
+constexpr int kShapes = 5;
+
+/// Few shapes again and again, so that lanes are taken by one like the last and by one unlike it, behind neighbours
+/// that end at once, that end as no numbers, and that are refused.
+std::vector<Environment<double>> crowd() {
+  std::vector<Environment<double>> envs;
+  for (std::uint64_t e = 0; e < 160; ++e) {
+    Recipe recipe;
+    recipe.seed = e % 3 == 0 ? e % kShapes : e;  // of one seed, the very same environment
+    recipe.contacts = 1 + static_cast<int>(e % kShapes);
+    recipe.others = 1 + static_cast<int>(e / 2 % 2);
+    recipe.friction_rows = 3;
+    Environment<double> env = random_contacts(recipe);
+    if (e % 7 == 2) env = cut(env);
+    if (e % 11 == 5) env = blown_up(env);
+    if (e % 13 == 4) env.b.assign(env.b.size(), 0.0);
+    if (e % 17 == 3) env.A[env.A.size() / 2] = std::numeric_limits<double>::quiet_NaN();
+    if (e % 19 == 6) env.b.back() = std::numeric_limits<double>::infinity();
+    if (e % 23 == 9) env.R.front() = -1;
+    for (std::size_t row = 0; e % 29 == 11 && row < env.mu.size(); ++row) env.mu[row] = -env.mu[row];
+    envs.push_back(env);
+  }
+  return envs;
+}
+
+template <class Real>
+std::vector<Real> guesses(const ContactBatch<Real>& batch) {
+  std::vector<Real> warm;
+  for (Offset row = 0; row < batch.row_count(); ++row)
+    warm.push_back(row % 101 == 7 ? std::numeric_limits<Real>::quiet_NaN() : static_cast<Real>(row % 5) * Real(0.25));
+  return warm;
+}
+
+template <class Real>
+void expect_packs_change_nothing(const SolverOptions& o, bool is_warm) {
+  const ContactBatch<Real> batch = convert<Real>(batch_of(crowd(), *o.law));
+  const std::vector<Real> warm = is_warm ? guesses(batch) : std::vector<Real>();
+  const Solution<Real> together = solve(batch, o, Device::cpu(), std::span<const Real>(warm));
+  const auto hashes = env_hashes(batch, together);
+  const auto& rows = batch.arrays().env_row_offsets;
+  std::vector<int> ended(static_cast<std::size_t>(EnvCode::invalid_input) + 8, 0);
+  for (Offset e = 0; e < batch.env_count(); ++e) {
+    const auto i = static_cast<std::size_t>(e);
+    const Offset only[] = {e};
+    const auto own = warm.empty()
+                         ? std::span<const Real>()
+                         : std::span<const Real>(warm).subspan(static_cast<std::size_t>(rows[i]),
+                                                               static_cast<std::size_t>(rows[i + 1] - rows[i]));
+    EXPECT_EQ(solve_hashes(gather<Real>(batch, only), o, own).at(0), hashes[i]) << "environment " << e;
+    ++ended.at(static_cast<std::size_t>(together.status[i].code));
+  }
+  EXPECT_GT(ended.at(static_cast<std::size_t>(EnvCode::solved)), 40);
+  EXPECT_GT(ended.at(static_cast<std::size_t>(EnvCode::invalid_input)), 10);
+}
+
+template <class Real>
+class Packs : public testing::Test {};
+using Precisions = testing::Types<float, double>;
+TYPED_TEST_SUITE(Packs, Precisions);
+
+TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAlone) {
+  for (const char* name : usable_isas())
+    for (const SolverKind solver : kAllSolvers)
+      for (const Law law : kBothLaws)
+        for (const bool is_warm : {false, true}) {
+          SCOPED_TRACE(std::string(name) + ", " + label(solver, law) + (is_warm ? ", warm" : ""));
+          const ScopedIsa isa(name);
+          SolverOptions o = options(solver, 1e-4, 60);
+          o.law = law;
+          o.invalid = InvalidPolicy::isolate;
+          expect_packs_change_nothing<TypeParam>(o, is_warm);
+        }
+}
+
+}  // namespace
