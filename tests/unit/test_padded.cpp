@@ -51,10 +51,15 @@ struct Padded {
       put(hi, env.hi);
       const std::size_t n = env.b.size(), first = A.size();
       const auto solved = static_cast<std::size_t>(layout.rows(layout.env_count() - 1));
+      std::vector<double> matrix(n * n, 0.0);
+      for (std::size_t i = 0; i < n; ++i)
+        for (auto k = static_cast<std::size_t>(env.row_offsets[i]);
+             k < static_cast<std::size_t>(env.row_offsets[i + 1]); ++k)
+          matrix[i * n + static_cast<std::size_t>(env.column[k])] = env.A[k];
       A.resize(first + wide * wide, std::numeric_limits<double>::quiet_NaN());
       for (std::size_t i = 0; i < solved; ++i)
         for (std::size_t j = 0; j < solved; ++j)
-          A[first + i * (rows == MatrixRows::by_room ? wide : solved) + j] = env.A[i * n + j];
+          A[first + i * (rows == MatrixRows::by_room ? wide : solved) + j] = matrix[i * n + j];
     }
   }
   [[nodiscard]] ContactBatchView<double> view(Law law) const {
@@ -103,17 +108,13 @@ TEST_P(PaddedLayouts, SolveWhatFitsAndSayThatMoreCame) {
   const std::vector<Environment<double>> envs{
       contact({2, 3, 4}, {-1, 0.5, 0.25}, 0.5),
       system({unilateral(), friction(3), unilateral()}, diagonal({2, 2, 2, 2, 2}), {-1, -1, 0, 0, -1})};
-  auto dense = envs;
-  for (auto& env : dense) {
-    const std::size_t n = env.b.size();
-    const std::vector<double> entries = env.A;
-    env.A.assign(n * n, 0.0);
-    for (std::size_t i = 0; i < n; ++i) env.A[i * n + i] = entries[i];
-    env.mu.resize(n, 0.0);
-    env.R.resize(n, 0.0);
+  auto filled = envs;
+  for (auto& env : filled) {
+    env.mu.resize(env.b.size(), 0.0);
+    env.R.resize(env.b.size(), 0.0);
     env.lo = env.hi = env.R;
   }
-  const Padded padded(dense, GetParam(), 3);
+  const Padded padded(filled, GetParam(), 3);
   EXPECT_EQ(padded.layout.rows(0), 3);
   EXPECT_EQ(padded.layout.rows(1), 1) << "the contact is cut by the room's end and is left out, with all behind it";
   const auto solution = solve_view(padded.view(Law::convex), options(SolverKind::pgs, 1e-9, 50));
