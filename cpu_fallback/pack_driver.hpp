@@ -33,7 +33,7 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
   const auto ask = [](const auto* first, Offset count) {
     const auto* byte = reinterpret_cast<const char*>(first);
     const Offset bytes = count * static_cast<Offset>(sizeof(*first));
-    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 3);
+    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 2);
   };
   ask(view.A + view.row_offsets[0], view.entry_span());
   ask(view.columns(0), view.entry_span());
@@ -75,7 +75,8 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   SerialBlock block;
   DenseSystem<Lanes> pack(slots, Method::room(), reinterpret_cast<Lanes*>(scratch));
   const Offset elements = kWidth * DenseSystem<Real>::elements(slots, Method::room());
-  // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
+  // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep it
+  // out of every lane that counts.
   for (Offset i = 0; i < elements; ++i) scratch[i] = Real(0);
 
   struct Guest {

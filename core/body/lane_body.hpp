@@ -16,12 +16,11 @@ struct LaneRows {
   Index* place;  ///< in the lane, of each of the environment's rows                     (n)
   Index* end;    ///< of each row at which a run of neighbours in the lane begins: its end (n)
 
-  static constexpr Offset matrix_elements(Offset n) { return n * n; }
-  /// For `count` environments, of which all but the matrix is needed by one at a time.
-  static constexpr Offset elements(Offset n, Offset count) { return count * matrix_elements(n) + 3 * n; }
+  /// For `count` environments: their matrices one behind the other, then all else, which one at a time needs.
+  static constexpr Offset elements(Offset n, Offset count) { return count * n * n + 3 * n; }
   /// For number k of `count` environments.
-  LaneRows(Real* memory, Offset n, Offset count, Offset k) : A(memory + k * matrix_elements(n)) {
-    scale = memory + count * matrix_elements(n);
+  LaneRows(Real* memory, Offset n, Offset count, Offset k) : A(memory + k * n * n) {
+    scale = memory + count * n * n;
     place = reinterpret_cast<Index*>(scale + n);
     end = place + n;
   }
@@ -55,7 +54,8 @@ void scale_row(const Real* a, const Real* scale, Index n, Real scale_a, Real of_
 /// lane's rows.
 template <class Real>
 void assemble_rows(const EnvView<Real>& env, Index n, Real scale_a, const LaneRows<Real>& rows) {
-  if (n != env.n)
+  // Rows stored in full write every entry of a lane without padding.
+  if (!env.is_full || env.n != n)
     for (Index k = 0; k < n * n; ++k) rows.A[k] = 0;
   for (Index i = 0; i < env.n; ++i) {
     Real* const to = rows.A + Offset{n} * rows.place[i];
@@ -67,7 +67,6 @@ void assemble_rows(const EnvView<Real>& env, Index n, Real scale_a, const LaneRo
         scale_row(a + j, rows.scale + rows.place[j], rows.end[j] - j, scale_a, of_row, to + rows.place[j]);
     } else {
       const Index* const column = env.columns(i);
-      for (Index j = 0; n == env.n && j < n; ++j) to[j] = 0;
       for (Index t = 0; t < count; ++t) {
         Real& entry = to[rows.place[column[t]]];
         entry = entry + (a[t] * scale_a) * (of_row * rows.scale[rows.place[column[t]]]);
@@ -79,12 +78,12 @@ void assemble_rows(const EnvView<Real>& env, Index n, Real scale_a, const LaneRo
 }
 
 /// The matrices that were made, each into its lane: in a lane every number has a cache line of its own, and each line
-/// is visited once for all. `lanes`: of each of `count` environments, ascending.
+/// is visited once for all. `made`: n * n numbers of each of `count` environments; `lanes`: of each of them, ascending;
+/// `A`: the pack's.
 template <class Real, int W>
 void deal_matrices(const Real* made, const int* lanes, int count, Index n, Real* A) {
   constexpr Index kEdge = kTileEdge<Real>;
   static_assert(W % kEdge == 0);
-  const Offset apart = LaneRows<Real>::matrix_elements(n);
   for (int k = 0; k < count;) {
     // Those who go into the same part of a line.
     const int part = lanes[k] / kEdge * kEdge;
@@ -95,7 +94,7 @@ void deal_matrices(const Real* made, const int* lanes, int count, Index n, Real*
       enters[r] = 0;
     }
     for (; k < count && lanes[k] < part + kEdge; ++k) {
-      from[lanes[k] - part] = made + k * apart;
+      from[lanes[k] - part] = made + Offset{n} * n * k;
       enters[lanes[k] - part] = 1;
     }
     Pack<Real, kEdge> marked;
@@ -127,7 +126,8 @@ void deal_matrices(const Real* made, const int* lanes, int count, Index n, Real*
 }
 
 /// What load_system() does for a system that is a lane of a pack, but for what deal_matrices() and begin_lanes() do for
-/// all that enter. `is_laid_out`: the lane last held an environment of the same counts, or none, so its padding is
+/// all that enter. Returns the flags; with any but kHarmlessFlags set nobody enters, and the lane holds numbers of no
+/// account. `is_laid_out`: the lane last held an environment of the same counts, or none, so its padding is
 /// zero.
 template <class Real, int kStride>
 std::uint32_t load_lane(const EnvView<Real>& env, DenseSystem<Real, kStride>& s, LoadRules rules, bool is_laid_out,
