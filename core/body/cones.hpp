@@ -29,14 +29,14 @@ STICTION_HD void project_disk(Real (&z)[M], Real radius) {
   for (int k = 1; k < M; ++k) z[k] = z[k] * factor;
 }
 
-/// z onto the unit second-order cone. The polar cone is asked for as well as the cone itself: at mu = 0 membership
-/// alone would leave (-z, 0) where it is.
+/// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar cone
+/// is asked for as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
 template <int M, class Real>
-STICTION_HD void project_second_order_cone(Real (&z)[M]) {
+STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5)) {
   const Real length = tangential_norm<M>(z);
   const auto inside = length <= z[0];
-  const auto polar = length <= Real(0) - z[0];
-  const Real middle = Real(0.5) * (z[0] + length);
+  const Real middle = fma_(share, length, (Real(1) - share) * z[0]);
+  const auto polar = middle <= Real(0);
   const Real outside_factor = select(polar, Real(0), div_(middle, length));
   const Real factor = select(inside, Real(1), outside_factor);
   z[0] = select(inside, z[0], select(polar, Real(0), middle));

@@ -36,24 +36,27 @@ STICTION_HD auto coulomb_step(const System& s, Index cone, Index row, const type
   return step;
 }
 
-/// Friction, convex law: a proximal step on the whole cone in the metric of its block, repeated on the local problem.
-/// Normal-then-tangent would stop at points that are not the minimiser, because the cone couples the two.
+/// Friction, convex law: a proximal step on the whole cone in a metric of two numbers that bounds its block, repeated
+/// on the local problem. Normal-then-tangent would stop at points that are not the minimiser, because the cone couples
+/// the two.
 template <int M, class System>
 STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                              typename System::Real omega) {
   using Real = typename System::Real;
-  constexpr int kLocalSteps = 3;
+  constexpr int kLocalSteps = 2;
   ConeStep<Real, M> step;
   Real motion[M];
   for (int k = 0; k < M; ++k) {
     step.d[k] = Real(0);
     motion[k] = y[k];
   }
-  const Real gain = Real(0) - omega * s.inv_cone[cone];
+  const Real damped = Real(0) - omega * s.damping[cone];
+  const Real gain_n = damped * s.inv_n[cone];
+  const Real gain_t = damped * s.inv_t[cone];
   for (int pass = 0; pass < kLocalSteps; ++pass) {
     Real z[M];
-    for (int k = 0; k < M; ++k) z[k] = fma_(gain, motion[k], s.x[row + k] + step.d[k]);
-    project_second_order_cone<M>(z);
+    for (int k = 0; k < M; ++k) z[k] = fma_(k == 0 ? gain_n : gain_t, motion[k], s.x[row + k] + step.d[k]);
+    project_second_order_cone<M>(z, s.share[cone]);
     Real change[M];
     for (int k = 0; k < M; ++k) {
       const Real d = z[k] - s.x[row + k];

@@ -247,6 +247,26 @@ STICTION_HD Real inverse_of_positive(Real value) {
   return select(value > Real(0), div_(Real(1), value), Real(0));
 }
 
+/// Of the metric in which a convex sweep steps, diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
+/// block B (docs/math/local_solve.md): what inv_n and inv_t do not tell.
+template <class Real>
+struct BlockMetric {
+  Real damping;  ///< 1 / (1 + rho), where rho <= 1 is how strongly normal and tangential rows are coupled
+  Real share;    ///< tau / (B_nn + tau)
+};
+template <int M, class System>
+STICTION_HD auto block_metric(const System& s, Index row, typename System::Real inv_n, typename System::Real inv_t) {
+  using Real = typename System::Real;
+  Real coupling(0);
+  for (int k = 1; k < M; ++k) {
+    const Real entry = Real(0.5) * (s.block_entry(row, 0, k) + s.block_entry(row, k, 0));
+    coupling = fma_(entry, entry, coupling);
+  }
+  const Real rho = sqrt_((coupling * inv_n) * inv_t);
+  const Real sum = inv_n + inv_t;
+  return BlockMetric<Real>{div_(Real(1), Real(1) + rho), select(sum > Real(0), div_(inv_n, sum), Real(0))};
+}
+
 /// In the lanes of `due`: what place_row() has put there in the solver's units, step lengths from the cone's rows of A,
 /// which are in place and scaled, and the guess moved into the cone. trace holds the sum of the cone's diagonal.
 template <class Shape, class System>
@@ -263,12 +283,18 @@ STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
   if constexpr (kRows == 1) {
     put(s.inv_t[cone], Real(0));
     put(s.inv_cone[cone], inv_n);
+    put(s.damping[cone], Real(1));
+    put(s.share[cone], Real(0));
   } else {
     // A tangential block that couples to nothing still needs a finite step: its rows slide to the disk's edge.
     const Real whole = largest_eigenvalue_bound<kRows, 0>(s, row);
     const Real tangential = largest_eigenvalue_bound<kRows, 1>(s, row);
-    put(s.inv_t[cone], inverse_of_positive(max_(tangential, whole * Real(kSmallestTangential))));
+    const Real inv_t = inverse_of_positive(max_(tangential, whole * Real(kSmallestTangential)));
+    const BlockMetric<Real> metric = block_metric<kRows>(s, row, inv_n, inv_t);
+    put(s.inv_t[cone], inv_t);
     put(s.inv_cone[cone], inverse_of_positive(whole));
+    put(s.damping[cone], metric.damping);
+    put(s.share[cone], metric.share);
   }
   if constexpr (Shape::kKind == ConeKind::box) {
     put(s.lo[cone], s.lo[cone] * scales.x);
@@ -379,8 +405,9 @@ STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
 /// the flags; with any but kHarmlessFlags set the system is not to be used.
 template <Block B, class Real, class System>
 STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, LoadRules rules) {
-  for_each(block, s.cones,
-           [&](Index c) { s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.lo[c] = s.hi[c] = 0; });
+  for_each(block, s.cones, [&](Index c) {
+    s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
+  });
   const Inspection<Real> seen = inspect(block, env, s, [](Index, ConePlace, Index, Index) {});
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;

@@ -36,7 +36,8 @@ struct RegisterSystem {
   Strided<Real, kStride> trace;     ///< as in SystemArrays, like the others below    (cones)
   Strided<Real, kStride> inv_n;     ///<                                              (cones)
   Strided<Real, kStride> inv_t;     ///<                                              (cones)
-  Strided<Real, kStride> inv_cone;  ///<                                              (cones)
+  Strided<Real, kStride> damping;   ///<                                              (cones)
+  Strided<Real, kStride> share;     ///<                                              (cones)
   Strided<Real, kStride> scalar;    ///<                                              (kStateScalars)
   Strided<Real, kStride> extra;     ///<                                              (method * n)
 
@@ -46,7 +47,8 @@ struct RegisterSystem {
         trace(s.trace),
         inv_n(s.inv_n),
         inv_t(s.inv_t),
-        inv_cone(s.inv_cone),
+        damping(s.damping),
+        share(s.share),
         scalar(s.scalar),
         extra(s.extra) {
     STICTION_UNROLL

@@ -48,13 +48,15 @@ struct SystemArrays {
   Strided<Real, kStride> inv_n;     ///< 1 / first diagonal entry                          (cones)
   Strided<Real, kStride> inv_t;     ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
   Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
+  Strided<Real, kStride> damping;   ///< what coupling leaves of the steps inv_n and inv_t: BlockMetric  (cones)
+  Strided<Real, kStride> share;     ///< of the tangential rows in that metric             (cones)
   Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
   Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (MethodRoom::doubles)
   bool has_matrices = false;        ///< whether matrices are among them, or what a method has instead
 
   static constexpr Offset elements(Offset n, Offset cones, const MethodRoom& room) {
-    return (4 + room.vectors) * n + 6 * cones + kStateScalars + room.double_elements<Real>(n);
+    return (4 + room.vectors) * n + 8 * cones + kStateScalars + room.double_elements<Real>(n);
   }
   /// The method's vector k of doubles; its matrices follow the last.
   [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
@@ -83,6 +85,8 @@ struct SystemArrays {
     inv_n = take(cones);
     inv_t = take(cones);
     inv_cone = take(cones);
+    damping = take(cones);
+    share = take(cones);
     lo = take(cones);
     hi = take(cones);
     scalar = take(kStateScalars);

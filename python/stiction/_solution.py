@@ -117,7 +117,7 @@ class Solution:
         if self._batch.device != "cpu":
             raw = raw.get() if hasattr(raw, "get") else raw.cpu() if hasattr(raw, "cpu") else raw.numpy()
         raw = as_numpy("status", raw)
-        return raw if raw.dtype == STATUS_DTYPE else raw.view(STATUS_DTYPE).reshape(-1)
+        return raw if raw.dtype is STATUS_DTYPE or raw.dtype == STATUS_DTYPE else raw.view(STATUS_DTYPE).reshape(-1)
 
     @property
     def iterations(self) -> np.ndarray:

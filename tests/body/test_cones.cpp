@@ -117,6 +117,32 @@ TEST(Cones, EveryPointSplitsIntoAConePartAndAPolarPart) {
   expect_moreau<6>(5);
 }
 
+TEST(Cones, InAnotherMetricTheNearestPointIsFound) {
+  scenes::Rng rng(11);
+  for (int sample = 0; sample < 20000; ++sample) {
+    const double share = sample % 5 == 0 ? 0.5 : std::pow(2.0, -20 * rng.uniform());
+    double p[3], z[3];
+    for (int k = 0; k < 3; ++k) p[k] = z[k] = rng.symmetric(2.0);
+    project_second_order_cone<3>(p, share);
+    ASSERT_GE(p[0] * (1 + 1e-15) + 1e-15, std::hypot(p[1], p[2]));
+    // What the metric makes of p - z is in the cone's dual, which is the cone, and does not push p: the conditions of
+    // the nearest point.
+    const double g[] = {(1 - share) * (p[0] - z[0]), share * (p[1] - z[1]), share * (p[2] - z[2])};
+    ASSERT_GE(g[0] + 4e-15, std::hypot(g[1], g[2])) << "share " << share;
+    ASSERT_NEAR(g[0] * p[0] + g[1] * p[1] + g[2] * p[2], 0.0, 1e-14) << "share " << share;
+  }
+}
+
+TEST(Cones, AMetricWithoutTangentialRowsAsksForTheNormalAlone) {
+  double slides[] = {2, 30, 40};
+  project_second_order_cone<3>(slides, 0.0);
+  EXPECT_EQ(slides[0], 2.0);
+  EXPECT_NEAR(std::hypot(slides[1], slides[2]), 2.0, 1e-15);
+  double leaves[] = {-2, 30, 40};
+  project_second_order_cone<3>(leaves, 0.0);
+  for (const double entry : leaves) EXPECT_EQ(entry, 0.0);
+}
+
 TEST(Cones, ProjectingAgainMovesByRoundingOnly) {
   scenes::Rng rng(7);
   for (int sample = 0; sample < 20000; ++sample) {

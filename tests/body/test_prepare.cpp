@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "bench/scenes/rng.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
@@ -81,6 +82,8 @@ TEST(Prepare, DenseAndSparseFormsHoldTheSameNumbersOfEveryCone) {
       EXPECT_EQ(d.inv_n[place.cone], s.inv_n[cone]);
       EXPECT_EQ(d.inv_t[place.cone], s.inv_t[cone]);
       EXPECT_EQ(d.inv_cone[place.cone], s.inv_cone[cone]);
+      EXPECT_EQ(d.damping[place.cone], s.damping[cone]);
+      EXPECT_EQ(d.share[place.cone], s.share[cone]);
       EXPECT_EQ(d.lo[place.cone], s.lo[cone]);
       EXPECT_EQ(d.hi[place.cone], s.hi[cone]);
       for (Index k = 0; k < dense.env.cone_size(cone); ++k) {
@@ -136,6 +139,50 @@ TEST(Prepare, TheEigenvalueBoundIsAboveTheEigenvalueAndAtMostTheSixteenthRootOfT
       }
     });
   }
+}
+
+TEST(Prepare, TheMetricOfAConeIsNeverBelowItsBlock) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    Recipe recipe;
+    recipe.seed = seed;
+    recipe.contacts = 1;
+    recipe.others = 0;
+    const Environment<double> env = random_contacts(recipe);
+    const Index rows = env.cones[0].row_count;
+    DensePgs p(env);
+    auto& s = p.system();
+    // The quadratic form of metric - block in random directions and along the one the coupling pushes hardest.
+    scenes::Rng rng(seed);
+    for (int sample = 0; sample < 2000; ++sample) {
+      std::vector<double> d(static_cast<std::size_t>(rows));
+      for (double& entry : d) entry = rng.symmetric(1.0);
+      if (sample == 0)
+        for (Index k = 1; k < rows; ++k) d[static_cast<std::size_t>(k)] = s.block_entry(0, k, 0);
+      double metric = 0;
+      double block = 0;
+      for (Index i = 0; i < rows; ++i) {
+        const double di = d[static_cast<std::size_t>(i)];
+        const double step = s.damping[0] * (i == 0 ? s.inv_n[0] : s.inv_t[0]);
+        if (step > 0) metric += di * di / step;
+        for (Index j = 0; j < rows; ++j) block += di * s.block_entry(0, i, j) * d[static_cast<std::size_t>(j)];
+      }
+      ASSERT_GE(metric, block * (1 - 1e-12)) << "seed " << seed;
+    }
+    const double stiffness_n = 1 / s.inv_n[0];
+    const double stiffness_t = 1 / s.inv_t[0];
+    EXPECT_NEAR(s.share[0], stiffness_t / (stiffness_n + stiffness_t), 1e-14);
+    EXPECT_LE(s.damping[0], 1.0);
+    EXPECT_GE(s.damping[0], 0.5 * (1 - 1e-12)) << "a symmetric positive block is not coupled more than fully";
+  }
+}
+
+TEST(Prepare, TheMetricOfACoupledPairIsItsLargestEigenvalue) {
+  Environment<double> env = system({friction(2)}, {1, 0.5, 0.5, 1}, {-1, 0});
+  env.mu = {0, 1};
+  DensePgs p(env);
+  EXPECT_NEAR(p.system().damping[0] * p.system().inv_n[0], 1 / 1.5, 1e-15);
+  EXPECT_NEAR(p.system().damping[0] * p.system().inv_t[0], 1 / 1.5, 1e-15);
+  EXPECT_NEAR(p.system().share[0], 0.5, 1e-15);
 }
 
 TEST(Prepare, AWarmStartComesInProjectedOntoItsCones) {

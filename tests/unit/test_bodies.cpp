@@ -151,7 +151,7 @@ TEST(bodies, residual_velocities_and_motion_agree_with_the_assembled_system) {
         stepping.cfm = cfm;
         BodySolverOptions options = tight(law);
         options.tolerance = 1e-5;
-        options.iterations = 20000;
+        options.iterations = 40000;
         const auto solution = solve_one(env, options, stepping);
         SCOPED_TRACE(std::string(to_string(law)) + ", cfm " + std::to_string(cfm) + ", bodies " +
                      std::to_string(env.bodies.size()) + ", residual " + std::to_string(solution.status[0].residual));

@@ -76,15 +76,19 @@ STICTION_HD bool load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, c
   one.block[2][2] = mu * mu * (block.t22 + r);
   const Real normal = one.block[0][0];
   const Real whole = largest_eigenvalue_bound<3, 0>(one, 0);
+  const Real tangential = max_(largest_eigenvalue_bound<3, 1>(one, 0), whole * Real(kSmallestTangential));
+  const Real inv_n = inverse_of_positive(normal);
+  const Real inv_t = inverse_of_positive(tangential);
+  s.field.at(kFieldInverse, p) = inv_n;
+  s.field.at(kFieldInverse + 1, p) = inv_t;
   if constexpr (kLaw == Law::coulomb) {
-    const Real floored = max_(largest_eigenvalue_bound<3, 1>(one, 0), whole * Real(kSmallestTangential));
-    s.field.at(kFieldInverse, p) = normal > Real(0) ? div_(Real(1), normal) : Real(0);
-    s.field.at(kFieldBlock, p) = floored > Real(0) ? div_(Real(1), floored) : Real(0);
-    s.field.at(kFieldBlock + 1, p) = one.block[1][0];
-    s.field.at(kFieldBlock + 2, p) = one.block[2][0];
+    s.field.at(kFieldBlock, p) = one.block[1][0];
+    s.field.at(kFieldBlock + 1, p) = one.block[2][0];
   } else {
-    s.field.at(kFieldInverse, p) = whole > Real(0) ? div_(Real(1), whole) : Real(0);
-    Index field = kFieldBlock;
+    const BlockMetric<Real> metric = block_metric<3>(one, 0, inv_n, inv_t);
+    s.field.at(kFieldBlock, p) = metric.damping;
+    s.field.at(kFieldBlock + 1, p) = metric.share;
+    Index field = kFieldBlock + 2;
     for (int i = 0; i < 3; ++i)
       for (int j = i; j < 3; ++j) s.field.at(field++, p) = one.block[i][j];
   }

@@ -14,7 +14,8 @@ struct OneContact {
   Real x[3] = {};
   Real inv_n[1] = {};
   Real inv_t[1] = {};
-  Real inv_cone[1] = {};
+  Real damping[1] = {};
+  Real share[1] = {};
   Real block[3][3] = {};
   [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const { return block[i][j]; }
 };
@@ -75,14 +76,15 @@ template <class System>
 STICTION_HD OneContact<typename System::Real> local_problem(const System& s, Index p) {
   OneContact<typename System::Real> one;
   for (int k = 0; k < 3; ++k) one.x[k] = s.x.at(k, p);
+  one.inv_n[0] = s.field.at(kFieldInverse, p);
+  one.inv_t[0] = s.field.at(kFieldInverse + 1, p);
   if constexpr (System::kLaw == Law::coulomb) {
-    one.inv_n[0] = s.field.at(kFieldInverse, p);
-    one.inv_t[0] = s.field.at(kFieldBlock, p);
-    one.block[1][0] = s.field.at(kFieldBlock + 1, p);
-    one.block[2][0] = s.field.at(kFieldBlock + 2, p);
+    one.block[1][0] = s.field.at(kFieldBlock, p);
+    one.block[2][0] = s.field.at(kFieldBlock + 1, p);
   } else {
-    one.inv_cone[0] = s.field.at(kFieldInverse, p);
-    Index field = kFieldBlock;
+    one.damping[0] = s.field.at(kFieldBlock, p);
+    one.share[0] = s.field.at(kFieldBlock + 1, p);
+    Index field = kFieldBlock + 2;
     for (int i = 0; i < 3; ++i)
       for (int j = i; j < 3; ++j) one.block[i][j] = one.block[j][i] = s.field.at(field++, p);
   }
