@@ -35,8 +35,10 @@ template <int M, class Real>
 STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5)) {
   const Real length = tangential_norm<M>(z);
   const auto inside = length <= z[0];
-  const Real middle = fma_(share, length, (Real(1) - share) * z[0]);
-  const auto polar = middle <= Real(0);
+  const Real pressed = (Real(1) - share) * z[0];
+  const Real middle = fma_(share, length, pressed);
+  // Of lengths that overflow the sum is no number, the comparison is what it should be.
+  const auto polar = or_(share * length <= Real(0) - pressed, middle <= Real(0));
   const Real outside_factor = select(polar, Real(0), div_(middle, length));
   const Real factor = select(inside, Real(1), outside_factor);
   z[0] = select(inside, z[0], select(polar, Real(0), middle));

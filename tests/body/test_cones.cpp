@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "bench/scenes/rng.hpp"
 
@@ -141,6 +142,15 @@ TEST(Cones, AMetricWithoutTangentialRowsAsksForTheNormalAlone) {
   double leaves[] = {-2, 30, 40};
   project_second_order_cone<3>(leaves, 0.0);
   for (const double entry : leaves) EXPECT_EQ(entry, 0.0);
+}
+
+TEST(Cones, WhatIsPolarStaysSoWhereItsLengthOverflows) {
+  // An open contact whose tangential motion is beyond all bounds, with de Saxce's term: the sum of both is no number.
+  for (const double share : {0.5, 0.25}) {
+    double z[] = {-std::numeric_limits<double>::infinity(), 1e203, -1e203};
+    project_second_order_cone<3>(z, share);
+    for (const double entry : z) EXPECT_EQ(entry, 0.0);
+  }
 }
 
 TEST(Cones, ProjectingAgainMovesByRoundingOnly) {
