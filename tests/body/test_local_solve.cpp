@@ -69,11 +69,7 @@ TEST(LocalSolve, CoulombsFrictionStaysOnTheDiskOfTheFreshNormal) {
 TEST(LocalSolve, AConvexStepNeverRaisesTheLocalObjective) {
   int moved = 0;
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
-    Recipe recipe;
-    recipe.seed = seed;
-    recipe.contacts = 1;
-    recipe.others = 0;
-    const Environment<double> env = random_contacts(recipe);
+    const Environment<double> env = random_contacts(lone_contact(seed));
     if (env.cones[0].row_count != 4) continue;
     Prepared<Pgs, Law::convex, Dense> p(env);
     ASSERT_EQ(p.flags, 0U);
@@ -93,10 +89,7 @@ TEST(LocalSolve, AConvexStepNeverRaisesTheLocalObjective) {
 
 TEST(LocalSolve, TheFixedPointOfEitherStepIsTheSolutionOfItsLaw) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-    Recipe recipe;
-    recipe.seed = seed;
-    recipe.contacts = 1;
-    recipe.others = 0;
+    Recipe recipe = lone_contact(seed);
     recipe.mu_max = 0.3;
     const Environment<double> env = random_conditioned(recipe, 9.0);
     if (env.cones[0].row_count != 3) continue;

@@ -117,11 +117,7 @@ double largest_eigenvalue(const System& s, Index row, int first, int last) {
 
 TEST(Prepare, TheEigenvalueBoundIsAboveTheEigenvalueAndAtMostTheSixteenthRootOfTheSizeTooLarge) {
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-    Recipe recipe;
-    recipe.seed = seed;
-    recipe.contacts = 1;
-    recipe.others = 0;
-    const Environment<double> env = random_contacts(recipe);
+    const Environment<double> env = random_contacts(lone_contact(seed));
     const Index rows = env.cones[0].row_count;
     DensePgs p(env);
     auto& s = p.system();
@@ -143,11 +139,7 @@ TEST(Prepare, TheEigenvalueBoundIsAboveTheEigenvalueAndAtMostTheSixteenthRootOfT
 
 TEST(Prepare, TheMetricOfAConeIsNeverBelowItsBlock) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
-    Recipe recipe;
-    recipe.seed = seed;
-    recipe.contacts = 1;
-    recipe.others = 0;
-    const Environment<double> env = random_contacts(recipe);
+    const Environment<double> env = random_contacts(lone_contact(seed));
     const Index rows = env.cones[0].row_count;
     DensePgs p(env);
     auto& s = p.system();

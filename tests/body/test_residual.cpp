@@ -79,6 +79,13 @@ TEST(ResidualBody, NothingThatIsNotFiniteLooksSmall) {
   }
 }
 
+TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
+  // The square of its sliding, and so de Saxce's term, overflows; entries of a broken A make such motions.
+  const double x[] = {0.0, 0.0, 0.0};
+  const double y[] = {1.0, 1e203, -1e203};
+  EXPECT_EQ(natural_map<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
+}
+
 TEST(ResidualBody, ItsScaleIsTheLargestRightHandSide) {
   Prepared<Pgs, Law::convex, Dense> p(system({free_row(), free_row()}, {1, 0, 0, 1}, {-3, 2}));
   EXPECT_EQ(residual_scale(p.block, p.env), 3.0);

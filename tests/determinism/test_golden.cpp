@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "tests/support/golden.hpp"
@@ -34,19 +35,25 @@ TEST(Golden, TheAnswersOfEverySceneSolverPrecisionAndLawHaveTheBitsOfThisNumeric
   }
 }
 
+/// Where subspace never leaps and so has the bits of npgs (sliding contacts under Coulomb's law, more than 40 rows), or
+/// where none of its leaps makes the residual of any environment smaller (docs/math/subspace.md).
+bool may_only_sweep(const Golden& golden) {
+  const std::string_view scene = golden.scene;
+  return golden.solver == SolverKind::subspace && (golden.law == Law::coulomb || scene == "pile" || scene == "grasp" ||
+                                                   (scene == "stack" && golden.precision == Precision::f32));
+}
+
 TEST(Golden, EverySceneOfTheTableIsSolvedDifferentlyByEverySolverPrecisionAndLaw) {
   std::set<std::uint64_t> hashes;
   std::size_t rows = 0;
   for (const Golden& golden : goldens()) {
-    if (golden.solver == SolverKind::subspace) continue;
+    if (may_only_sweep(golden)) continue;
     hashes.insert(golden.hash);
     ++rows;
   }
   EXPECT_EQ(hashes.size(), rows) << "two rows agree: one of the options does not reach the solver";
 }
 
-/// subspace has the bits of npgs where it never leaps (more than 40 rows, sliding contacts under Coulomb's law) and
-/// where no leap makes the residual smaller (docs/math/subspace.md).
 TEST(Golden, SubspaceLeapsSomewhereUnderEitherLawAndInEitherPrecision) {
   std::set<std::uint64_t> swept;
   for (const Golden& golden : goldens())

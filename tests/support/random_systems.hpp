@@ -24,6 +24,15 @@ struct Recipe {
   Index friction_rows = 0;  ///< of every friction cone; 0: 2 to 6, as chance has it
 };
 
+/// One friction cone and nothing else.
+inline Recipe lone_contact(std::uint64_t seed) {
+  Recipe recipe;
+  recipe.seed = seed;
+  recipe.contacts = 1;
+  recipe.others = 0;
+  return recipe;
+}
+
 namespace detail {
 
 inline void add_cones(const Recipe& recipe, scenes::Rng& rng, Environment<double>& env) {
