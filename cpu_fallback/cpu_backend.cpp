@@ -60,19 +60,20 @@ class CpuBackend final : public Backend {
     const ScopedFpEnv fp_env;
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
-    cpu::Job<Real> job{
-        request.batch,
-        {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),
-         plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data(), plan.color_count.data()},
-        request.warm_start,
-        request.solution.lambda,
-        request.solution.w,
-        request.solution.status,
-        options.tolerance,
-        options.max_iterations,
-        options.stall_window,
-        static_cast<Real>(options.omega),
-        request.law};
+    cpu::Job<Real> job{{request.batch,
+                        {plan.path.data(), plan.counts.data(), plan.cone_order.data(), plan.env_vertex_offsets.data(),
+                         plan.vertex_offsets.data(), plan.env_color_offsets.data(), plan.color_offsets.data(),
+                         plan.color_count.data()},
+                        request.warm_start,
+                        request.solution.lambda,
+                        request.solution.w,
+                        request.solution.status,
+                        options.tolerance,
+                        options.max_iterations,
+                        options.stall_window,
+                        static_cast<Real>(options.omega),
+                        request.law},
+                       request.full_rows == nullptr ? nullptr : request.full_rows->data()};
     if (options.solver == SolverKind::automatic) {
       climb(request, job);
     } else {
@@ -120,7 +121,8 @@ class CpuBackend final : public Backend {
       SerialBlock block;
       for (Offset env = run * kRun; env < envs && env < (run + 1) * kRun; ++env) {
         const auto e = static_cast<std::size_t>(env);
-        const EnvView<Real> view = slice(job, env);
+        EnvView<Real> view = slice(job, env);
+        view.is_full = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;
         begin_climb(block, view);
         seen[e] = features(block, view);
         assigned[e] = first_rung(seen[e]);

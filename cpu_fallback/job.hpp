@@ -1,11 +1,15 @@
 #pragma once
 
+#include "core/base/full_rows.hpp"
 #include "core/base/solve_job.hpp"
 
 namespace stiction::cpu {
 
+/// A solve on this machine.
 template <class Real>
-using Job = SolveJob<Real>;
+struct Job : SolveJob<Real> {
+  const FullRows* full_rows = nullptr;  ///< of each environment, or null: nobody looked  (env_count)
+};
 
 /// One solver under one law, compiled for one instruction set.
 template <class Real>

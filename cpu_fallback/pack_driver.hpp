@@ -1,9 +1,12 @@
 #pragma once
 
 #include <array>
+#include <new>
 #include <utility>
 
+#include "core/base/extents.hpp"
 #include "core/body/lane_body.hpp"
+#include "core/body/lane_judge.hpp"
 #include "core/body/solve_body.hpp"
 #include "cpu_fallback/job.hpp"
 #include "cpu_fallback/pack_width.hpp"
@@ -20,29 +23,42 @@ EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
 template <class Real>
 EnvView<Real> slice_to_load(const cpu::Job<Real>& job, Offset env) {
   EnvView<Real> view = slice(job, env);
-  if (job.plan.path[env] == EnvPath::dense) view.is_full = has_full_rows(view);
+  const bool is_known = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;
+  if (job.plan.path[env] == EnvPath::dense) view.is_full = is_known || has_full_rows(view);
   return view;
 }
 
-/// Asks for the matrix of an environment that is to be loaded next, while others are worked on.
-template <class Real>
-void prefetch(const cpu::Job<Real>& job, Offset env) {
+template <class T>
+void ask_for(const T* first, Offset count) {
   constexpr Offset kMostBytes = 1 << 15;
   constexpr Offset kLine = 64;
+  const auto* byte = reinterpret_cast<const char*>(first);
+  const Offset bytes = count * static_cast<Offset>(sizeof(T));
+  for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 3);
+}
+template <class Real>
+void ask_for_matrix(const EnvView<Real>& env) {
+  ask_for(env.A + env.row_offsets[0], env.entry_span());
+}
+/// Asks for the numbers of an environment that is to be loaded soon, while others are worked on.
+template <class Real>
+void prefetch(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  const auto ask = [](const auto* first, Offset count) {
-    const auto* byte = reinterpret_cast<const char*>(first);
-    const Offset bytes = count * static_cast<Offset>(sizeof(*first));
-    for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 2);
-  };
-  ask(view.A + view.row_offsets[0], view.entry_span());
-  ask(view.columns(0), view.entry_span());
+  ask_for_matrix(view);
+  if (job.full_rows == nullptr || job.full_rows[env] != FullRows::known) ask_for(view.columns(0), view.entry_span());
+  ask_for(view.row_offsets, view.n);
+  ask_for(view.cone_rows, view.cone_count);
+  ask_for(view.cone_order, view.cone_count);
+  ask_for(view.kind, view.cone_count);
+  for (const Real* numbers : {view.b, view.R, view.lo, view.hi}) ask_for(numbers, view.n);
+  if (view.mu_offsets == nullptr) ask_for(view.mu, view.n);
+  if (view.warm_start != nullptr) ask_for(view.warm_start, view.n);
 }
 
 template <class Method, Law kLaw, class Real>
 Offset pack_elements(const ConeCounts& slots) {
   return kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::room()) +
-         LaneRows<Real>::elements(row_count(slots), kPackWidth<Real>);
+         LaneRoom<Real, kPackWidth<Real>>::elements(row_count(slots), cone_count(slots));
 }
 
 /// One lane of a pack, as an environment's own system.
@@ -62,93 +78,164 @@ Mask<Pack<Real, W>> mask_of(const int* lanes, int count) {
   return marked > Pack<Real, W>(0);
 }
 
-/// Environments enter and leave lanes at chunk boundaries, so the vector stays nearly full until the run ends. Every
-/// environment starts at a chunk boundary with its own count of iterations, so what it computes does not depend on its
-/// lane, its neighbours or the moment it entered.
+/// A run of environments through the lanes of one pack. They enter and leave at chunk boundaries, so the vector stays
+/// nearly full until the run ends. Each one starts at a chunk boundary with its own count of iterations, so what it
+/// computes does not depend on its lane, its neighbours or the moment it entered.
 template <class Method, Law kLaw, class Real>
-void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
-  constexpr int kWidth = kPackWidth<Real>;
-  // Much of entering is done in all lanes whoever enters: lanes that become free wait until so many are.
-  constexpr int kTogether = kWidth > 2 ? kWidth * 3 / 8 : 1;
+class PackRun {
+ public:
+  PackRun(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch)
+      : job_(job),
+        envs_(envs),
+        count_(count),
+        params_{job.omega, job.is_rung()},
+        pack_(slots, Method::room(), reinterpret_cast<Lanes*>(scratch)),
+        lanes_(lanes_of<Real>(slots, Method::room(), scratch, std::make_integer_sequence<int, kWidth>{})),
+        room_(scratch + elements(slots), pack_.n, pack_.cones),
+        rules_(load_rules<Method>(kLaw, lanes_[0])) {
+    if (params_.is_rung) rules_.needs_symmetry = false;
+    // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep
+    // it out of every lane that counts.
+    for (Offset i = 0; i < elements(slots); ++i) scratch[i] = Real(0);
+    ask_ahead();
+  }
+
+  void finish() {
+    for (;;) {
+      settle(busy_lanes());
+      while (next_ < count_ && busy_lanes().count <= kWidth - kTogether) settle(enter());
+      if (busy_lanes().count == 0) return;
+      advance_lanes();
+    }
+  }
+
+ private:
+  static constexpr int kWidth = kPackWidth<Real>;
+  /// Much of entering is done in all lanes whoever enters: lanes that become free wait until so many are.
+  static constexpr int kTogether = kWidth > 2 ? (kWidth * 3 + 7) / 8 : 1;
   using Lanes = Pack<Real, kWidth>;
-  const MethodParams<Real> params{job.omega, job.is_rung()};
-  SerialBlock block;
-  DenseSystem<Lanes> pack(slots, Method::room(), reinterpret_cast<Lanes*>(scratch));
-  const Offset elements = kWidth * DenseSystem<Real>::elements(slots, Method::room());
-  // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep it
-  // out of every lane that counts.
-  for (Offset i = 0; i < elements; ++i) scratch[i] = Real(0);
 
   struct Guest {
     EnvView<Real> env;
     StopRule rule;
     EnvProgress<Real> progress;
+    double residual_scale;
     bool busy = false;
-    bool was_here = false;  ///< the lane's padding is that of env.counts
   };
-  Guest guests[kWidth];
-  Offset next = 0;
-  int busy = 0;
-  auto lanes = lanes_of<Real>(slots, Method::room(), scratch, std::make_integer_sequence<int, kWidth>{});
-  /// The next environment that can be solved enters lane l as number k of those that enter with it, or none does.
-  const auto enter = [&](int l, int k) {
-    const LaneRows<Real> rows(scratch + elements, pack.n, kWidth, k);
-    Guest& guest = guests[l];
-    Lane<Real>& system = lanes[l];
-    const LoadRules rules = load_rules<Method>(kLaw, system);
-    while (next < count) {
-      const EnvView<Real> env = slice_to_load(job, envs[next]);
-      guest.rule = stop_rule(job, envs[next]);
-      const bool is_laid_out = !guest.was_here || guest.env.counts == env.counts;
-      guest.env = env;
-      guest.was_here = true;
-      guest.progress = EnvProgress<Real>{};
-      if (++next < count) prefetch(job, envs[next]);
-      guest.progress.flags = load_lane(env, system, rules, is_laid_out, rows) | unsupported_flags<Method>(system);
-      if (is_solvable(guest.progress.flags)) return true;
-      refuse(block, env, Method::kKind, guest.progress.flags);
-    }
-    return false;
+  /// Some of the lanes, ascending.
+  struct LaneSet {
+    int lane[kWidth];
+    int count = 0;
+    void add(int l) { lane[count++] = l; }
   };
 
-  for (;;) {
-    for (int l = 0; l < kWidth; ++l) {
-      Guest& guest = guests[l];
-      if (guest.busy && settle<Method>(block, guest.env, lanes[l], guest.rule, guest.progress)) {
-        guest.busy = false;
-        --busy;
+  static Offset elements(const ConeCounts& slots) {
+    return kWidth * DenseSystem<Real>::elements(slots, Method::room());
+  }
+
+  [[nodiscard]] LaneSet busy_lanes() const {
+    LaneSet busy;
+    for (int l = 0; l < kWidth; ++l)
+      if (guests_[l].busy) busy.add(l);
+    return busy;
+  }
+
+  /// Asks for as many environments as there are lanes, before they are needed.
+  void ask_ahead() {
+    for (asked_for_ = larger_of(asked_for_, next_); asked_for_ < count_ && asked_for_ < next_ + kWidth; ++asked_for_)
+      prefetch(job_, envs_[asked_for_]);
+  }
+
+  /// The next environments into all lanes that are free. Returns the lanes of those that can be solved.
+  LaneSet enter() {
+    Entrant<Real> entrants[kWidth];
+    int entering = 0;
+    for (int l = 0; l < kWidth && next_ < count_; ++l) {
+      Guest& guest = guests_[l];
+      if (guest.busy) continue;
+      ::new (static_cast<void*>(&guest.env)) EnvView<Real>(slice_to_load(job_, envs_[next_]));  // made where it stays
+      guest.rule = stop_rule(job_, envs_[next_]);
+      guest.progress = EnvProgress<Real>{};
+      ask_for_matrix(guest.env);
+      entrants[entering++] = {&guest.env, l, 0U, nullptr};
+      ++next_;
+    }
+    load_lanes_of(pack_, lanes_.data(), room_, rules_, entrants, entering);
+    LaneSet taken;
+    for (int k = 0; k < entering; ++k) {
+      Guest& guest = guests_[entrants[k].lane];
+      guest.progress.flags = entrants[k].flags | unsupported_flags<Method>(lanes_[entrants[k].lane]);
+      if (is_solvable(guest.progress.flags)) {
+        guest.residual_scale = residual_scale(block_, guest.env);
+        taken.add(entrants[k].lane);
+      } else {
+        refuse(block_, guest.env, Method::kKind, guest.progress.flags);
       }
     }
-    while (next < count && busy <= kWidth - kTogether) {
-      int entering[kWidth];
-      int entering_count = 0;
-      for (int l = 0; l < kWidth; ++l)
-        if (!guests[l].busy && enter(l, entering_count)) entering[entering_count++] = l;
-      deal_matrices<Real, kWidth>(scratch + elements, entering, entering_count, pack.n, lanes[0].A.data);
-      begin_lanes<Method, kLaw>(pack, mask_of<Real, kWidth>(entering, entering_count));
-      for (int k = 0; k < entering_count; ++k) {
-        Guest& guest = guests[entering[k]];
-        Lane<Real>& system = lanes[entering[k]];
-        start_method<Method, kLaw>(block, guest.env, system);
-        guest.busy = !settle<Method>(block, guest.env, system, guest.rule, guest.progress);
-        busy += guest.busy ? 1 : 0;
-      }
+    begin_lanes<Method, kLaw>(pack_, room_, mask_of<Real, kWidth>(taken.lane, taken.count));
+    for (int k = 0; k < taken.count; ++k) {
+      Guest& guest = guests_[taken.lane[k]];
+      start_method<Method, kLaw>(block_, guest.env, lanes_[taken.lane[k]]);
+      guest.busy = true;
     }
-    if (busy == 0) return;
+    ask_ahead();
+    return taken;
+  }
+
+  /// settle() of those lanes.
+  void settle(const LaneSet& among) {
+    Look looks[kWidth];
+    const EnvView<Real>* envs[kWidth];
+    LaneSet asked;
+    for (int k = 0; k < among.count; ++k) {
+      const int l = among.lane[k];
+      looks[l] = look_at(lanes_[l], guests_[l].rule, guests_[l].progress);
+      envs[l] = &guests_[l].env;
+      if (looks[l].nominated || looks[l].ended) asked.add(l);
+    }
+    if (asked.count == 0) return;
+    Judgement judged[kWidth];
+    judge_lanes<kLaw>(pack_, room_, envs, asked.lane, asked.count, judged);
+    for (int k = 0; k < asked.count; ++k) {
+      const int l = asked.lane[k];
+      Guest& guest = guests_[l];
+      guest.busy = !settle_judged<Method>(block_, guest.env, lanes_[l], guest.rule, looks[l], judged[l],
+                                          guest.residual_scale, guest.progress);
+    }
+  }
+
+  /// The next chunk of all lanes.
+  void advance_lanes() {
     Lanes phase(0);
     Lanes left(0);
-    for (int l = 0; l < kWidth; ++l) {
-      if (!guests[l].busy) continue;
-      phase.v[l] = static_cast<Real>(guests[l].progress.iterations % kRefreshInterval);
-      left.v[l] = static_cast<Real>(guests[l].rule.max_iterations - guests[l].progress.iterations);
+    const LaneSet busy = busy_lanes();
+    for (int k = 0; k < busy.count; ++k) {
+      const int l = busy.lane[k];
+      const Index remaining = guests_[l].rule.max_iterations - guests_[l].progress.iterations;
+      phase.v[l] = static_cast<Real>(guests_[l].progress.iterations % kRefreshInterval);
+      left.v[l] = static_cast<Real>(remaining);
+      guests_[l].progress.iterations += remaining < kChunk ? remaining : kChunk;
     }
-    advance<Method, kLaw>(block, pack, params, phase, left);
-    for (Guest& guest : guests)
-      if (guest.busy) {
-        const Index remaining = guest.rule.max_iterations - guest.progress.iterations;
-        guest.progress.iterations += remaining < kChunk ? remaining : kChunk;
-      }
+    advance<Method, kLaw>(block_, pack_, params_, phase, left);
   }
+
+  const cpu::Job<Real>& job_;
+  const Offset* envs_;
+  Offset count_;
+  Offset next_ = 0;
+  Offset asked_for_ = 0;
+  MethodParams<Real> params_;
+  SerialBlock block_;
+  DenseSystem<Lanes> pack_;
+  std::array<Lane<Real>, kWidth> lanes_;
+  LaneRoom<Real, kWidth> room_;
+  LoadRules rules_;
+  Guest guests_[kWidth];
+};
+
+template <class Method, Law kLaw, class Real>
+void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
+  PackRun<Method, kLaw, Real>(job, envs, count, slots, scratch).finish();
 }
 
 template <class Method, Law kLaw, class Real>

@@ -24,14 +24,14 @@ STICTION_HD void add_to_four_sums(double (&sum)[4], Index first, Index count, Le
 /// Four interleaved partial sums of products in double: term k of a[k] x[k] goes to sum k modulo 4. Returns
 /// (sum 0 + sum 1) + (sum 2 + sum 3), where sum 0 began at `start`. Four neighbours at a time are one vector where
 /// there are vectors, with the same bits.
-template <class Real>
-STICTION_HD double four_sums(double start, const Real* a, const Real* x, Index count) {
+template <class Real, class Other>
+STICTION_HD double four_sums(double start, const Real* a, const Other* x, Index count) {
   double sum[4] = {start, 0.0, 0.0, 0.0};
   Index k = 0;
 #if defined(__AVX2__) && defined(__FMA__)
   using Four = Pack<double, 4>;
-  const auto widened = [](const Real* first) {
-    if constexpr (sizeof(Real) == sizeof(float)) {
+  const auto widened = []<class T>(const T* first) {
+    if constexpr (sizeof(T) == sizeof(float)) {
       return Four(_mm256_cvtps_pd(_mm_loadu_ps(first)));
     } else {
       return Four(_mm256_loadu_pd(first));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/base/cone_counts.hpp"
+#include "core/base/full_rows.hpp"
 #include "core/base/plan_view.hpp"
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
@@ -19,7 +20,7 @@ struct EnvView {
   const ConeKind* kind;          ///< kind                                      (cone_count)
   const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
   std::uint32_t flags;           ///< what was found when the batch was made
-  bool is_full;                  ///< known: has_full_rows(). False tells nothing
+  bool is_full;                  ///< known: rows_are_full(). False tells nothing
   const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
   const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
   const Offset* column_offsets;  ///< where each row's columns begin            (n)
@@ -71,36 +72,14 @@ struct EnvView {
 template <class Real>
 STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
   if (env.is_full) return true;
-  const Index* column = env.columns(row);
-  const Index count = env.entries(row);
-  unsigned off = 0;
-  for (Index k = 0; k < count; ++k) off |= static_cast<unsigned>(column[k] != k);
-  return off == 0;
+  return is_run(env.columns(row), env.entries(row));
 }
 
-/// Whether that holds for every row, all columns stored and row after row without room between: then each pass over A
-/// need not look at columns again. For machines whose lanes each have an environment of their own.
+/// rows_are_full(): then no pass over A need look at columns again. For machines whose lanes each have an environment
+/// of their own.
 template <class Real>
 STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
-  const Offset first = env.row_offsets[0];
-  const Offset first_column = env.column_offsets[0];
-  unsigned off = 0;
-  unsigned apart = 0;
-  for (Index row = 0; row < env.n; ++row) {
-    off |= static_cast<unsigned>(env.row_offsets[row] - first != Offset{env.n} * row) |
-           static_cast<unsigned>(env.entries(row) != env.n);
-    apart |= static_cast<unsigned>(env.column_offsets[row] - first_column != Offset{env.n} * row);
-  }
-  if (off != 0 || !is_run(env, 0)) return false;
-  if (apart != 0) {
-    for (Index row = 1; row < env.n; ++row)
-      if (!is_run(env, row)) return false;
-    return true;
-  }
-  // Every row's columns are those of the row before: one loop over all, and nothing left over at the end of each.
-  const Index* const column = env.columns(0);
-  for (Index k = env.n; k < env.n * env.n; ++k) off |= static_cast<unsigned>(column[k] != column[k - env.n]);
-  return off == 0;
+  return rows_are_full(env.n, env.row_offsets, env.row_counts, env.column_offsets, env.column);
 }
 
 /// mu of a friction cone's tangential row, 1 for every other row: row i of the system is this times row i of the batch.

@@ -65,9 +65,9 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<
 }
 
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
-/// cone's diagonal in the system's trace, and calls visit(cone, place, k, row of the batch) for row k of every cone.
-template <Block B, class Real, class System, class Visit>
-STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s, Visit&& visit) {
+/// cone's diagonal in the system's trace.
+template <Block B, class Real, class System>
+STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
   std::uint32_t flags = env.flags;
   Real largest_b(0);
   Real largest_diagonal(0);
@@ -88,7 +88,6 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
     Real sum(0);
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
-      visit(cone, place, k, i);
       const RowScan<Real> row = scan_row(env, s, i, is_finite);
       bool finite = row.finite;
       if (kind == ConeKind::friction && k > 0) {

@@ -408,7 +408,7 @@ STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env,
   for_each(block, s.cones, [&](Index c) {
     s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
-  const Inspection<Real> seen = inspect(block, env, s, [](Index, ConePlace, Index, Index) {});
+  const Inspection<Real> seen = inspect(block, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
   single(block, [&] { start_scalars(s, seen); });

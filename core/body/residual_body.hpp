@@ -5,6 +5,12 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// What the motion of row i begins with: b + R lambda, in double.
+template <class Real>
+STICTION_HD double row_start(const EnvView<Real>& env, Index row) {
+  return fma_(static_cast<double>(env.R[row]), static_cast<double>(env.lambda[row]), static_cast<double>(env.b[row]));
+}
+
 /// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse
 /// sweep.
 template <class Real>
@@ -91,14 +97,24 @@ struct Judgement {
 
 /// What one rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it
 /// does not move inward, however fast it slides.
-template <int M>
-STICTION_HD double blur_of(Law law, const double (&x)[M], const double (&y)[M], double a) {
-  double reaction = 0.0;
-  double size = abs_(y[0]);
+template <Law kLaw, class Real, int M>
+STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
+  Real reaction(0);
+  Real size = abs_(y[0]);
   for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
-  const bool is_open = law == Law::coulomb && reaction == 0.0 && y[0] >= 0.0;
-  for (int k = 1; k < M; ++k) size = is_open ? size : max_(abs_(y[k]), size);
-  return 0x1p-53 * max_(reaction, size);
+  if constexpr (kLaw == Law::coulomb) {
+    const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
+    for (int k = 1; k < M; ++k) size = select(is_open, size, max_(abs_(y[k]), size));
+  } else {
+    for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
+  }
+  return Real(0x1p-53) * max_(reaction, size);
+}
+
+/// A reaction in the coordinates of the unit cone; an axis without friction carries none.
+template <class Real>
+STICTION_HD Real unit_reaction(Real lambda, Real mu) {
+  return select(mu > Real(0), div_(lambda, mu), Real(0));
 }
 
 /// The residual that may be held against `allowed` > 0: where roundings hide more than that, what they hide. A reaction
@@ -124,24 +140,27 @@ STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, 
       double trace = 0.0;
       for (int k = 0; k < kRows; ++k) {
         const Index i = env.row_of(first, kRows, k);
-        const double compliance = static_cast<double>(env.R[i]);
-        const double motion =
-            rows.motion(i, fma_(compliance, static_cast<double>(env.lambda[i]), static_cast<double>(env.b[i])));
-        const double diagonal = rows.diagonal(i, compliance);
+        const double motion = rows.motion(i, row_start(env, i));
+        const double diagonal = rows.diagonal(i, static_cast<double>(env.R[i]));
         if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
         trace = trace + diagonal;
-        // Unit-cone coordinates; an axis without friction carries no reaction, and its motion does not count.
+        // Unit-cone coordinates; the motion of an axis without friction does not count.
         const double mu = static_cast<double>(row_scale(env, kind, k, i));
-        x[k] = mu > 0.0 ? div_(static_cast<double>(env.lambda[i]), mu) : 0.0;
+        x[k] = unit_reaction(static_cast<double>(env.lambda[i]), mu);
         y[k] = mu * motion;
       }
       const double a = residual_weight(div_(trace, static_cast<double>(kRows)));
       const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
-      const double norm = env.law == Law::coulomb ? natural_map<Law::coulomb>(shape, x, y, a, lo, hi)
-                                                  : natural_map<Law::convex>(shape, x, y, a, lo, hi);
-      largest = max_(norm, largest);
-      blur = max_(blur_of(env.law, x, y, a), blur);
+      const auto judge = [&]<Law kLaw>() {
+        largest = max_(natural_map<kLaw>(shape, x, y, a, lo, hi), largest);
+        blur = max_(blur_of<kLaw>(x, y, a), blur);
+      };
+      if (env.law == Law::coulomb) {
+        judge.template operator()<Law::coulomb>();
+      } else {
+        judge.template operator()<Law::convex>();
+      }
     });
   });
   largest = block.max(largest);

@@ -85,33 +85,20 @@ STICTION_HD Look look_at(const System& s, const StopRule& rule, EnvProgress<Real
   look.stopped = s.scalar[kOutcome] != Real(kRunning);
   look.ended = look.broken || look.stalled || look.stopped || progress.iterations >= rule.max_iterations;
   look.nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
+  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
   return look;
 }
 
-/// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
-/// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
-/// and the very bits of lambda that are returned.
-template <class Method, Block B, class Real, class System>
-STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
-                                const Look& look, EnvProgress<Real>& progress) {
-  const Real best = s.scalar[kBestResidual];
-  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
-  publish(block, env, s);
-  const double scale = residual_scale(block, env);
-  const double allowed = rule.tolerance * scale;
-  const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
-  double absolute = judge();
-  if (look.ended && !(div_(absolute, scale) <= kWorseThanNothing)) {
-    // Not one iterate had an answer of any use in the batch's units: zero always does.
-    for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
-    const double of_nothing = judge();
-    if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
-      publish(block, env, s);
-      absolute = judge();
-    } else {
-      absolute = of_nothing;
-    }
-  }
+/// Whether a relative residual is of an answer that zero is to be compared with, if it is the last.
+STICTION_HD bool is_collapsed(double relative) {
+  return !(relative <= kWorseThanNothing);
+}
+
+/// True when the environment is finished with an answer of that residual, and then its status is written. `best`: the
+/// estimate that was judged.
+template <class Method, Block B, class Real>
+STICTION_HD bool conclude(B& block, const EnvView<Real>& env, const StopRule& rule, const Look& look, Real best,
+                          double absolute, double scale, EnvProgress<Real>& progress) {
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
@@ -122,6 +109,32 @@ STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System
                                                       : EnvCode::max_iterations;
   write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
   return true;
+}
+
+/// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
+/// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
+/// and the very bits of lambda that are returned.
+template <class Method, Block B, class Real, class System>
+STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                                const Look& look, EnvProgress<Real>& progress) {
+  const Real best = s.scalar[kBestResidual];
+  publish(block, env, s);
+  const double scale = residual_scale(block, env);
+  const double allowed = rule.tolerance * scale;
+  const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
+  double absolute = judge();
+  if (look.ended && is_collapsed(div_(absolute, scale))) {
+    // Not one iterate had an answer of any use in the batch's units: zero always does.
+    for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
+    const double of_nothing = judge();
+    if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
+      publish(block, env, s);
+      absolute = judge();
+    } else {
+      absolute = of_nothing;
+    }
+  }
+  return conclude<Method>(block, env, rule, look, best, absolute, scale, progress);
 }
 
 /// Looks at an environment between chunks: true when it is finished.

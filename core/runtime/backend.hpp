@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/base/full_rows.hpp"
 #include "core/schedule/plan.hpp"
 #include "stiction/solver.hpp"
 
@@ -18,6 +19,8 @@ struct SolveRequest {
   Law law;
   SolverOptions options;
   StreamRef stream;
+  const std::vector<FullRows>* full_rows =
+      nullptr;  ///< of each environment of a batch on the host, or null: nobody looked
 };
 
 /// A machine. There are three, reached through the factories below; none holds arithmetic.

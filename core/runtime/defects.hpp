@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/full_rows.hpp"
 #include "stiction/batch.hpp"
 
 namespace stiction {
@@ -19,7 +20,13 @@ namespace stiction {
 /// The structural defects alone: what validate() lists first. The arrays of numbers (A, b, R, mu, lo, hi) are not read
 /// and may be null, so that a structure copied from a device can be checked before it is planned.
 template <class Real>
-std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64);
+std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
+                                       std::vector<FullRows>* full_rows = nullptr);
+
+/// validate(), which looks at all columns and can say what it saw: which environments store their rows in full.
+template <class Real>
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
+                             std::vector<FullRows>& full_rows);
 
 /// Collects defects up to a limit. Building a message costs more than looking: ask full() first.
 class DefectReport {
@@ -84,23 +91,6 @@ bool rows_pass(const ContactBatchView<Real>& batch) {
   const auto frictions = batch.mu_offsets != nullptr ? static_cast<std::size_t>(batch.mu_count) : rows;
   return all_finite(std::span(batch.b, rows)) && all_finite_nonnegative(std::span(batch.R, rows)) &&
          all_finite_nonnegative(std::span(batch.mu, frictions)) && all_bounds(batch.lo, batch.hi, rows);
-}
-
-/// Whether the indices are 0, 1, 2, ..., likewise.
-inline bool is_run(std::span<const Index> indices) {
-  std::uint32_t off = 0;
-  for (std::size_t k = 0; k < indices.size(); ++k)
-    off |= static_cast<std::uint32_t>(indices[k]) ^ static_cast<std::uint32_t>(k);
-  return off == 0;
-}
-
-/// Whether every index is in 0..bound-1, likewise without a branch: a negative one is a large unsigned one.
-inline bool all_below(std::span<const Index> indices, Index bound) {
-  std::uint32_t any = 0;
-  for (const Index index : indices) {
-    any |= static_cast<std::uint32_t>(index) >= static_cast<std::uint32_t>(bound) ? 1U : 0U;
-  }
-  return any == 0;
 }
 
 /// Offsets that begin at 0, do not decrease and end at `total`, which together bounds every entry. Each fault is

@@ -8,6 +8,7 @@
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
+#include "core/runtime/stored_columns.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {

@@ -140,33 +140,34 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
   // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
   if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
     reject(validate_structure(batch, 1));
-  hand_over(&data, batch, solution, warm_start, stream);
+  hand_over(&data, batch, solution, warm_start, stream, nullptr);
 }
 
 template <class Real>
 void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    StreamRef stream) const {
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
-  check(batch, solution);
-  hand_over(nullptr, batch, solution, warm_start, stream);
+  std::vector<FullRows> full_rows;
+  check(batch, solution, full_rows);
+  hand_over(nullptr, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
 /// Solves a batch that was checked: as it is, or every island by itself.
 template <class Real>
 void Solver::hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                       const Real* warm_start, StreamRef stream) const {
+                       const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
   if (options_.islands == IslandMode::together) {
-    run(plan, batch, solution, warm_start, stream);
+    run(plan, batch, solution, warm_start, stream, full_rows);
     return;
   }
   std::optional<ScopedSpan> span(std::in_place, options_.tracer, "split", nullptr, 0, batch.env_count);
   IslandSplit<Real> split(batch, warm_start, solution.w != nullptr);
   span.reset();
   if (!split.needed()) {
-    run(plan, batch, solution, warm_start, stream);
+    run(plan, batch, solution, warm_start, stream, full_rows);
     return;
   }
-  run(nullptr, split.pieces(), split.answer(), split.warm_start(), stream);
+  run(nullptr, split.pieces(), split.answer(), split.warm_start(), stream, nullptr);
   span.emplace(options_.tracer, "join", nullptr, 0, batch.env_count);
   split.join(solution);
 }
@@ -174,23 +175,31 @@ void Solver::hand_over(const PlanData* plan, const ContactBatchView<Real>& batch
 /// What a machine is to solve goes to it. A device plans by itself where there is no plan.
 template <class Real>
 void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                 const Real* warm_start, StreamRef stream) const {
+                 const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
   std::optional<PlanData> made;
   if (plan == nullptr && device_.kind == DeviceKind::cpu) plan = &made.emplace(traced_plan(batch, options_.tracer));
-  backend_->solve(
-      SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_, stream});
+  backend_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_,
+                                     stream, full_rows});
 }
 
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
+  std::vector<FullRows> full_rows;
+  check(batch, solution, full_rows);
+}
+
+/// The same, with what was seen of the rows of a batch on the host.
+template <class Real>
+void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                   std::vector<FullRows>& full_rows) const {
   const bool is_host = batch.space == MemorySpace::host;
   if (!is_host || options_.invalid != InvalidPolicy::reject) {
-    if (is_host) reject(validate_structure(batch, 1));
+    if (is_host) reject(validate_structure(batch, 1, &full_rows));
     check_request(batch, solution);
     return;
   }
   // One pass finds both; where the answer goes is asked between them, as it is with a plan.
-  const std::vector<Defect> defects = validate(batch, 1, options_.solver);
+  const std::vector<Defect> defects = validate(batch, 1, options_.solver, full_rows);
   if (!defects.empty() && defects.front().structural) reject(defects);
   check_request(batch, solution);
   reject(defects);

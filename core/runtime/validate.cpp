@@ -7,6 +7,7 @@
 
 #include "core/base/cone_counts.hpp"
 #include "core/runtime/defects.hpp"
+#include "core/runtime/stored_columns.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 #include "stiction/status.hpp"
@@ -29,8 +30,9 @@ class Validator {
   Validator(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver)
       : batch_(batch), report_(limit), pivots_(solver == SolverKind::lemke || solver == SolverKind::automatic) {}
 
-  /// `with_values`: numbers too; without, the arrays of numbers may be null.
-  std::vector<Defect> run(bool with_values) {
+  /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: what was seen of rows, or
+  /// null; of account if there is no structural defect.
+  std::vector<Defect> run(bool with_values, std::vector<FullRows>* full_rows = nullptr) {
     if (check_view(with_values)) {
       check_all_offsets();
       if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
@@ -38,15 +40,20 @@ class Validator {
       const bool offsets_sound = env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
       if (with_values && offsets_sound && !report_.full()) check_values();
     }
+    if (full_rows != nullptr) {
+      full_rows->clear();
+      full_rows->reserve(found_.size());
+      for (const Found found : found_)
+        full_rows->push_back(found.columns == StoredColumns::full ? FullRows::known : FullRows::unknown);
+    }
     return report_.take();
   }
 
  private:
   /// What is known of an environment whose offsets are sound.
-  enum class Found : std::uint8_t {
-    broken,  ///< a cone or a column has a defect
-    sound,
-    runs,  ///< sound, and every row stores columns 0, 1, 2, ... in order
+  struct Found {
+    bool broken = false;  ///< a cone or a column has a defect
+    StoredColumns columns = StoredColumns::any;
   };
 
   /// Counts and pointers, before anything is read through them.
@@ -119,7 +126,7 @@ class Validator {
                                   batch_.factor_count, "factor entries", env_place, report_);
       for (Offset env = 0; rows_sound_ && env < batch_.env_count; ++env) rows_sound_ = check_factor(env);
     }
-    found_.assign(static_cast<std::size_t>(batch_.env_count), Found::sound);
+    found_.assign(static_cast<std::size_t>(batch_.env_count), Found{});
   }
 
   /// A factor has as many entries in every row, and takes the place of stored ones.
@@ -174,7 +181,7 @@ class Validator {
   }
 
   void fail_env(Offset env, Index cone, Index row, std::string message) {
-    found_[static_cast<std::size_t>(env)] = Found::broken;
+    found_[static_cast<std::size_t>(env)].broken = true;
     report_.add({env, cone, row, true, std::move(message)});
   }
 
@@ -250,12 +257,11 @@ class Validator {
         continue;
       }
       if (batch_.normal_last) check_row_order(env, first, rows);
-      if (columns_run(first, static_cast<Index>(rows))) {
-        Found& found = found_[static_cast<std::size_t>(env)];
-        if (found == Found::sound) found = Found::runs;
+      const StoredColumns stored = stored_columns(batch_, first, static_cast<Index>(rows));
+      found_[static_cast<std::size_t>(env)].columns = stored;
+      if (stored != StoredColumns::any ||
+          columns_below(batch_, first, static_cast<Index>(rows), static_cast<std::size_t>(entries)))
         continue;
-      }
-      if (columns_below(first, static_cast<Index>(rows), static_cast<std::size_t>(entries))) continue;
       for (Offset i = 0; i < rows; ++i) {
         const Index* columns = batch_.row_columns(first + i);
         for (Index t = 0; t < batch_.row_entries(first + i); ++t) {
@@ -276,28 +282,6 @@ class Validator {
   [[nodiscard]] Offset rows_of(Offset env) const {
     return batch_.env_row_counts != nullptr ? batch_.env_row_counts[env]
                                             : batch_.env_row_offsets[env + 1] - batch_.env_row_offsets[env];
-  }
-
-  /// Whether every row stores columns 0, 1, 2, ... in order, as a dense matrix written as CSR does: all of its own
-  /// then.
-  [[nodiscard]] bool columns_run(Offset first, Index rows) const {
-    for (Offset row = first; row < first + rows; ++row) {
-      const Index count = batch_.row_entries(row);
-      if (count > rows || !is_run(std::span(batch_.row_columns(row), static_cast<std::size_t>(count)))) return false;
-    }
-    return true;
-  }
-
-  /// Whether the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
-  [[nodiscard]] bool columns_below(Offset first, Index rows, std::size_t entries) const {
-    if (batch_.row_counts == nullptr && batch_.column_offsets == nullptr)
-      return all_below(std::span(batch_.row_columns(first), entries), rows);
-    bool sound = true;
-    for (Offset row = first; row < first + rows; ++row) {
-      sound = sound &&
-              all_below(std::span(batch_.row_columns(row), static_cast<std::size_t>(batch_.row_entries(row))), rows);
-    }
-    return sound;
   }
 
   /// What was found when the batch was made.
@@ -398,7 +382,7 @@ class Validator {
       }
       if (takes_any) return;
       const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
-      const bool runs = found_[static_cast<std::size_t>(env)] == Found::runs;
+      const bool runs = found_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
       Real diagonal = batch_.R[row] + (runs ? entry_of_run(row, own) : entry_sum(row, own));
       for (const Real value : factor_row(env, row)) diagonal += value * value;
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
@@ -444,7 +428,7 @@ class Validator {
   template <class Visit>
   void for_each_row(const Visit& visit) const {
     for (Offset env = 0; env < batch_.env_count; ++env) {
-      if (found_[static_cast<std::size_t>(env)] == Found::broken) continue;
+      if (found_[static_cast<std::size_t>(env)].broken) continue;
       const Offset first_cone = batch_.env_cone_offsets[env];
       for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
         for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {
@@ -487,14 +471,24 @@ std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t li
 }
 
 template <class Real>
-std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit) {
+std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
+                             std::vector<FullRows>& full_rows) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, SolverKind::npgs).run(false);
+  return Validator<Real>(batch, limit, solver).run(true, &full_rows);
+}
+
+template <class Real>
+std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit,
+                                       std::vector<FullRows>* full_rows) {
+  expect_host(batch);
+  return Validator<Real>(batch, limit, SolverKind::npgs).run(false, full_rows);
 }
 
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind);
 template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind);
-template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t);
-template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t);
+template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, std::vector<FullRows>&);
+template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind, std::vector<FullRows>&);
+template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t, std::vector<FullRows>*);
+template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t, std::vector<FullRows>*);
 
 }  // namespace stiction

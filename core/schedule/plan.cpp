@@ -1,9 +1,11 @@
 #include "core/schedule/plan.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <span>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 #include "core/base/extents.hpp"
@@ -97,14 +99,21 @@ ConeCounts count_cones(const EnvStructure& env) {
   return counts;
 }
 
-/// Cones by kind and row count, stably.
-void append_canonical_order(const EnvStructure& env, std::vector<Index>& cone_order) {
-  const auto first = static_cast<std::ptrdiff_t>(cone_order.size());
-  cone_order.resize(cone_order.size() + at(env.cones));
-  std::iota(cone_order.begin() + first, cone_order.end(), 0);
-  std::stable_sort(cone_order.begin() + first, cone_order.end(), [&](Index a, Index b) {
-    return std::tuple(env.kind(a), env.cone_rows(a)) < std::tuple(env.kind(b), env.cone_rows(b));
-  });
+/// Cones by kind and row count, stably: each goes behind those of its shape that came before.
+void append_canonical_order(const EnvStructure& env, const ConeCounts& counts, std::vector<Index>& cone_order) {
+  const std::size_t first = cone_order.size();
+  cone_order.resize(first + at(env.cones));
+  std::array<std::size_t, kConeShapes> next{};
+  std::size_t place = first;
+  for (int shape = 0; shape < kConeShapes; ++shape) {
+    next[static_cast<std::size_t>(shape)] = place;
+    place += at(shape_count(counts, shape));
+  }
+  for (Index c = 0; c < env.cones; ++c) {
+    const ConeKind kind = env.kind(c);
+    const Index shape = kind == ConeKind::friction ? env.cone_rows(c) + 1 : static_cast<Index>(kind);
+    cone_order[next[at(shape)]++] = c;
+  }
 }
 
 /// Symmetric graph in CSR form, each neighbour once.
@@ -222,6 +231,40 @@ class SparsePlanner {
   Graph directed_, transposed_, conflicts_;
 };
 
+/// Dense environments by rows, then by cones, then by index. Batches have far fewer shapes than environments: the
+/// shapes are sorted, and the environments dealt out to them.
+void sort_dense(PlanData& plan) {
+  const auto hash = [](const ConeCounts& counts) {
+    std::size_t mixed = 0;
+    for (int shape = 0; shape < kConeShapes; ++shape)
+      mixed = (mixed ^ static_cast<std::size_t>(shape_count(counts, shape))) * 0x9E3779B97F4A7C15ULL;
+    return mixed ^ (mixed >> 32);
+  };
+  struct Shape {
+    ConeCounts counts;
+    Index rows;
+    std::vector<Offset> envs;
+  };
+  std::vector<Shape> shapes;
+  std::unordered_map<ConeCounts, std::size_t, decltype(hash)> number(16, hash);
+  const ConeCounts* last = nullptr;
+  std::size_t shape = 0;
+  for (const Offset env : plan.dense_order) {
+    const ConeCounts& counts = plan.counts[static_cast<std::size_t>(env)];
+    if (last == nullptr || *last != counts) {
+      const auto [found, is_new] = number.try_emplace(counts, shapes.size());
+      if (is_new) shapes.push_back({counts, row_count(counts), {}});
+      shape = found->second;
+    }
+    last = &counts;
+    shapes[shape].envs.push_back(env);
+  }
+  std::sort(shapes.begin(), shapes.end(),
+            [](const Shape& a, const Shape& b) { return a.rows != b.rows ? a.rows > b.rows : a.counts > b.counts; });
+  plan.dense_order.clear();
+  for (const Shape& one : shapes) plan.dense_order.insert(plan.dense_order.end(), one.envs.begin(), one.envs.end());
+}
+
 /// Environments of one path, the most expensive first, so that none is left to run alone at the end. Ties end in the
 /// index: the order is total, and no sort can leave a choice to the library.
 void order_environments(const Structure& structure, PlanData& plan) {
@@ -231,13 +274,7 @@ void order_environments(const Structure& structure, PlanData& plan) {
     if (path == EnvPath::sparse) plan.sparse_order.push_back(env);
     if (path == EnvPath::factor) plan.factor_order.push_back(env);
   }
-  std::sort(plan.dense_order.begin(), plan.dense_order.end(), [&](Offset a, Offset b) {
-    const ConeCounts& left = plan.counts[static_cast<std::size_t>(a)];
-    const ConeCounts& right = plan.counts[static_cast<std::size_t>(b)];
-    const Index left_rows = row_count(left), right_rows = row_count(right);
-    if (left_rows != right_rows) return left_rows > right_rows;
-    return left != right ? left > right : a < b;
-  });
+  sort_dense(plan);
   std::sort(plan.sparse_order.begin(), plan.sparse_order.end(), [&](Offset a, Offset b) {
     const Offset left = EnvStructure(structure, a).entry_span(), right = EnvStructure(structure, b).entry_span();
     return left != right ? left > right : a < b;
@@ -256,7 +293,14 @@ PlanData plan_structure(const Structure& structure) {
   plan.cone_count = structure.cone_count;
   plan.row_count = structure.row_count;
   plan.nonzero_count = structure.nonzero_count;
+  const auto envs = static_cast<std::size_t>(structure.env_count);
   plan.cone_order.reserve(static_cast<std::size_t>(structure.cone_count));
+  plan.counts.reserve(envs);
+  plan.path.reserve(envs);
+  plan.color_count.reserve(envs);
+  plan.dense_order.reserve(envs);
+  plan.env_vertex_offsets.reserve(envs + 1);
+  plan.env_color_offsets.reserve(envs + 1);
   plan.env_vertex_offsets.push_back(0);
   plan.env_color_offsets.push_back(0);
 
@@ -268,7 +312,7 @@ PlanData plan_structure(const Structure& structure) {
     if (plan.path.back() == EnvPath::factor)
       plan.most_dofs = larger_of(plan.most_dofs, static_cast<Index>(env.factor_entries() / env.rows));
     plan.color_count.push_back(0);
-    if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.cone_order);
+    if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.counts.back(), plan.cone_order);
     if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
     plan.cone_order.resize(static_cast<std::size_t>(structure.env_cone_offsets[e + 1]), 0);
     plan.env_vertex_offsets.push_back(static_cast<Offset>(plan.vertex_offsets.size()));

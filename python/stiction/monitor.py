@@ -32,25 +32,35 @@ class Tally:
         self._fresh, self._fresh_count = [], 0    # records that are not counted yet
         self._late = []
 
+    @property
+    def only_keeps(self):
+        """Whether keep() is all there is to do with a solve that is complete."""
+        return self._folder is None and self._callback is None
+
+    def keep(self, environments, seconds, is_warm, records):
+        """Takes one solve in: its status records, in whatever shape, or None."""
+        self._solves += 1
+        self._environments += environments
+        self._seconds += seconds
+        self._warm += is_warm
+        if records is not None:
+            self._take(records)
+
     def note(self, batch, solution, guess, seconds, queued):
         """Takes one solve in. One that is still queued is looked at when somebody asks: nothing waits for it here."""
-        self._solves += 1
-        self._environments += len(batch)
-        self._seconds += seconds
-        self._warm += guess is not None
+        self.keep(len(batch), seconds, guess is not None, None if queued else solution.status)
         if queued:
             self._late = [solution]
             return
         status = solution.status
-        self._take(status)
         if self._folder is not None and (status["code"] != SOLVED).any():
             self._record(batch, solution, guess)
         if self._callback is not None:
             self._callback(summary(status, seconds))
 
-    def _take(self, status):
-        self._fresh.append(status.tobytes())  # NumPy copies records field by field, bytes at once
-        self._fresh_count += len(status)
+    def _take(self, records):
+        self._fresh.append(records.tobytes())  # NumPy copies records field by field, bytes at once
+        self._fresh_count += len(records)
         if self._fresh_count > WINDOW:
             self._count()
 

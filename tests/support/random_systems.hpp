@@ -12,6 +12,13 @@
 /// Random contact systems that are well posed by construction, for property tests. Everything follows from the seed.
 namespace stiction::test {
 
+/// How the cones of a random system follow one another.
+enum class ConeOrder {
+  shuffled,        ///< kinds in random order, so that canonical order and file order differ
+  friction_first,  ///< friction cones, then all others
+  friction_last,
+};
+
 struct Recipe {
   std::uint64_t seed = 0;
   int contacts = 3;          ///< friction cones of 2 to 6 rows
@@ -22,6 +29,7 @@ struct Recipe {
   double mu_max = 1.0;
   bool unilateral_only = false;
   Index friction_rows = 0;  ///< of every friction cone; 0: 2 to 6, as chance has it
+  ConeOrder order = ConeOrder::shuffled;
 };
 
 /// One friction cone and nothing else.
@@ -45,7 +53,8 @@ inline void add_cones(const Recipe& recipe, scenes::Rng& rng, Environment<double
       env.cones.push_back({ConeKind::friction, rows, -1});
     }
   }
-  // Kinds in random order, so that canonical order and file order differ.
+  if (recipe.order == ConeOrder::friction_last) std::reverse(env.cones.begin(), env.cones.end());
+  if (recipe.order != ConeOrder::shuffled) return;
   for (std::size_t k = env.cones.size(); k > 1; --k)
     std::swap(env.cones[k - 1], env.cones[static_cast<std::size_t>(rng.below(static_cast<int>(k)))]);
 }

@@ -131,6 +131,7 @@ class Plan {
 };
 
 class Backend;
+enum class FullRows : std::uint8_t;
 
 /// Solves batches on one device.
 class Solver {
@@ -209,11 +210,14 @@ class Solver {
   template <class Real>
   void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
   template <class Real>
+  void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+             std::vector<FullRows>& full_rows) const;
+  template <class Real>
   void hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                 const Real* warm_start, StreamRef stream) const;
+                 const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
   template <class Real>
   void run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-           const Real* warm_start, StreamRef stream) const;
+           const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
   void copy_to_host(void* target, const void* source, std::size_t bytes, MemorySpace space, StreamRef stream) const;
 
   Device device_;
