@@ -182,7 +182,11 @@ struct Width {
   using Real = R;
   static constexpr int kWidth = kW;
 };
+#if defined(__AVX2__)
+using Widths = testing::Types<Width<float, 8>, Width<double, 4>, Width<float, 16>, Width<double, 8>>;
+#else
 using Widths = testing::Types<Width<float, 4>, Width<double, 2>, Width<float, 8>, Width<double, 4>>;
+#endif
 TYPED_TEST_SUITE(LanesOf, Widths);
 
 TYPED_TEST(LanesOf, HoldWhatAnEnvironmentHasByItself) {
