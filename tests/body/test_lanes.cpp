@@ -28,6 +28,17 @@ bool same_bits(Real a, Real b) {
   return bits_of(a) == bits_of(b);
 }
 
+/// Each environment, and behind it in memory one that is no numbers: whoever reads too far reads of those.
+std::vector<Environment<double>> with_broken_neighbours(const std::vector<Environment<double>>& environments) {
+  std::vector<Environment<double>> crowd;
+  for (const auto& env : environments) {
+    crowd.push_back(env);
+    crowd.push_back(env);
+    crowd.back().A.assign(env.A.size(), std::numeric_limits<double>::quiet_NaN());
+  }
+  return crowd;
+}
+
 /// Environments in the lanes of a pack of W.
 template <class Real, int W>
 class Lanes {
@@ -35,14 +46,14 @@ class Lanes {
   using Packed = Pack<Real, W>;
 
   explicit Lanes(const std::vector<Environment<double>>& environments)
-      : batch_(convert<Real>(batch_of(environments, kLaw))),
+      : batch_(convert<Real>(batch_of(with_broken_neighbours(environments), kLaw))),
         plan_(make_plan(batch_.view())),
         lambda_(static_cast<std::size_t>(batch_.row_count())),
         w_(lambda_.size()),
-        status_(environments.size()) {
+        status_(2 * environments.size()) {
     ConeCounts slots;
     for (std::size_t e = 0; e < environments.size(); ++e) {
-      const ConeCounts& own = plan_.counts[e];
+      const ConeCounts& own = plan_.counts[2 * e];
       const auto grow = [](Index& to, Index count) { to = count > to ? count : to; };
       grow(slots.free, own.free);
       grow(slots.unilateral, own.unilateral);
@@ -63,7 +74,7 @@ class Lanes {
     room = std::make_unique<LaneRoom<Real, W>>(memory + elements, pack->n, pack->cones);
     for (std::size_t e = 0; e < environments.size(); ++e) {
       envs.push_back(slice(batch_.view(), view_of(plan_), kLaw, static_cast<const Real*>(nullptr), lambda_.data(),
-                           w_.data(), status_.data(), static_cast<Offset>(e)));
+                           w_.data(), status_.data(), static_cast<Offset>(2 * e)));
       envs.back().is_full = has_full_rows(envs.back());
     }
   }
