@@ -444,8 +444,9 @@ void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Rea
       const auto scale = LaneRoom<Real, W>::lane_of(room.scale, lane);
       write_rows(env, s.n, room.rows_of(lane), &scale, s.scalar[kScaleA], room.column,
                  room.written + Offset{s.n} * s.n * lane);
+    } else {
+      scale_a.v[lane] = s.scalar[kScaleA];
     }
-    if (!entrant.is_scaled) scale_a.v[lane] = s.scalar[kScaleA];
     sound[sound_count++] = entrant;
   }
   weigh_cones(pack.counts, room, enters);

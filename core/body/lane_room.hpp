@@ -17,18 +17,18 @@ template <class Real, int W>
 struct LaneRoom {
   using Lanes = Pack<Real, W>;
   static_assert(W % kTileEdge<Real> == 0);
-  /// Columns that are read from each row in one go: a cache line's.
+  /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));
 
   // Of each lane's guest, as long as it is there.
-  Index* batch_row;  ///< row of the batch in each of a lane's rows, -1: none    (W; n)
+  Index* batch_row;  ///< the environment's row in each of a lane's, -1: none    (W; n)
   Lanes* scale;      ///< what that row is multiplied by, 0: there is none       (n)
   Lanes* lo;         ///< bounds of box cones in the batch's units               (cones)
   Lanes* hi;         ///<                                                        (cones)
   double* weight;    ///< of each cone in the final residual                     (cones; W)
   // While environments enter.
   Lanes* compliance;  ///< R in the batch's units                                (n)
-  Lanes* entry;       ///< diagonal of A there, where rows are stored in full    (n)
+  Lanes* entry;       ///< diagonal of A there, 0 where a row has a column twice (n)
   Lanes* diagonal;    ///< of A + diag R there                                   (n)
   Lanes* present;     ///< 1: the environment has such a row, 0: it has not      (n)
   Lanes* factor;      ///< what rows and columns of its matrix are multiplied by (n)
