@@ -173,4 +173,17 @@ TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAlone) {
         }
 }
 
+/// Rungs of the ladder that minimise take an asymmetric A, in lanes as alone.
+TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAloneOnTheLadder) {
+  for (const char* name : usable_isas())
+    for (const Law law : kBothLaws) {
+      SCOPED_TRACE(std::string(name) + ", " + label(SolverKind::automatic, law));
+      const ScopedIsa isa(name);
+      SolverOptions o = options(SolverKind::automatic, 1e-4, 60);
+      o.law = law;
+      o.invalid = InvalidPolicy::isolate;
+      expect_packs_change_nothing<TypeParam>(o, false);
+    }
+}
+
 }  // namespace
