@@ -8,6 +8,7 @@
 #include "core/body/lane_body.hpp"
 #include "core/body/lane_judge.hpp"
 #include "core/body/solve_body.hpp"
+#include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/job.hpp"
 #include "cpu_fallback/pack_width.hpp"
 #include "cpu_fallback/shared_bodies.hpp"
@@ -55,12 +56,6 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
   if (view.warm_start != nullptr) ask_for(view.warm_start, view.n);
 }
 
-template <class Method, Law kLaw, class Real>
-Offset pack_elements(const ConeCounts& slots) {
-  return kPackWidth<Real> * DenseSystem<Real>::elements(slots, Method::room()) +
-         LaneRoom<Real, kPackWidth<Real>>::elements(row_count(slots), cone_count(slots));
-}
-
 /// One lane of a pack, as an environment's own system.
 template <class Real>
 using Lane = DenseSystem<Real, kPackWidth<Real>>;
@@ -78,16 +73,21 @@ Mask<Pack<Real, W>> mask_of(const int* lanes, int count) {
   return marked > Pack<Real, W>(0);
 }
 
-/// A run of environments through the lanes of one pack. They enter and leave at chunk boundaries, so the vector stays
-/// nearly full until the run ends. Each one starts at a chunk boundary with its own count of iterations, so what it
-/// computes does not depend on its lane, its neighbours or the moment it entered.
+/// A queue of environments through the lanes of one pack, or of several. They enter and leave at chunk boundaries, so
+/// the vector stays nearly full until the queue ends. Each one starts at a chunk boundary with its own count of
+/// iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
 template <class Method, Law kLaw, class Real>
 class PackRun {
  public:
-  PackRun(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch)
+  static constexpr int kWidth = kPackWidth<Real>;
+
+  static Offset scratch_elements(const ConeCounts& slots) {
+    return elements(slots) + LaneRoom<Real, kWidth>::elements(row_count(slots), cone_count(slots));
+  }
+
+  PackRun(const cpu::Job<Real>& job, EnvQueue& queue, const ConeCounts& slots, Real* scratch)
       : job_(job),
-        envs_(envs),
-        count_(count),
+        queue_(queue),
         params_{job.omega, job.is_rung()},
         pack_(slots, Method::room(), reinterpret_cast<Lanes*>(scratch)),
         lanes_(lanes_of<Real>(slots, Method::room(), scratch, std::make_integer_sequence<int, kWidth>{})),
@@ -100,17 +100,21 @@ class PackRun {
     ask_ahead();
   }
 
-  void finish() {
-    for (;;) {
-      settle(busy_lanes());
-      while (next_ < count_ && busy_lanes().count <= kWidth - kTogether) settle(enter());
-      if (busy_lanes().count == 0) return;
-      advance_lanes();
-    }
+  /// Answers whoever is done and lets others enter. Whether there is anything to advance.
+  bool refill() {
+    settle(busy_lanes());
+    while (!queue_.is_empty() && busy_lanes().count <= kWidth - kTogether) settle(enter());
+    return busy_lanes().count != 0;
+  }
+
+  /// The next chunk of all lanes.
+  void advance() { stiction::advance<Method, kLaw>(block_, params_, next_chunk()); }
+  /// Of two packs in turns.
+  static void advance(PackRun& a, PackRun& b) {
+    stiction::advance<Method, kLaw>(a.block_, a.params_, a.next_chunk(), b.next_chunk());
   }
 
  private:
-  static constexpr int kWidth = kPackWidth<Real>;
   /// Much of entering is done in all lanes whoever enters: lanes that become free wait until so many are.
   static constexpr int kTogether = kWidth > 2 ? (kWidth * 3 + 7) / 8 : 1;
   using Lanes = Pack<Real, kWidth>;
@@ -142,23 +146,25 @@ class PackRun {
 
   /// Asks for as many environments as there are lanes, before they are needed.
   void ask_ahead() {
-    for (asked_for_ = larger_of(asked_for_, next_); asked_for_ < count_ && asked_for_ < next_ + kWidth; ++asked_for_)
-      prefetch(job_, envs_[asked_for_]);
+    EnvQueue& q = queue_;
+    for (q.asked_for = larger_of(q.asked_for, q.next); q.asked_for < q.count && q.asked_for < q.next + kWidth;
+         ++q.asked_for)
+      prefetch(job_, q.envs[q.asked_for]);
   }
 
   /// The next environments into all lanes that are free. Returns the lanes of those that can be solved.
   LaneSet enter() {
     Entrant<Real> entrants[kWidth];
     int entering = 0;
-    for (int l = 0; l < kWidth && next_ < count_; ++l) {
+    for (int l = 0; l < kWidth && !queue_.is_empty(); ++l) {
       Guest& guest = guests_[l];
       if (guest.busy) continue;
-      ::new (static_cast<void*>(&guest.env)) EnvView<Real>(slice_to_load(job_, envs_[next_]));  // made where it stays
-      guest.rule = stop_rule(job_, envs_[next_]);
+      const Offset env = queue_.take();
+      ::new (static_cast<void*>(&guest.env)) EnvView<Real>(slice_to_load(job_, env));  // made where it stays
+      guest.rule = stop_rule(job_, env);
       guest.progress = EnvProgress<Real>{};
       ask_for_matrix(guest.env);
       entrants[entering++] = {&guest.env, l, 0U, nullptr};
-      ++next_;
     }
     load_lanes_of(pack_, lanes_.data(), room_, rules_, entrants, entering);
     LaneSet taken;
@@ -204,8 +210,7 @@ class PackRun {
     }
   }
 
-  /// The next chunk of all lanes.
-  void advance_lanes() {
+  Advancing<DenseSystem<Lanes>> next_chunk() {
     Lanes phase(0);
     Lanes left(0);
     const LaneSet busy = busy_lanes();
@@ -216,14 +221,11 @@ class PackRun {
       left.v[l] = static_cast<Real>(remaining);
       guests_[l].progress.iterations += remaining < kChunk ? remaining : kChunk;
     }
-    advance<Method, kLaw>(block_, pack_, params_, phase, left);
+    return {pack_, phase, left};
   }
 
   const cpu::Job<Real>& job_;
-  const Offset* envs_;
-  Offset count_;
-  Offset next_ = 0;
-  Offset asked_for_ = 0;
+  EnvQueue& queue_;
   MethodParams<Real> params_;
   SerialBlock block_;
   DenseSystem<Lanes> pack_;
@@ -233,9 +235,37 @@ class PackRun {
   Guest guests_[kWidth];
 };
 
+/// Whether environments of these slots go through two packs in turns: sweeps of a few cones wait for each cone's roots
+/// and quotients, those of many cones for the second cache. Only speed depends on it.
+template <class Method, class Real>
+bool takes_pairs(const ConeCounts& slots) {
+  if constexpr (requires { Method::kTakesPairs; }) {
+    constexpr Offset kMostMatrixBytes = Offset{24} << 10;
+    const Offset rows = row_count(slots);
+    return rows * rows * kPackWidth<Real> * static_cast<Offset>(sizeof(Real)) <= kMostMatrixBytes;
+  } else {
+    return false;
+  }
+}
+
+template <class Method, Law kLaw, class Real>
+Offset pack_elements(const ConeCounts& slots) {
+  return (takes_pairs<Method, Real>(slots) ? 2 : 1) * PackRun<Method, kLaw, Real>::scratch_elements(slots);
+}
+
 template <class Method, Law kLaw, class Real>
 void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch) {
-  PackRun<Method, kLaw, Real>(job, envs, count, slots, scratch).finish();
+  using Run = PackRun<Method, kLaw, Real>;
+  EnvQueue queue{envs, count};
+  Run one(job, queue, slots, scratch);
+  if constexpr (requires { Method::kTakesPairs; }) {
+    if (takes_pairs<Method, Real>(slots) && count >= kShortestForPairs * Run::kWidth) {
+      Run other(job, queue, slots, scratch + Run::scratch_elements(slots));
+      run_out(one, other);
+      return;
+    }
+  }
+  run_out(one);
 }
 
 template <class Method, Law kLaw, class Real>

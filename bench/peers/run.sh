@@ -24,7 +24,7 @@ if [ ! -f "$build/CMakeCache.txt" ]; then
   cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TESTS=OFF \
     -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_BENCH=ON "${with_python[@]}"
 fi
-targets=(bench_ratio stiction_cli)
+targets=(bench_ratio bench_body_file stiction_cli)
 if grep -q "^STICTION_BUILD_PYTHON:BOOL=ON" "$build/CMakeCache.txt"; then
   targets+=(stiction_python)
 fi

@@ -17,8 +17,8 @@ inline namespace STICTION_ISA {
 
 /// Whether `count` columns are 0, 1, 2, ... in order.
 STICTION_HD bool is_run(const Index* column, Index count) {
-  unsigned off = 0;
-  for (Index k = 0; k < count; ++k) off |= static_cast<unsigned>(column[k] != k);
+  Index off = 0;
+  for (Index k = 0; k < count; ++k) off |= column[k] ^ k;
   return off == 0;
 }
 
@@ -28,12 +28,17 @@ STICTION_HD bool rows_are_full(Index n, const Offset* row_offsets, const Index* 
                                const Offset* column_offsets, const Index* columns) {
   const Offset first = row_offsets[0];
   const Offset first_column = column_offsets[0];
-  unsigned off = 0;
-  unsigned apart = 0;
+  // Differences are gathered bit by bit: that vectorises where comparing 64-bit numbers does not.
+  Offset off = 0;
+  Offset apart = 0;
   for (Index row = 0; row < n; ++row) {
-    const Offset count = row_counts != nullptr ? Offset{row_counts[row]} : row_offsets[row + 1] - row_offsets[row];
-    off |= static_cast<unsigned>(row_offsets[row] - first != Offset{n} * row) | static_cast<unsigned>(count != n);
-    apart |= static_cast<unsigned>(column_offsets[row] - first_column != Offset{n} * row);
+    off |= (row_offsets[row] - first) ^ (Offset{n} * row);
+    apart |= (column_offsets[row] - first_column) ^ (Offset{n} * row);
+  }
+  if (row_counts == nullptr) {
+    off |= (row_offsets[n] - first) ^ (Offset{n} * n);
+  } else {
+    for (Index row = 0; row < n; ++row) off |= row_counts[row] ^ n;
   }
   if (off != 0 || !is_run(columns + first_column, n)) return false;
   if (apart != 0) {
@@ -43,8 +48,9 @@ STICTION_HD bool rows_are_full(Index n, const Offset* row_offsets, const Index* 
   }
   // Every row's columns are those of the row before: one loop over all, and nothing left over at the end of each.
   const Index* const column = columns + first_column;
-  for (Index k = n; k < n * n; ++k) off |= static_cast<unsigned>(column[k] != column[k - n]);
-  return off == 0;
+  Index changed = 0;
+  for (Index k = n; k < n * n; ++k) changed |= column[k] ^ column[k - n];
+  return changed == 0;
 }
 
 }  // namespace STICTION_ISA

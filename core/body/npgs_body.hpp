@@ -13,6 +13,7 @@ struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static STICTION_HD constexpr MethodRoom room() { return {2}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
+  static constexpr bool kTakesPairs = true;  ///< as Pgs
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
@@ -32,6 +33,29 @@ struct Npgs {
 
   template <Law kLaw, Block B, class System>
   static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+    const auto next = extrapolate(block, s);
+    const auto progress = sweep<kLaw>(block, s, typename System::Real(params.omega));
+    keep(block, s, next, progress);
+  }
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void iterate(B& block, SystemPair<System>& s,
+                                  const MethodParams<Scalar<typename System::Real>>& params) {
+    const auto next_a = extrapolate(block, s.a);
+    const auto next_b = extrapolate(block, s.b);
+    const auto progress = sweep<kLaw>(block, s, typename System::Real(params.omega));
+    keep(block, s.a, next_a, progress.a);
+    keep(block, s.b, next_b, progress.b);
+  }
+
+  template <Block B, class System>
+  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due, s.vector(1));
+  }
+
+ private:
+  /// Moves the iterate on along its last change. Returns what theta will be if momentum goes on.
+  template <Block B, class System>
+  static STICTION_HD typename System::Real extrapolate(B& block, System& s) {
     using Real = typename System::Real;
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
@@ -50,18 +74,18 @@ struct Npgs {
         y_before[i] = y;
       }
     });
-    const Real progress = sweep<kLaw>(block, s, Real(params.omega));
+    return next;
+  }
+
+  /// After a sweep whose largest step was `progress`.
+  template <Block B, class System, class Real = typename System::Real>
+  static STICTION_HD void keep(B& block, System& s, Real next, Real progress) {
     const auto restart = progress > s.scalar[kProgress];
     block.sync();
     single(block, [&] {
       s.scalar[kTheta] = select(restart, Real(1), next);
       s.scalar[kProgress] = progress;
     });
-  }
-
-  template <Block B, class System>
-  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
-    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due, s.vector(1));
   }
 };
 

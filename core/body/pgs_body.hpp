@@ -17,6 +17,8 @@ struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
   static STICTION_HD constexpr MethodRoom room() { return {}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
+  /// Whether it iterates on a SystemPair as well.
+  static constexpr bool kTakesPairs = true;
   /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;

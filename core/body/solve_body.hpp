@@ -31,21 +31,33 @@ STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mas
   if constexpr (requires { Method::template leap<kLaw>(block, s, due); }) Method::template leap<kLaw>(block, s, due);
 }
 
-/// One chunk of iterations. Lanes may differ in `phase`, their iterations so far modulo the refresh interval, and in
-/// `left`, those they still have: a lane that runs out inside the chunk is recorded at its last iteration and ignored
-/// from then on.
-template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void advance(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params,
-                         typename System::Real phase, typename System::Real left) {
-  using Real = typename System::Real;
-  for (Index k = 1;; ++k) {
-    Method::template iterate<kLaw>(block, s, params);
-    left = left - Real(1);
-    if (k == chunk_of<Method>()) break;
-    const auto due = left == Real(0);
-    if (any(due)) record<Method, kLaw>(block, s, due);
+/// A system on its way through a chunk. Lanes may differ in `phase`, their iterations so far modulo the refresh
+/// interval, and in `left`, those they still have: a lane that runs out inside the chunk is recorded at its last
+/// iteration and ignored from then on.
+template <class System>
+struct Advancing {
+  System& s;
+  typename System::Real phase;
+  typename System::Real left;
+};
+
+/// One chunk of iterations of one system, or of two in turns.
+template <class Method, Law kLaw, Block B, class Real, class... Systems>
+STICTION_HD void advance(B& block, const MethodParams<Real>& params, Advancing<Systems>... each) {
+  const auto count_down = [&](auto& one, bool is_last) {
+    using Lanes = std::remove_reference_t<decltype(one.left)>;
+    one.left = one.left - Lanes(1);
+    if (is_last) {
+      end_chunk<Method, kLaw>(block, one.s, one.phase, one.left >= Lanes(0));
+    } else if (const auto due = one.left == Lanes(0); any(due)) {
+      record<Method, kLaw>(block, one.s, due);
+    }
+  };
+  auto&& systems = together(each.s...);
+  for (Index k = 1; k <= chunk_of<Method>(); ++k) {
+    Method::template iterate<kLaw>(block, systems, params);
+    (count_down(each, k == chunk_of<Method>()), ...);
   }
-  end_chunk<Method, kLaw>(block, s, phase, left >= Real(0));
 }
 
 /// The next chunk of one environment, of which `progress` says how far it is.
@@ -53,8 +65,9 @@ template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& params, const StopRule& rule,
                                EnvProgress<Real>& progress) {
   const Index left = rule.max_iterations - progress.iterations;
-  advance<Method, kLaw>(block, s, params, static_cast<Real>(progress.iterations % kRefreshInterval),
-                        static_cast<Real>(left));
+  advance<Method, kLaw>(
+      block, params,
+      Advancing<System>{s, static_cast<Real>(progress.iterations % kRefreshInterval), static_cast<Real>(left)});
   progress.iterations += left < chunk_of<Method>() ? left : chunk_of<Method>();
 }
 

@@ -14,6 +14,7 @@ struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
   static STICTION_HD constexpr MethodRoom room() { return {kVectors, 0, 0, 0, kDirectRows, 1}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
+  static constexpr bool kTakesPairs = Npgs::kTakesPairs;
   template <class System>
   static constexpr bool kKeepsMotion = Npgs::kKeepsMotion<System>;
 

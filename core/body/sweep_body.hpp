@@ -4,6 +4,7 @@
 #include "core/body/factor_system.hpp"
 #include "core/body/local_solve.hpp"
 #include "core/body/sparse_system.hpp"
+#include "core/body/system_pair.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -24,6 +25,26 @@ struct UsualStep {
   }
 };
 
+/// Moves x of one cone whose motion is maintained. Returns what it has still to push().
+template <Law kLaw, class Local, class Shape, class System>
+STICTION_HD auto move_cone(Shape shape, System& s, Index cone, Index row, typename System::Real omega) {
+  typename System::Real y[Shape::kRows];
+  for (int r = 0; r < Shape::kRows; ++r) y[r] = s.y[row + r];
+  const auto step = Local::template of<kLaw>(shape, s, cone, row, y, omega);
+  for (int r = 0; r < Shape::kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
+  return step;
+}
+
+/// Pushes a cone's change into all of y. Returns its size.
+template <int M, Block B, class System>
+STICTION_HD auto push_step(B& block, System& s, Index cone, Index row, const ConeStep<typename System::Real, M>& step) {
+  using Real = typename System::Real;
+  const Real size = step_size(step, s.trace[cone]);
+  // A cone that does not move, an open contact above all, pushes nothing.
+  if (any(size != Real(0))) s.push(block, row, step.d);
+  return size;
+}
+
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = UsualStep, Block B, class System>
@@ -31,18 +52,22 @@ requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, ty
   using Real = typename System::Real;
   Real largest(0);
   s.for_each_in_order([&](auto shape, Index cone, Index row) {
-    constexpr int kRows = decltype(shape)::kRows;
-    const ConeStep<Real, kRows> step = block.broadcast([&] {
-      Real y[kRows];
-      for (int r = 0; r < kRows; ++r) y[r] = s.y[row + r];
-      const auto local = Local::template of<kLaw>(shape, s, cone, row, y, omega);
-      for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
-      return local;
-    });
-    const Real size = step_size(step, s.trace[cone]);
-    // A cone that does not move, an open contact above all, pushes nothing.
-    if (any(size != Real(0))) s.push(block, row, step.d);
-    largest = max_(size, largest);
+    const auto step = block.broadcast([&] { return move_cone<kLaw, Local>(shape, s, cone, row, omega); });
+    largest = max_(push_step(block, s, cone, row, step), largest);
+  });
+  return largest;
+}
+
+/// The same of two packs.
+template <Law kLaw, class Local = UsualStep, Block B, class System>
+STICTION_HD auto sweep(B& block, SystemPair<System>& s, typename System::Real omega) {
+  using Real = typename System::Real;
+  NumberPair<Real> largest{Real(0), Real(0)};
+  s.a.for_each_in_order([&](auto shape, Index cone, Index row) {
+    const auto step_a = move_cone<kLaw, Local>(shape, s.a, cone, row, omega);
+    const auto step_b = move_cone<kLaw, Local>(shape, s.b, cone, row, omega);
+    largest.a = max_(push_step(block, s.a, cone, row, step_a), largest.a);
+    largest.b = max_(push_step(block, s.b, cone, row, step_b), largest.b);
   });
   return largest;
 }

@@ -7,6 +7,7 @@
 
 #include "core/base/cone_counts.hpp"
 #include "core/runtime/defects.hpp"
+#include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
@@ -374,7 +375,11 @@ class Validator {
   void check_diagonals() {
     Offset looked_at = -1;
     bool takes_any = false;
-    for_each_row([&](Offset env, Offset cone, Offset row) {
+    const auto passes = [&](Offset env) {
+      return found_[static_cast<std::size_t>(env)].columns == StoredColumns::full &&
+             has_positive_diagonal(batch_, batch_.env_row_offsets[env], static_cast<Index>(rows_of(env)));
+    };
+    for_each_row_unless(passes, [&](Offset env, Offset cone, Offset row) {
       if (batch_.cone_kind[cone] == ConeKind::free) return;
       if (pivots_ && env != looked_at) {
         looked_at = env;
@@ -383,35 +388,11 @@ class Validator {
       if (takes_any) return;
       const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
       const bool runs = found_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
-      Real diagonal = batch_.R[row] + (runs ? entry_of_run(row, own) : entry_sum(row, own));
+      Real diagonal = batch_.R[row] + (runs ? entry_of_run(batch_, row, own) : entry_sum(batch_, row, own));
       for (const Real value : factor_row(env, row)) diagonal += value * value;
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
       add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
     });
-  }
-
-  /// The entry of A in that column of a row that stores columns 0, 1, 2, ...
-  Real entry_of_run(Offset row, Index column) const {
-    return column < batch_.row_entries(row) ? batch_.A[batch_.row_offsets[row] + column] : Real(0);
-  }
-
-  /// The entry of A in that column, duplicates added up. Nearly every row stores it once, and looking for it in
-  /// integers vectorises, which adding floats up in their order cannot.
-  Real entry_sum(Offset row, Index column) const {
-    const Offset begin = batch_.row_offsets[row];
-    const Index count = batch_.row_entries(row);
-    const Index* columns = batch_.row_columns(row);
-    Index hits = 0, place = 0;
-    for (Index k = 0; k < count; ++k) {
-      hits += columns[k] == column ? 1 : 0;
-      place |= columns[k] == column ? k : 0;
-    }
-    if (hits == 1) return batch_.A[begin + place];
-    Real sum = 0;
-    for (Index k = 0; hits > 0 && k < count; ++k) {
-      if (columns[k] == column) sum += batch_.A[begin + k];
-    }
-    return sum;
   }
 
   /// Calls fault(cone, row) for every row; a text that is not empty says what is wrong with values[row].
@@ -427,8 +408,13 @@ class Validator {
   /// Calls visit(env, cone, row), positions in the batch, for every row of the environments whose structure holds.
   template <class Visit>
   void for_each_row(const Visit& visit) const {
+    for_each_row_unless([](Offset) { return false; }, visit);
+  }
+  /// Without the environments that pass as a whole.
+  template <class Passes, class Visit>
+  void for_each_row_unless(const Passes& passes, const Visit& visit) const {
     for (Offset env = 0; env < batch_.env_count; ++env) {
-      if (found_[static_cast<std::size_t>(env)].broken) continue;
+      if (found_[static_cast<std::size_t>(env)].broken || passes(env)) continue;
       const Offset first_cone = batch_.env_cone_offsets[env];
       for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
         for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {

@@ -103,17 +103,21 @@ ConeCounts count_cones(const EnvStructure& env) {
 void append_canonical_order(const EnvStructure& env, const ConeCounts& counts, std::vector<Index>& cone_order) {
   const std::size_t first = cone_order.size();
   cone_order.resize(first + at(env.cones));
+  const auto shape_of = [&](Index c) {
+    return env.kind(c) == ConeKind::friction ? env.cone_rows(c) + 1 : static_cast<Index>(env.kind(c));
+  };
+  // Cones that are all alike are in that order already.
+  if (env.cones == 0 || shape_count(counts, shape_of(0)) == env.cones) {
+    std::iota(cone_order.begin() + static_cast<std::ptrdiff_t>(first), cone_order.end(), 0);
+    return;
+  }
   std::array<std::size_t, kConeShapes> next{};
   std::size_t place = first;
   for (int shape = 0; shape < kConeShapes; ++shape) {
     next[static_cast<std::size_t>(shape)] = place;
     place += at(shape_count(counts, shape));
   }
-  for (Index c = 0; c < env.cones; ++c) {
-    const ConeKind kind = env.kind(c);
-    const Index shape = kind == ConeKind::friction ? env.cone_rows(c) + 1 : static_cast<Index>(kind);
-    cone_order[next[at(shape)]++] = c;
-  }
+  for (Index c = 0; c < env.cones; ++c) cone_order[next[at(shape_of(c))]++] = c;
 }
 
 /// Symmetric graph in CSR form, each neighbour once.

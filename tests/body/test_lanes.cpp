@@ -224,6 +224,18 @@ TYPED_TEST(LanesOf, HoldWhatAnEnvironmentHasByItself) {
   }
 }
 
+/// Loads environments first, first + 1, ... into all lanes, and starts npgs in them.
+template <class Real, int W>
+void fill(Lanes<Real, W>& lanes, std::size_t first) {
+  std::vector<std::pair<std::size_t, int>> entering;
+  for (int l = 0; l < W; ++l) entering.emplace_back(first + static_cast<std::size_t>(l), l);
+  lanes.enter(entering);
+  SerialBlock block;
+  for (int l = 0; l < W; ++l)
+    start_method<Npgs, kLaw>(block, lanes.envs[first + static_cast<std::size_t>(l)],
+                             lanes.lanes[static_cast<std::size_t>(l)]);
+}
+
 TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
   using Real = typename TypeParam::Real;
   constexpr int kWidth = TypeParam::kWidth;
@@ -231,15 +243,12 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
   for (const bool alike : {true, false}) {
     const std::vector<Environment<double>> all = guests(alike);
     Lanes<Real, kWidth> lanes(all);
-    std::vector<std::pair<std::size_t, int>> entering;
-    for (int l = 0; l < kWidth; ++l) entering.emplace_back(static_cast<std::size_t>(l), l);
-    lanes.enter(entering);
+    fill(lanes, 0);
     SerialBlock block;
     const MethodParams<Real> params{Real(1), false};
-    for (int l = 0; l < kWidth; ++l)
-      start_method<Npgs, kLaw>(block, lanes.envs[static_cast<std::size_t>(l)],
-                               lanes.lanes[static_cast<std::size_t>(l)]);
-    advance<Npgs, kLaw>(block, *lanes.pack, params, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100));
+    using Together = DenseSystem<Pack<Real, kWidth>>;
+    advance<Npgs, kLaw>(block, params,
+                        Advancing<Together>{*lanes.pack, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100)});
     std::array<const EnvView<Real>*, kWidth> views;
     for (int l = 0; l < kWidth; ++l) views[static_cast<std::size_t>(l)] = &lanes.envs[static_cast<std::size_t>(l)];
     // The last lane alone, then all: what was not asked for is not published.
@@ -272,6 +281,51 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
     }
   }
   EXPECT_GE(unsolved, 2 * kWidth);  // of 2 kWidth + 2 that were judged
+}
+
+TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  using Packed = Pack<Real, kWidth>;
+  using Together = DenseSystem<Packed>;
+  SerialBlock block;
+  const MethodParams<Real> params{Real(1), false};
+  for (const bool alike : {true, false}) {
+    const std::vector<Environment<double>> all = guests(alike);
+    const std::size_t second = all.size() - static_cast<std::size_t>(kWidth);
+    Lanes<Real, kWidth> a(all), b(all), a_alone(all), b_alone(all);
+    for (auto* pack : {&a, &a_alone}) fill(*pack, 0);
+    for (auto* pack : {&b, &b_alone}) fill(*pack, second);
+    for (int chunk = 0; chunk < 6; ++chunk) {
+      // One pack is a chunk further than the other, and one of its lanes runs out within the second.
+      const auto next = [&](const Lanes<Real, kWidth>& lanes, int done) {
+        Packed left(static_cast<Real>(100));
+        left.v[kWidth - 1] = static_cast<Real>(6 - kChunk * done);
+        return Advancing<Together>{*lanes.pack, Packed(static_cast<Real>(kChunk * done % kRefreshInterval)), left};
+      };
+      advance<Npgs, kLaw>(block, params, next(a_alone, chunk + 1));
+      advance<Npgs, kLaw>(block, params, next(b_alone, chunk));
+      advance<Npgs, kLaw>(block, params, next(a, chunk + 1), next(b, chunk));
+      for (const auto& [turns, alone] : {std::pair(&a, &a_alone), std::pair(&b, &b_alone)})
+        for (int l = 0; l < kWidth; ++l) {
+          SCOPED_TRACE(testing::Message() << "alike " << alike << ", chunk " << chunk << ", lane " << l);
+          const auto& got = turns->lanes[static_cast<std::size_t>(l)];
+          const auto& want = alone->lanes[static_cast<std::size_t>(l)];
+          for (Index i = 0; i < got.n; ++i) {
+            EXPECT_TRUE(same_bits(got.x[i], want.x[i])) << "x " << i;
+            EXPECT_TRUE(same_bits(got.y[i], want.y[i])) << "y " << i;
+            EXPECT_TRUE(same_bits(got.best[i], want.best[i])) << "best " << i;
+          }
+          for (const int k : {kBestResidual, kLastResidual, kTheta, kProgress})
+            EXPECT_TRUE(same_bits(got.scalar[k], want.scalar[k])) << "scalar " << k;
+        }
+    }
+    // They have come somewhere, and not to the same place.
+    int apart = 0;
+    for (Index i = 0; i < a.pack->n; ++i)
+      for (int l = 0; l < kWidth; ++l) apart += a.pack->x[i].v[l] != b.pack->x[i].v[l] ? 1 : 0;
+    EXPECT_GT(apart, 2 * kWidth);
+  }
 }
 
 }  // namespace

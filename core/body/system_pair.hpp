@@ -1,0 +1,33 @@
+#pragma once
+
+#include "core/base/macros.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Two systems of the same slots that are swept in turns, cone by cone. They do not know of each other: each gets the
+/// bits it would get alone, while a core works on one during the other's roots and quotients.
+template <class System>
+struct SystemPair {
+  using Real = typename System::Real;
+  System& a;
+  System& b;
+};
+
+/// A number of either.
+template <class Real>
+struct NumberPair {
+  Real a;
+  Real b;
+};
+
+/// What a method iterates on: a system as it is, or two as a pair.
+template <class System>
+STICTION_HD System& together(System& s) {
+  return s;
+}
+template <class System>
+STICTION_HD SystemPair<System> together(System& a, System& b) {
+  return {a, b};
+}
+
+}  // namespace stiction::inline STICTION_ISA
