@@ -240,7 +240,7 @@ class PackRun {
 template <class Method, class Real>
 bool takes_pairs(const ConeCounts& slots) {
   if constexpr (requires { Method::kTakesPairs; }) {
-    constexpr Offset kMostMatrixBytes = Offset{24} << 10;
+    constexpr Offset kMostMatrixBytes = Offset{8} << 10;
     const Offset rows = row_count(slots);
     return rows * rows * kPackWidth<Real> * static_cast<Offset>(sizeof(Real)) <= kMostMatrixBytes;
   } else {
