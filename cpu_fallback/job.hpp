@@ -18,7 +18,7 @@ struct Kernels {
   /// Scratch one call needs, in numbers of Real.
   Offset (*pack_elements)(const ConeCounts& slots);
   Offset (*one_elements)(const Job<Real>& job, Offset env);
-  /// Solves environments envs[0 .. count), all of dense path and with cones <= slots, `pack_width` at a time.
+  /// Solves environments envs[0 .. count), all of dense path and with cones <= slots, in packs of `pack_width`.
   void (*solve_pack)(const Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch);
   /// Solves one environment of any path.
   void (*solve_one)(const Job<Real>& job, Offset env, Real* scratch);

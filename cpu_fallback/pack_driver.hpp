@@ -235,17 +235,19 @@ class PackRun {
   Guest guests_[kWidth];
 };
 
+template <class Method>
+inline constexpr bool kIteratesOnPairs = requires {
+  requires Method::kTakesPairs;
+};
+
 /// Whether environments of these slots go through two packs in turns: sweeps of a few cones wait for each cone's roots
-/// and quotients, those of many cones for the second cache. Only speed depends on it.
+/// and quotients, those of more for what the first cache does not hold of two packs. Only speed depends on it.
 template <class Method, class Real>
 bool takes_pairs(const ConeCounts& slots) {
-  if constexpr (requires { Method::kTakesPairs; }) {
-    constexpr Offset kMostMatrixBytes = Offset{8} << 10;
-    const Offset rows = row_count(slots);
-    return rows * rows * kPackWidth<Real> * static_cast<Offset>(sizeof(Real)) <= kMostMatrixBytes;
-  } else {
-    return false;
-  }
+  constexpr Offset kMostMatrixBytes = Offset{8} << 10;
+  const Offset rows = row_count(slots);
+  return kIteratesOnPairs<Method> &&
+         rows * rows * kPackWidth<Real> * static_cast<Offset>(sizeof(Real)) <= kMostMatrixBytes;
 }
 
 template <class Method, Law kLaw, class Real>
@@ -258,7 +260,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
   using Run = PackRun<Method, kLaw, Real>;
   EnvQueue queue{envs, count};
   Run one(job, queue, slots, scratch);
-  if constexpr (requires { Method::kTakesPairs; }) {
+  if constexpr (kIteratesOnPairs<Method>) {
     if (takes_pairs<Method, Real>(slots) && count >= kShortestForPairs * Run::kWidth) {
       Run other(job, queue, slots, scratch + Run::scratch_elements(slots));
       run_out(one, other);

@@ -13,8 +13,7 @@ kernels   pgs and npgs on a full A (packs of environments side by side as far as
 problems  all contacts stick and carry, under matrices whose spectra sweeps take long to go through (matrix, factor), or a stack
           of boxes (bodies): what does not move pushes nothing, and would be counted all the same
 batches   `near` takes half of the second cache, `far` four times all of it. A solver takes one environment or pack after
-          the other, or two packs of few contacts in turns, so a sweep finds its numbers where the pack or both
-          lie (`level`), not where the batch does
+          the other, so a sweep finds its numbers where the pack lies (`level`), not where the batch does
 
 A turn measures the roof, the calls forth and back, and the roof again; share is the median over the turns of what was
 reached over min(multiply-adds, intensity times the level's bandwidth). moving: share of contacts whose reactions still
@@ -49,7 +48,6 @@ FEW, MANY = 20, {"near": 220, "far": 60}
 SOON = 60  # sweeps after which factors and short stacks are still on their way
 CONDITION, MU = 1e6, 0.5
 LARGEST_PACK = 2**20  # bytes of a pack's matrices (cpu_fallback/partition.cpp); larger environments come one at a time
-LARGEST_PAIR = 8 * 2**10  # of the matrices of one of two packs that are swept in turns (cpu_fallback/pack_driver.hpp)
 COLUMNS = ["kernel", "precision", "contacts", "batch", "environments", "level", "set_kib", "operations", "bytes", "intensity",
            "ns_per_contact_sweep", "gflops", "roof_gflops", "share_q1", "share", "share_q3", "share_of_one_lane", "moving"]
 ROOF_COLUMNS = ["what", "f32", "f64"]
@@ -149,18 +147,17 @@ class Case:
     def __init__(self, form, solver, precision, contacts, where, yardstick, seed):
         self.solver, self.precision, self.contacts, self.where = solver, precision, contacts, where
         self.kernel = {"matrix": solver, "factor": f"{solver}, factor", "bodies": "si, bodies"}[form]
-        size, rows, lanes, packs = np.dtype(PRECISION[precision]).itemsize, 3 * contacts, 1, 1
+        size, rows, lanes = np.dtype(PRECISION[precision]).itemsize, 3 * contacts, 1
         width = yardstick.vector // size
         if form == "matrix":
             self.sweep, own = counts.of_matrix(contacts, size, solver == "npgs"), size * rows**2
             lanes = width if own * width <= LARGEST_PACK else 1
-            packs = 2 if own * width <= LARGEST_PAIR else 1
         elif form == "factor":
             self.sweep, own = counts.of_factor(contacts, DOFS, size), size * rows * DOFS
         else:
             boxes = -(-contacts // 4)
             self.sweep, own, lanes = counts.of_bodies(contacts, boxes, size), size * (22 * contacts + 19 * boxes), width
-        self.set, self.one_lane = packs * lanes * self.sweep.bytes, lanes == 1
+        self.set, self.one_lane = lanes * self.sweep.bytes, lanes == 1
         self.level = yardstick.level(self.set)
         room = yardstick.levels["L2"] * (0.5 if where == "near" else 4)
         self.environments = max(DISTINCT, int(room / own) // DISTINCT * DISTINCT)

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/body/pgs_body.hpp"
 #include "core/body/settle_body.hpp"
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/base/macros.hpp"
+#include "stiction/config.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
