@@ -35,9 +35,10 @@ struct BodyKernels {
   /// The same on every thread of a team, which shares the scratch.
   void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
                          Index rank);
-  int pack_width;  ///< environments in lock-step; 1: no packs, and the two entries below are null
-  /// Scratch a pack needs in numbers of Real. In numbers of double: pack_width times what one environment does.
+  int pack_width;  ///< environments in lock-step; 1: no packs, and the entries below are null
+  /// Scratch that packs of that room need, in numbers of Real and of double.
   Offset (*pack_elements)(const BodyRoom& room, bool momentum);
+  Offset (*pack_exact_elements)(const BodyRoom& room, bool momentum);
   /// Solves environments envs[0 .. count), all within `room`, `pack_width` at a time.
   void (*solve_pack)(const BodyJob<Real>& job, const Offset* envs, Offset count, const BodyRoom& room, Real* scratch,
                      double* exact);

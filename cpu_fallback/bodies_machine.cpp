@@ -54,7 +54,7 @@ void run(const BodyRequest<Real>& request) {
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
   const auto pack_exact = [&](const cpu::BodyRoom& room) {
-    return kernels.pack_width * kernels.exact_elements(room.bodies);
+    return kernels.pack_exact_elements(room, request.options.momentum);
   };
   const auto pack_bytes = [&](const cpu::BodyRoom& room) {
     return kernels.pack_elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +

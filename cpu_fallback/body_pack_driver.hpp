@@ -3,8 +3,9 @@
 #include <algorithm>
 
 #include "core/base/extents.hpp"
-#include "core/body/bodies/body_pack.hpp"
+#include "core/body/bodies/pack_sweep.hpp"
 #include "cpu_fallback/bodies_job.hpp"
+#include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/pack_width.hpp"
 
 /// Feeds body environments through the lanes of a pack. Compiled once per instruction set.
@@ -23,9 +24,14 @@ struct BodyPackMemory {
     return Lanes::elements(room.contacts, room.bodies, momentum) * kWidth;
   }
   static Offset words(const cpu::BodyRoom& room) { return 2 * Offset{room.contacts} * kWidth; }
-  /// With the flags of sides, one byte each, at the end.
+  /// With the flags of sides, one byte each, at the end. Whole vectors, so that another pack may follow.
   static Offset elements(const cpu::BodyRoom& room, bool momentum) {
-    return numbers(room, momentum) + words(room) + 2 * Offset{room.contacts};
+    const Offset flags = 2 * Offset{room.contacts};
+    return numbers(room, momentum) + words(room) + (flags + kWidth - 1) / kWidth * kWidth;
+  }
+  /// Numbers of double.
+  static Offset exact_elements(const cpu::BodyRoom& room) {
+    return kWidth * BodySystem<Real, kLaw>::exact_elements(room.bodies);
   }
   static Sides sides(const cpu::BodyRoom& room, bool momentum, Real* memory) {
     static_assert(sizeof(Word) == sizeof(Real));
@@ -76,8 +82,9 @@ class BodyPackRun {
   static constexpr int kWidth = Memory::kWidth;
 
  public:
-  BodyPackRun(const BodyJob<Real>& job, const cpu::BodyRoom& room, Real* memory, double* exact)
+  BodyPackRun(const BodyJob<Real>& job, EnvQueue& queue, const cpu::BodyRoom& room, Real* memory, double* exact)
       : job_(job),
+        queue_(queue),
         params_(si_params(job.stepping, job.options)),
         room_(room),
         memory_(memory),
@@ -88,22 +95,39 @@ class BodyPackRun {
     std::fill_n(memory, Memory::numbers(room, params_.momentum), Real(0));
   }
 
-  void solve(const Offset* envs, Offset count) {
-    Offset next = 0;
+  /// Answers whoever is done and lets others enter. Whether there is anything to advance.
+  bool refill() {
+    for (int l = 0; l < kWidth; ++l)
+      if (lanes_[l].busy && lanes_[l].left == 0) go_on(l);
     for (;;) {
+      int entered = 0;
       for (int l = 0; l < kWidth; ++l)
-        if (lanes_[l].busy && lanes_[l].left == 0) go_on(l);
-      for (;;) {
-        int entered = 0;
-        for (int l = 0; l < kWidth; ++l)
-          while (!lanes_[l].busy && next < count)
-            if (enter(l, envs[next++])) ++entered;
-        if (entered == 0) break;
-        look_at_new(entered);
-      }
-      if (!measure()) return;
-      advance();
+        while (!lanes_[l].busy && !queue_.is_empty())
+          if (enter(l, queue_.take())) ++entered;
+      if (entered == 0) break;
+      look_at_new(entered);
     }
+    return measure();
+  }
+
+  /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
+  void advance() {
+    compose();
+    const Index count = sweeps_to_go();
+    SiMomentum<Packed> momentum = momentum_of_lanes();
+    run_sweeps(block_, env_, pack_, params_, count, momentum);
+    settle(count, momentum);
+  }
+  /// Of two packs in turns.
+  static void advance(BodyPackRun& a, BodyPackRun& b) {
+    a.compose();
+    b.compose();
+    const Index count = smaller_of(a.sweeps_to_go(), b.sweeps_to_go());
+    NumberPair<SiMomentum<Packed>> momentum{a.momentum_of_lanes(), b.momentum_of_lanes()};
+    run_sweeps(a.block_, EnvPair<PackEnv<Real, kWidth>>{a.env_, b.env_}, SystemPair<const Lanes>{a.pack_, b.pack_},
+               a.params_, count, momentum);
+    a.settle(count, momentum.a);
+    b.settle(count, momentum.b);
   }
 
  private:
@@ -200,19 +224,26 @@ class BodyPackRun {
       if (due.v[l] != 0) lanes_[l].progress.estimate = estimate.v[l];
   }
 
-  /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
-  void advance() {
-    compose();
+  /// Sweeps until the first chunk ends.
+  [[nodiscard]] Index sweeps_to_go() const {
     Index count = kSiChunk;
+    for (const Lane& lane : lanes_)
+      if (lane.busy) count = smaller_of(count, lane.left);
+    return count;
+  }
+
+  [[nodiscard]] SiMomentum<Packed> momentum_of_lanes() const {
     SiMomentum<Packed> momentum;
     for (int l = 0; l < kWidth; ++l) {
-      const Lane& lane = lanes_[l];
-      if (!lane.busy) continue;
-      count = smaller_of(count, lane.left);
-      momentum.theta.v[l] = lane.progress.momentum.theta;
-      momentum.progress.v[l] = lane.progress.momentum.progress;
+      if (!lanes_[l].busy) continue;
+      momentum.theta.v[l] = lanes_[l].progress.momentum.theta;
+      momentum.progress.v[l] = lanes_[l].progress.momentum.progress;
     }
-    run_sweeps(block_, env_, pack_, params_, count, momentum);
+    return momentum;
+  }
+
+  /// After so many sweeps: what follows a chunk in the lanes where one has ended.
+  void settle(Index count, const SiMomentum<Packed>& momentum) {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.busy) continue;
@@ -221,11 +252,13 @@ class BodyPackRun {
       if (lane.left == 0) lane.progress.done += next_chunk(params_, lane.progress);
     }
     const auto due = lanes_where([](const Lane& lane) { return lane.left == 0; });
+    if (!any(due)) return;
     refresh_lanes(env_, pack_, due);
     keep_estimates(due);
   }
 
   const BodyJob<Real>& job_;
+  EnvQueue& queue_;
   SiParams params_;
   cpu::BodyRoom room_;
   Real* memory_;
@@ -237,10 +270,41 @@ class BodyPackRun {
   bool is_composed_ = false;  ///< nobody has entered since compose()
 };
 
+/// Whether environments of this room go through two packs in turns. Only speed depends on it.
+template <Law kLaw, class Real>
+bool takes_body_pairs(const cpu::BodyRoom& room, bool momentum) {
+  constexpr Offset kMostBytes = Offset{320} << 10;
+  return BodyPackMemory<kLaw, Real>::elements(room, momentum) * static_cast<Offset>(sizeof(Real)) <= kMostBytes;
+}
+
+/// Packs that are worked on at once.
+template <Law kLaw, class Real>
+int body_packs(const cpu::BodyRoom& room, bool momentum) {
+  return takes_body_pairs<kLaw, Real>(room, momentum) ? 2 : 1;
+}
+template <Law kLaw, class Real>
+Offset body_pack_elements(const cpu::BodyRoom& room, bool momentum) {
+  return body_packs<kLaw, Real>(room, momentum) * BodyPackMemory<kLaw, Real>::elements(room, momentum);
+}
+template <Law kLaw, class Real>
+Offset body_pack_exact_elements(const cpu::BodyRoom& room, bool momentum) {
+  return body_packs<kLaw, Real>(room, momentum) * BodyPackMemory<kLaw, Real>::exact_elements(room);
+}
+
 template <Law kLaw, class Real>
 void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count, const cpu::BodyRoom& room,
                      Real* memory, double* exact) {
-  BodyPackRun<kLaw, Real>(job, room, memory, exact).solve(envs, count);
+  using Run = BodyPackRun<kLaw, Real>;
+  const bool momentum = job.options.momentum;
+  EnvQueue queue{envs, count};
+  Run one(job, queue, room, memory, exact);
+  if (takes_body_pairs<kLaw, Real>(room, momentum) && count >= kShortestForPairs * kPackWidth<Real>) {
+    Run other(job, queue, room, memory + BodyPackMemory<kLaw, Real>::elements(room, momentum),
+              exact + BodyPackMemory<kLaw, Real>::exact_elements(room));
+    run_out(one, other);
+  } else {
+    run_out(one);
+  }
 }
 
 }  // namespace stiction::inline STICTION_ISA

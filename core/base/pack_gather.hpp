@@ -41,15 +41,4 @@ STICTION_HD void scatter<double, 8>(double* base, PackPlaces<double, 8> place, P
 }
 #endif
 
-#if defined(__AVX2__)
-template <>
-STICTION_HD Pack<float, 8> gather<float, 8>(const float* base, PackPlaces<float, 8> place) {
-  return Pack<float, 8>(_mm256_i32gather_ps(base, (__m256i)place, 4));
-}
-template <>
-STICTION_HD Pack<double, 4> gather<double, 4>(const double* base, PackPlaces<double, 4> place) {
-  return Pack<double, 4>(_mm256_i64gather_pd(base, (__m256i)place, 8));
-}
-#endif
-
 }  // namespace stiction::inline STICTION_ISA

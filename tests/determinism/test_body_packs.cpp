@@ -29,7 +29,7 @@ std::vector<BodyEnvironment<Real>> crowd() {
   for (std::uint64_t seed = 0; seed < 45; ++seed)
     envs.push_back(
         as<Real>(random_bodies(seed, 2 + static_cast<Index>(seed % 9), 1 + static_cast<Index>((7 * seed) % 40))));
-  for (std::uint64_t seed = 0; seed < 20; ++seed) envs.push_back(as<Real>(scenes::make_body_stack(seed, 3)));
+  for (std::uint64_t seed = 0; seed < 40; ++seed) envs.push_back(as<Real>(scenes::make_body_stack(seed, 3)));
   envs.push_back({});
   envs[13].contacts[0].mu = -1;  // refused while its neighbours go on
   return envs;

@@ -1,51 +1,12 @@
 #pragma once
 
-#include "core/base/pack_gather.hpp"
+#include "core/body/bodies/pack_sides.hpp"
 #include "core/body/bodies/si_body.hpp"
 
 /// Body systems in the lanes of a pack: contact p of every lane is visited at once, whichever bodies it is between.
 /// Each lane's numbers are those of a BodySystem with a stride, so one system can also be worked on by itself; each
 /// lane does what such a system does in the same order, so its bits are the same. Host only.
 namespace stiction::inline STICTION_ISA {
-
-/// One side of a contact in every lane, as in BodyEnv::sides.
-template <class T, int W>
-struct LaneSides {
-  PackPlaces<T, W> side;
-  Offset place;     ///< as in BodyEnv::side()
-  bool is_uniform;  ///< all lanes have the same slot
-};
-
-template <class T, int W>
-STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
-  return {sides.side >= 0};
-}
-
-/// Where the bodies of a side keep their numbers.
-template <class T, int W>
-struct LaneSlots {
-  PackPlaces<T, W> slot;
-  Offset place;
-  bool is_uniform;
-};
-
-template <class T, int W>
-STICTION_HD LaneSlots<T, W> slot_of(const LaneSides<T, W>& sides) {
-  return {sides.side >= 0 ? sides.side : ~sides.side, sides.place, sides.is_uniform};
-}
-
-/// What a pack keeps of the plan: sides by position, lane by lane. A lane that has no contact at a position has a side
-/// there that nothing pushes, the same as another lane's.
-template <class T, int W>
-struct PackSides {
-  using Word = typename PackMask<T, W>::Word;
-  Word* side = nullptr;
-  std::uint8_t* is_uniform = nullptr;
-
-  [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset place) const {
-    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), place, is_uniform[place] != 0};
-  }
-};
 
 /// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
 /// tangents, and the twists without reactions.
@@ -105,10 +66,7 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
   STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
                              const Twist<Real>& old, const Twist<Real>& value) const {
-    const auto blend = [where](const Vector3<Real>& a, const Vector3<Real>& b) {
-      return Vector3<Real>{select(where, a.x, b.x), select(where, a.y, b.y), select(where, a.z, b.z)};
-    };
-    const Twist<Real> kept{blend(value.linear, old.linear), blend(value.angular, old.angular)};
+    const Twist<Real> kept = blend(where, value, old);
     if (at.is_uniform) {
       set_twist(twists, static_cast<Index>(at.slot[0]), kept);
     } else {
@@ -119,12 +77,22 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
       for (int k = 0; k < 6; ++k) scatter<T, W>(reinterpret_cast<T*>(twists.data + k), place, row[k]);
     }
   }
+  STICTION_HD void move_side(const UniformSide<T, W>& side, PackMask<T, W> where, const Twist<Real>& old,
+                             const Twist<Real>& value) const {
+    set_twist(this->motion, side.slot, blend(where, value, old));
+  }
   STICTION_HD void move_side(const LaneSides<T, W>& side, PackMask<T, W> where, const Twist<Real>& old,
                              const Twist<Real>& value) const {
     set_twist(this->motion, slot_of(side), where, old, value);
   }
 
  private:
+  static STICTION_HD Twist<Real> blend(PackMask<T, W> where, const Twist<Real>& a, const Twist<Real>& b) {
+    const auto parts = [where](const Vector3<Real>& u, const Vector3<Real>& v) {
+      return Vector3<Real>{select(where, u.x, v.x), select(where, u.y, v.y), select(where, u.z, v.z)};
+    };
+    return {parts(a.linear, b.linear), parts(a.angular, b.angular)};
+  }
   [[nodiscard]] STICTION_HD Real* mass_of(Offset place) const {
     return &masses.at(static_cast<Index>(place % 2) * Base::kMassRow, static_cast<Index>(place / 2));
   }
@@ -141,50 +109,6 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     for (int k = 0; k < kCount; ++k) row[k] = gather<T, W>(reinterpret_cast<const T*>(numbers.data + k), place);
   }
 };
-
-/// Sides as an environment has them, for visit_of().
-template <class T, int W>
-struct PackEnv {
-  PackSides<T, W> sides;
-  [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset place) const { return sides.of(place); }
-};
-
-/// refresh_bodies() in the lanes of `due`: contacts in order instead of bodies one by one, which gives each body's sum
-/// the same terms in the same order.
-template <class T, int W, Law kLaw>
-STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, PackMask<T, W> due) {
-  using Real = Pack<T, W>;
-  const Vector3<Real> zero{Real(0), Real(0), Real(0)};
-  for (Index slot = 0; slot <= s.bodies; ++slot) s.set_twist(s.sums, slot, {zero, zero});
-  const auto add = [&](const LaneSides<T, W>& side, const Vector3<Real>& arm, const Vector3<Real>& impulse) {
-    const PackMask<T, W> where = is_pushed(side);
-    if (!any(where)) return;
-    const LaneSlots<T, W> at = slot_of(side);
-    const Twist<Real> sum = s.twist(s.sums, at);
-    s.set_twist(s.sums, at, where, sum,
-                {add_scaled(sum.linear, Real(1), impulse), add_cross(sum.angular, arm, impulse)});
-  };
-  for (Index p = 0; p < s.contacts; ++p) {
-    const auto visit = visit_of(env, s, p);
-    const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
-    const Vector3<Real> impulse = impulse_of(visit, x);
-    add(visit.side_b, visit.arm_b, impulse);
-    add(visit.side_a, visit.arm_a, opposite(impulse));
-  }
-  for (Index body = 0; body < s.bodies; ++body) {
-    const Twist<Real> sum = s.twist(s.sums, body);
-    const Twist<Real> fresh = pushed(s.twist(s.free, body), s.inverse_mass(body), sum.linear, sum.angular);
-    const auto now = s.twist_row(s.motion, body);
-    Real value[6];
-    Real* const numbers = value;
-    put_twist(numbers, fresh);
-    if (s.has_momentum()) {
-      const auto before = s.twist_row(s.motion_before, body);
-      for (Index k = 0; k < 6; ++k) before[k] = select(due, fma_(Real(1), value[k] - now[k], before[k]), before[k]);
-    }
-    for (Index k = 0; k < 6; ++k) now[k] = select(due, value[k], now[k]);
-  }
-}
 
 /// start_momentum() in the lanes of `due`.
 template <class T, int W, Law kLaw>

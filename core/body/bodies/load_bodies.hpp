@@ -62,12 +62,20 @@ STICTION_HD void load_masses(B& block, const BodyEnv<Real>& env, const BodySyste
   });
 }
 
+/// A contact's block in the solver's coordinates, as the bounds on its eigenvalues read a system.
+template <class RealType>
+struct OneBlock {
+  using Real = RealType;
+  Real block[3][3];
+  [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const { return block[i][j]; }
+};
+
 /// The constants of a contact's local problem, and whether it can be solved.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD bool load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block,
                             Real mu) {
   const Real r = s.compliance;
-  OneContact<Real> one;
+  OneBlock<Real> one;
   one.block[0][0] = block.nn + r;
   one.block[1][0] = one.block[0][1] = mu * block.n1;
   one.block[2][0] = one.block[0][2] = mu * block.n2;

@@ -45,22 +45,36 @@ STICTION_HD void extrapolate(B& block, const System& s, typename System::Real be
   });
 }
 
-/// One sweep with momentum, docs/math/npgs.md (1)-(4).
-template <Block B, class Env, class System, class Real>
-STICTION_HD void accelerated_sweep(B& block, const Env& env, const System& s, Real omega, SiMomentum<Real>& momentum) {
+/// How far a sweep leads, docs/math/npgs.md (1)-(4).
+template <class Real>
+struct SiLead {
+  Real next;  ///< theta of the sweep after it
+  Real beta;  ///< of the extrapolation before it
+};
+template <class Real>
+STICTION_HD SiLead<Real> lead_of(const SiMomentum<Real>& momentum) {
   const Real square = momentum.theta * momentum.theta;
   const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
-  const Real beta = div_(momentum.theta * (Real(1) - momentum.theta), square + next);
-  extrapolate(block, s, beta);
-  const Real progress = block.max(sweep_bodies(block, env, s, omega));
-  momentum.theta = select(progress > momentum.progress, Real(1), next);
+  return {next, div_(momentum.theta * (Real(1) - momentum.theta), square + next)};
+}
+template <class Real>
+STICTION_HD void follow(SiMomentum<Real>& momentum, const SiLead<Real>& lead, Real progress) {
+  momentum.theta = select(progress > momentum.progress, Real(1), lead.next);
   momentum.progress = progress;
 }
 
+/// One sweep with momentum.
 template <Block B, class Env, class System, class Real>
+STICTION_HD void accelerated_sweep(B& block, const Env& env, const System& s, Real omega, SiMomentum<Real>& momentum) {
+  const SiLead<Real> lead = lead_of(momentum);
+  extrapolate(block, s, lead.beta);
+  follow(momentum, lead, block.max(sweep_bodies(block, env, s, omega)));
+}
+/// `env`, `s` and `momentum` are of one system, of a pack, or of two packs in turns.
+template <Block B, class Env, class System, class Momentum>
 STICTION_HD void run_sweeps(B& block, const Env& env, const System& s, const SiParams& params, Index count,
-                            SiMomentum<Real>& momentum) {
-  const Real omega = static_cast<Real>(params.omega);
+                            Momentum& momentum) {
+  const auto omega = static_cast<typename System::Real>(params.omega);
   for (Index k = 0; k < count; ++k) {
     if (params.momentum) {
       accelerated_sweep(block, env, s, omega, momentum);
@@ -121,11 +135,9 @@ STICTION_HD_OUTLINE void leave_substep(B& block, const BodyEnv<Real>& env, const
   const Real step = static_cast<Real>(params.step);
   share_out(block, s.contacts, [&](Index p) {
     const auto visit = visit_of(env, s, p);
-    const Vector3<Real> u = relative_velocity(s.twist(s.motion, slot_of(visit.side_a)), visit.arm_a,
-                                              s.twist(s.motion, slot_of(visit.side_b)), visit.arm_b);
-    s.depth.at(0, p) = fma_(-step, dot(u, visit.frame.n), s.depth.at(0, p));
+    s.depth.at(0, p) = fma_(-step, dot(velocity_at(visit), visit.frame().n), s.depth.at(0, p));
     for (Index k = 0; k < 3; ++k) {
-      const Real impulse = k == 0 ? s.x.at(k, p) : s.x.at(k, p) * visit.mu;
+      const Real impulse = k == 0 ? s.x.at(k, p) : s.x.at(k, p) * visit.mu();
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
       total = total + impulse;
     }

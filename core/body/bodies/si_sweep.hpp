@@ -7,55 +7,84 @@
 /// pushes the change into those twists (docs/math/si.md).
 namespace stiction::inline STICTION_ISA {
 
-/// One contact as local_step() and largest_eigenvalue_bound() read a system: a cone of three rows at row 0.
-template <class RealType>
-struct OneContact {
-  using Real = RealType;
-  Real x[3] = {};
-  Real inv_n[1] = {};
-  Real inv_t[1] = {};
-  Real damping[1] = {};
-  Real share[1] = {};
-  Real block[3][3] = {};
-  [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const { return block[i][j]; }
+/// The cone at position p of a system, as local_step() reads one: three rows at row 0.
+template <class System>
+struct LocalProblem {
+  using Real = typename System::Real;
+  /// Rows of x, or one number of the contact.
+  struct Numbers {
+    const typename System::Tiles& tiles;
+    Index first, p;
+    STICTION_HD Real operator[](Index k) const { return tiles.at(first + k, p); }
+  };
+  const System& s;
+  Index p;
+  Numbers x{s.x, 0, p};
+  Numbers inv_n{s.field, kFieldInverse, p};
+  Numbers inv_t{s.field, kFieldInverse + 1, p};
+  Numbers damping{s.field, kFieldBlock, p};
+  Numbers share{s.field, kFieldBlock + 1, p};
+  [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const {
+    if constexpr (System::kLaw == Law::coulomb) return s.field.at(kFieldBlock + i - 1, p);
+    const Index row = i < j ? i : j;
+    return s.field.at(kFieldBlock + 2 + row * (5 - row) / 2 + (i < j ? j : i), p);
+  }
 };
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
-/// A contact's geometry while it is visited. A side is a number, or one for each lane of a pack.
-template <class Real, class Side>
-struct Visit {
-  Side side_a, side_b;
-  Vector3<Real> arm_a, arm_b;
-  ContactFrame<Real> frame;
-  Real mu;
+/// A contact while it is visited: its sides, each a number or one for each lane of a pack, its geometry, and the twists
+/// that its bodies had when the visit began. `env` knows the sides, `s` everything else. A system is one (BodySystem),
+/// of which a visit keeps all it has read, or those of a pack's lanes (BodyPack).
+template <class Real>
+struct ContactVisit {
+  Index a, b;
+  Vector3<Real> arms[2];
+  ContactFrame<Real> axes;
+  Real friction;
+  Twist<Real> twists[2];
+  [[nodiscard]] STICTION_HD Index side_a() const { return a; }
+  [[nodiscard]] STICTION_HD Index side_b() const { return b; }
+  [[nodiscard]] STICTION_HD const Vector3<Real>& arm_a() const { return arms[0]; }
+  [[nodiscard]] STICTION_HD const Vector3<Real>& arm_b() const { return arms[1]; }
+  [[nodiscard]] STICTION_HD const ContactFrame<Real>& frame() const { return axes; }
+  [[nodiscard]] STICTION_HD Real mu() const { return friction; }
+  [[nodiscard]] STICTION_HD const Twist<Real>& twist_a() const { return twists[0]; }
+  [[nodiscard]] STICTION_HD const Twist<Real>& twist_b() const { return twists[1]; }
 };
 
-/// `env` knows the sides, `s` everything else. A system is one (BodySystem) or those of a pack's lanes (BodyPack).
-template <class Env, class System>
-STICTION_HD auto visit_of(const Env& env, const System& s, Index p) {
-  using Side = decltype(env.side(Offset{}));
-  return Visit<typename System::Real, Side>{env.side(2 * static_cast<Offset>(p)),
-                                            env.side(2 * static_cast<Offset>(p) + 1),
-                                            s.vector(kFieldArmA, p),
-                                            s.vector(kFieldArmB, p),
-                                            s.frame(p),
-                                            s.field.at(kFieldMu, p)};
+template <class Real, Law kLaw, int kStride>
+STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
+  const Index a = env.side(2 * static_cast<Offset>(p));
+  const Index b = env.side(2 * static_cast<Offset>(p) + 1);
+  return {a,
+          b,
+          {s.vector(kFieldArmA, p), s.vector(kFieldArmB, p)},
+          s.frame(p),
+          s.field.at(kFieldMu, p),
+          {s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))}};
+}
+
+/// Relative velocity of the two bodies at the contact.
+template <class Visit>
+STICTION_HD auto velocity_at(const Visit& visit) {
+  return relative_velocity(visit.twist_a(), visit.arm_a(), visit.twist_b(), visit.arm_b());
 }
 
 /// Motion of a contact's rows in the solver's coordinates, y = mu (J v + bias + R lambda).
-template <class System, class Real, class Side>
-STICTION_HD void motion_of(const System& s, const Visit<Real, Side>& visit, Real bias, const Twist<Real>& a,
-                           const Twist<Real>& b, const Real (&x)[3], Real (&y)[3]) {
-  const Vector3<Real> u = relative_velocity(a, visit.arm_a, b, visit.arm_b);
-  y[0] = fma_(s.compliance, x[0], dot(u, visit.frame.n) + bias);
-  y[1] = visit.mu * fma_(s.compliance, visit.mu * x[1], dot(u, visit.frame.t1));
-  y[2] = visit.mu * fma_(s.compliance, visit.mu * x[2], dot(u, visit.frame.t2));
+template <class System, class Visit, class Array, class Real>
+STICTION_HD void motion_of(const System& s, const Visit& visit, Real bias, const Array& x, Real (&y)[3]) {
+  const Vector3<Real> u = velocity_at(visit);
+  const ContactFrame<Real>& frame = visit.frame();
+  const Real mu = visit.mu();
+  y[0] = fma_(s.compliance, x[0], dot(u, frame.n) + bias);
+  y[1] = mu * fma_(s.compliance, mu * x[1], dot(u, frame.t1));
+  y[2] = mu * fma_(s.compliance, mu * x[2], dot(u, frame.t2));
 }
 
-template <class Real, class Side>
-STICTION_HD Vector3<Real> impulse_of(const Visit<Real, Side>& visit, const Real (&x)[3]) {
-  return to_world(visit.frame, x[0], visit.mu * x[1], visit.mu * x[2]);
+template <class Visit, class Real>
+STICTION_HD Vector3<Real> impulse_of(const Visit& visit, const Real (&x)[3]) {
+  return to_world(visit.frame(), x[0], visit.mu() * x[1], visit.mu() * x[2]);
 }
 
 template <class Real>
@@ -72,45 +101,39 @@ STICTION_HD void push(const System& s, const Side& side, const Vector3<Real>& ar
     s.move_side(side, where, twist, pushed(twist, s.inverse_mass(slot_of(side)), impulse, cross(arm, impulse)));
 }
 
-template <class System>
-STICTION_HD OneContact<typename System::Real> local_problem(const System& s, Index p) {
-  OneContact<typename System::Real> one;
-  for (int k = 0; k < 3; ++k) one.x[k] = s.x.at(k, p);
-  one.inv_n[0] = s.field.at(kFieldInverse, p);
-  one.inv_t[0] = s.field.at(kFieldInverse + 1, p);
-  if constexpr (System::kLaw == Law::coulomb) {
-    one.block[1][0] = s.field.at(kFieldBlock, p);
-    one.block[2][0] = s.field.at(kFieldBlock + 1, p);
-  } else {
-    one.damping[0] = s.field.at(kFieldBlock, p);
-    one.share[0] = s.field.at(kFieldBlock + 1, p);
-    Index field = kFieldBlock + 2;
-    for (int i = 0; i < 3; ++i)
-      for (int j = i; j < 3; ++j) one.block[i][j] = one.block[j][i] = s.field.at(field++, p);
-  }
-  return one;
+/// The step of a contact.
+template <class System, class Visit>
+STICTION_HD auto step_of(const System& s, const Visit& visit, Index p, typename System::Real omega) {
+  const LocalProblem<System> local{s, p};
+  typename System::Real y[3];
+  motion_of(s, visit, s.field.at(kFieldBias, p), local.x, y);
+  return local_step<System::kLaw>(ContactShape{}, local, 0, 0, y, omega);
 }
 
-/// One contact's step. Returns its size in units of w.
-template <class Env, class System>
-STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
-  using Real = typename System::Real;
-  const auto visit = visit_of(env, s, p);
-  const Twist<Real> a = s.twist(s.motion, slot_of(visit.side_a));
-  const Twist<Real> b = s.twist(s.motion, slot_of(visit.side_b));
-  const OneContact<Real> one = local_problem(s, p);
-  Real y[3];
-  motion_of(s, visit, s.field.at(kFieldBias, p), a, b, one.x, y);
-  const ConeStep<Real, 3> step = local_step<System::kLaw>(ContactShape{}, one, 0, 0, y, omega);
+/// Takes it: moves x, and pushes the change into the twists of both bodies. Returns its size in units of w.
+template <class System, class Visit, class Real>
+STICTION_HD Real take_step(const System& s, const Visit& visit, Index p, const ConeStep<Real, 3>& step) {
   const Real size = step_size(step, s.field.at(kFieldWeight, p));
   const Mask<Real> moves = size != Real(0);
   if (any(moves)) {
-    for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(moves, one.x[k] + step.d[k], one.x[k]);
     const Vector3<Real> impulse = impulse_of(visit, step.d);
-    push(s, visit.side_b, visit.arm_b, b, impulse, moves);
-    push(s, visit.side_a, visit.arm_a, a, opposite(impulse), moves);
+    for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(moves, s.x.at(k, p) + step.d[k], s.x.at(k, p));
+    push(s, visit.side_b(), visit.arm_b(), visit.twist_b(), impulse, moves);
+    push(s, visit.side_a(), visit.arm_a(), visit.twist_a(), opposite(impulse), moves);
   }
   return size;
+}
+
+template <class Env, class System>
+STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
+  const auto visit = visit_of(env, s, p);
+  return take_step(s, visit, p, step_of(s, visit, p, omega));
+}
+
+/// f(env) for one contact; whoever knows more of its sides in advance calls f with that.
+template <class Real, class F>
+STICTION_HD auto with_sides(const BodyEnv<Real>& env, Index, F&& f) {
+  return f(env);
 }
 
 /// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
@@ -121,7 +144,8 @@ STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typenam
   Real largest(0);
   if constexpr (kInterleaved<Real, System::kStride>) {
     // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
-    for (Index p = 0; p < s.contacts; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+    for (Index p = 0; p < s.contacts; ++p)
+      largest = max_(with_sides(env, p, [&](const auto& sides) { return visit_contact(sides, s, p, omega); }), largest);
   } else {
     for (Index color = 0; color < env.color_count; ++color) {
       const Index first = env.color_offsets[color];
@@ -166,7 +190,7 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
     const Twist<Real> fresh =
         gather_impulses(env, body, base, s.inverse_mass(body), [&](Index p, bool is_b, Vector3<Real>& arm) {
           const auto visit = visit_of(env, s, p);
-          arm = is_b ? visit.arm_b : visit.arm_a;
+          arm = is_b ? visit.arm_b() : visit.arm_a();
           const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
           return impulse_of(visit, x);
         });
@@ -190,8 +214,7 @@ STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const Syste
     const auto visit = visit_of(env, s, p);
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];
-    motion_of(s, visit, s.field.at(kFieldBias, p), s.twist(s.motion, slot_of(visit.side_a)),
-              s.twist(s.motion, slot_of(visit.side_b)), x, y);
+    motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
     largest =
         max_(natural_map<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
   });
