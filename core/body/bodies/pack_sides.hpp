@@ -80,10 +80,17 @@ STICTION_HD bool is_uniform(const PackEnv<T, W>& env, Index p) {
   const Offset place = 2 * static_cast<Offset>(p);
   return env.sides.is_uniform[place] != 0 && env.sides.is_uniform[place + 1] != 0;
 }
-template <class T, int W, class F>
-STICTION_HD auto with_sides(const PackEnv<T, W>& env, Index p, F&& f) {
-  if (is_uniform(env, p)) return f(UniformEnv<T, W>{env.sides});
-  return f(env);
+
+/// f(uniform, first, end) for runs of contacts in order, all of them `is_uniform_at` or none.
+template <class Test, class F>
+STICTION_HD void for_each_run(Index count, Test&& is_uniform_at, F&& f) {
+  for (Index first = 0; first < count;) {
+    const bool uniform = is_uniform_at(first);
+    Index end = first + 1;
+    while (end < count && is_uniform_at(end) == uniform) ++end;
+    f(uniform, first, end);
+    first = end;
+  }
 }
 
 }  // namespace stiction::inline STICTION_ISA

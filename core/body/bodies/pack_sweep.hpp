@@ -49,6 +49,24 @@ STICTION_HD LaneVisit<T, W, kLaw> visit_of(const PackEnv<T, W>& env, const BodyP
   return {{s, p}, a, b, s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))};
 }
 
+/// One sweep of a pack, contacts [first, end) of it.
+template <class T, int W, Law kLaw>
+STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Index first,
+                                  Pack<T, W> omega) {
+  Pack<T, W> largest(0);
+  const auto is_uniform_at = [&](Index k) { return is_uniform(env, first + k); };
+  for_each_run(s.contacts - first, is_uniform_at, [&](bool uniform, Index begin, Index end) {
+    const Pack<T, W> size = uniform ? visit_run(UniformEnv<T, W>{env.sides}, s, first + begin, first + end, omega)
+                                    : visit_run(env, s, first + begin, first + end, omega);
+    largest = max_(size, largest);
+  });
+  return largest;
+}
+template <Block B, class T, int W, Law kLaw>
+STICTION_HD Pack<T, W> sweep_bodies(B&, const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
+  return sweep_from(env, s, 0, omega);
+}
+
 /// The sides of two packs.
 template <class Env>
 struct EnvPair {
@@ -56,33 +74,37 @@ struct EnvPair {
   const Env& b;
 };
 
-/// One sweep of two packs in turns, contact by contact: what one does hides what the other waits for.
-template <Block B, class T, int W, Law kLaw>
-STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(B&, const EnvPair<PackEnv<T, W>>& env,
-                                                const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {
-  using Real = Pack<T, W>;
-  NumberPair<Real> largest{Real(0), Real(0)};
-  const Index common = s.a.contacts < s.b.contacts ? s.a.contacts : s.b.contacts;
-  const auto alone = [omega](const PackEnv<T, W>& sides, const BodyPack<T, W, kLaw>& pack, Index p) {
-    return with_sides(sides, p, [&](const auto& known) { return visit_contact(known, pack, p, omega); });
-  };
-  const auto both = [&](const auto& sides_a, const auto& sides_b, Index p) {
-    const auto visit_a = visit_of(sides_a, s.a, p);
-    const auto visit_b = visit_of(sides_b, s.b, p);
+/// visit_run() of two packs in turns: what one does hides what the other waits for.
+template <class Env, class System, class Real>
+STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s, Index first, Index end, Real omega,
+                           NumberPair<Real>& largest) {
+  for (Index p = first; p < end; ++p) {
+    const auto visit_a = visit_of(env.a, s.a, p);
+    const auto visit_b = visit_of(env.b, s.b, p);
     const auto step_a = step_of(s.a, visit_a, p, omega);
     const auto step_b = step_of(s.b, visit_b, p, omega);
     largest.a = max_(take_step(s.a, visit_a, p, step_a), largest.a);
     largest.b = max_(take_step(s.b, visit_b, p, step_b), largest.b);
-  };
-  for (Index p = 0; p < common; ++p) {
-    if (is_uniform(env.a, p) && is_uniform(env.b, p)) {
-      both(UniformEnv<T, W>{env.a.sides}, UniformEnv<T, W>{env.b.sides}, p);
-    } else {
-      both(env.a, env.b, p);
-    }
   }
-  for (Index p = common; p < s.a.contacts; ++p) largest.a = max_(alone(env.a, s.a, p), largest.a);
-  for (Index p = common; p < s.b.contacts; ++p) largest.b = max_(alone(env.b, s.b, p), largest.b);
+}
+
+/// One sweep of two packs in turns.
+template <Block B, class T, int W, Law kLaw>
+STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(B&, const EnvPair<PackEnv<T, W>>& env,
+                                                const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {
+  using Uniform = UniformEnv<T, W>;
+  NumberPair<Pack<T, W>> largest{Pack<T, W>(0), Pack<T, W>(0)};
+  const Index common = s.a.contacts < s.b.contacts ? s.a.contacts : s.b.contacts;
+  const auto is_uniform_at = [&](Index p) { return is_uniform(env.a, p) && is_uniform(env.b, p); };
+  for_each_run(common, is_uniform_at, [&](bool uniform, Index first, Index end) {
+    if (uniform) {
+      visit_run(EnvPair<Uniform>{Uniform{env.a.sides}, Uniform{env.b.sides}}, s, first, end, omega, largest);
+    } else {
+      visit_run(env, s, first, end, omega, largest);
+    }
+  });
+  largest.a = max_(sweep_from(env.a, s.a, common, omega), largest.a);
+  largest.b = max_(sweep_from(env.b, s.b, common, omega), largest.b);
   return largest;
 }
 

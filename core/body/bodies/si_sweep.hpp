@@ -130,10 +130,12 @@ STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typenam
   return take_step(s, visit, p, step_of(s, visit, p, omega));
 }
 
-/// f(env) for one contact; whoever knows more of its sides in advance calls f with that.
-template <class Real, class F>
-STICTION_HD auto with_sides(const BodyEnv<Real>& env, Index, F&& f) {
-  return f(env);
+/// The contacts of a run, one after the other. Returns the largest step.
+template <class Env, class System>
+STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
+  typename System::Real largest(0);
+  for (Index p = first; p < end; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+  return largest;
 }
 
 /// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
@@ -144,8 +146,7 @@ STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typenam
   Real largest(0);
   if constexpr (kInterleaved<Real, System::kStride>) {
     // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
-    for (Index p = 0; p < s.contacts; ++p)
-      largest = max_(with_sides(env, p, [&](const auto& sides) { return visit_contact(sides, s, p, omega); }), largest);
+    largest = visit_run(env, s, 0, s.contacts, omega);
   } else {
     for (Index color = 0; color < env.color_count; ++color) {
       const Index first = env.color_offsets[color];

@@ -24,7 +24,7 @@ STICTION_HD Vector3<T> add_cross(const Vector3<T>& base, const Vector3<T>& a, co
 
 template <class T>
 STICTION_HD Vector3<T> cross(const Vector3<T>& a, const Vector3<T>& b) {
-  return {fma_(a.y, b.z, -a.z * b.y), fma_(a.z, b.x, -a.x * b.z), fma_(a.x, b.y, -a.y * b.x)};
+  return {fma_(a.y, b.z, -(a.z * b.y)), fma_(a.z, b.x, -(a.x * b.z)), fma_(a.x, b.y, -(a.y * b.x))};
 }
 
 /// base + s a.
