@@ -270,7 +270,8 @@ class BodyPackRun {
   bool is_composed_ = false;  ///< nobody has entered since compose()
 };
 
-/// Whether environments of this room go through two packs in turns. Only speed depends on it.
+/// Whether environments of this room go through two packs in turns: as long as the second-level cache holds both. Only
+/// speed depends on it.
 template <Law kLaw, class Real>
 bool takes_body_pairs(const cpu::BodyRoom& room, bool momentum) {
   constexpr Offset kMostBytes = Offset{320} << 10;
