@@ -115,7 +115,8 @@ BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, cons
       small.push_back({{kept(env), bodies}, hash_of(sides, kept(env)), env});
     }
   }
-  std::sort(small.begin(), small.end());
+  // Environments that are all alike, as in most training loops, need no sorting: this part is one thread's.
+  if (!std::is_sorted(small.begin(), small.end())) std::sort(small.begin(), small.end());
   Packing packing(rules, deal.work, alone);
   for (const Shape& shape : small) packing.add(shape.env, shape.room);
   packing.close();

@@ -47,7 +47,7 @@ SCENES = {"stack": 4, "grasp": 0, "walker": 0, "mixed": 0}  # size, 0: the scene
 ROBOTS = ["humanoid", "g1", "leap_hand"]
 SEQUENCES = ["stack5_mu05", "heap12_mu07"]
 COLUMNS = ["series", "form", "precision", "threads", "contacts", "environments", "us_per_env", "ns_per_contact_sweep", "clock",
-           "calls"]
+           "calls", "ratio_q1", "ratio", "ratio_q3"]
 TAIL_COLUMNS = ["set", "environments", "solved", "iterations_p50", "iterations_p95", "iterations_max", "us_p50", "us_p95", "us_max"]
 WARM_COLUMNS = ["sequence", "solver", "goal", "steps", "iterations_cold", "iterations_warm", "gain_iterations", "gain_q1", "gain_q3",
                 "gain_total", "gain_time"]
@@ -101,24 +101,29 @@ def body_batch(contacts, envs, precision, seed, edge=0.2):
         twist_change=every(np.tile([0, 0, -problems.WEIGHT, 0, 0, 0], (boxes, 1))))
 
 
-def timed(batch, threads, sweeps=SWEEPS, seconds=0.25):
-    """(least seconds of a call, calls)."""
-    solver = stiction.Solver(solver="pgs", tolerance=0, max_iterations=sweeps, threads=threads, stall_window=0)
-    clock = time.thread_time if threads == 1 else time.perf_counter
-    solution = solver.solve(batch)
-    spent = []
-    while len(spent) < 3 or sum(spent) < seconds:
-        begin = clock()
-        solver.solve(batch, out=solution)
-        spent.append(clock() - begin)
-    return min(spent), len(spent)
+def timed(batch, threads=(1,), sweeps=SWEEPS, seconds=0.25, turns=3):
+    """Seconds of calls by number of threads: at least `turns` turns through all numbers, forth and back."""
+    solvers = {n: stiction.Solver(solver="pgs", tolerance=0, max_iterations=sweeps, threads=n, stall_window=0) for n in threads}
+    solution = solvers[threads[0]].solve(batch)
+    spent = {n: [] for n in threads}
+    while len(spent[threads[0]]) < turns or sum(map(sum, spent.values())) < seconds * len(threads):
+        for n in threads[::-1] if len(spent[threads[0]]) % 2 else threads:
+            clock = time.thread_time if n == 1 else time.perf_counter
+            begin = clock()
+            solvers[n].solve(batch, out=solution)
+            spent[n].append(clock() - begin)
+    return spent
 
 
-def point(series, form, precision, threads, contacts, envs, batch):
-    seconds, calls = timed(batch, threads)
-    return dict(series=series, form=form, precision=precision, threads=threads, contacts=contacts, environments=envs,
-                us_per_env=1e6 * seconds / envs, ns_per_contact_sweep=1e9 * seconds / (envs * contacts * SWEEPS),
-                clock="processor" if threads == 1 else "wall", calls=calls)
+def points(series, form, precision, contacts, envs, batch, threads=(1,), turns=3):
+    """A row for each number of threads; of several, each with the ratio of one thread's time in the same turn to its own."""
+    spent = timed(batch, threads, turns=turns)
+    for n, times in spent.items():
+        row = dict(series=series, form=form, precision=precision, threads=n, contacts=contacts, environments=envs,
+                   us_per_env=1e6 * min(times) / envs, ns_per_contact_sweep=1e9 * min(times) / (envs * contacts * SWEEPS),
+                   clock="processor" if n == 1 else "wall", calls=len(times))
+        quartiles = np.quantile(np.array(spent[1]) / times, (0.25, 0.5, 0.75))
+        yield row | dict(zip(("ratio_q1", "ratio", "ratio_q3"), quartiles if n > 1 else ("", "", "")))
 
 
 def environment_series(arguments):
@@ -129,18 +134,19 @@ def environment_series(arguments):
                 batch = padded_batch("stack", 8, envs, precision, arguments.seed)
             else:
                 batch = body_batch(8, envs, precision, arguments.seed)
-            yield point("environments", form, precision, 1, 8, envs, batch)
-            if envs >= 16:
-                yield point("environments", form, precision, 2, 8, envs, batch)
+            # What a second thread is worth is said of the largest batch, and depends on what else runs.
+            yield from points("environments", form, precision, 8, envs, batch, (1, 2) if envs >= 16 else (1,),
+                              turns=11 if envs == counts[-1] else 3)
 
 
 def contact_series(arguments, folder):
     for contacts in [2**k for k in range(9)][:4 if arguments.quick else 9]:
         few = int(max(16, min(1024, 2e6 / (3 * contacts) ** 2)))
         many = max(16, 8192 // contacts)
-        yield point("contacts", "stack", "f32", 1, contacts, few, stored_batch("stack", contacts, few, "f32", arguments.seed, folder))
-        yield point("contacts", "face", "f32", 1, contacts, few, padded_batch("face", contacts, few, "f32", arguments.seed))
-        yield point("contacts", "bodies", "f32", 1, contacts, many, body_batch(contacts, many, "f32", arguments.seed))
+        for form, envs, batch in (("stack", few, stored_batch("stack", contacts, few, "f32", arguments.seed, folder)),
+                                  ("face", few, padded_batch("face", contacts, few, "f32", arguments.seed)),
+                                  ("bodies", many, body_batch(contacts, many, "f32", arguments.seed))):
+            yield from points("contacts", form, "f32", contacts, envs, batch)
 
 
 def alone(environments, law, solver, warm=None):
@@ -236,9 +242,9 @@ def write(arguments, rows, tail_rows, warm_rows):
              "| series | exponent | standard error |", "|---|---|---|"]
     lines += [f"| {series}, {form} {precision}, threads {threads} | {slope:.3f} | {error:.3f} |"
               for series, form, precision, threads, slope, error in slopes.exponents(rows)]
-    lines += ["", "Two threads: processor time of one thread over wall-clock time of two (nothing else may run).", "",
-              "| form | environments | times faster |", "|---|---|---|"]
-    lines += [f"| {form} {precision} | {envs} | {ratio:.2f} |" for form, precision, envs, ratio in slopes.second_thread(rows)]
+    lines += ["", "Two threads: processor time of one thread over wall-clock time of two in the same turn, median and quartiles (nothing else "
+              "may run).", "", "| form | environments | times faster |", "|---|---|---|"]
+    lines += [f"| {form} {precision} | {envs} | {ratio} |" for form, precision, envs, ratio in slopes.second_thread(rows)]
     for title, columns, table in (("Each environment in a call of its own, to 1e-4, auto, f64", TAIL_COLUMNS, tail_rows),
                                   ("From the step before", WARM_COLUMNS, warm_rows)):
         lines += ["", f"{title}.", "", "| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]

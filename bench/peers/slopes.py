@@ -35,9 +35,12 @@ def exponents(rows):
 
 
 def second_thread(rows):
-    """(form, precision, environments, time of one thread over time of two) of the largest batches."""
-    curves = {curve[:3]: dict(zip(*curve[3:])) for curve in of_series(rows, "environments")}
-    for form, precision, threads in curves:
-        if threads == 2:
-            most = max(curves[form, precision, 2])
-            yield form, precision, int(most), curves[form, precision, 1][most] / curves[form, precision, 2][most]
+    """(form, precision, environments, "median (quartiles)" of one thread's time over that of two) of the largest batches."""
+    largest = {}
+    for row in rows:
+        if row["series"] == "environments" and int(row["threads"]) == 2:
+            own = row["form"], row["precision"]
+            largest[own] = max(largest.get(own, row), row, key=lambda r: int(r["environments"]))
+    for (form, precision), row in largest.items():
+        ratio, q1, q3 = (float(row[key]) for key in ("ratio", "ratio_q1", "ratio_q3"))
+        yield form, precision, int(row["environments"]), f"{ratio:.2f} ({q1:.2f} to {q3:.2f})"

@@ -101,7 +101,7 @@ def scaling_lines(folder):
     if not rows:
         return
     for form, precision, envs, ratio in slopes.second_thread(rows):
-        yield "C6", f"two threads over one, {form} {precision}, {envs} environments", "1.85; 1.95", f"{ratio:.2f}"
+        yield "C6", f"two threads over one, {form} {precision}, {envs} environments", "1.85; 1.95", ratio
     asked = {"bodies": "1.08; 1.03", "face": "2.1; 2.0"}
     for series, form, precision, threads, slope, error in slopes.exponents(rows):
         if series == "environments":

@@ -157,9 +157,10 @@ class Peers(unittest.TestCase):
         self.assertEqual(found, "1.75 (0.50 to 3.00; 2)")
 
     def test_what_a_second_thread_is_worth(self):
-        rows = [dict(series="environments", form="matrix", precision="f32", threads=threads, environments=envs, us_per_env=us)
-                for threads, envs, us in ((1, 16, 8), (1, 64, 6), (2, 16, 9), (2, 64, 4))]
-        self.assertEqual(list(slopes.second_thread(rows)), [("matrix", "f32", 64, 1.5)])
+        rows = [dict(series="environments", form="matrix", precision="f32", threads=threads, environments=envs, ratio_q1=0.9 * ratio,
+                     ratio=ratio, ratio_q3=1.1 * ratio)
+                for threads, envs, ratio in ((2, 64, 1.5), (2, 16, 1.9), (1, 256, 1))]
+        self.assertEqual(list(slopes.second_thread(rows)), [("matrix", "f32", 64, "1.50 (1.35 to 1.65)")])
 
 
 if __name__ == "__main__":
