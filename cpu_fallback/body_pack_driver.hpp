@@ -242,7 +242,8 @@ class BodyPackRun {
     return momentum;
   }
 
-  /// After so many sweeps: what follows a chunk in the lanes where one has ended.
+  /// After so many sweeps: what follows a chunk in the lanes where one has ended, which of two packs in turns may be
+  /// none.
   void settle(Index count, const SiMomentum<Packed>& momentum) {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];

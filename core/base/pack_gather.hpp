@@ -9,7 +9,8 @@ namespace stiction::inline STICTION_ISA {
 template <class T, int W>
 using PackPlaces = typename PackMask<T, W>::Vector;
 
-/// base[place] in every lane.
+/// base[place] in every lane. Without AVX-512 by loads of single numbers: AVX2's gather instructions take longer on Zen
+/// (docs/performance-log.md).
 template <class T, int W>
 STICTION_HD Pack<T, W> gather(const T* base, PackPlaces<T, W> place) {
   Pack<T, W> r;

@@ -49,7 +49,7 @@ STICTION_HD LaneVisit<T, W, kLaw> visit_of(const PackEnv<T, W>& env, const BodyP
   return {{s, p}, a, b, s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))};
 }
 
-/// One sweep of a pack, contacts [first, end) of it.
+/// A sweep of a pack from contact `first` on. Returns the largest step of each lane [w].
 template <class T, int W, Law kLaw>
 STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Index first,
                                   Pack<T, W> omega) {

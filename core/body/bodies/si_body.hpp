@@ -57,6 +57,7 @@ STICTION_HD SiLead<Real> lead_of(const SiMomentum<Real>& momentum) {
   const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
   return {next, div_(momentum.theta * (Real(1) - momentum.theta), square + next)};
 }
+/// After a sweep whose largest step was `progress`.
 template <class Real>
 STICTION_HD void follow(SiMomentum<Real>& momentum, const SiLead<Real>& lead, Real progress) {
   momentum.theta = select(progress > momentum.progress, Real(1), lead.next);

@@ -33,9 +33,8 @@ struct LocalProblem {
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
-/// A contact while it is visited: its sides, each a number or one for each lane of a pack, its geometry, and the twists
-/// that its bodies had when the visit began. `env` knows the sides, `s` everything else. A system is one (BodySystem),
-/// of which a visit keeps all it has read, or those of a pack's lanes (BodyPack).
+/// A contact while it is visited: its sides, its geometry, and the twists that its bodies had when the visit began.
+/// This is one of a single system, and keeps all it has read; those of a pack have the same functions (pack_sweep.hpp).
 template <class Real>
 struct ContactVisit {
   Index a, b;
@@ -53,6 +52,7 @@ struct ContactVisit {
   [[nodiscard]] STICTION_HD const Twist<Real>& twist_b() const { return twists[1]; }
 };
 
+/// `env` knows the sides, `s` everything else.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
   const Index a = env.side(2 * static_cast<Offset>(p));
@@ -124,13 +124,14 @@ STICTION_HD Real take_step(const System& s, const Visit& visit, Index p, const C
   return size;
 }
 
+/// Both. Returns the step's size in units of w.
 template <class Env, class System>
 STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
   const auto visit = visit_of(env, s, p);
   return take_step(s, visit, p, step_of(s, visit, p, omega));
 }
 
-/// The contacts of a run, one after the other. Returns the largest step.
+/// Contacts [first, end), one after the other. Returns the largest step [w].
 template <class Env, class System>
 STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
   typename System::Real largest(0);
