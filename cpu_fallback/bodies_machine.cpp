@@ -1,4 +1,5 @@
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <new>
 #include <vector>
@@ -87,6 +88,9 @@ class CpuBodies final : public BodyMachine {
  public:
   void solve(const BodyRequest<float>& request) override { run(request); }
   void solve(const BodyRequest<double>& request) override { run(request); }
+  void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
+    cpu::share_out(cpu::thread_count(threads), count, work);
+  }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
     std::memcpy(target, source, bytes);
   }

@@ -37,6 +37,9 @@ class CpuBackend final : public Backend {
  public:
   void solve(const SolveRequest<float>& request) override { run(request); }
   void solve(const SolveRequest<double>& request) override { run(request); }
+  void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
+    cpu::share_out(cpu::thread_count(threads), count, work);
+  }
   void* allocate(std::size_t bytes) override { return ::operator new (bytes, std::align_val_t{64}); }
   void release(void* memory) noexcept override { ::operator delete (memory, std::align_val_t{64}); }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {

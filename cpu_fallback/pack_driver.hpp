@@ -7,6 +7,7 @@
 #include "core/base/extents.hpp"
 #include "core/body/lane_body.hpp"
 #include "core/body/lane_judge.hpp"
+#include "core/body/lane_search.hpp"
 #include "core/body/solve_body.hpp"
 #include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/job.hpp"
@@ -65,11 +66,32 @@ std::array<Lane<Real>, kPackWidth<Real>> lanes_of(const ConeCounts& slots, const
   return {Lane<Real>(slots, room, memory + kLanes)...};
 }
 
-/// The lanes that an environment is entering, as numbers are compared.
+/// Some of a pack's lanes.
+class LaneSet {
+ public:
+  LaneSet() = default;
+  explicit LaneSet(unsigned bits) : bits_(bits) {}
+  void add(int lane) { bits_ |= 1U << lane; }
+  void remove(int lane) { bits_ &= ~(1U << lane); }
+  [[nodiscard]] bool has(int lane) const { return (bits_ >> lane & 1U) != 0; }
+  [[nodiscard]] int count() const { return __builtin_popcount(bits_); }
+  [[nodiscard]] bool is_empty() const { return bits_ == 0; }
+  friend LaneSet operator&(LaneSet a, LaneSet b) { return LaneSet(a.bits_ & b.bits_); }
+  /// f(lane), ascending.
+  template <class F>
+  void for_each(F&& f) const {
+    for (unsigned rest = bits_; rest != 0; rest &= rest - 1) f(__builtin_ctz(rest));
+  }
+
+ private:
+  unsigned bits_ = 0;
+};
+
+/// The same as numbers are compared.
 template <class Real, int W>
-Mask<Pack<Real, W>> mask_of(const int* lanes, int count) {
+Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
   Pack<Real, W> marked(0);
-  for (int k = 0; k < count; ++k) marked.v[lanes[k]] = Real(1);
+  lanes.for_each([&](int l) { marked.v[l] = Real(1); });
   return marked > Pack<Real, W>(0);
 }
 
@@ -102,16 +124,16 @@ class PackRun {
 
   /// Answers whoever is done and lets others enter. Whether there is anything to advance.
   bool refill() {
-    settle(busy_lanes());
-    while (!queue_.is_empty() && busy_lanes().count <= kWidth - kTogether) settle(enter());
-    return busy_lanes().count != 0;
+    settle(busy_);
+    while (!queue_.is_empty() && busy_.count() <= kWidth - kTogether) settle(enter());
+    return !busy_.is_empty();
   }
 
   /// The next chunk of all lanes.
-  void advance() { stiction::advance<Method, kLaw>(block_, params_, next_chunk()); }
+  void advance() { stiction::advance<Method, kLaw>(block_, params_, next()); }
   /// Of two packs in turns.
   static void advance(PackRun& a, PackRun& b) {
-    stiction::advance<Method, kLaw>(a.block_, a.params_, a.next_chunk(), b.next_chunk());
+    stiction::advance<Method, kLaw>(a.block_, a.params_, a.next(), b.next());
   }
 
  private:
@@ -122,26 +144,12 @@ class PackRun {
   struct Guest {
     EnvView<Real> env;
     StopRule rule;
-    EnvProgress<Real> progress;
+    std::uint32_t flags;
     double residual_scale;
-    bool busy = false;
-  };
-  /// Some of the lanes, ascending.
-  struct LaneSet {
-    int lane[kWidth];
-    int count = 0;
-    void add(int l) { lane[count++] = l; }
   };
 
   static Offset elements(const ConeCounts& slots) {
     return kWidth * DenseSystem<Real>::elements(slots, Method::room());
-  }
-
-  [[nodiscard]] LaneSet busy_lanes() const {
-    LaneSet busy;
-    for (int l = 0; l < kWidth; ++l)
-      if (guests_[l].busy) busy.add(l);
-    return busy;
   }
 
   /// Asks for as many environments as there are lanes, before they are needed.
@@ -157,72 +165,67 @@ class PackRun {
     Entrant<Real> entrants[kWidth];
     int entering = 0;
     for (int l = 0; l < kWidth && !queue_.is_empty(); ++l) {
+      if (busy_.has(l)) continue;
       Guest& guest = guests_[l];
-      if (guest.busy) continue;
       const Offset env = queue_.take();
       ::new (static_cast<void*>(&guest.env)) EnvView<Real>(slice_to_load(job_, env));  // made where it stays
       guest.rule = stop_rule(job_, env);
-      guest.progress = EnvProgress<Real>{};
       ask_for_matrix(guest.env);
       entrants[entering++] = {&guest.env, l, 0U, nullptr};
     }
     load_lanes_of(pack_, lanes_.data(), room_, rules_, entrants, entering);
     LaneSet taken;
     for (int k = 0; k < entering; ++k) {
-      Guest& guest = guests_[entrants[k].lane];
-      guest.progress.flags = entrants[k].flags | unsupported_flags<Method>(lanes_[entrants[k].lane]);
-      if (is_solvable(guest.progress.flags)) {
+      const int l = entrants[k].lane;
+      Guest& guest = guests_[l];
+      guest.flags = entrants[k].flags | unsupported_flags<Method>(lanes_[l]);
+      if (is_solvable(guest.flags)) {
         guest.residual_scale = residual_scale(block_, guest.env);
-        taken.add(entrants[k].lane);
+        searches_.begin(l, guest.rule);
+        taken.add(l);
       } else {
-        refuse(block_, guest.env, Method::kKind, guest.progress.flags);
+        refuse(block_, guest.env, Method::kKind, guest.flags);
       }
     }
-    begin_lanes<Method, kLaw>(pack_, room_, mask_of<Real, kWidth>(taken.lane, taken.count));
-    for (int k = 0; k < taken.count; ++k) {
-      Guest& guest = guests_[taken.lane[k]];
-      start_method<Method, kLaw>(block_, guest.env, lanes_[taken.lane[k]]);
-      guest.busy = true;
-    }
+    begin_lanes<Method, kLaw>(pack_, room_, mask_of<Real, kWidth>(taken));
+    taken.for_each([&](int l) {
+      start_method<Method, kLaw>(block_, guests_[l].env, lanes_[l]);
+      busy_.add(l);
+    });
     ask_ahead();
     return taken;
   }
 
   /// settle() of those lanes.
-  void settle(const LaneSet& among) {
-    Look looks[kWidth];
+  void settle(LaneSet among) {
+    const auto looks = look_at<Lanes>(pack_, searches_.limits, searches_.search);
+    const LaneSet asked = among & LaneSet(lane_bits(or_(looks.nominated, looks.ended)));
+    if (asked.is_empty()) return;
     const EnvView<Real>* envs[kWidth];
-    LaneSet asked;
-    for (int k = 0; k < among.count; ++k) {
-      const int l = among.lane[k];
-      looks[l] = look_at(lanes_[l], guests_[l].rule, guests_[l].progress);
+    int lanes[kWidth];
+    int count = 0;
+    asked.for_each([&](int l) {
       envs[l] = &guests_[l].env;
-      if (looks[l].nominated || looks[l].ended) asked.add(l);
-    }
-    if (asked.count == 0) return;
+      lanes[count++] = l;
+    });
     Judgement judged[kWidth];
-    judge_lanes<kLaw>(pack_, room_, envs, asked.lane, asked.count, judged);
-    for (int k = 0; k < asked.count; ++k) {
-      const int l = asked.lane[k];
-      Guest& guest = guests_[l];
-      guest.busy = !settle_judged<Method>(block_, guest.env, lanes_[l], guest.rule, looks[l], judged[l],
-                                          guest.residual_scale, guest.progress);
-    }
+    judge_lanes<kLaw>(pack_, room_, envs, lanes, count, judged);
+    asked.for_each([&](int l) {
+      const Guest& guest = guests_[l];
+      EnvProgress<Real> progress = searches_.of(l, guest.flags);
+      const bool is_done = settle_judged<Method>(block_, guest.env, lanes_[l], guest.rule, look_of(looks, l), judged[l],
+                                                 guest.residual_scale, progress);
+      searches_.search.verified.v[l] = progress.verified;
+      if (is_done) leave(l);
+    });
   }
 
-  Advancing<DenseSystem<Lanes>> next_chunk() {
-    Lanes phase(0);
-    Lanes left(0);
-    const LaneSet busy = busy_lanes();
-    for (int k = 0; k < busy.count; ++k) {
-      const int l = busy.lane[k];
-      const Index remaining = guests_[l].rule.max_iterations - guests_[l].progress.iterations;
-      phase.v[l] = static_cast<Real>(guests_[l].progress.iterations % kRefreshInterval);
-      left.v[l] = static_cast<Real>(remaining);
-      guests_[l].progress.iterations += remaining < kChunk ? remaining : kChunk;
-    }
-    return {pack_, phase, left};
+  void leave(int lane) {
+    busy_.remove(lane);
+    searches_.end(lane);
   }
+
+  Advancing<DenseSystem<Lanes>> next() { return next_chunk<Method>(pack_, searches_.limits, searches_.search); }
 
   const cpu::Job<Real>& job_;
   EnvQueue& queue_;
@@ -232,6 +235,8 @@ class PackRun {
   std::array<Lane<Real>, kWidth> lanes_;
   LaneRoom<Real, kWidth> room_;
   LoadRules rules_;
+  LaneSearch<Real, kWidth> searches_;
+  LaneSet busy_;
   Guest guests_[kWidth];
 };
 

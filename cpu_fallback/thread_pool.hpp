@@ -2,6 +2,8 @@
 
 #include <functional>
 
+#include "stiction/types.hpp"
+
 namespace stiction::cpu {
 
 /// Threads to use when `requested` are asked for; 0 asks for all cores.
@@ -15,6 +17,9 @@ using ItemWork = std::function<void(int item, int worker)>;
 /// what reaches no result. Every thread has the bodies' floating-point environment. The first exception is rethrown
 /// when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
+
+/// The same in parts: a ShareOut for work on environments that takes some ten nanoseconds each.
+void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
 
 /// Who deals the items out: threads of our own that sleep between calls, or oneTBB's.
 enum class PoolKind : unsigned char { own, tbb };

@@ -21,6 +21,15 @@ STICTION_HD void add_to_four_sums(double (&sum)[4], Index first, Index count, Le
   for (int part = 0; k < count; ++k, ++part) add(part, k);
 }
 
+#if defined(__AVX2__) && defined(__FMA__)
+STICTION_HD Pack<double, 4> four_doubles(const float* from) {
+  return Pack<double, 4>(_mm256_cvtps_pd(_mm_loadu_ps(from)));
+}
+STICTION_HD Pack<double, 4> four_doubles(const double* from) {
+  return Pack<double, 4>(_mm256_loadu_pd(from));
+}
+#endif
+
 /// Four interleaved partial sums of products in double: term k of a[k] x[k] goes to sum k modulo 4. Returns
 /// (sum 0 + sum 1) + (sum 2 + sum 3), where sum 0 began at `start`. Four neighbours at a time are one vector where
 /// there are vectors, with the same bits.
@@ -29,16 +38,8 @@ STICTION_HD double four_sums(double start, const Real* a, const Other* x, Index 
   double sum[4] = {start, 0.0, 0.0, 0.0};
   Index k = 0;
 #if defined(__AVX2__) && defined(__FMA__)
-  using Four = Pack<double, 4>;
-  const auto widened = []<class T>(const T* first) {
-    if constexpr (sizeof(T) == sizeof(float)) {
-      return Four(_mm256_cvtps_pd(_mm_loadu_ps(first)));
-    } else {
-      return Four(_mm256_loadu_pd(first));
-    }
-  };
-  Four four(_mm256_setr_pd(start, 0.0, 0.0, 0.0));
-  for (; k + 4 <= count; k += 4) four = fma_(widened(a + k), widened(x + k), four);
+  Pack<double, 4> four(_mm256_setr_pd(start, 0.0, 0.0, 0.0));
+  for (; k + 4 <= count; k += 4) four = fma_(four_doubles(a + k), four_doubles(x + k), four);
   _mm256_storeu_pd(sum, four.v);
 #endif
   add_to_four_sums(

@@ -53,6 +53,7 @@ struct Pack {
   friend STICTION_HD Pack operator-(Pack a, Pack b) { return a.v - b.v; }
   friend STICTION_HD Pack operator*(Pack a, Pack b) { return a.v * b.v; }
   friend STICTION_HD Pack operator-(Pack a) { return -a.v; }
+  friend STICTION_HD Pack operator&(Pack a, T bits) requires std::is_integral_v<T> { return a.v & bits; }
 };
 
 /// Lane-wise truth: all bits set or none.
@@ -67,6 +68,7 @@ template <class T, int W>
 struct RealTraits<Pack<T, W>> {
   using Scalar = T;
   using Mask = PackMask<T, W>;
+  using Counts = Pack<Index, W>;
   static constexpr int kLanes = W;
 };
 
@@ -106,11 +108,12 @@ template <class T, int W>
 STICTION_HD PackMask<T, W> or_(PackMask<T, W> a, PackMask<T, W> b) {
   return {a.v | b.v};
 }
+/// Bit l: lane l.
 template <class T, int W>
-STICTION_HD bool any(PackMask<T, W> a) {
-  typename PackMask<T, W>::Word bits = 0;
-  for (int lane = 0; lane < W; ++lane) bits |= a.v[lane];
-  return bits != 0;
+STICTION_HD unsigned lane_bits(PackMask<T, W> a) {
+  unsigned bits = 0;
+  for (int lane = 0; lane < W; ++lane) bits |= (a.v[lane] != 0 ? 1U : 0U) << lane;
+  return bits;
 }
 template <class T, int W>
 STICTION_HD Pack<T, W> select(PackMask<T, W> c, Pack<T, W> a, Pack<T, W> b) {
@@ -158,11 +161,11 @@ STICTION_HD Pack<float, 16> sqrt_(Pack<float, 16> a) {
 STICTION_HD Pack<double, 8> sqrt_(Pack<double, 8> a) {
   return Pack<double, 8>(_mm512_sqrt_pd(a.v));
 }
-STICTION_HD bool any(PackMask<float, 16> a) {
-  return _mm512_movepi32_mask((__m512i)a.v) != 0;
+STICTION_HD unsigned lane_bits(PackMask<float, 16> a) {
+  return static_cast<unsigned>(_mm512_movepi32_mask((__m512i)a.v));
 }
-STICTION_HD bool any(PackMask<double, 8> a) {
-  return _mm512_movepi64_mask((__m512i)a.v) != 0;
+STICTION_HD unsigned lane_bits(PackMask<double, 8> a) {
+  return static_cast<unsigned>(_mm512_movepi64_mask((__m512i)a.v));
 }
 #endif
 
@@ -179,12 +182,35 @@ STICTION_HD Pack<float, 8> sqrt_(Pack<float, 8> a) {
 STICTION_HD Pack<double, 4> sqrt_(Pack<double, 4> a) {
   return Pack<double, 4>(_mm256_sqrt_pd(a.v));
 }
-STICTION_HD bool any(PackMask<float, 8> a) {
-  return _mm256_movemask_ps((__m256)a.v) != 0;
+STICTION_HD unsigned lane_bits(PackMask<float, 8> a) {
+  return static_cast<unsigned>(_mm256_movemask_ps((__m256)a.v));
 }
-STICTION_HD bool any(PackMask<double, 4> a) {
-  return _mm256_movemask_pd((__m256d)a.v) != 0;
+STICTION_HD unsigned lane_bits(PackMask<double, 4> a) {
+  return static_cast<unsigned>(_mm256_movemask_pd((__m256d)a.v));
 }
 #endif
+
+template <class T, int W>
+STICTION_HD bool any(PackMask<T, W> a) {
+  return lane_bits(a) != 0;
+}
+
+template <class Real, int W>
+requires(RealTraits<Real>::kLanes == W) STICTION_HD Real narrowed(Pack<double, W> x) {
+  return Real(__builtin_convertvector(x.v, typename Real::Vector));
+}
+/// Masks of Reals and of counts: true is all bits of either.
+template <class Real, int W>
+requires(RealTraits<Real>::kLanes == W) STICTION_HD Mask<Real> of_reals(PackMask<Index, W> of_counts) {
+  return {__builtin_convertvector(of_counts.v, typename Mask<Real>::Vector)};
+}
+template <class Real>
+requires(RealTraits<Real>::kLanes > 1) STICTION_HD Mask<Counts<Real>> of_counts(Mask<Real> of_reals) {
+  return {__builtin_convertvector(of_reals.v, typename Mask<Counts<Real>>::Vector)};
+}
+template <class Real, int W>
+requires(RealTraits<Real>::kLanes == W) STICTION_HD Real as_reals(Pack<Index, W> counts) {
+  return Real(__builtin_convertvector(counts.v, typename Real::Vector));
+}
 
 }  // namespace stiction::inline STICTION_ISA

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "core/base/macros.hpp"
-#include "stiction/config.hpp"
+#include "stiction/types.hpp"
 
 #ifdef __FAST_MATH__
 #error "stiction promises the same bits everywhere; relaxed floating-point flags break that promise. Remove them."
@@ -14,17 +14,20 @@
 /// selects below therefore have one meaning everywhere, unlike the libraries' minima and maxima.
 namespace stiction::inline STICTION_ISA {
 
-/// The scalar type of one lane, and the type of a comparison of T.
+/// The scalar type of one lane, the type of a comparison of T, and that of a count of something in every lane.
 template <class T>
 struct RealTraits {
   using Scalar = T;
   using Mask = bool;
+  using Counts = Index;
   static constexpr int kLanes = 1;
 };
 template <class T>
 using Mask = typename RealTraits<T>::Mask;
 template <class T>
 using Scalar = typename RealTraits<T>::Scalar;
+template <class T>
+using Counts = typename RealTraits<T>::Counts;
 
 #if defined(__CUDA_ARCH__)
 STICTION_HD float fma_(float a, float b, float c) {
@@ -86,6 +89,9 @@ STICTION_HD float select(bool c, float a, float b) {
 STICTION_HD double select(bool c, double a, double b) {
   return c ? a : b;
 }
+STICTION_HD Index select(bool c, Index a, Index b) {
+  return c ? a : b;
+}
 STICTION_HD bool any(bool c) {
   return c;
 }
@@ -108,6 +114,25 @@ STICTION_HD T max_(T a, T b) {
 template <class T>
 STICTION_HD T min_(T a, T b) {
   return select(a < b, a, b);
+}
+/// What is true of counts of Reals as what is true of Reals, and the other way round.
+template <class Real>
+STICTION_HD bool of_reals(bool of_counts) {
+  return of_counts;
+}
+template <class Real>
+STICTION_HD bool of_counts(bool of_reals) {
+  return of_reals;
+}
+/// Counts as Reals, rounded where they are too large.
+template <class Real>
+STICTION_HD Real as_reals(Index count) {
+  return static_cast<Real>(count);
+}
+/// A double as a Real, rounded.
+template <class Real>
+STICTION_HD Real narrowed(double x) {
+  return static_cast<Real>(x);
 }
 /// x clipped to [lo, hi].
 template <class T>

@@ -1,11 +1,35 @@
 #pragma once
 
+#include "core/base/four_rows.hpp"
 #include "core/body/lane_room.hpp"
 #include "core/body/settle_body.hpp"
 
 /// Guests of a pack that may have their answers: published and judged together, with the operations that publish() and
 /// final_residual() have for one.
 namespace stiction::inline STICTION_ISA {
+
+/// The motion of an environment's reactions, of which `wide` are doubles and then zeros, to the batch and to `motion`.
+template <class Real>
+void publish_motion(const EnvView<Real>& env, const double* wide, double* motion) {
+  using Four = Pack<double, 4>;
+  constexpr Index kFour = 4;
+  const bool is_by_four = env.is_full && env.n >= kFour;
+  for (Index next = 0; is_by_four && next < env.n; next += kFour) {
+    const Index first = next + kFour <= env.n ? next : env.n - kFour;  // the last four begin among those before
+    Four b, R, lambda;
+    widen_lanes(env.b + first, b);
+    widen_lanes(env.R + first, R);
+    load_lanes(wide + first, lambda);
+    const Real* const A = env.A + env.row_offsets[0] + Offset{env.n} * first;
+    const Four sum = four_sums_of_four_rows(fma_(R, lambda, b), A, wide, env.n);
+    store_lanes(motion + first, sum);
+    if (env.w != nullptr) store_lanes(env.w + first, canonical_zero(saturated<Pack<Real, 4>>(sum)));
+  }
+  for (Index i = 0; !is_by_four && i < env.n; ++i) {
+    motion[i] = row_motion(env, i, row_start(env, i));
+    if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion[i]));
+  }
+}
 
 /// The reactions of one lane to where the batch has them, and their motion, to the batch and into the lane.
 template <class Real, int W>
@@ -14,23 +38,11 @@ void publish_lane(const EnvView<Real>& env, const LaneRoom<Real, W>& room, int l
   const auto lambda = LaneRoom<Real, W>::lane_of(room.lambda, lane);
   for (Index r = 0; r < room.n; ++r)
     if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
-  const Real* const full = env.is_full ? env.A + env.row_offsets[0] : nullptr;
-  const Index padded = (env.n + 3) / 4 * 4;
   for (Index i = 0; i < env.n; ++i) room.wide[i] = static_cast<double>(env.lambda[i]);
-  for (Index i = env.n; i < padded; ++i) room.wide[i] = 0.0;
-  for (Index r = 0; r < room.n; ++r) {
-    const Index i = batch_row[r];
-    double motion = 0.0;
-    if (i >= 0) {
-      // A row may be read beyond its end where another follows: all of them are finite, and times zero nothing.
-      const bool is_followed = (env.n - 1 - i) * env.n >= padded - env.n;
-      motion = full != nullptr && is_followed
-                   ? four_sums(row_start(env, i), full + Offset{env.n} * i, room.wide, padded)
-                   : row_motion(env, i, row_start(env, i));
-      if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
-    }
-    room.motion[Offset{r} * W + lane] = motion;
-  }
+  for (Index i = env.n; i < env.n + 4; ++i) room.wide[i] = 0.0;
+  publish_motion(env, room.wide, room.moved);
+  for (Index r = 0; r < room.n; ++r)
+    room.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : room.moved[batch_row[r]];
 }
 
 /// Natural maps and what roundings hide of them in some lanes, from `first` on.
@@ -48,19 +60,20 @@ void judge_lanes_from(int first, const ConeCounts& slots, const LaneRoom<Real, W
       Wide y[kRows];
       for (int k = 0; k < kRows; ++k) {
         const Index row = first_row + c * kRows + k;
+        x[k] = wide(room.lambda[row]);
+        load_lanes(room.motion + Offset{row} * W + first, y[k]);
+        if (k == 0) continue;  // mu is 1, or the slot empty and both are 0
         const Wide mu = wide(room.scale[row]);
-        Wide motion;
-        load_lanes(room.motion + Offset{row} * W + first, motion);
-        x[k] = unit_reaction(wide(room.lambda[row]), mu);
-        y[k] = mu * motion;
+        x[k] = unit_reaction(x[k], mu);
+        y[k] = mu * y[k];
       }
       Wide a;
       load_lanes(room.weight + Offset{cone} * W + first, a);
-      const Wide norm = natural_map<kLaw>(shape, x, y, a, wide(room.lo[cone]), wide(room.hi[cone]));
-      largest = max_(norm, largest);
+      largest = max_(natural_map_square<kLaw>(shape, x, y, a, wide(room.lo[cone]), wide(room.hi[cone])), largest);
       blur = max_(blur_of<kLaw>(x, y, a), blur);
     }
   });
+  largest = sqrt_(largest);
   for (int l = 0; l < kWideLanes<Real, W>; ++l) judged[first + l] = {largest.v[l], blur.v[l]};
 }
 

@@ -42,6 +42,7 @@ struct LaneRoom {
   Lanes* lambda;   ///< reactions in the batch's units                           (n)
   double* motion;  ///< (A + diag R) lambda + b                                  (n; W)
   double* wide;    ///< reactions of one guest in the batch's order, then zeros  (n + 4)
+  double* moved;   ///< their motion                                             (n)
   Index n;
   Index tail_length;
 
@@ -62,6 +63,7 @@ struct LaneRoom {
     motion = reinterpret_cast<double*>(take(kDouble * n));
     row = reinterpret_cast<const Real**>(take(kDouble * n));
     wide = reinterpret_cast<double*>(take(kDouble * (n + kFour)));
+    moved = wide + n + kFour;  // W times the room for one
     batch_row = reinterpret_cast<Index*>(take(n));
     column = reinterpret_cast<Index*>(take(n));
     tile = reinterpret_cast<ColumnTile*>(take(n));
@@ -109,7 +111,7 @@ Pack<double, kWideLanes<Real, W>> widened(const Pack<Real, W>& lanes, int first)
 /// Whether a mask is set in one lane.
 template <class T, int W>
 bool is_set(PackMask<T, W> mask, int lane) {
-  return mask.v[lane] != 0;
+  return (lane_bits(mask) >> lane & 1U) != 0;
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -4,11 +4,12 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Norm of the natural map of one cone, a x - P(a x - y), with de Saxce's term in y under the Coulomb law
+/// Square of the norm of the natural map of one cone, a x - P(a x - y), with de Saxce's term in y under the Coulomb law
 /// (docs/math/residual.md). The cones are cones, so the weight a goes inside the projection and no division is needed.
-/// Anything that is not a finite number counts as infinite: a projection would hide it.
+/// Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded root is
+/// monotone, so the largest norm is the root of the largest square, bit for bit.
 template <Law kLaw, class Shape, class Real, int M>
-STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
   Real ax[M];
   Real z[M];
   for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
@@ -18,10 +19,9 @@ STICTION_HD Real natural_map(Shape shape, const Real (&x)[M], const Real (&y)[M]
     const Real r = ax[k] - z[k];
     sum = fma_(r, r, sum);
   }
-  const Real norm = sqrt_(sum);
   Real input(0);
   for (int k = 0; k < M; ++k) input = input + (ax[k] + y[k]);
-  return select(and_(finite_(norm), finite_(input)), norm, Real(__builtin_huge_valf()));
+  return select(and_(finite_(sum), finite_(input)), sum, Real(__builtin_huge_valf()));
 }
 
 /// The weight a of a cone in the natural map. Where the mean diagonal is not positive there is no exchange rate between
@@ -48,10 +48,9 @@ STICTION_HD_OUTLINE void record(B& block, System& s, Mask<typename System::Real>
     }
     const Real lo = decltype(shape)::kKind == ConeKind::box ? s.lo[cone] : Real(0);
     const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
-    largest = max_(natural_map<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
+    largest = max_(natural_map_square<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
   });
-  largest = block.max(largest);
-  const Real residual = div_(largest, s.scalar[kNormB]);
+  const Real residual = div_(sqrt_(block.max(largest)), s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);
   if (any(better)) for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
   block.sync();

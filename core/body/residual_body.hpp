@@ -82,11 +82,13 @@ STICTION_HD FactorRows<Real> residual_rows(B& block, const EnvView<Real>& env, c
   return {&env, velocity};
 }
 
-/// A double as a Real; what lies beyond Real's range becomes its largest number, so that every output is finite.
-template <class Real>
-STICTION_HD Real saturated(double value) {
-  constexpr double kLargest = sizeof(Real) == sizeof(float) ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
-  return static_cast<Real>(clamp_(value, -kLargest, kLargest));
+/// A double as a Real, or some; what lies beyond Real's range becomes its largest number, so that every output is
+/// finite.
+template <class Real, class Wide>
+STICTION_HD Real saturated(Wide value) {
+  constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
+  constexpr double kLargest = kIsFloat ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
+  return narrowed<Real>(clamp_(value, Wide(-kLargest), Wide(kLargest)));
 }
 
 /// What a judge sees of an answer.
@@ -153,7 +155,7 @@ STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, 
       const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
       const auto judge = [&]<Law kLaw>() {
-        largest = max_(natural_map<kLaw>(shape, x, y, a, lo, hi), largest);
+        largest = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), largest);
         blur = max_(blur_of<kLaw>(x, y, a), blur);
       };
       if (env.law == Law::coulomb) {
@@ -163,7 +165,7 @@ STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, 
       }
     });
   });
-  largest = block.max(largest);
+  largest = sqrt_(block.max(largest));
   return {largest, block.max(blur)};
 }
 template <Block B, class Real>

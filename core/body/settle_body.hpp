@@ -6,14 +6,18 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What an environment remembers between two looks at it. Lanes of a block hold equal copies.
+/// What is remembered of the search for an answer between two looks at it: of one environment, or in every lane.
 template <class Real>
-struct EnvProgress {
-  Index iterations = 0;      ///< done so far
-  Index best_at = 0;         ///< iteration at which the best residual was recorded
-  Real best = Real(0);       ///< that residual, valid once iterations or best_at moved
+struct Search {
+  Counts<Real> iterations = Counts<Real>(0);  ///< done so far
+  Counts<Real> best_at = Counts<Real>(0);     ///< iteration at which the best residual was recorded
+  Real best = Real(0);                        ///< that residual, once iterations or best_at moved
   Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not worth a second look
-  std::uint32_t flags = 0;   ///< EnvFlag bits from preparing
+};
+/// The same of an environment. Lanes of a block hold equal copies.
+template <class Real>
+struct EnvProgress : Search<Real> {
+  std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
 };
 
 template <Block B, class Real>
@@ -62,30 +66,38 @@ STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System
 /// was short of iterations.
 inline constexpr double kWorseThanNothing = 1e3;
 
-/// What a look at an environment between chunks has found.
-struct Look {
-  bool broken;     ///< the latest iterate is not of numbers
-  bool stalled;    ///< no better one was found for as long as was allowed
-  bool stopped;    ///< the method has ended by itself
-  bool ended;      ///< one of these, or no iterations are left
-  bool nominated;  ///< the best iterate may be an answer
+/// What a look between chunks has found: at one environment, or in every lane.
+template <class Condition>
+struct Findings {
+  Condition broken;     ///< the latest iterate is not of numbers
+  Condition stalled;    ///< no better one was found for as long as was allowed
+  Condition stopped;    ///< the method has ended by itself
+  Condition ended;      ///< one of these, or no iterations are left
+  Condition nominated;  ///< the best iterate may be an answer
 };
+using Look = Findings<bool>;
+
+template <class Real>
+STICTION_HD bool is_within(Real residual, double tolerance) {
+  return static_cast<double>(residual) <= tolerance;
+}
 
 /// Takes note of the best iterate so far.
-template <class Real, class System>
-STICTION_HD Look look_at(const System& s, const StopRule& rule, EnvProgress<Real>& progress) {
+template <class Real, class System, class Tolerance>
+STICTION_HD Findings<Mask<Real>> look_at(const System& s, const Limits<Tolerance, Counts<Real>>& rule,
+                                         Search<Real>& search) {
   const Real best = s.scalar[kBestResidual];
-  if (progress.iterations == 0 || best < progress.best) {
-    progress.best = best;
-    progress.best_at = progress.iterations;
-  }
-  Look look;
-  look.broken = !finite_(s.scalar[kLastResidual]);
-  look.stalled = rule.stall_window > 0 && progress.iterations - progress.best_at >= rule.stall_window;
+  const auto is_better = or_(of_reals<Real>(search.iterations == Counts<Real>(0)), best < search.best);
+  search.best = select(is_better, best, search.best);
+  search.best_at = select(of_counts<Real>(is_better), search.iterations, search.best_at);
+  const Counts<Real> waited = search.iterations - search.best_at;
+  Findings<Mask<Real>> look;
+  look.broken = not_(finite_(s.scalar[kLastResidual]));
+  look.stalled = of_reals<Real>(and_(rule.stall_window > Counts<Real>(0), waited >= rule.stall_window));
   look.stopped = s.scalar[kOutcome] != Real(kRunning);
-  look.ended = look.broken || look.stalled || look.stopped || progress.iterations >= rule.max_iterations;
-  look.nominated = static_cast<double>(best) <= rule.tolerance && best != progress.verified;
-  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
+  look.ended =
+      or_(or_(look.broken, look.stalled), or_(look.stopped, of_reals<Real>(search.iterations >= rule.max_iterations)));
+  look.nominated = and_(is_within(best, rule.tolerance), best != search.verified);
   return look;
 }
 
@@ -141,7 +153,8 @@ STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System
 template <class Method, Block B, class Real, class System>
 STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
                         EnvProgress<Real>& progress) {
-  const Look look = look_at(s, rule, progress);
+  const Look look = look_at<Real>(s, rule, progress);
+  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
   // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
   block.sync();
   return (look.nominated || look.ended) && answer<Method>(block, env, s, rule, look, progress);

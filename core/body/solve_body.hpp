@@ -62,15 +62,21 @@ STICTION_HD void advance(B& block, const MethodParams<Real>& params, Advancing<S
   }
 }
 
+/// The next chunk of a system, and that it is done.
+template <class Method, class System, class Tolerance, class Real = typename System::Real>
+STICTION_HD Advancing<System> next_chunk(System& s, const Limits<Tolerance, Counts<Real>>& rule, Search<Real>& search) {
+  static_assert((kRefreshInterval & (kRefreshInterval - 1)) == 0);
+  const Counts<Real> left = rule.max_iterations - search.iterations;
+  const Advancing<System> chunk{s, as_reals<Real>(search.iterations & (kRefreshInterval - 1)), as_reals<Real>(left)};
+  search.iterations = search.iterations + min_(left, Counts<Real>(chunk_of<Method>()));
+  return chunk;
+}
+
 /// The next chunk of one environment, of which `progress` says how far it is.
 template <class Method, Law kLaw, Block B, class Real, class System>
 STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& params, const StopRule& rule,
                                EnvProgress<Real>& progress) {
-  const Index left = rule.max_iterations - progress.iterations;
-  advance<Method, kLaw>(
-      block, params,
-      Advancing<System>{s, static_cast<Real>(progress.iterations % kRefreshInterval), static_cast<Real>(left)});
-  progress.iterations += left < chunk_of<Method>() ? left : chunk_of<Method>();
+  advance<Method, kLaw>(block, params, next_chunk<Method>(s, rule, progress));
 }
 
 /// One environment whose system is loaded, `flags` being what load_system() returned.

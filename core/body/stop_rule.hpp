@@ -6,12 +6,15 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// When to stop one environment.
-struct StopRule {
-  double tolerance;      ///< on the relative residual [-]
-  Index max_iterations;  ///< at most
-  Index stall_window;    ///< iterations without a better residual before giving up; 0: never
+/// When to stop.
+template <class Tolerance, class Iterations>
+struct Limits {
+  Tolerance tolerance;        ///< on the relative residual [-]
+  Iterations max_iterations;  ///< at most
+  Iterations stall_window;    ///< iterations without a better residual before giving up; 0: never
 };
+/// One environment.
+using StopRule = Limits<double, Index>;
 
 /// The environment's own limits where the batch has them, else the solve's; a rung of the ladder has its own besides.
 template <class Real>

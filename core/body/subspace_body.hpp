@@ -78,8 +78,7 @@ struct Subspace {
     }
     const auto gains = taken > Real(0);
     single(block, [&] {
-      s.scalar[kTheta] = select(gains, Real(1), s.scalar[kTheta]);
-      s.scalar[kProgress] = select(gains, Real(__builtin_huge_valf()), s.scalar[kProgress]);
+      Npgs::restart(s, gains);
       s.scalar[kWait] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
       s.scalar[kAge] = select(leaps, Real(0), age);
     });

@@ -14,7 +14,8 @@ enum StateScalar : Index {
   kNormB,             ///< max|b| in the solver's units
   kScaleA,            ///< power of two that A was multiplied by
   kScaleB,            ///< power of two that b was multiplied by
-  kTheta,             ///< momentum: Nesterov's theta
+  kTheta,             ///< momentum: Nesterov's theta, or that of the next iteration
+  kBeta,              ///< momentum: what the last change is extrapolated by
   kProgress,          ///< momentum: size of the last change, in units of w
   kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
   kRung,              ///< ladder of penalties: the rung

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "core/base/full_rows.hpp"
+#include "core/base/share_out.hpp"
 #include "core/schedule/plan.hpp"
 #include "stiction/solver.hpp"
 
@@ -31,6 +33,10 @@ class Backend {
   virtual void solve(const SolveRequest<double>& request) = 0;
   /// Makes room for solves, where a machine has room of its own. \throws Error(out_of_memory).
   virtual void reserve(const Capacity&, SolverKind) {}
+  /// Shares work on a batch on the host among the threads that a solve may use.
+  virtual void share_out(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
+    all_at_once(count, work);
+  }
   /// Finds the islands of a batch in this machine's memory; only its integers are looked at.
   virtual void islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) {}
   /// Memory of this machine. \throws Error(out_of_memory).

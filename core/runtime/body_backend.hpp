@@ -1,7 +1,9 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 
+#include "core/base/share_out.hpp"
 #include "core/schedule/body_plan.hpp"
 
 namespace stiction {
@@ -24,6 +26,10 @@ class BodyMachine {
   virtual ~BodyMachine() = default;
   virtual void solve(const BodyRequest<float>& request) = 0;
   virtual void solve(const BodyRequest<double>& request) = 0;
+  /// Shares work on a batch on the host among the threads that a solve may use.
+  virtual void share_out(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
+    all_at_once(count, work);
+  }
   /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.
   virtual void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) = 0;
 };
@@ -35,6 +41,9 @@ std::unique_ptr<BodyMachine> make_cuda_bodies(int ordinal);
 
 /// The structural defects alone: what validate() lists first. Only the integers are read.
 template <class Real>
-std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit);
+std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out);
+/// validate() by several threads.
+template <class Real>
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out);
 
 }  // namespace stiction

@@ -1,6 +1,9 @@
 #include <cmath>
+#include <map>
+#include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/defects.hpp"
@@ -84,23 +87,42 @@ std::string entry(const char* array, Offset env, const char* what, Index index, 
 template <class Real>
 class BodyValidator {
  public:
-  BodyValidator(const BodyBatchView<Real>& batch, std::size_t limit) : batch_(batch), report_(limit) {}
+  BodyValidator(const BodyBatchView<Real>& batch, std::size_t limit) : batch_(batch), limit_(limit), report_(limit) {}
 
-  std::vector<Defect> run() {
-    if (structure_holds())
-      for (Offset env = 0; env < batch_.env_count && !report_.full(); ++env) {
-        see_bodies(env);
-        see_contacts(env);
-      }
+  std::vector<Defect> run(const ShareOut& share_out) {
+    if (structure_holds(share_out))
+      look(share_out, [](BodyValidator& part, Offset env) {
+        part.see_bodies(env);
+        part.see_contacts(env);
+      });
     return report_.take();
   }
-  std::vector<Defect> run_structure() {
-    structure_holds();
+  std::vector<Defect> run_structure(const ShareOut& share_out) {
+    structure_holds(share_out);
     return report_.take();
   }
 
  private:
-  bool structure_holds() {
+  /// see(part, env) for all environments, by a validator for each part of them. Their defects are reported in order,
+  /// whoever found them first. Returns whether there are none.
+  template <class See>
+  bool look(const ShareOut& share_out, const See& see) {
+    std::mutex mutex;
+    std::map<Offset, std::vector<Defect>> found;
+    share_out(batch_.env_count, [&](Offset begin, Offset end) {
+      BodyValidator part(batch_, limit_);
+      for (Offset env = begin; env < end && !part.report_.full(); ++env) see(part, env);
+      std::vector<Defect> defects = part.report_.take();
+      if (defects.empty()) return;
+      const std::scoped_lock lock(mutex);
+      found.emplace(begin, std::move(defects));
+    });
+    for (auto& [begin, defects] : found)
+      for (Defect& defect : defects) report_.add(std::move(defect));
+    return found.empty();
+  }
+
+  bool structure_holds(const ShareOut& share_out) {
     const auto place = [](Offset env) { return Defect{env, -1, -1, true, ""}; };
     const auto offsets = [&](const char* name, const Offset* values, Offset total, const char* total_name) {
       return check_offsets(name, std::span(values, static_cast<std::size_t>(batch_.env_count) + 1), total, total_name,
@@ -114,15 +136,12 @@ class BodyValidator {
     }
     bool sound = offsets("env_body_offsets", batch_.env_body_offsets, batch_.body_count, "bodies");
     sound = offsets("env_contact_offsets", batch_.env_contact_offsets, batch_.contact_count, "contacts") && sound;
-    for (Offset env = 0; sound && env < batch_.env_count && !report_.full(); ++env) sound = bodies_exist(env) && sound;
-    return sound;
+    return sound && look(share_out, [](BodyValidator& part, Offset env) { part.see_sides(env); });
   }
 
-  bool bodies_exist(Offset env) {
-    bool sound = true;
+  void see_sides(Offset env) {
     const auto bodies = static_cast<Index>(batch_.env_body_offsets[env + 1] - batch_.env_body_offsets[env]);
     const auto fail = [&](const char* array, Index contact, Index value, const char* remedy) {
-      sound = false;
       report_.add({env, contact, value, true, entry(array, env, "contact", contact, value) + remedy});
     };
     const Offset first = batch_.env_contact_offsets[env];
@@ -134,7 +153,6 @@ class BodyValidator {
       if (batch_.body_a[k] == batch_.body_b[k])
         fail("body_a", contact, batch_.body_a[k], " equals body_b: a contact needs two bodies; leave it out");
     }
-    return sound;
   }
 
   void see_bodies(Offset env) {
@@ -180,26 +198,34 @@ class BodyValidator {
   static constexpr float kNormalTolerance = 1e-3F;
 
   const BodyBatchView<Real>& batch_;
+  std::size_t limit_;
   DefectReport report_;
 };
 
 }  // namespace
 
 template <class Real>
-std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit) {
-  return BodyValidator<Real>(batch, limit).run();
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out) {
+  return BodyValidator<Real>(batch, limit).run(share_out);
 }
 
 template <class Real>
-std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit) {
-  return BodyValidator<Real>(batch, limit).run_structure();
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit) {
+  return validate(batch, limit, all_at_once);
+}
+
+template <class Real>
+std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out) {
+  return BodyValidator<Real>(batch, limit).run_structure(share_out);
 }
 
 template class BodyBatch<float>;
 template class BodyBatch<double>;
 template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t);
 template std::vector<Defect> validate(const BodyBatchView<double>&, std::size_t);
-template std::vector<Defect> validate_structure(const BodyBatchView<float>&, std::size_t);
-template std::vector<Defect> validate_structure(const BodyBatchView<double>&, std::size_t);
+template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t, const ShareOut&);
+template std::vector<Defect> validate(const BodyBatchView<double>&, std::size_t, const ShareOut&);
+template std::vector<Defect> validate_structure(const BodyBatchView<float>&, std::size_t, const ShareOut&);
+template std::vector<Defect> validate_structure(const BodyBatchView<double>&, std::size_t, const ShareOut&);
 
 }  // namespace stiction

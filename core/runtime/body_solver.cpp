@@ -1,4 +1,5 @@
 #include <cmath>
+#include <functional>
 #include <string>
 
 #include "core/runtime/body_backend.hpp"
@@ -25,6 +26,13 @@ void check_stepping(const TimeStepping& stepping) {
   at_least("cfm", stepping.cfm, stepping.cfm >= 0, "finite and >= 0");
   at_least("restitution_threshold", stepping.restitution_threshold, stepping.restitution_threshold >= 0,
            "finite and >= 0");
+}
+
+/// Work on a batch on the host, among the threads that its solve may use.
+ShareOut sharing(BodyMachine& machine, const BodySolverOptions& options) {
+  return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
+    machine.share_out(threads, count, work);
+  };
 }
 
 /// `is_used`: somebody will plan with them, for which an ordering's library has to be there.
@@ -148,8 +156,9 @@ template <class Real>
 BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) const {
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
-    reject(validate_structure(host, 1));
-    BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env);
+    const ShareOut share_out = sharing(*machine_, options_);
+    reject(validate_structure(host, 1, share_out));
+    BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env, share_out);
     if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
     return BodyPlan(std::make_shared<const BodyPlanData>(std::move(plan)));
   };
@@ -170,7 +179,8 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
   if (options_.method == BodyMethod::newton && !(data.has_newton && data.space == options_.space))
     refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host) reject(validate(batch, 1));
+  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
+    reject(validate(batch, 1, sharing(*machine_, options_)));
 }
 
 template <class Real>

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/full_rows.hpp"
+#include "core/base/share_out.hpp"
 #include "stiction/batch.hpp"
 
 namespace stiction {
@@ -21,12 +22,13 @@ namespace stiction {
 /// and may be null, so that a structure copied from a device can be checked before it is planned.
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
+                                       const ShareOut& share_out = all_at_once,
                                        std::vector<FullRows>* full_rows = nullptr);
 
 /// validate(), which looks at all columns and can say what it saw: which environments store their rows in full.
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
-                             std::vector<FullRows>& full_rows);
+                             const ShareOut& share_out, std::vector<FullRows>& full_rows);
 
 /// Collects defects up to a limit. Building a message costs more than looking: ask full() first.
 class DefectReport {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+#include <span>
+
 #include "stiction/batch.hpp"
 
 namespace stiction {
@@ -38,6 +41,25 @@ Real entry_sum(const ContactBatchView<Real>& batch, Offset row, Index column) {
     if (columns[k] == column) sum += batch.A[begin + k];
   }
   return sum;
+}
+
+/// One row of an environment's factor, empty where A is stored.
+template <class Real>
+std::span<const Real> factor_row(const ContactBatchView<Real>& batch, Offset env, Offset row) {
+  const auto dofs = static_cast<std::size_t>(batch.env_dofs(env));
+  if (dofs == 0) return {};
+  const auto own = static_cast<std::size_t>(row - batch.env_row_offsets[env]);
+  return {batch.factor + batch.factor_offsets[env] + own * dofs, dofs};
+}
+
+/// The diagonal of A + R in a row of the batch, stored or of a factor. `runs`: its environment's rows store the columns
+/// 0, 1, 2, ...
+template <class Real>
+Real diagonal_of(const ContactBatchView<Real>& batch, Offset env, Offset row, bool runs) {
+  const auto own = static_cast<Index>(row - batch.env_row_offsets[env]);
+  Real diagonal = batch.R[row] + (runs ? entry_of_run(batch, row, own) : entry_sum(batch, row, own));
+  for (const Real value : factor_row(batch, env, row)) diagonal += value * value;
+  return diagonal;
 }
 
 }  // namespace stiction

@@ -55,10 +55,17 @@ const char* solve_span(const ContactBatchView<Real>& batch) {
   return batch.space == MemorySpace::host ? "solve" : "queue";
 }
 
+/// Work on a batch on the host, among the threads that its solve may use.
+ShareOut sharing(Backend& machine, const SolverOptions& options) {
+  return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
+    machine.share_out(threads, count, work);
+  };
+}
+
 template <class Real>
-PlanData traced_plan(const ContactBatchView<Real>& batch, Tracer* tracer) {
+PlanData traced_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out, Tracer* tracer) {
   const ScopedSpan span(tracer, "plan", nullptr, 0, batch.env_count);
-  return make_plan(batch);
+  return make_plan(batch, share_out);
 }
 
 }  // namespace
@@ -109,8 +116,9 @@ template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
   const ScopedSpan span(options_.tracer, "plan", nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) {
-    reject(validate_structure(batch, 1));
-    return Plan(std::make_shared<const PlanData>(make_plan(batch)));
+    const ShareOut share_out = sharing(*backend_, options_);
+    reject(validate_structure(batch, 1, share_out));
+    return Plan(std::make_shared<const PlanData>(make_plan(batch, share_out)));
   }
   check_space(batch.space, device_);
   const HostStructure<Real> host(batch, *backend_, stream);
@@ -135,12 +143,13 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution);
+  std::vector<FullRows> full_rows;
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
-    reject(validate(batch, 1, options_.solver));
+    reject(validate(batch, 1, options_.solver, sharing(*backend_, options_), full_rows));
   // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
   if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
     reject(validate_structure(batch, 1));
-  hand_over(&data, batch, solution, warm_start, stream, nullptr);
+  hand_over(&data, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
 template <class Real>
@@ -177,7 +186,8 @@ template <class Real>
 void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                  const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
   std::optional<PlanData> made;
-  if (plan == nullptr && device_.kind == DeviceKind::cpu) plan = &made.emplace(traced_plan(batch, options_.tracer));
+  if (plan == nullptr && device_.kind == DeviceKind::cpu)
+    plan = &made.emplace(traced_plan(batch, sharing(*backend_, options_), options_.tracer));
   backend_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_,
                                      stream, full_rows});
 }
@@ -194,12 +204,12 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
                    std::vector<FullRows>& full_rows) const {
   const bool is_host = batch.space == MemorySpace::host;
   if (!is_host || options_.invalid != InvalidPolicy::reject) {
-    if (is_host) reject(validate_structure(batch, 1, &full_rows));
+    if (is_host) reject(validate_structure(batch, 1, sharing(*backend_, options_), &full_rows));
     check_request(batch, solution);
     return;
   }
   // One pass finds both; where the answer goes is asked between them, as it is with a plan.
-  const std::vector<Defect> defects = validate(batch, 1, options_.solver, full_rows);
+  const std::vector<Defect> defects = validate(batch, 1, options_.solver, sharing(*backend_, options_), full_rows);
   if (!defects.empty() && defects.front().structural) reject(defects);
   check_request(batch, solution);
   reject(defects);

@@ -9,6 +9,7 @@
 #include "core/runtime/defects.hpp"
 #include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"
+#include "core/runtime/survey.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 #include "stiction/status.hpp"
@@ -33,19 +34,21 @@ class Validator {
 
   /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: what was seen of rows, or
   /// null; of account if there is no structural defect.
-  std::vector<Defect> run(bool with_values, std::vector<FullRows>* full_rows = nullptr) {
+  std::vector<Defect> run(bool with_values, const ShareOut& share_out, std::vector<FullRows>* full_rows = nullptr) {
+    Survey<Real> survey(batch_, with_values);
+    bool passes = false;
     if (check_view(with_values)) {
       check_all_offsets();
-      if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
-      if (env_rows_sound_ && rows_sound_) check_columns();
-      const bool offsets_sound = env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
-      if (with_values && offsets_sound && !report_.full()) check_values();
+      passes = offsets_are_sound() && survey.passes(share_out);
+      if (!passes) check_environments(with_values);
     }
     if (full_rows != nullptr) {
       full_rows->clear();
+      const auto note = [&](StoredColumns columns) {
+        full_rows->push_back(columns == StoredColumns::full ? FullRows::known : FullRows::unknown);
+      };
       full_rows->reserve(found_.size());
-      for (const Found found : found_)
-        full_rows->push_back(found.columns == StoredColumns::full ? FullRows::known : FullRows::unknown);
+      for (std::size_t env = 0; env < found_.size(); ++env) note(passes ? survey.columns()[env] : found_[env].columns);
     }
     return report_.take();
   }
@@ -56,6 +59,17 @@ class Validator {
     bool broken = false;  ///< a cone or a column has a defect
     StoredColumns columns = StoredColumns::any;
   };
+
+  [[nodiscard]] bool offsets_are_sound() const {
+    return env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
+  }
+
+  /// Says what a look at all of it did not pass for, if it is a defect.
+  void check_environments(bool with_values) {
+    if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
+    if (env_rows_sound_ && rows_sound_) check_columns();
+    if (with_values && offsets_are_sound() && !report_.full()) check_values();
+  }
 
   /// Counts and pointers, before anything is read through them.
   bool check_view(bool with_values) {
@@ -346,20 +360,12 @@ class Validator {
     });
   }
 
-  /// One row of an environment's factor, empty where A is stored.
-  [[nodiscard]] std::span<const Real> factor_row(Offset env, Offset row) const {
-    const auto dofs = static_cast<std::size_t>(batch_.env_dofs(env));
-    if (dofs == 0) return {};
-    const auto own = static_cast<std::size_t>(row - batch_.env_row_offsets[env]);
-    return {batch_.factor + batch_.factor_offsets[env] + own * dofs, dofs};
-  }
-
   void check_factor_values() {
     if (batch_.factor_offsets == nullptr ||
         all_finite(std::span(batch_.factor, static_cast<std::size_t>(batch_.factor_count))))
       return;
     for_each_row([&](Offset env, Offset cone, Offset row) {
-      for (const Real value : factor_row(env, row))
+      for (const Real value : factor_row(batch_, env, row))
         if (!std::isfinite(value)) add_value("factor", env, cone, row, "", value, "must be finite");
     });
   }
@@ -386,10 +392,8 @@ class Validator {
         takes_any = !has_friction_cones(env);
       }
       if (takes_any) return;
-      const auto own = static_cast<Index>(row - batch_.env_row_offsets[env]);
       const bool runs = found_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
-      Real diagonal = batch_.R[row] + (runs ? entry_of_run(batch_, row, own) : entry_sum(batch_, row, own));
-      for (const Real value : factor_row(env, row)) diagonal += value * value;
+      const Real diagonal = diagonal_of(batch_, env, row, runs);
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
       add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
     });
@@ -453,28 +457,32 @@ void expect_host(const ContactBatchView<Real>& batch) {
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, solver).run(true);
+  return Validator<Real>(batch, limit, solver).run(true, all_at_once);
 }
 
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
-                             std::vector<FullRows>& full_rows) {
+                             const ShareOut& share_out, std::vector<FullRows>& full_rows) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, solver).run(true, &full_rows);
+  return Validator<Real>(batch, limit, solver).run(true, share_out, &full_rows);
 }
 
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit,
-                                       std::vector<FullRows>* full_rows) {
+                                       const ShareOut& share_out, std::vector<FullRows>* full_rows) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, SolverKind::npgs).run(false, full_rows);
+  return Validator<Real>(batch, limit, SolverKind::npgs).run(false, share_out, full_rows);
 }
 
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind);
 template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind);
-template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, std::vector<FullRows>&);
-template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind, std::vector<FullRows>&);
-template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t, std::vector<FullRows>*);
-template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t, std::vector<FullRows>*);
+template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, const ShareOut&,
+                                      std::vector<FullRows>&);
+template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind, const ShareOut&,
+                                      std::vector<FullRows>&);
+template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t, const ShareOut&,
+                                                std::vector<FullRows>*);
+template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t, const ShareOut&,
+                                                std::vector<FullRows>*);
 
 }  // namespace stiction

@@ -231,7 +231,7 @@ void choose_contacts(const Real* depth, Index contacts, Index capacity, std::vec
 }  // namespace
 
 template <class Real>
-BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity) {
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ShareOut& share_out) {
   const auto envs = at(batch.env_count), bodies = at(batch.body_count), contacts = at(batch.contact_count);
   BodyPlanData plan;
   plan.env_body_offsets.assign(batch.env_body_offsets, batch.env_body_offsets + batch.env_count + 1);
@@ -244,18 +244,20 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity) {
   plan.color_offsets.resize(contacts + envs);
   plan.body_offsets.resize(bodies + envs);
   plan.body_contacts.resize(2 * contacts);
-  BodyPlanner planner;
-  std::vector<Index> chosen;
-  for (Offset e = 0; e < batch.env_count; ++e) {
-    const EnvContacts env = contacts_of(batch, e);
-    const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
-    choose_contacts(batch.depth + contact, env.contacts, capacity, chosen);
-    planner.plan(
-        env, chosen,
-        {plan.kept.data() + e, plan.contact_order.data() + contact, plan.sides.data() + 2 * contact,
-         plan.vertex_offsets.data() + contact + e, plan.color_offsets.data() + contact + e, plan.color_count.data() + e,
-         plan.body_offsets.data() + body + e, plan.body_contacts.data() + 2 * contact});
-  }
+  share_out(batch.env_count, [&](Offset begin, Offset end) {
+    BodyPlanner planner;
+    std::vector<Index> chosen;
+    for (Offset e = begin; e < end; ++e) {
+      const EnvContacts env = contacts_of(batch, e);
+      const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
+      choose_contacts(batch.depth + contact, env.contacts, capacity, chosen);
+      planner.plan(
+          env, chosen,
+          {plan.kept.data() + e, plan.contact_order.data() + contact, plan.sides.data() + 2 * contact,
+           plan.vertex_offsets.data() + contact + e, plan.color_offsets.data() + contact + e,
+           plan.color_count.data() + e, plan.body_offsets.data() + body + e, plan.body_contacts.data() + 2 * contact});
+    }
+  });
   return plan;
 }
 
@@ -278,8 +280,8 @@ bool fits(const BodyPlanData& plan, const BodyBatchView<Real>& batch) {
   return true;
 }
 
-template BodyPlanData make_body_plan(const BodyBatchView<float>&, Index);
-template BodyPlanData make_body_plan(const BodyBatchView<double>&, Index);
+template BodyPlanData make_body_plan(const BodyBatchView<float>&, Index, const ShareOut&);
+template BodyPlanData make_body_plan(const BodyBatchView<double>&, Index, const ShareOut&);
 template bool fits(const BodyPlanData&, const BodyBatchView<float>&);
 template bool fits(const BodyPlanData&, const BodyBatchView<double>&);
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/base/body_plan_view.hpp"
+#include "core/base/share_out.hpp"
 #include "stiction/bodies.hpp"
 
 namespace stiction {
@@ -51,7 +52,7 @@ struct BodyPlanData {
 ///
 /// An environment with more than `capacity` contacts (0: no limit) keeps the deepest, the lower index among equals.
 template <class Real>
-BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity);
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ShareOut& share_out = all_at_once);
 
 /// Whether a plan was made for bodies and contacts like this host batch's.
 template <class Real>

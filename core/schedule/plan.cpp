@@ -100,22 +100,20 @@ ConeCounts count_cones(const EnvStructure& env) {
 }
 
 /// Cones by kind and row count, stably: each goes behind those of its shape that came before.
-void append_canonical_order(const EnvStructure& env, const ConeCounts& counts, std::vector<Index>& cone_order) {
-  const std::size_t first = cone_order.size();
-  cone_order.resize(first + at(env.cones));
+void write_canonical_order(const EnvStructure& env, const ConeCounts& counts, Index* cone_order) {
   const auto shape_of = [&](Index c) {
     return env.kind(c) == ConeKind::friction ? env.cone_rows(c) + 1 : static_cast<Index>(env.kind(c));
   };
   // Cones that are all alike are in that order already.
   if (env.cones == 0 || shape_count(counts, shape_of(0)) == env.cones) {
-    std::iota(cone_order.begin() + static_cast<std::ptrdiff_t>(first), cone_order.end(), 0);
+    std::iota(cone_order, cone_order + env.cones, 0);
     return;
   }
-  std::array<std::size_t, kConeShapes> next{};
-  std::size_t place = first;
+  std::array<Index, kConeShapes> next{};
+  Index place = 0;
   for (int shape = 0; shape < kConeShapes; ++shape) {
     next[static_cast<std::size_t>(shape)] = place;
-    place += at(shape_count(counts, shape));
+    place += shape_count(counts, shape);
   }
   for (Index c = 0; c < env.cones; ++c) cone_order[next[at(shape_of(c))]++] = c;
 }
@@ -135,10 +133,10 @@ class SparsePlanner {
     sort_vertices(env, coloring);
 
     Index position = 0;
+    Index* const cone_order = plan.cone_order.data() + env.first_cone;
     plan.vertex_offsets.push_back(0);
     for (const Index v : order_) {
-      for (Index c = vertex_begin_[at(v)]; c < vertex_begin_[at(v) + 1]; ++c) plan.cone_order.push_back(c);
-      position += vertex_begin_[at(v) + 1] - vertex_begin_[at(v)];
+      for (Index c = vertex_begin_[at(v)]; c < vertex_begin_[at(v) + 1]; ++c) cone_order[position++] = c;
       plan.vertex_offsets.push_back(position);
     }
 
@@ -146,7 +144,7 @@ class SparsePlanner {
     for (const Index color : coloring.color) ++color_end[at(color) + 1];
     std::partial_sum(color_end.begin(), color_end.end(), color_end.begin());
     plan.color_offsets.insert(plan.color_offsets.end(), color_end.begin(), color_end.end());
-    plan.color_count.back() = coloring.color_count;
+    plan.color_count[static_cast<std::size_t>(env.env)] = coloring.color_count;
   }
 
  private:
@@ -291,34 +289,45 @@ void order_environments(const Structure& structure, PlanData& plan) {
   for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).entry_span());
 }
 
-PlanData plan_structure(const Structure& structure) {
+/// What every environment has. The others' order of cones is left to be found.
+void plan_dense(const Structure& structure, const ShareOut& share_out, PlanData& plan) {
+  const auto envs = static_cast<std::size_t>(structure.env_count);
+  plan.counts.resize(envs);
+  plan.path.resize(envs);
+  plan.color_count.resize(envs);
+  plan.cone_order.resize(static_cast<std::size_t>(structure.cone_count));
+  share_out(structure.env_count, [&](Offset begin, Offset end) {
+    for (Offset e = begin; e < end; ++e) {
+      const EnvStructure env(structure, e);
+      ConeCounts& counts = plan.counts[static_cast<std::size_t>(e)];
+      counts = count_cones(env);
+      const EnvPath path = plan.path[static_cast<std::size_t>(e)] = env.path();
+      if (path == EnvPath::dense) write_canonical_order(env, counts, plan.cone_order.data() + env.first_cone);
+    }
+  });
+}
+
+PlanData plan_structure(const Structure& structure, const ShareOut& share_out) {
   PlanData plan;
   plan.env_count = structure.env_count;
   plan.cone_count = structure.cone_count;
   plan.row_count = structure.row_count;
   plan.nonzero_count = structure.nonzero_count;
+  plan_dense(structure, share_out, plan);
   const auto envs = static_cast<std::size_t>(structure.env_count);
-  plan.cone_order.reserve(static_cast<std::size_t>(structure.cone_count));
-  plan.counts.reserve(envs);
-  plan.path.reserve(envs);
-  plan.color_count.reserve(envs);
   plan.dense_order.reserve(envs);
   plan.env_vertex_offsets.reserve(envs + 1);
   plan.env_color_offsets.reserve(envs + 1);
   plan.env_vertex_offsets.push_back(0);
   plan.env_color_offsets.push_back(0);
-
   SparsePlanner sparse;
   for (Offset e = 0; e < structure.env_count; ++e) {
-    const EnvStructure env(structure, e);
-    plan.counts.push_back(count_cones(env));
-    plan.path.push_back(env.path());
-    if (plan.path.back() == EnvPath::factor)
+    const EnvPath path = plan.path[static_cast<std::size_t>(e)];
+    if (path == EnvPath::factor) {
+      const EnvStructure env(structure, e);
       plan.most_dofs = larger_of(plan.most_dofs, static_cast<Index>(env.factor_entries() / env.rows));
-    plan.color_count.push_back(0);
-    if (plan.path.back() == EnvPath::dense) append_canonical_order(env, plan.counts.back(), plan.cone_order);
-    if (plan.path.back() == EnvPath::sparse) sparse.append(env, plan);
-    plan.cone_order.resize(static_cast<std::size_t>(structure.env_cone_offsets[e + 1]), 0);
+    }
+    if (path == EnvPath::sparse) sparse.append(EnvStructure(structure, e), plan);
     plan.env_vertex_offsets.push_back(static_cast<Offset>(plan.vertex_offsets.size()));
     plan.env_color_offsets.push_back(static_cast<Offset>(plan.color_offsets.size()));
   }
@@ -363,8 +372,8 @@ Structure structure_of(const ContactBatchView<Real>& batch) {
 }  // namespace
 
 template <class Real>
-PlanData make_plan(const ContactBatchView<Real>& batch) {
-  return plan_structure(structure_of(batch));
+PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out) {
+  return plan_structure(structure_of(batch), share_out);
 }
 
 template <class Real>
@@ -372,8 +381,8 @@ bool fits(const PlanData& plan, const ContactBatchView<Real>& batch) {
   return fits_structure(plan, structure_of(batch));
 }
 
-template PlanData make_plan(const ContactBatchView<float>&);
-template PlanData make_plan(const ContactBatchView<double>&);
+template PlanData make_plan(const ContactBatchView<float>&, const ShareOut&);
+template PlanData make_plan(const ContactBatchView<double>&, const ShareOut&);
 template bool fits(const PlanData&, const ContactBatchView<float>&);
 template bool fits(const PlanData&, const ContactBatchView<double>&);
 

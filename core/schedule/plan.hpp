@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/cone_counts.hpp"
+#include "core/base/share_out.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/types.hpp"
 
@@ -38,7 +39,7 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
 
 /// Plans a host batch whose structure is sound.
 template <class Real>
-PlanData make_plan(const ContactBatchView<Real>& batch);
+PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out = all_at_once);
 
 /// Whether a plan was made for a structure like this host batch's, in time proportional to its cones: sizes, kinds and
 /// paths are compared, which is what memory safety needs; the sparsity pattern is not, and a plan for another pattern

@@ -68,13 +68,16 @@ class Tally:
         """Counting is dearer than keeping, for small batches: it is done for many of them at once."""
         if not self._fresh:
             return
-        status = np.frombuffer(b"".join(self._fresh), STATUS_DTYPE)
+        fresh = b"".join(self._fresh)
+        status = np.frombuffer(fresh, STATUS_DTYPE)
         self._fresh, self._fresh_count = [], 0
         self._codes += np.bincount(status["code"], minlength=256)
         self._solvers += np.bincount(status["solver"], minlength=256)
         if status["flags"].any():
             self._flags += ((status["flags"][:, None] >> np.arange(32, dtype=np.uint32)) & 1).sum(axis=0).astype(int)
-        self._recent = np.concatenate([self._recent, status])[-WINDOW:]
+        if len(status) < WINDOW:
+            status = np.frombuffer(self._recent.tobytes() + fresh, STATUS_DTYPE)
+        self._recent = status[-WINDOW:]
 
     def _record(self, batch, solution, guess):
         if batch.form == "bodies":

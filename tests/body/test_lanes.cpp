@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -10,7 +11,9 @@
 
 #include "core/body/lane_body.hpp"
 #include "core/body/lane_judge.hpp"
+#include "core/body/lane_search.hpp"
 #include "core/body/npgs_body.hpp"
+#include "core/body/solve_body.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
@@ -283,6 +286,75 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
   EXPECT_GE(unsolved, 2 * kWidth);  // of 2 kWidth + 2 that were judged
 }
 
+/// Tolerances that are Reals and such as lie between two of them, and residuals at, just below and just above.
+template <class Real>
+Real residual_beside(double tolerance, int side) {
+  const auto nearest = static_cast<Real>(tolerance);
+  return side == 0 ? nearest : std::nextafter(nearest, side < 0 ? Real(0) : Real(2));
+}
+
+TYPED_TEST(LanesOf, AreLookedAtAsAnEnvironmentIsByItself) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  const std::vector<Environment<double>> all = guests(true);
+  Lanes<Real, kWidth> lanes(all);
+  scenes::Rng rng(5);
+  LaneSearch<Real, kWidth> together;
+  std::array<StopRule, kWidth> rules{};
+  std::array<EnvProgress<Real>, kWidth> alone{};
+  std::array<int, 5> found{};
+  const auto begin = [&](int l) {
+    const auto i = static_cast<std::size_t>(l);
+    constexpr double kTolerances[] = {0.0, 0.25, 0.1, 1e-4, 1e-50};
+    rules[i] = {kTolerances[rng.below(5)], static_cast<Index>(rng.below(30)), static_cast<Index>(4 * rng.below(3))};
+    alone[i] = EnvProgress<Real>{};
+    together.begin(l, rules[i]);
+    lanes.lanes[i].scalar[kBestResidual] = Real(1);
+  };
+  for (int l = 0; l < kWidth; ++l) begin(l);
+  for (int round = 0; round < 400; ++round) {
+    for (int l = 0; l < kWidth; ++l) {
+      const auto i = static_cast<std::size_t>(l);
+      const auto& s = lanes.lanes[i];
+      const Real seen = residual_beside<Real>(rules[i].tolerance, rng.below(3) - 1) * Real(rng.chance(0.7) ? 2 : 1);
+      if (rng.chance(0.5) && seen < s.scalar[kBestResidual]) s.scalar[kBestResidual] = seen;
+      s.scalar[kLastResidual] = rng.chance(0.05) ? std::numeric_limits<Real>::infinity() : Real(1);
+      s.scalar[kOutcome] = Real(rng.chance(0.05) ? kFinished : kRunning);
+    }
+    const auto looks = look_at<Pack<Real, kWidth>>(*lanes.pack, together.limits, together.search);
+    for (int l = 0; l < kWidth; ++l) {
+      SCOPED_TRACE(testing::Message() << "round " << round << ", lane " << l);
+      const auto i = static_cast<std::size_t>(l);
+      const Look want = look_at<Real>(lanes.lanes[i], rules[i], alone[i]);
+      const Look got = look_of(looks, l);
+      const std::array<bool, 5> wanted{want.broken, want.stalled, want.stopped, want.ended, want.nominated};
+      EXPECT_EQ((std::array<bool, 5>{got.broken, got.stalled, got.stopped, got.ended, got.nominated}), wanted);
+      for (std::size_t k = 0; k < wanted.size(); ++k) found[k] += wanted[k] ? 1 : 0;
+      const EnvProgress<Real> lane = together.of(l, 0U);
+      EXPECT_EQ(lane.iterations, alone[i].iterations);
+      EXPECT_EQ(lane.best_at, alone[i].best_at);
+      EXPECT_EQ(lane.best, alone[i].best);
+      if (want.nominated && rng.chance(0.5))  // judged, and not found to be an answer
+        together.search.verified.v[l] = alone[i].verified = lanes.lanes[i].scalar[kBestResidual];
+      if (want.ended) begin(l);
+    }
+    const auto chunk = next_chunk<Npgs>(*lanes.pack, together.limits, together.search);
+    for (int l = 0; l < kWidth; ++l) {
+      const auto i = static_cast<std::size_t>(l);
+      const auto own = next_chunk<Npgs>(lanes.lanes[i], rules[i], alone[i]);
+      EXPECT_EQ(chunk.phase.v[l], own.phase);
+      EXPECT_EQ(chunk.left.v[l], own.left);
+    }
+  }
+  for (const int count : found) EXPECT_GT(count, 20);
+  // A lane that nobody is in is never due.
+  together.end(0);
+  const auto idle = next_chunk<Npgs>(*lanes.pack, together.limits, together.search);
+  EXPECT_EQ(idle.left.v[0], Real(0));
+  EXPECT_EQ(idle.phase.v[0], Real(0));
+  EXPECT_EQ(together.search.iterations.v[0], 0);
+}
+
 TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
   using Real = typename TypeParam::Real;
   constexpr int kWidth = TypeParam::kWidth;
@@ -316,7 +388,7 @@ TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
             EXPECT_TRUE(same_bits(got.y[i], want.y[i])) << "y " << i;
             EXPECT_TRUE(same_bits(got.best[i], want.best[i])) << "best " << i;
           }
-          for (const int k : {kBestResidual, kLastResidual, kTheta, kProgress})
+          for (const int k : {kBestResidual, kLastResidual, kTheta, kBeta, kProgress})
             EXPECT_TRUE(same_bits(got.scalar[k], want.scalar[k])) << "scalar " << k;
         }
     }

@@ -72,10 +72,11 @@ TEST(ResidualBody, NothingThatIsNotFiniteLooksSmall) {
     const double x[] = {0.0, bad, 0.0};
     const double y[] = {1.0, 0.0, 0.0};
     const ConeShape<ConeKind::friction, 3> shape;
-    EXPECT_EQ(natural_map<Law::convex>(shape, x, y, 1.0, 0.0, 0.0), infinity);
-    EXPECT_EQ(natural_map<Law::convex>(shape, y, x, 1.0, 0.0, 0.0), infinity);
+    EXPECT_EQ(natural_map_square<Law::convex>(shape, x, y, 1.0, 0.0, 0.0), infinity);
+    EXPECT_EQ(natural_map_square<Law::convex>(shape, y, x, 1.0, 0.0, 0.0), infinity);
     const double one[] = {0.0}, other[] = {bad};
-    EXPECT_EQ(natural_map<Law::convex>(ConeShape<ConeKind::unilateral, 1>{}, one, other, 1.0, 0.0, 0.0), infinity);
+    EXPECT_EQ(natural_map_square<Law::convex>(ConeShape<ConeKind::unilateral, 1>{}, one, other, 1.0, 0.0, 0.0),
+              infinity);
   }
 }
 
@@ -83,7 +84,7 @@ TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
   // The square of its sliding, and so de Saxce's term, overflows; entries of a broken A make such motions.
   const double x[] = {0.0, 0.0, 0.0};
   const double y[] = {1.0, 1e203, -1e203};
-  EXPECT_EQ(natural_map<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
+  EXPECT_EQ(natural_map_square<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
 }
 
 TEST(ResidualBody, ItsScaleIsTheLargestRightHandSide) {

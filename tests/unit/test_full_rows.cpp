@@ -34,8 +34,8 @@ ContactBatch<double> batch_of(const std::vector<Environment<double>>& envs) {
 std::vector<FullRows> seen_by_both(const ContactBatchView<double>& view) {
   std::vector<FullRows> structure;
   std::vector<FullRows> values;
-  EXPECT_TRUE(validate_structure(view, 64, &structure).empty());
-  EXPECT_TRUE(validate(view, 64, SolverKind::npgs, values).empty());
+  EXPECT_TRUE(validate_structure(view, 64, all_at_once, &structure).empty());
+  EXPECT_TRUE(validate(view, 64, SolverKind::npgs, all_at_once, values).empty());
   EXPECT_EQ(structure, values);
   return structure;
 }

@@ -72,10 +72,10 @@ STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, co
       y[k] = scale * motion;
     }
     const double weight = div_(block_of.nn + block_of.t11 + block_of.t22 + 3.0 * r, 3.0);
-    largest = max_(natural_map<kLaw>(ContactShape{}, reaction, y, weight, 0.0, 0.0), largest);
+    largest = max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, 0.0, 0.0), largest);
     blur = max_(blur_of<kLaw>(reaction, y, weight), blur);
   });
-  largest = block.max(largest);
+  largest = sqrt_(block.max(largest));
   return {largest, block.max(blur)};
 }
 

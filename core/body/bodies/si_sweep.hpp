@@ -217,10 +217,10 @@ STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const Syste
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
-    largest =
-        max_(natural_map<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
+    largest = max_(
+        natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
   });
-  return block.max(largest);
+  return sqrt_(block.max(largest));
 }
 
 }  // namespace stiction::inline STICTION_ISA
