@@ -138,14 +138,15 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
            " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
            std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
            std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
-  if (batch.space == MemorySpace::host && !fits(data, batch))
+  const ShareOut share_out = sharing(*backend_, options_);
+  if (batch.space == MemorySpace::host && !fits(data, batch, share_out))
     refuse(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution);
   std::vector<FullRows> full_rows;
   if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
-    reject(validate(batch, 1, options_.solver, sharing(*backend_, options_), full_rows));
+    reject(validate(batch, 1, options_.solver, share_out, full_rows));
   // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
   if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
     reject(validate_structure(batch, 1));

@@ -347,18 +347,21 @@ bool in_canonical_order(const EnvStructure& env, const Index* order) {
   return true;
 }
 
-bool fits_structure(const PlanData& plan, const Structure& structure) {
+bool fits_structure(const PlanData& plan, const Structure& structure, const ShareOut& share_out) {
   if (plan.env_count != structure.env_count || plan.cone_count != structure.cone_count ||
       plan.row_count != structure.row_count || plan.nonzero_count != structure.nonzero_count)
     return false;
-  for (Offset e = 0; e < structure.env_count; ++e) {
+  const auto env_fits = [&](Offset e) {
     const EnvStructure env(structure, e);
     const auto index = static_cast<std::size_t>(e);
-    if (plan.counts[index] != count_cones(env) || plan.path[index] != env.path()) return false;
-    if (plan.path[index] == EnvPath::dense && !in_canonical_order(env, plan.cone_order.data() + env.first_cone))
-      return false;
-  }
-  return true;
+    return plan.counts[index] == count_cones(env) && plan.path[index] == env.path() &&
+           (plan.path[index] != EnvPath::dense || in_canonical_order(env, plan.cone_order.data() + env.first_cone));
+  };
+  std::vector<unsigned char> fitting(static_cast<std::size_t>(structure.env_count));
+  share_out(structure.env_count, [&](Offset begin, Offset end) {
+    for (Offset e = begin; e < end; ++e) fitting[static_cast<std::size_t>(e)] = env_fits(e) ? 1 : 0;
+  });
+  return std::find(fitting.begin(), fitting.end(), 0) == fitting.end();
 }
 
 template <class Real>
@@ -377,13 +380,13 @@ PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_ou
 }
 
 template <class Real>
-bool fits(const PlanData& plan, const ContactBatchView<Real>& batch) {
-  return fits_structure(plan, structure_of(batch));
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ShareOut& share_out) {
+  return fits_structure(plan, structure_of(batch), share_out);
 }
 
 template PlanData make_plan(const ContactBatchView<float>&, const ShareOut&);
 template PlanData make_plan(const ContactBatchView<double>&, const ShareOut&);
-template bool fits(const PlanData&, const ContactBatchView<float>&);
-template bool fits(const PlanData&, const ContactBatchView<double>&);
+template bool fits(const PlanData&, const ContactBatchView<float>&, const ShareOut&);
+template bool fits(const PlanData&, const ContactBatchView<double>&, const ShareOut&);
 
 }  // namespace stiction

@@ -45,6 +45,6 @@ PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_ou
 /// paths are compared, which is what memory safety needs; the sparsity pattern is not, and a plan for another pattern
 /// may colour two coupled cones alike.
 template <class Real>
-bool fits(const PlanData& plan, const ContactBatchView<Real>& batch);
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ShareOut& share_out = all_at_once);
 
 }  // namespace stiction

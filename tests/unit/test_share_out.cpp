@@ -97,6 +97,12 @@ TEST(ShareOut, PlansAreTheSame) {
   EXPECT_EQ(parts.color_count, whole.color_count);
   EXPECT_EQ(parts.dense_order, whole.dense_order);
   EXPECT_EQ(parts.sparse_order, whole.sparse_order);
+  EXPECT_TRUE(fits(whole, batch.view(), from_behind));
+  for (const std::size_t env : {0U, 50U, 98U}) {
+    PlanData other = whole;
+    ++other.counts[env].free;
+    EXPECT_FALSE(fits(other, batch.view(), from_behind)) << "environment " << env;
+  }
   for (const EnvPath path : {EnvPath::empty, EnvPath::dense, EnvPath::sparse})
     EXPECT_NE(std::find(whole.path.begin(), whole.path.end(), path), whole.path.end());
 }
