@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 #if defined(__AVX2__) && defined(__FMA__)
-/// The first `count` < 4 of them, then zeros; memory behind them is not touched.
+/// The first `count` < 4 numbers as doubles, then zeros; memory behind them is not touched.
 STICTION_HD Pack<double, 4> four_doubles(const float* from, Index count) {
   const __m128i wanted = _mm_cmpgt_epi32(_mm_set1_epi32(count), _mm_setr_epi32(0, 1, 2, 3));
   return Pack<double, 4>(_mm256_cvtps_pd(_mm_maskload_ps(from, wanted)));

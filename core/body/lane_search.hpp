@@ -11,7 +11,7 @@ PackMask<T, W> is_within(Pack<T, W> residual, Pack<T, W> tolerance) {
   return residual <= tolerance;
 }
 
-/// The largest Real not above a tolerance: a Real is within the one if it is within the other.
+/// The largest Real not above a tolerance >= 0: a Real is within the one if and only if it is within the other.
 inline double rounded_down(double tolerance, double) {
   return tolerance;
 }

@@ -62,7 +62,7 @@ STICTION_HD void advance(B& block, const MethodParams<Real>& params, Advancing<S
   }
 }
 
-/// The next chunk of a system, and that it is done.
+/// The next chunk of a system, whose iterations count as done from now on.
 template <class Method, class System, class Tolerance, class Real = typename System::Real>
 STICTION_HD Advancing<System> next_chunk(System& s, const Limits<Tolerance, Counts<Real>>& rule, Search<Real>& search) {
   static_assert((kRefreshInterval & (kRefreshInterval - 1)) == 0);
