@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/nesterov.hpp"
 #include "core/body/pgs_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -45,15 +46,12 @@ struct Apgd {
     const auto d = s.vector(4);         // step x - z
     const auto image = s.vector(5);     // (A + R) d
 
-    const Real theta = s.scalar[kTheta];
-    const Real square = theta * theta;
-    const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
-    const Real beta = div_(theta * (Real(1) - theta), square + next);
+    const NesterovStep<Real> lead = nesterov_step(Real(s.scalar[kTheta]));
     for_each(block, s.n, [&](Index i) {
       const Real x = s.x[i];
       const Real y = s.y[i];
-      point[i] = fma_(beta, x - x_before[i], x);
-      gradient[i] = fma_(beta, y - y_before[i], y);
+      point[i] = fma_(lead.beta, x - x_before[i], x);
+      gradient[i] = fma_(lead.beta, y - y_before[i], y);
       x_before[i] = x;
       y_before[i] = y;
     });
@@ -107,7 +105,7 @@ struct Apgd {
     const auto restart = slope > Real(0);
     for_each(block, s.n, [&](Index i) { s.y[i] = gradient[i] + image[i]; });
     single(block, [&] {
-      s.scalar[kTheta] = select(restart, Real(1), next);
+      s.scalar[kTheta] = select(restart, Real(1), lead.next);
       s.scalar[kLipschitz] = max_(Real(kDecay) * lipschitz, Real(kSmallestLipschitz));
     });
   }

@@ -8,7 +8,8 @@
 /// final_residual() have for one.
 namespace stiction::inline STICTION_ISA {
 
-/// The motion of an environment's reactions, of which `wide` are doubles and then zeros, to the batch and to `motion`.
+/// The motion of an environment's reactions, of which `wide` are doubles and then four zeros, to the batch and to
+/// `motion`.
 template <class Real>
 void publish_motion(const EnvView<Real>& env, const double* wide, double* motion) {
   using Four = Pack<double, 4>;
@@ -39,7 +40,7 @@ void publish_lane(const EnvView<Real>& env, const LaneRoom<Real, W>& room, int l
   for (Index r = 0; r < room.n; ++r)
     if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
   for (Index i = 0; i < env.n; ++i) room.wide[i] = static_cast<double>(env.lambda[i]);
-  for (Index i = env.n; i < env.n + 4; ++i) room.wide[i] = 0.0;
+  for (Index i = env.n; i < env.n + LaneRoom<Real, W>::kFour; ++i) room.wide[i] = 0.0;
   publish_motion(env, room.wide, room.moved);
   for (Index r = 0; r < room.n; ++r)
     room.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : room.moved[batch_row[r]];

@@ -20,6 +20,9 @@ struct LaneRoom {
   /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));
 
+  /// Rows whose motion is found together: so many zeros are behind a guest's reactions.
+  static constexpr Index kFour = 4;
+
   // Of each lane's guest, as long as it is there.
   Index* batch_row;  ///< the environment's row in each of a lane's, -1: none    (W; n)
   Lanes* scale;      ///< what that row is multiplied by, 0: there is none       (n)
@@ -83,7 +86,6 @@ struct LaneRoom {
 
  private:
   static constexpr Offset kDouble = sizeof(double) / sizeof(Real);
-  static constexpr Offset kFour = 4;
   static constexpr Offset tail_of(Offset n) { return n + 2 * kLine; }
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/body/nesterov.hpp"
 #include "core/body/pgs_body.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -26,9 +27,9 @@ struct Npgs {
       x_before[i] = s.x[i];
       if constexpr (System::kMaintainsMotion) y_before[i] = s.y[i];
     });
-    const Momentum<Real> fresh = without_momentum<Real>();
+    const NesterovStep<Real> fresh = without_momentum<Real>();
     single(block, [&] {
-      s.scalar[kTheta] = fresh.theta;
+      s.scalar[kTheta] = fresh.next;
       s.scalar[kBeta] = fresh.beta;
       s.scalar[kProgress] = Real(__builtin_huge_valf());
     });
@@ -58,36 +59,23 @@ struct Npgs {
   /// Momentum starts over where asked: nothing is extrapolated, and no sweep can change more than the one before.
   template <class System, class Real = typename System::Real>
   static STICTION_HD void restart(System& s, Mask<Real> where) {
-    const Momentum<Real> fresh = without_momentum<Real>();
-    s.scalar[kTheta] = select(where, fresh.theta, s.scalar[kTheta]);
+    const NesterovStep<Real> fresh = without_momentum<Real>();
+    s.scalar[kTheta] = select(where, fresh.next, s.scalar[kTheta]);
     s.scalar[kBeta] = select(where, fresh.beta, s.scalar[kBeta]);
     s.scalar[kProgress] = select(where, Real(__builtin_huge_valf()), s.scalar[kProgress]);
   }
 
  private:
-  /// Of an iteration with Nesterov's theta: what the last change is extrapolated by, and the theta of the next one if
-  /// momentum goes on. They are found one iteration ahead, so that a sweep hides their root and quotient.
+  /// At theta = 1 nothing is extrapolated.
   template <class Real>
-  struct Momentum {
-    Real theta;
-    Real beta;
-  };
-  /// theta' solves theta'^2 = (1 - theta') theta^2.
-  template <class Real>
-  static STICTION_HD Momentum<Real> momentum_at(Real theta) {
-    const Real square = theta * theta;
-    const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
-    return {next, div_(theta * (Real(1) - theta), square + next)};
-  }
-  /// At theta = 1 beta is 0.
-  template <class Real>
-  static STICTION_HD Momentum<Real> without_momentum() {
-    return {Real(momentum_at(Scalar<Real>(1)).theta), Real(0)};
+  static STICTION_HD NesterovStep<Real> without_momentum() {
+    return {Real(nesterov_step(Scalar<Real>(1)).next), Real(0)};
   }
 
-  /// Moves the iterate on along its last change. Returns the momentum of the next iteration if there is no restart.
+  /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart: it is
+  /// found so early that the sweep hides its root and its quotient.
   template <Block B, class System, class Real = typename System::Real>
-  static STICTION_HD Momentum<Real> extrapolate(B& block, System& s) {
+  static STICTION_HD NesterovStep<Real> extrapolate(B& block, System& s) {
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
     const Real beta = s.scalar[kBeta];
@@ -102,17 +90,17 @@ struct Npgs {
         y_before[i] = y;
       }
     });
-    return momentum_at(theta);
+    return nesterov_step(theta);
   }
 
   /// After a sweep whose largest step was `progress`.
   template <Block B, class System, class Real = typename System::Real>
-  static STICTION_HD void keep(B& block, System& s, const Momentum<Real>& next, Real progress) {
+  static STICTION_HD void keep(B& block, System& s, const NesterovStep<Real>& next, Real progress) {
     const auto restarts = progress > s.scalar[kProgress];
-    const Momentum<Real> fresh = without_momentum<Real>();
+    const NesterovStep<Real> fresh = without_momentum<Real>();
     block.sync();
     single(block, [&] {
-      s.scalar[kTheta] = select(restarts, fresh.theta, next.theta);
+      s.scalar[kTheta] = select(restarts, fresh.next, next.next);
       s.scalar[kBeta] = select(restarts, fresh.beta, next.beta);
       s.scalar[kProgress] = progress;
     });

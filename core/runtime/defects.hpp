@@ -87,16 +87,6 @@ bool all_bounds(const Real* lo, const Real* hi, std::size_t count) {
   return broken == 0;
 }
 
-/// Whether no row of a batch can have a defect in b, R, mu, lo or hi: one look at the whole arrays, room that nobody
-/// uses included. False tells nothing.
-template <class Real>
-bool rows_pass(const ContactBatchView<Real>& batch) {
-  const auto rows = static_cast<std::size_t>(batch.row_count);
-  const auto frictions = batch.mu_offsets != nullptr ? static_cast<std::size_t>(batch.mu_count) : rows;
-  return all_finite(std::span(batch.b, rows)) && all_finite_nonnegative(std::span(batch.R, rows)) &&
-         all_finite_nonnegative(std::span(batch.mu, frictions)) && all_bounds(batch.lo, batch.hi, rows);
-}
-
 /// Offsets that begin at 0, do not decrease and end at `total`, which together bounds every entry. Each fault is
 /// reported as a structural defect; `place(i)` is a Defect that names where entry i is, as far as that is known.
 template <class Place>

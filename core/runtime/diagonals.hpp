@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 
@@ -15,6 +16,13 @@ bool has_positive_diagonal(const ContactBatchView<Real>& batch, Offset first, In
   bool positive = true;
   for (Index i = 0; i < rows; ++i) positive = positive && batch.R[first + i] + diagonal[Offset{rows + 1} * i] > 0;
   return positive;
+}
+
+template <class Real>
+bool has_friction_cones(const ContactBatchView<Real>& batch, Offset env) {
+  const ConeKind* const begin = batch.cone_kind + batch.env_cone_offsets[env];
+  const ConeKind* const end = begin + batch.env_cones(env);
+  return std::find(begin, end, ConeKind::friction) != end;
 }
 
 /// The entry of A in that column of a row that stores columns 0, 1, 2, ...

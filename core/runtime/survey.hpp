@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "core/runtime/defects.hpp"
 #include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"
+#include "stiction/status.hpp"
 
 namespace stiction {
 
@@ -20,7 +22,9 @@ namespace stiction {
 template <class Real>
 class Survey {
  public:
-  Survey(const ContactBatchView<Real>& batch, bool with_values) : batch_(batch), with_values_(with_values) {}
+  /// `takes_any_diagonal`: of environments without friction cones, as complementary pivoting does.
+  Survey(const ContactBatchView<Real>& batch, bool with_values, bool takes_any_diagonal)
+      : batch_(batch), with_values_(with_values), takes_any_diagonal_(takes_any_diagonal) {}
 
   bool passes(const ShareOut& share_out) {
     columns_.resize(static_cast<std::size_t>(batch_.env_count));
@@ -109,7 +113,10 @@ class Survey {
             all_finite(within(batch_.factor, batch_.factor_offsets[begin], batch_.factor_offsets[end])));
   }
 
-  [[nodiscard]] bool flags_pass(Offset env) const { return batch_.env_flags == nullptr || batch_.env_flags[env] == 0; }
+  /// What had no room was left out when the batch was made, and said so: that is no defect.
+  [[nodiscard]] bool flags_pass(Offset env) const {
+    return batch_.env_flags == nullptr || (batch_.env_flags[env] & ~std::uint32_t{kFlagCapacity}) == 0;
+  }
 
   /// A + R is positive there on every row that is not free.
   [[nodiscard]] bool diagonal_passes(Offset env) const {
@@ -117,6 +124,7 @@ class Survey {
     const Offset first = batch_.env_row_offsets[env];
     if (stored == StoredColumns::full && has_positive_diagonal(batch_, first, static_cast<Index>(rows_of(env))))
       return true;
+    if (takes_any_diagonal_ && !has_friction_cones(batch_, env)) return true;
     bool passes = true;
     const Offset cone = batch_.env_cone_offsets[env];
     for (Offset c = cone; c < cone + batch_.env_cones(env) && passes; ++c) {
@@ -134,7 +142,7 @@ class Survey {
   }
 
   const ContactBatchView<Real>& batch_;
-  bool with_values_;
+  bool with_values_, takes_any_diagonal_;
   std::vector<StoredColumns> columns_;
 };
 

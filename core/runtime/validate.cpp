@@ -35,7 +35,7 @@ class Validator {
   /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: what was seen of rows, or
   /// null; of account if there is no structural defect.
   std::vector<Defect> run(bool with_values, const ShareOut& share_out, std::vector<FullRows>* full_rows = nullptr) {
-    Survey<Real> survey(batch_, with_values);
+    Survey<Real> survey(batch_, with_values, pivots_);
     bool passes = false;
     if (check_view(with_values)) {
       check_all_offsets();
@@ -315,19 +315,22 @@ class Validator {
 
   void check_values() {
     check_flags();
-    if (!all_finite(std::span(batch_.A, static_cast<std::size_t>(batch_.nonzero_count)))) {
-      for_each_row([&](Offset env, Offset cone, Offset row) {
-        for (Index k = 0; k < batch_.row_entries(row); ++k) {
-          const Real value = batch_.A[batch_.row_offsets[row] + k];
-          if (std::isfinite(value)) continue;
-          add_value("A", env, cone, row, ", column " + std::to_string(batch_.row_columns(row)[k]), value,
-                    "must be finite");
-        }
-      });
-    }
+    check_entries();
     check_factor_values();
-    if (!rows_pass(batch_)) check_row_arrays();
+    check_row_arrays();
     check_diagonals();
+  }
+
+  void check_entries() {
+    if (all_finite(std::span(batch_.A, static_cast<std::size_t>(batch_.nonzero_count)))) return;
+    for_each_row([&](Offset env, Offset cone, Offset row) {
+      for (Index k = 0; k < batch_.row_entries(row); ++k) {
+        const Real value = batch_.A[batch_.row_offsets[row] + k];
+        if (std::isfinite(value)) continue;
+        add_value("A", env, cone, row, ", column " + std::to_string(batch_.row_columns(row)[k]), value,
+                  "must be finite");
+      }
+    });
   }
 
   void check_row_arrays() {
@@ -370,26 +373,16 @@ class Validator {
     });
   }
 
-  [[nodiscard]] bool has_friction_cones(Offset env) const {
-    const ConeKind* const begin = batch_.cone_kind + batch_.env_cone_offsets[env];
-    const ConeKind* const end = batch_.cone_kind + batch_.env_cone_offsets[env + 1];
-    return std::find(begin, end, ConeKind::friction) != end;
-  }
-
   /// A + R needs a positive diagonal wherever a cone bounds the reaction, unless the environment is one for pivoting.
   /// What is not finite was reported before.
   void check_diagonals() {
     Offset looked_at = -1;
     bool takes_any = false;
-    const auto passes = [&](Offset env) {
-      return found_[static_cast<std::size_t>(env)].columns == StoredColumns::full &&
-             has_positive_diagonal(batch_, batch_.env_row_offsets[env], static_cast<Index>(rows_of(env)));
-    };
-    for_each_row_unless(passes, [&](Offset env, Offset cone, Offset row) {
+    for_each_row([&](Offset env, Offset cone, Offset row) {
       if (batch_.cone_kind[cone] == ConeKind::free) return;
       if (pivots_ && env != looked_at) {
         looked_at = env;
-        takes_any = !has_friction_cones(env);
+        takes_any = !has_friction_cones(batch_, env);
       }
       if (takes_any) return;
       const bool runs = found_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
@@ -412,13 +405,8 @@ class Validator {
   /// Calls visit(env, cone, row), positions in the batch, for every row of the environments whose structure holds.
   template <class Visit>
   void for_each_row(const Visit& visit) const {
-    for_each_row_unless([](Offset) { return false; }, visit);
-  }
-  /// Without the environments that pass as a whole.
-  template <class Passes, class Visit>
-  void for_each_row_unless(const Passes& passes, const Visit& visit) const {
     for (Offset env = 0; env < batch_.env_count; ++env) {
-      if (found_[static_cast<std::size_t>(env)].broken || passes(env)) continue;
+      if (found_[static_cast<std::size_t>(env)].broken) continue;
       const Offset first_cone = batch_.env_cone_offsets[env];
       for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
         for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {

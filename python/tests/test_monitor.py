@@ -23,6 +23,23 @@ def test_totals_and_quantiles(padded):
     assert stats["residual"]["max"] == last.residual.max()
 
 
+def test_quantiles_are_of_the_last_environments(monkeypatch):
+    monkeypatch.setattr(stiction.monitor, "WINDOW", 5)
+    tally = stiction.monitor.Tally(None)
+    kept = []
+    # Asked for after every solve, after several, and after one that is longer than the window.
+    for sizes in ((3,), (3,), (1, 1), (2, 2, 2), (9,), (1,)):
+        for size in sizes:
+            records = np.zeros(size, stiction._arrays.STATUS_DTYPE)
+            records["iterations"] = len(kept) + np.arange(size)
+            kept += records["iterations"].tolist()
+            tally.keep(size, 0.0, False, records)
+        last = np.array(kept[-5:])
+        stats = tally.stats()
+        assert stats["environments"] == sum(stats["codes"].values()) == len(kept)
+        assert stats["iterations"] == {"p50": np.quantile(last, 0.5, method="higher"), "p90": last[-1], "p99": last[-1], "max": last[-1]}
+
+
 def test_flags_are_counted_by_name(padded):
     padded.b[1, 0] = np.inf
     solver = Solver()

@@ -14,6 +14,7 @@
 #include "core/base/full_rows.hpp"
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/defects.hpp"
+#include "core/runtime/survey.hpp"
 #include "core/schedule/body_plan.hpp"
 #include "core/schedule/plan.hpp"
 #include "cpu_fallback/thread_pool.hpp"
@@ -157,6 +158,35 @@ TEST(ShareOut, DefectsAreTheSame) {
   });
   spoiled([&](double*, double*, double*, double*, Index* column, ConeKind*) { column[1] = 1000; });
   spoiled([&](double*, double*, double*, double*, Index*, ConeKind* kind) { kind[0] = static_cast<ConeKind>(9); });
+}
+
+/// A batch that is as it should be is looked at once: what else finds out what is wrong with it takes longer.
+TEST(Survey, PassesWhatIsNoDefect) {
+  ContactBatch<double> batch = mixed_batch(100);
+  EXPECT_TRUE(Survey<double>(batch.view(), true, false).passes(all_at_once));
+  auto view = batch.view();
+  std::vector<std::uint32_t> flags(static_cast<std::size_t>(view.env_count));
+  view.env_flags = flags.data();
+  flags[50] = kFlagCapacity;
+  EXPECT_TRUE(Survey<double>(view, true, false).passes(all_at_once));
+  flags[50] |= kFlagNonFiniteInput;
+  EXPECT_FALSE(Survey<double>(view, true, false).passes(all_at_once));
+
+  // A row without a diagonal, for complementary pivoting: only where no cone has friction.
+  for (const bool has_friction : {false, true}) {
+    Environment<double> env;
+    env.cones = {{ConeKind::unilateral, 1, -1}, {ConeKind::unilateral, 1, -1}};
+    if (has_friction) env.cones[1] = {ConeKind::friction, 2, -1};
+    const std::size_t rows = has_friction ? 3 : 2;
+    std::vector<double> A(rows * rows, 0.0);
+    for (std::size_t i = 1; i < rows; ++i) A[i * rows + i] = 1.0;
+    env.set_dense(A, static_cast<Index>(rows));
+    env.b.assign(rows, 1.0);
+    env.mu.assign(rows, 0.5);
+    const ContactBatch<double> pivots = batch_of({env}, Law::convex);
+    EXPECT_FALSE(Survey<double>(pivots.view(), true, false).passes(all_at_once));
+    EXPECT_EQ(Survey<double>(pivots.view(), true, true).passes(all_at_once), !has_friction);
+  }
 }
 
 TEST(ShareOut, BodiesAreTheSame) {

@@ -112,8 +112,8 @@ STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(B&, const EnvPair<PackEnv<T, W>>
 template <Block B, class Env, class System, class Real>
 STICTION_HD void accelerated_sweep(B& block, const EnvPair<Env>& env, const SystemPair<System>& s, Real omega,
                                    NumberPair<SiMomentum<Real>>& momentum) {
-  const SiLead<Real> lead_a = lead_of(momentum.a);
-  const SiLead<Real> lead_b = lead_of(momentum.b);
+  const NesterovStep<Real> lead_a = nesterov_step(momentum.a.theta);
+  const NesterovStep<Real> lead_b = nesterov_step(momentum.b.theta);
   extrapolate(block, s.a, lead_a.beta);
   extrapolate(block, s.b, lead_b.beta);
   const NumberPair<Real> progress = sweep_bodies(block, env, s, omega);

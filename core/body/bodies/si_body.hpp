@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/body/bodies/judge_bodies.hpp"
+#include "core/body/nesterov.hpp"
 
 /// Sequential impulses (docs/math/si.md): projected Gauss-Seidel on the velocities of bodies (Catto 2005; Jourdan,
 /// Alart, Jean 1998 for the local step), with Nesterov's momentum and restart as in npgs, in sub-steps (Macklin et al.
@@ -45,21 +46,9 @@ STICTION_HD void extrapolate(B& block, const System& s, typename System::Real be
   });
 }
 
-/// How far a sweep leads, docs/math/npgs.md (1)-(4).
-template <class Real>
-struct SiLead {
-  Real next;  ///< theta of the sweep after it
-  Real beta;  ///< of the extrapolation before it
-};
-template <class Real>
-STICTION_HD SiLead<Real> lead_of(const SiMomentum<Real>& momentum) {
-  const Real square = momentum.theta * momentum.theta;
-  const Real next = Real(0.5) * (sqrt_(fma_(square, square, Real(4) * square)) - square);
-  return {next, div_(momentum.theta * (Real(1) - momentum.theta), square + next)};
-}
 /// After a sweep whose largest step was `progress`.
 template <class Real>
-STICTION_HD void follow(SiMomentum<Real>& momentum, const SiLead<Real>& lead, Real progress) {
+STICTION_HD void follow(SiMomentum<Real>& momentum, const NesterovStep<Real>& lead, Real progress) {
   momentum.theta = select(progress > momentum.progress, Real(1), lead.next);
   momentum.progress = progress;
 }
@@ -67,7 +56,7 @@ STICTION_HD void follow(SiMomentum<Real>& momentum, const SiLead<Real>& lead, Re
 /// One sweep with momentum.
 template <Block B, class Env, class System, class Real>
 STICTION_HD void accelerated_sweep(B& block, const Env& env, const System& s, Real omega, SiMomentum<Real>& momentum) {
-  const SiLead<Real> lead = lead_of(momentum);
+  const NesterovStep<Real> lead = nesterov_step(momentum.theta);
   extrapolate(block, s, lead.beta);
   follow(momentum, lead, block.max(sweep_bodies(block, env, s, omega)));
 }
