@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/base/extents.hpp"
+#include "core/body/bodies/lane_bodies.hpp"
 #include "core/body/bodies/pack_sweep.hpp"
 #include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/env_queue.hpp"
@@ -29,8 +30,9 @@ struct BodyPackMemory {
     const Offset flags = 2 * Offset{room.contacts};
     return numbers(room, momentum) + words(room) + (flags + kWidth - 1) / kWidth * kWidth;
   }
-  /// Numbers of double.
-  static Offset exact_elements(const cpu::BodyRoom& room) {
+  /// Numbers of double: twists, and as many for sums.
+  static Offset exact_elements(const cpu::BodyRoom& room) { return 2 * twists(room); }
+  static Offset twists(const cpu::BodyRoom& room) {
     return kWidth * BodySystem<Real, kLaw>::exact_elements(room.bodies);
   }
   static Sides sides(const cpu::BodyRoom& room, bool momentum, Real* memory) {
@@ -47,7 +49,6 @@ struct BodyLane {
   SiProgress<Real> progress;
   Index left = 0;     ///< sweeps until its chunk ends
   Index substep = 0;  ///< the one that the pack has the free twists of
-  Index written = 0;  ///< positions that hold contacts, of this environment or of one before
   bool busy = false;
   bool is_new = false;  ///< not looked at yet
 };
@@ -88,7 +89,7 @@ class BodyPackRun {
         params_(si_params(job.stepping, job.options)),
         room_(room),
         memory_(memory),
-        exact_(exact),
+        exact_{exact, exact + Memory::twists(room)},
         pack_(room.contacts, room.bodies, params_, memory),
         env_{Memory::sides(room, params_.momentum, memory)} {
     // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
@@ -97,14 +98,14 @@ class BodyPackRun {
 
   /// Answers whoever is done and lets others enter. Whether there is anything to advance.
   bool refill() {
-    for (int l = 0; l < kWidth; ++l)
-      if (lanes_[l].busy && lanes_[l].left == 0) go_on(l);
+    go_on([](const Lane& lane) { return lane.left == 0; });
     for (;;) {
       int entered = 0;
       for (int l = 0; l < kWidth; ++l)
         while (!lanes_[l].busy && !queue_.is_empty())
           if (enter(l, queue_.take())) ++entered;
       if (entered == 0) break;
+      load_new();
       look_at_new(entered);
     }
     return measure();
@@ -133,37 +134,97 @@ class BodyPackRun {
  private:
   /// The system in a lane, as the body of a single environment knows it.
   typename Lanes::OneLane system_of(int l) const {
-    typename Lanes::OneLane system(room_.contacts, room_.bodies, params_, memory_ + l, exact_ + l);
+    typename Lanes::OneLane system(room_.contacts, room_.bodies, params_, memory_ + l, exact_.twists + l);
     system.contacts = lanes_[l].env.kept;
     system.bodies = lanes_[l].env.bodies;
     return system;
   }
 
-  /// A chunk has ended: the environment is answered, or begins another.
-  void go_on(int l) {
-    Lane& lane = lanes_[l];
-    const auto system = system_of(l);
-    lane.busy = !settle_bodies(block_, lane.env, system, params_, lane.progress);
-    if (!lane.busy) return;
-    lane.left = next_chunk(params_, lane.progress);
-    if (lane.progress.step != lane.substep) load_lane_free(pack_, lane.env, system, params_, l);
-    lane.substep = lane.progress.step;
+  /// In the lanes that `is_due` says, all of them busy, a chunk has ended: settle_bodies() answers the environment, or
+  /// it begins another.
+  template <class F>
+  void go_on(F&& is_due) {
+    AskedLanes<Real, kWidth> asked;
+    SiLook looks[kWidth];
+    unsigned due = 0;
+    for (int l = 0; l < kWidth; ++l) {
+      Lane& lane = lanes_[l];
+      if (!lane.busy || !is_due(lane)) continue;
+      due |= 1U << l;
+      const auto system = system_of(l);
+      if (!reach_last_substep(block_, lane.env, system, params_, lane.progress)) continue;
+      looks[l] = look_at_last(block_, system, params_, lane.progress);
+      if (!looks[l].is_asked) continue;
+      set_exact(l);
+      asked.add(l, lane.env);
+    }
+    Judgement judged[kWidth];
+    judge_body_lanes(env_, pack_, params_, exact_, asked, judged);
+    for (int l = 0; l < kWidth; ++l) {
+      if ((due >> l & 1U) == 0) continue;
+      Lane& lane = lanes_[l];
+      const auto system = system_of(l);
+      if (asked.env[l] != nullptr) {
+        const double absolute = seen_residual(judged[l], params_.tolerance * lane.progress.scale);
+        lane.busy = !conclude_bodies(block_, lane.env, system, params_, looks[l], absolute, lane.progress);
+        if (!lane.busy) continue;
+      }
+      lane.left = next_chunk(params_, lane.progress);
+      if (lane.progress.step != lane.substep) load_lane_free(pack_, lane.env, system, params_, l);
+      lane.substep = lane.progress.step;
+    }
   }
 
-  /// Takes an environment into a lane. Whether there is anything to solve.
+  /// Takes an environment's numbers into a lane. Whether they can be used.
   bool enter(int l, Offset env) {
     Lane& lane = lanes_[l];
     lane.env = slice_bodies(job_, env);
-    lane.written = larger_of(lane.written, lane.env.kept);
-    const auto system = system_of(l);
-    lane.busy = lane.is_new = take_bodies(block_, lane.env, system, params_, lane.progress);
+    lane.busy = lane.is_new = admit_bodies(block_, lane.env, params_, lane.progress);
     if (!lane.busy) return false;
-    rest_from(pack_, lane.env.kept, lane.written, l);
-    lane.written = lane.env.kept;
-    load_lane_tangents(pack_, system, l);
-    load_lane_free(pack_, lane.env, system, params_, l);
+    take_lane(pack_, lane.env, system_of(l), is_warm(lane.env, lane.progress.flags), l);
+    rest_from(pack_, lane.env.kept, lane.env.bodies, room_.contacts, room_.bodies, l);
     is_composed_ = false;
     return true;
+  }
+
+  /// A lane's free twists, in double.
+  void set_exact(int l) {
+    const Lane& lane = lanes_[l];
+    const auto system = system_of(l);
+    for (Index body = 0; body <= lane.env.bodies; ++body)
+      put_twist(system.exact_row(body), free_twist(lane.env, system, params_, body));
+  }
+
+  /// What is computed of the numbers that have entered. Who cannot be solved is answered.
+  void load_new() {
+    measure();
+    compose();
+    Packed kept(0), entering(0), warm(0);
+    for (int l = 0; l < kWidth; ++l) {
+      const Lane& lane = lanes_[l];
+      if (!lane.busy) continue;
+      kept.v[l] = static_cast<Real>(lane.env.kept);
+      if (!lane.is_new) continue;
+      entering.v[l] = kept.v[l];
+      if (is_warm(lane.env, lane.progress.flags)) warm.v[l] = Real(1);
+      set_exact(l);
+      load_lane_free(pack_, lane.env, system_of(l), params_, l);
+    }
+    const auto bad = load_contacts(env_, pack_, params_, kept, warm > Packed(0));
+    double largest[kWidth];
+    begin_lanes(env_, pack_, params_, exact_, entering, largest);
+    for (int l = 0; l < kWidth; ++l) {
+      Lane& lane = lanes_[l];
+      if (!lane.is_new) continue;
+      const std::uint32_t flags = is_set(bad, l) ? kFlagBadDiagonal : 0U;
+      lane.busy = lane.is_new = is_sound(block_, lane.env, params_, flags, lane.progress);
+      if (!lane.busy) {
+        is_composed_ = false;
+        continue;
+      }
+      set_out(lane.progress, largest[l]);
+      if (!(largest[l] > 0.0)) rest(block_, system_of(l));
+    }
   }
 
   /// First looks at the environments that have entered; some are answered by that.
@@ -171,8 +232,6 @@ class BodyPackRun {
     // A look at all lanes takes as long as some at one each.
     const bool is_together = 4 * entered > kWidth;
     if (is_together) {
-      measure();
-      compose();
       const auto due = lanes_where([](const Lane& lane) { return lane.is_new; });
       refresh_lanes(env_, pack_, due);
       if (params_.momentum) start_momentum_in(pack_, due);
@@ -181,12 +240,11 @@ class BodyPackRun {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.is_new) continue;
-      const auto system = system_of(l);
-      if (!is_together) look_first(block_, lane.env, system, params_, lane.progress);
-      lane.is_new = false;
+      if (!is_together) look_first(block_, lane.env, system_of(l), params_, lane.progress);
       lane.substep = 0;
-      go_on(l);
     }
+    go_on([](const Lane& lane) { return lane.is_new; });
+    for (Lane& lane : lanes_) lane.is_new = false;
   }
 
   /// How much of the pack is in use. Whether any.
@@ -263,7 +321,7 @@ class BodyPackRun {
   SiParams params_;
   cpu::BodyRoom room_;
   Real* memory_;
-  double* exact_;
+  ExactRoom exact_;
   SerialBlock block_;
   Lanes pack_;
   PackEnv<Real, kWidth> env_;

@@ -61,7 +61,12 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
   while (begin < order.size()) {
     ConeCounts slots = counts_of(order[begin]);
     std::size_t end = begin + 1;
-    while (end < order.size()) {
+    const bool is_packable = packable(slots);
+    while (is_packable && end < order.size()) {
+      if (counts_of(order[end]) == slots) {  // as most are: no padding
+        ++end;
+        continue;
+      }
       const ConeCounts joined = join(slots, counts_of(order[end]));
       const bool is_long = end - begin >= static_cast<std::size_t>(kLongRun * pack_width);
       const double most = is_long ? kPaddingOfLongRuns : kLargestPadding;
@@ -73,7 +78,7 @@ std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(O
     const std::span<const Offset> group = std::span(order).subspan(begin, end - begin);
     const auto size = group.size();
     // A pack costs as much however few are in it, and the narrowest takes longer over one than that takes by itself.
-    if (!packable(slots) || size == 1 || 4 * size < static_cast<std::size_t>(pack_width)) {
+    if (!is_packable || size == 1 || 4 * size < static_cast<std::size_t>(pack_width)) {
       one_by_one(group);
     } else {
       // Long runs keep lanes full; several per thread keep threads busy.

@@ -13,7 +13,8 @@ mean diagonal of A + R, which hides them where that is not positive; rows of suc
 within the goal as well, s the largest entry of the row. Writes against.csv (a row for each file, law, solver and goal)
 and against.md into DIR.
 
-Rules. One thread. stiction is given the goal as its tolerance. The peers stop by measures of their own; where one claims
+Rules. One thread. stiction is given the goal as its tolerance; SOLVER/apart is that solver with every island by itself
+(--islands apart), which no peer has. The peers stop by measures of their own; where one claims
 a solution that the judge does not accept, it is asked again with tolerances 100, 10000, ... times smaller, down to
 1e-16, and only the asking with the best answer is timed. Everybody has the same seconds for each environment; stiction,
 which gets a file as one batch, at first 10 seconds for it, and each environment in a process of its own if that is not
@@ -70,15 +71,16 @@ class Answer:
 class Stiction:
     ladder = [1]
 
-    def __init__(self, program, solver):
-        self.program, self.solver, self.name = program, solver, f"stiction {solver}"
+    def __init__(self, program, entry):
+        self.solver, _, self.islands = entry.partition("/")
+        self.program, self.name = program, f"stiction {entry}"
 
     def call(self, path, law, goal, seconds, folder, repeat=1):
         """(report, solution's arrays), or None when time ran out."""
         report, answer = pathlib.Path(folder, "report.json"), pathlib.Path(folder, "answer.h5")
         command = [self.program, "solve", str(path), "--solver", self.solver, "--law", law, "--precision", "f64", "--tolerance",
                    repr(goal), "--max-iterations", str(STICTION_ITERATIONS), "--threads", "1", "--quiet", "--isolate",
-                   "--repeat", str(repeat),
+                   "--repeat", str(repeat), "--islands", self.islands or "together",
                    "-o", str(answer), "--json", str(report)]
         limit = int(np.ceil(seconds))
         try:
@@ -167,7 +169,8 @@ def batches(arguments, folder):
 def entrants(arguments, program, environments, law):
     friction = any((e.kinds == FRICTION).any() for e in environments)
     if "stiction" in arguments.only:
-        yield from (Stiction(arguments.stiction, solver) for solver in arguments.solvers.split(",") if not (friction and solver == "lemke"))
+        yield from (Stiction(arguments.stiction, solver) for solver in arguments.solvers.split(",")
+                    if not (friction and solver == "lemke"))
     size = siconos.contact_size(environments, law)
     if program and size:
         yield from (Siconos(program, solver, size) for solver in siconos.SOLVERS[size])

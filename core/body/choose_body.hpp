@@ -86,11 +86,13 @@ STICTION_HD int first_rung(const EnvFeatures& seen) {
   return 0;
 }
 
-/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Newton's method comes
-/// right after sweeps where the problem is smooth, the interior point instead of it where there is no friction cone:
-/// both then end in some ten factorisations.
+/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
+/// smooth Newton's method comes right after sweeps; where it is a minimum all the same the interior point comes instead
+/// of it, right after sweeps if there is no friction cone, else after splitting: each then ends in some ten
+/// factorisations.
 STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
-  const int shortcut = is_smooth(seen) ? kNewtonRung : seen.friction_cones == 0 ? kInteriorRung : 0;
+  const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingRung);
+  const int shortcut = is_smooth(seen) ? kNewtonRung : is_certain ? kInteriorRung : 0;
   if (tried < kNewtonRung && shortcut > tried && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
   for (int rung = tried + 1; rung < kLadderRungs; ++rung)
     if (can_treat(ladder_rung(rung).solver, seen)) return rung;

@@ -236,6 +236,9 @@ class SparsePlanner {
 /// Dense environments by rows, then by cones, then by index. Batches have far fewer shapes than environments: the
 /// shapes are sorted, and the environments dealt out to them.
 void sort_dense(PlanData& plan) {
+  const auto counts_of = [&](Offset env) -> const ConeCounts& { return plan.counts[static_cast<std::size_t>(env)]; };
+  const auto is_like_first = [&](Offset env) { return counts_of(env) == counts_of(plan.dense_order.front()); };
+  if (std::all_of(plan.dense_order.begin(), plan.dense_order.end(), is_like_first)) return;
   const auto hash = [](const ConeCounts& counts) {
     std::size_t mixed = 0;
     for (int shape = 0; shape < kConeShapes; ++shape)
@@ -252,7 +255,7 @@ void sort_dense(PlanData& plan) {
   const ConeCounts* last = nullptr;
   std::size_t shape = 0;
   for (const Offset env : plan.dense_order) {
-    const ConeCounts& counts = plan.counts[static_cast<std::size_t>(env)];
+    const ConeCounts& counts = counts_of(env);
     if (last == nullptr || *last != counts) {
       const auto [found, is_new] = number.try_emplace(counts, shapes.size());
       if (is_new) shapes.push_back({counts, row_count(counts), {}});

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
@@ -22,7 +23,37 @@ BodyEnvironment<Real> as(const BodyEnvironment<double>& env) {
   }
 }
 
-/// Sizes that make lanes wait, leave early and be taken again; a few whose lanes all push the same bodies.
+/// Two bodies without masses touch: a contact that nobody can solve.
+template <class Real>
+void make_immovable(BodyEnvironment<Real>& env) {
+  for (std::size_t body : {0U, 1U}) {
+    env.bodies[body].inv_mass = 0;
+    env.bodies[body].inv_inertia = {};
+  }
+  env.contacts[0].body_a = 0;
+  env.contacts[0].body_b = 1;
+}
+
+/// Impulses beyond all numbers.
+template <class Real>
+void make_too_heavy(BodyEnvironment<Real>& env) {
+  for (auto& body : env.bodies) {
+    body.inv_mass = 10 * std::numeric_limits<Real>::min();
+    body.inv_inertia = {};
+    body.twist = {100, -100, 100};
+    body.kinematic = false;
+  }
+}
+
+/// Nothing moves and nothing is to move.
+template <class Real>
+void put_to_rest(BodyEnvironment<Real>& env) {
+  for (auto& body : env.bodies) body.twist = body.twist_change = {};
+  for (auto& contact : env.contacts) contact.depth = 0;
+}
+
+/// Sizes that make lanes wait, leave early and be taken again; a few whose lanes all push the same bodies; a few that
+/// are refused, or end otherwise than their neighbours.
 template <class Real>
 std::vector<BodyEnvironment<Real>> crowd() {
   std::vector<BodyEnvironment<Real>> envs;
@@ -32,6 +63,10 @@ std::vector<BodyEnvironment<Real>> crowd() {
   for (std::uint64_t seed = 0; seed < 40; ++seed) envs.push_back(as<Real>(scenes::make_body_stack(seed, 3)));
   envs.push_back({});
   envs[13].contacts[0].mu = -1;  // refused while its neighbours go on
+  make_immovable(envs[17]);
+  put_to_rest(envs[21]);
+  put_to_rest(envs[60]);
+  make_too_heavy(envs[25]);
   return envs;
 }
 
@@ -64,7 +99,13 @@ void expect_packs_change_nothing(const Setting& setting) {
   std::vector<Real> warm;
   if (setting.warm)
     for (Offset i = 0; i < 3 * view.contact_count; ++i) warm.push_back(static_cast<Real>(i % 5) * Real(0.125));
+  if (setting.warm)
+    warm[static_cast<std::size_t>(3 * view.env_contact_offsets[29])] = std::numeric_limits<Real>::quiet_NaN();
   const auto together = solve_bodies(batch, {}, options, Device::cpu(), std::span<const Real>(warm));
+  EXPECT_NE(together.status[17].flags & kFlagBadDiagonal, 0U);
+  EXPECT_EQ((together.status[29].flags & kFlagWarmStartRejected) != 0, setting.warm);
+  EXPECT_EQ(together.status[21].residual_absolute, 0.0);
+  EXPECT_NE(together.status[25].code, EnvCode::solved);
   for (Offset env = 0; env < view.env_count; ++env) {
     const auto one = batch_of<Real>({envs[static_cast<std::size_t>(env)]});
     const auto contact = static_cast<std::size_t>(3 * view.env_contact_offsets[env]);

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "core/base/ladder.hpp"
+#include "core/body/choose_body.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
@@ -91,6 +92,24 @@ TEST(Ladder, climbs_where_the_first_solver_falls_short) {
     EXPECT_NE(sweeps.status[env].code, EnvCode::solved);
     EXPECT_LT(answer.status[env].residual, sweeps.status[env].residual);
   }
+}
+
+TEST(Ladder, leads_from_sweeps_to_what_is_certain) {
+  EnvFeatures seen;
+  seen.rows = 30;
+  seen.friction_cones = 10;
+  seen.law = Law::coulomb;
+  EXPECT_EQ(next_rung(0, seen), kSplittingRung);
+  EXPECT_EQ(next_rung(kSplittingRung, seen), kNewtonRung);
+  seen.law = Law::convex;
+  EXPECT_EQ(next_rung(0, seen), kSplittingRung);
+  EXPECT_EQ(next_rung(kSplittingRung, seen), kInteriorRung);
+  seen.is_compliant = true;
+  EXPECT_EQ(next_rung(0, seen), kNewtonRung);
+  EXPECT_EQ(next_rung(kNewtonRung, seen), kInteriorRung);
+  seen.is_compliant = false;
+  seen.friction_cones = 0;
+  EXPECT_EQ(next_rung(0, seen), kInteriorRung);
 }
 
 TEST(Ladder, starts_from_a_warm_start) {

@@ -9,7 +9,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
-/// tangents, and the twists without reactions.
+/// tangents, and the twists without reactions; and of the batch's own numbers those that a look at all lanes wants.
 template <class T, int W, Law kLawValue>
 struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   using Base = BodySystem<Pack<T, W>, kLawValue>;
@@ -19,12 +19,13 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
 
   typename Base::Tiles tangents;  ///< t1, t2
   typename Base::Tiles masses;    ///< inverse mass and inertia of a, of b, where lanes have different bodies
+  Numbers restitution;            ///< of each contact
   Numbers free;                   ///< twists after the sub-step without reactions        (bodies + 1 rows)
   Numbers sums;                   ///< impulses on the bodies, while twists are computed   (bodies + 1 rows)
 
   /// Numbers of T for each lane.
   static constexpr Offset elements(Offset contacts, Offset bodies, bool momentum) {
-    return Base::elements(contacts, bodies, momentum) + (6 + 14) * contacts + 2 * Base::kTwistRow * (bodies + 1);
+    return Base::elements(contacts, bodies, momentum) + (6 + 14 + 1) * contacts + 2 * Base::kTwistRow * (bodies + 1);
   }
 
   BodyPack(Index most_contacts, Index most_bodies, const SiParams& params, T* numbers)
@@ -33,7 +34,9 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     tangents = {more, 6};
     more += 6 * static_cast<Offset>(most_contacts);
     masses = {more, 14};
-    free = {more + 14 * static_cast<Offset>(most_contacts)};
+    more += 14 * static_cast<Offset>(most_contacts);
+    restitution = {more};
+    free = {more + most_contacts};
     sums = free.from(Base::kTwistRow * (static_cast<Offset>(most_bodies) + 1));
   }
 
@@ -122,29 +125,39 @@ STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W>
     }
 }
 
-/// Makes the contacts of a lane from position `first` on, which an earlier environment has left there, ones that stay
-/// at rest: they are visited with those of other lanes.
+/// Makes what an earlier environment has left in a lane, from `contacts` and from behind `bodies` and the world on up
+/// to all there is room for, contacts and bodies that stay at rest: they are visited with those of other lanes. Were
+/// only one of them no number, it would make others so.
 template <class T, int W, Law kLaw>
-STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index first, Index end, int lane) {
-  for (Index p = first; p < end; ++p) {
+STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Index bodies, Index most_contacts,
+                           Index most_bodies, int lane) {
+  for (Index p = contacts; p < most_contacts; ++p) {
     for (Index k = 0; k < kContactFields<kLaw>; ++k) pack.field.at(k, p).v[lane] = T(0);
     for (Index k = 0; k < 3; ++k) {
       pack.x.at(k, p).v[lane] = T(0);
       if (pack.has_momentum()) pack.before.at(k, p).v[lane] = T(0);
     }
   }
-}
-
-/// Fills what a pack keeps besides an environment's own numbers, when that environment enters a lane or begins another
-/// sub-step.
-template <class T, int W, Law kLaw>
-STICTION_HD void load_lane_tangents(const BodyPack<T, W, kLaw>& pack, const BodySystem<T, kLaw, W>& s, int lane) {
-  for (Index p = 0; p < s.contacts; ++p) {
-    const ContactFrame<T> frame = s.frame(p);
-    const T t[6] = {frame.t1.x, frame.t1.y, frame.t1.z, frame.t2.x, frame.t2.y, frame.t2.z};
-    for (Index k = 0; k < 6; ++k) pack.tangents.at(k, p).v[lane] = t[k];
+  for (Index body = bodies + 1; body <= most_bodies; ++body) {
+    for (Index k = 0; k < BodyPack<T, W, kLaw>::kMassRow; ++k) pack.mass_row(body)[k].v[lane] = T(0);
+    for (const auto& twists : {pack.start, pack.motion, pack.motion_before, pack.free})
+      for (Index k = 0; k < 6 && twists.data != nullptr; ++k) pack.twist_row(twists, body)[k].v[lane] = T(0);
   }
 }
+
+/// The numbers of an environment that enters a lane, as the batch has them.
+template <class T, int W, Law kLaw>
+STICTION_HD void take_lane(const BodyPack<T, W, kLaw>& pack, const BodyEnv<T>& env, const BodySystem<T, kLaw, W>& s,
+                           bool warm, int lane) {
+  SerialBlock block;
+  load_masses(block, env, s);
+  for (Index p = 0; p < s.contacts; ++p) {
+    take_contact(env, s, p, warm);
+    pack.restitution[p].v[lane] = env.restitution[env.contact_order[p]];
+  }
+}
+
+/// The free twists of a lane's environment, which has entered or begins another sub-step.
 template <class T, int W, Law kLaw>
 STICTION_HD void load_lane_free(const BodyPack<T, W, kLaw>& pack, const BodyEnv<T>& env,
                                 const BodySystem<T, kLaw, W>& s, const SiParams& params, int lane) {

@@ -26,12 +26,14 @@ struct ContactFrame {
   Vector3<T> n, t1, t2;
 };
 
+/// With the tangents of contact_tangents(), in lanes too.
 template <class T>
 STICTION_HD ContactFrame<T> frame_of(const Vector3<T>& n) {
   const T normal[3] = {n.x, n.y, n.z};
   T first[3];
   T second[3];
-  contact_tangents(normal, first, second);
+  const T sign = select(n.z < T(0), T(-1), T(1));
+  detail::complete_tangents(normal, sign, div_(T(-1), sign + n.z), first, second);
   return {n, {first[0], first[1], first[2]}, {second[0], second[1], second[2]}};
 }
 

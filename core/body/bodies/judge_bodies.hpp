@@ -41,6 +41,36 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
   return {static_cast<double>(env.inv_mass[side]), load6<double>(env.inv_inertia + 6 * static_cast<Offset>(side))};
 }
 
+/// The largest natural map so far (squared) and what roundings hide.
+template <class T>
+struct BodyJudgement {
+  T largest{0};
+  T blur{0};
+};
+
+/// Judges a contact's reaction `lambda`; `r` is R. Finds its motion. twist(side) is the twist of a body under all
+/// reactions, 0 for a and 1 for b, mass(side) its inverse mass and bias() the contact's bias: asked for when they are
+/// needed, for no machine has registers for all of them.
+template <Law kLaw, class T, class TwistOf, class MassOf, class Bias>
+STICTION_HD void judge_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu, T r,
+                               const T (&lambda)[3], T (&motion)[3], BodyJudgement<T>& judged) {
+  const Vector3<T> u = relative_velocity(twist(0), contact.arm_a, twist(1), contact.arm_b);
+  const T along[3] = {dot(u, contact.frame.n) + bias(), dot(u, contact.frame.t1), dot(u, contact.frame.t2)};
+  ContactBlock<T> block{T(0), T(0), T(0), T(0), T(0), T(0)};
+  add_body(block, mass(0), contact.arm_a, contact.frame);
+  add_body(block, mass(1), contact.arm_b, contact.frame);
+  T reaction[3];
+  T y[3];
+  for (int k = 0; k < 3; ++k) {
+    motion[k] = fma_(r, lambda[k], along[k]);
+    reaction[k] = k == 0 ? lambda[k] : unit_reaction(lambda[k], mu);
+    y[k] = k == 0 ? motion[k] : mu * motion[k];
+  }
+  const T weight = div_(block.nn + block.t11 + block.t22 + T(3) * r, T(3));
+  judged.largest = max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0)), judged.largest);
+  judged.blur = max_(blur_of<kLaw>(reaction, y, weight), judged.blur);
+}
+
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
@@ -48,35 +78,22 @@ STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, co
                                           bool is_answer) {
   gather_exact(block, env, s, x, params);
   const double r = div_(params.cfm, params.step);
-  double largest = 0.0;
-  double blur = 0.0;
+  BodyJudgement<double> judged;
   share_out(block, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
-    const Vector3<double> u = relative_velocity(twist_at<double>(s.exact_row(slot_of(contact.side_a))), contact.arm_a,
-                                                twist_at<double>(s.exact_row(slot_of(contact.side_b))), contact.arm_b);
-    const double along[3] = {dot(u, contact.frame.n) + bias_of(env, s, params, p, contact), dot(u, contact.frame.t1),
-                             dot(u, contact.frame.t2)};
-    ContactBlock<double> block_of{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-    add_body(block_of, exact_mass(env, contact.side_a), contact.arm_a, contact.frame);
-    add_body(block_of, exact_mass(env, contact.side_b), contact.arm_b, contact.frame);
-    const double mu = static_cast<double>(env.mu[contact.contact]);
-    double reaction[3];
-    double y[3];
-    for (Index k = 0; k < 3; ++k) {
-      const double lambda = static_cast<double>(returned_impulse(env, x, p, k));
-      const double motion = fma_(r, lambda, along[k]);
-      if (is_answer && env.w != nullptr)
-        env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion));
-      const double scale = k == 0 ? 1.0 : mu;
-      reaction[k] = scale > 0.0 ? div_(lambda, scale) : 0.0;
-      y[k] = scale * motion;
-    }
-    const double weight = div_(block_of.nn + block_of.t11 + block_of.t22 + 3.0 * r, 3.0);
-    largest = max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, 0.0, 0.0), largest);
-    blur = max_(blur_of<kLaw>(reaction, y, weight), blur);
+    double lambda[3];
+    for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(returned_impulse(env, x, p, k));
+    double motion[3];
+    const auto side = [&](int k) { return k == 0 ? contact.side_a : contact.side_b; };
+    judge_contact<kLaw, double>(
+        contact, [&](int k) { return twist_at<double>(s.exact_row(slot_of(side(k)))); },
+        [&](int k) { return exact_mass(env, side(k)); }, [&] { return bias_of(env, s, params, p, contact); },
+        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, judged);
+    for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
+      env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });
-  largest = sqrt_(block.max(largest));
-  return {largest, block.max(blur)};
+  const double largest = sqrt_(block.max(judged.largest));
+  return {largest, block.max(judged.blur)};
 }
 
 /// The residual of the best iterate, which is the answer, as it may be held against the tolerance (seen_residual).

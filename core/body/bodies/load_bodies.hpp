@@ -2,16 +2,25 @@
 
 #include "core/body/bodies/si_sweep.hpp"
 #include "core/body/prepare_body.hpp"
+#include "core/body/residual_body.hpp"
 
 /// From the batch's arrays to a system that can be swept.
 namespace stiction::inline STICTION_ISA {
 
+/// Whether all numbers that were added are finite. Zero times anything else is no number, and stays that way; there is
+/// no branch on any of them.
 template <class Real>
-STICTION_HD bool all_finite(const Real* values, Index count) {
-  bool finite = true;
-  for (Index k = 0; k < count; ++k) finite = finite && finite_(values[k]);
-  return finite;
-}
+class FiniteProbe {
+ public:
+  STICTION_HD void add(Real value) { trace_ = fma_(value, Real(0), trace_); }
+  STICTION_HD void add(const Real* values, Index count) {
+    for (Index k = 0; k < count; ++k) add(values[k]);
+  }
+  [[nodiscard]] STICTION_HD bool is_finite() const { return trace_ == Real(0); }
+
+ private:
+  Real trace_ = Real(0);
+};
 
 /// EnvFlag bits of an environment's own numbers, before anything is projected: a projection would hide a NaN.
 template <Block B, class Real>
@@ -19,22 +28,31 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(B& block, const BodyEnv<Real>& 
   std::uint32_t flags = env.kept < env.contacts ? kFlagCapacity : 0U;
   for (Index body = block.rank(); body < env.bodies; body += block.size()) {
     const Offset row = 6 * static_cast<Offset>(body);
-    bool finite = all_finite(env.twist + row, 6);
+    FiniteProbe<Real> probe;
+    probe.add(env.twist + row, 6);
     if (!env.is_kinematic(body)) {
-      finite = finite && finite_(env.inv_mass[body]) && all_finite(env.inv_inertia + row, 6);
-      if (env.twist_change != nullptr) finite = finite && all_finite(env.twist_change + row, 6);
+      probe.add(env.inv_mass[body]);
+      probe.add(env.inv_inertia + row, 6);
+      if (env.twist_change != nullptr) probe.add(env.twist_change + row, 6);
       if (env.inv_mass[body] < Real(0)) flags |= kFlagBadMass;
     }
-    if (!finite) flags |= kFlagNonFiniteInput;
+    if (!probe.is_finite()) flags |= kFlagNonFiniteInput;
   }
   for (Index c = block.rank(); c < env.contacts; c += block.size()) {
     const Offset row = 3 * static_cast<Offset>(c);
-    const bool finite = all_finite(env.arm_a + row, 3) && all_finite(env.arm_b + row, 3) &&
-                        all_finite(env.normal + row, 3) && finite_(env.mu[c]) && finite_(env.depth[c]) &&
-                        finite_(env.restitution[c]);
-    if (!finite) flags |= kFlagNonFiniteInput;
+    FiniteProbe<Real> probe;
+    probe.add(env.arm_a + row, 3);
+    probe.add(env.arm_b + row, 3);
+    probe.add(env.normal + row, 3);
+    probe.add(env.mu[c]);
+    probe.add(env.depth[c]);
+    probe.add(env.restitution[c]);
+    if (!probe.is_finite()) flags |= kFlagNonFiniteInput;
     if (env.mu[c] < Real(0)) flags |= kFlagNegativeFriction;
-    if (env.warm_start != nullptr && !all_finite(env.warm_start + row, 3)) flags |= kFlagWarmStartRejected;
+    if (env.warm_start == nullptr) continue;
+    FiniteProbe<Real> guess;
+    guess.add(env.warm_start + row, 3);
+    if (!guess.is_finite()) flags |= kFlagWarmStartRejected;
   }
   return block.combine(flags);
 }
@@ -72,9 +90,9 @@ struct OneBlock {
 
 /// The constants of a contact's local problem, and whether it can be solved.
 template <class Real, Law kLaw, int kStride>
-STICTION_HD bool load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block,
-                            Real mu) {
+STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block) {
   const Real r = s.compliance;
+  const Real mu = s.field.at(kFieldMu, p);
   OneBlock<Real> one;
   one.block[0][0] = block.nn + r;
   one.block[1][0] = one.block[0][1] = mu * block.n1;
@@ -102,53 +120,78 @@ STICTION_HD bool load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, c
   }
   const Real sum = (block.nn + r) + (block.t11 + r) + (block.t22 + r);
   s.field.at(kFieldWeight, p) = div_(sum, Real(3));
-  return normal > Real(0) && block.t11 + r >= Real(0) && block.t22 + r >= Real(0);
+  return and_(normal > Real(0), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
 
-/// A contact's first iterate: the share of one sub-step of its warm start, on its cone.
+/// Where a system says `warm`, x is a contact's warm start; its first iterate is the share of one sub-step, on its
+/// cone.
 template <class Real, Law kLaw, int kStride>
-STICTION_HD void load_impulse(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                              const SiParams& params, Index p, Index contact, Real mu, bool warm) {
-  Real z[3] = {Real(0), Real(0), Real(0)};
-  if (warm) {
-    const Real share = static_cast<Real>(div_(1.0, static_cast<double>(params.substeps)));
-    const Real* impulse = env.warm_start + 3 * static_cast<Offset>(contact);
-    z[0] = impulse[0] * share;
-    for (int k = 1; k < 3; ++k) z[k] = mu > Real(0) ? div_(impulse[k] * share, mu) : Real(0);
-    project_second_order_cone<3>(z);
-  }
-  for (int k = 0; k < 3; ++k) s.x.at(k, p) = canonical_zero(z[k]);
+STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const SiParams& params, Index p,
+                               Mask<Real> warm) {
+  const Real share(static_cast<Scalar<Real>>(div_(1.0, static_cast<double>(params.substeps))));
+  const Real mu = s.field.at(kFieldMu, p);
+  Real z[3];
+  z[0] = s.x.at(0, p) * share;
+  for (int k = 1; k < 3; ++k) z[k] = unit_reaction(s.x.at(k, p) * share, mu);
+  project_second_order_cone<3>(z);
+  for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, canonical_zero(z[k]), s.x.at(k, p));
 }
 
-/// Fills a system with everything but what a sub-step changes. Returns the flags.
+/// The numbers of the contact at position p as the batch has them; x is its warm start, or zero.
+template <class Real, Law kLaw, int kStride>
+STICTION_HD void take_contact(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p, bool warm) {
+  const Index c = env.contact_order[p];
+  const Offset place = 3 * static_cast<Offset>(c);
+  for (Index k = 0; k < 3; ++k) {
+    s.field.at(kFieldArmA + k, p) = env.arm_a[place + k];
+    s.field.at(kFieldArmB + k, p) = env.arm_b[place + k];
+    s.field.at(kFieldNormal + k, p) = env.normal[place + k];
+    s.x.at(k, p) = warm ? env.warm_start[place + k] : Real(0);
+  }
+  s.field.at(kFieldMu, p) = env.mu[c];
+  s.depth.at(0, p) = env.depth[c];
+}
+
+/// What is computed of them and of the bodies' masses. Whether the contact can be solved.
+template <class System, class Slot>
+STICTION_HD auto load_contact(const System& s, Index p, const ContactFrame<typename System::Real>& frame,
+                              const Slot& slot_a, const Slot& slot_b) {
+  using Real = typename System::Real;
+  ContactBlock<Real> block{Real(0), Real(0), Real(0), Real(0), Real(0), Real(0)};
+  add_body(block, s.inverse_mass(slot_a), s.vector(kFieldArmA, p), frame);
+  add_body(block, s.inverse_mass(slot_b), s.vector(kFieldArmB, p), frame);
+  return load_block(s, p, block);
+}
+
+/// Whether an environment with those flags has a warm start that is taken.
+template <class Real>
+STICTION_HD bool is_warm(const BodyEnv<Real>& env, std::uint32_t flags) {
+  return env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0;
+}
+
+/// Fills a system with everything but what a sub-step changes. Returns flags.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                      const SiParams& params) {
-  std::uint32_t flags = inspect_bodies(block, env);
-  if (!can_sweep(flags)) return flags;
-  const bool warm = env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0;
+STICTION_HD_OUTLINE std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env,
+                                              const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
+                                              bool warm) {
   load_masses(block, env, s);
   std::uint32_t bad = 0;
   share_out(block, s.contacts, [&](Index p) {
-    const Index c = env.contact_order[p];
-    const Offset place = 3 * static_cast<Offset>(c);
-    const Vector3<Real> arm_a = load3<Real>(env.arm_a + place);
-    const Vector3<Real> arm_b = load3<Real>(env.arm_b + place);
-    const ContactFrame<Real> frame = frame_of(load3<Real>(env.normal + place));
-    for (Index k = 0; k < 3; ++k) {
-      s.field.at(kFieldArmA + k, p) = env.arm_a[place + k];
-      s.field.at(kFieldArmB + k, p) = env.arm_b[place + k];
-      s.field.at(kFieldNormal + k, p) = env.normal[place + k];
-    }
-    s.field.at(kFieldMu, p) = env.mu[c];
-    s.depth.at(0, p) = env.depth[c];
-    ContactBlock<Real> k{Real(0), Real(0), Real(0), Real(0), Real(0), Real(0)};
-    add_body(k, s.inverse_mass(slot_of(env.sides[2 * static_cast<Offset>(p)])), arm_a, frame);
-    add_body(k, s.inverse_mass(slot_of(env.sides[2 * static_cast<Offset>(p) + 1])), arm_b, frame);
-    if (!load_block(s, p, k, env.mu[c])) bad |= kFlagBadDiagonal;
-    load_impulse(env, s, params, p, c, env.mu[c], warm);
+    take_contact(env, s, p, warm);
+    const Offset side = 2 * static_cast<Offset>(p);
+    if (!load_contact(s, p, s.frame(p), slot_of(env.sides[side]), slot_of(env.sides[side + 1])))
+      bad |= kFlagBadDiagonal;
+    if (warm) start_impulse(s, params, p, true);
   });
-  return flags | block.combine(bad);
+  return block.combine(bad);
+}
+
+/// With b = 0 the answer is zero, and no warm start is better.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD void rest(B& block, const BodySystem<Real, kLaw, kStride>& s) {
+  share_out(block, s.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
+  });
 }
 
 /// Sets out from the twists and depths a sub-step begins with: biases, and max|b| [w], which is returned.
@@ -159,19 +202,12 @@ STICTION_HD_OUTLINE double begin_substep(B& block, const BodyEnv<Real>& env, con
   share_out(block, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     const double bias = bias_of(env, s, params, p, contact);
-    const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
-                                                free_twist(env, s, params, slot_of(contact.side_b)), contact.arm_b);
     s.field.at(kFieldBias, p) = static_cast<Real>(bias);
-    largest = max_(abs_(dot(u, contact.frame.n) + bias), largest);
-    largest = max_(abs_(dot(u, contact.frame.t1)), largest);
-    largest = max_(abs_(dot(u, contact.frame.t2)), largest);
+    largest = largest_free_motion<double>(contact, free_twist(env, s, params, slot_of(contact.side_a)),
+                                          free_twist(env, s, params, slot_of(contact.side_b)), bias, largest);
   });
   largest = block.max(largest);
-  // With b = 0 the answer is zero, and no warm start is better.
-  if (!(largest > 0.0))
-    share_out(block, s.contacts, [&](Index p) {
-      for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
-    });
+  if (!(largest > 0.0)) rest(block, s);
   return largest;
 }
 

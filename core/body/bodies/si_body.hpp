@@ -92,11 +92,10 @@ STICTION_HD bool is_last_substep(const SiParams& params, Index step) {
   return step + 1 >= params.substeps;
 }
 
-/// Begins a sub-step, but for its first look.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void set_out(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                         const SiParams& params, SiProgress<Real>& progress) {
-  progress.scale = max_(begin_substep(block, env, s, params), 1e-300);
+/// Sets out with b as large as that.
+template <class Real>
+STICTION_HD void set_out(SiProgress<Real>& progress, double largest_b) {
+  progress.scale = max_(largest_b, 1e-300);
   progress.momentum = SiMomentum<Real>{};
   progress.done = 0;
 }
@@ -113,7 +112,7 @@ STICTION_HD void look_first(B& block, const BodyEnv<Real>& env, const BodySystem
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
-  set_out(block, env, s, params, progress);
+  set_out(progress, begin_substep(block, env, s, params));
   look_first(block, env, s, params, progress);
 }
 
@@ -158,12 +157,16 @@ STICTION_HD_OUTLINE double fall_back(B& block, const BodyEnv<Real>& env, const B
   return begin_substep(block, env, s, params);
 }
 
-/// Looks at the iterate of the last sub-step: the answer is published once its residual, computed in double from the
-/// bits that are returned, is at most the tolerance, or sweeps have run out. Whether it was.
+/// What a look at the iterate of the last sub-step tells.
+struct SiLook {
+  bool broken, ended;
+  bool is_asked;  ///< the best iterate may be the answer: its residual is to be computed in double
+};
+
+/// Looks at the iterate of the last sub-step, and keeps it if it is the best.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                     SiParams params, SiProgress<Real>& progress) {
-  const Index earlier = (params.substeps - 1) * params.iterations;
+STICTION_HD SiLook look_at_last(B& block, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
+                                SiProgress<Real>& progress) {
   const Real estimate = progress.estimate;
   if (progress.done == 0 || estimate < progress.best) {
     progress.best = estimate;
@@ -173,58 +176,84 @@ STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const B
   const bool ended = broken || progress.done >= params.iterations;
   const bool nominated =
       static_cast<double>(progress.best) <= params.tolerance * progress.scale && progress.best != progress.verified;
-  if (!nominated && !ended) return false;
-  double absolute = judge_bodies(block, env, s, params, progress.scale);
-  if (ended && !finite_(div_(absolute, progress.scale))) {
+  return {broken, ended, nominated || ended};
+}
+
+/// The answer is published once its residual `absolute`, computed in double from the bits that are returned, is at most
+/// the tolerance, or sweeps have run out. Whether it was.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool conclude_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                 SiParams params, SiLook look, double absolute, SiProgress<Real>& progress) {
+  const Index earlier = (params.substeps - 1) * params.iterations;
+  if (look.ended && !finite_(div_(absolute, progress.scale))) {
     progress.scale = max_(fall_back(block, env, s, params), 1e-300);
     absolute = judge_bodies(block, env, s, params, progress.scale);
   }
   const double relative = div_(absolute, progress.scale);
   const bool solved = finite_(relative) && relative <= params.tolerance;
   progress.verified = progress.best;
-  if (!solved && !ended) return false;
-  const EnvCode code = solved ? EnvCode::solved : broken ? EnvCode::numerical : EnvCode::max_iterations;
+  if (!solved && !look.ended) return false;
+  const EnvCode code = solved ? EnvCode::solved : look.broken ? EnvCode::numerical : EnvCode::max_iterations;
   publish_bodies(block, env, s);
   write_body_status(block, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
   return true;
 }
 
-/// Loads an environment. Whether there is anything to solve; if not, it is answered.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool take_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                             const SiParams& params, SiProgress<Real>& progress) {
-  clear_impulses(block, env);
-  progress = SiProgress<Real>{};
-  progress.flags = load_bodies(block, env, s, params);
-  if (!can_sweep(progress.flags)) {
-    refuse_bodies(block, env, params, progress.flags);
-    return false;
-  }
-  set_out(block, env, s, params, progress);
-  return true;
+STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                     const SiParams& params, SiProgress<Real>& progress) {
+  const SiLook look = look_at_last(block, s, params, progress);
+  if (!look.is_asked) return false;
+  return conclude_bodies(block, env, s, params, look, judge_bodies(block, env, s, params, progress.scale), progress);
 }
 
-/// The same up to the first sweep.
+/// Adds to what is known of an environment. Whether it can be solved; if not, it is answered.
+template <Block B, class Real>
+STICTION_HD bool is_sound(B& block, const BodyEnv<Real>& env, const SiParams& params, std::uint32_t flags,
+                          SiProgress<Real>& progress) {
+  progress.flags |= flags;
+  if (can_sweep(progress.flags)) return true;
+  refuse_bodies(block, env, params, progress.flags);
+  return false;
+}
+
+/// Looks at an environment's numbers. Whether they can be used; if not, it is answered.
+template <Block B, class Real>
+STICTION_HD bool admit_bodies(B& block, const BodyEnv<Real>& env, const SiParams& params, SiProgress<Real>& progress) {
+  clear_impulses(block, env);
+  progress = SiProgress<Real>{};
+  return is_sound(block, env, params, inspect_bodies(block, env), progress);
+}
+
+/// Up to the first sweep. Whether there is anything to solve; if not, the environment is answered.
 template <Block B, class Real, Law kLaw, int kStride>
 STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params, SiProgress<Real>& progress) {
-  if (!take_bodies(block, env, s, params, progress)) return false;
-  look_first(block, env, s, params, progress);
+  if (!admit_bodies(block, env, params, progress)) return false;
+  const std::uint32_t flags = load_bodies(block, env, s, params, is_warm(env, progress.flags));
+  if (!is_sound(block, env, params, flags, progress)) return false;
+  enter_substep(block, env, s, params, progress);
   return true;
 }
 
-/// Between two chunks: goes on to the next sub-step after a fixed number of sweeps. Whether the environment is
-/// answered.
+/// Goes on to the next sub-step after a fixed number of sweeps. Whether it is the last.
 template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                               const SiParams& params, SiProgress<Real>& progress) {
+STICTION_HD bool reach_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                    const SiParams& params, SiProgress<Real>& progress) {
   while (!is_last_substep(params, progress.step)) {
     if (progress.done < params.iterations) return false;
     leave_substep(block, env, s, params);
     ++progress.step;
     enter_substep(block, env, s, params, progress);
   }
-  return settle_last_substep(block, env, s, params, progress);
+  return true;
+}
+
+/// Between two chunks. Whether the environment is answered.
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                               const SiParams& params, SiProgress<Real>& progress) {
+  return reach_last_substep(block, env, s, params, progress) && settle_last_substep(block, env, s, params, progress);
 }
 
 /// Sweeps of the next chunk.

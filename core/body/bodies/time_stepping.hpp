@@ -6,12 +6,15 @@ namespace stiction::inline STICTION_ISA {
 
 /// The velocity that a contact's normal row asks for (docs/bodies.md). In double, from the numbers a sub-step begins
 /// with: the sweeps and the judge must not find themselves on two sides of a threshold.
-STICTION_HD double target_velocity(const SiParams& params, double depth, double restitution, double approach) {
-  const double gap = -depth;
-  const double position =
-      gap > 0.0 ? -div_(gap, params.step) : div_(params.erp * max_(depth - params.slop, 0.0), params.step);
-  const bool bounces = restitution > 0.0 && approach > params.restitution_threshold && approach * params.step >= gap;
-  return bounces ? max_(restitution * approach, position) : position;
+template <class T>
+STICTION_HD T target_velocity(const SiParams& params, T depth, T restitution, T approach) {
+  const T gap = -depth;
+  const T step(params.step);
+  const T way = select(gap > T(0), -gap, T(params.erp) * max_(depth - T(params.slop), T(0)));
+  const T position = div_(way, step);
+  const auto bounces =
+      and_(and_(restitution > T(0), approach > T(params.restitution_threshold)), approach * step >= gap);
+  return select(bounces, max_(restitution * approach, position), position);
 }
 
 /// Twist in double at the beginning of a sub-step.
@@ -40,23 +43,25 @@ STICTION_HD Twist<double> free_twist(const BodyEnv<Real>& env, const BodySystem<
   return {add_scaled(start.linear, 1.0, change.linear), add_scaled(start.angular, 1.0, change.angular)};
 }
 
-/// One contact in double, from the batch's own numbers.
-struct ExactContact {
+/// Where a contact is, in double, from the batch's own numbers.
+template <class T>
+struct ExactGeometry {
+  Vector3<T> arm_a, arm_b;
+  ContactFrame<T> frame;
+};
+struct ExactContact : ExactGeometry<double> {
   Index contact, side_a, side_b;
-  Vector3<double> arm_a, arm_b;
-  ContactFrame<double> frame;
 };
 
 template <class Real>
 STICTION_HD ExactContact exact_contact(const BodyEnv<Real>& env, Index p) {
   const Index c = env.contact_order[p];
   const Offset place = 3 * static_cast<Offset>(c);
-  return {c,
-          env.sides[2 * static_cast<Offset>(p)],
-          env.sides[2 * static_cast<Offset>(p) + 1],
-          load3<double>(env.arm_a + place),
-          load3<double>(env.arm_b + place),
-          frame_of(load3<double>(env.normal + place))};
+  return {
+      {load3<double>(env.arm_a + place), load3<double>(env.arm_b + place), frame_of(load3<double>(env.normal + place))},
+      c,
+      env.sides[2 * static_cast<Offset>(p)],
+      env.sides[2 * static_cast<Offset>(p) + 1]};
 }
 
 /// Relative velocity of a contact for twists of the two bodies.
@@ -66,14 +71,29 @@ STICTION_HD Vector3<T> relative_velocity(const Twist<T>& a, const Vector3<T>& ar
   return subtract(point_velocity(b, arm_b), point_velocity(a, arm_a));
 }
 
-/// The bias of a contact's normal row: minus its target velocity.
+/// The bias of a contact's normal row, minus its target velocity, for the twists that the sub-step begins with.
+template <class T>
+STICTION_HD T bias_of(const SiParams& params, const ExactGeometry<T>& contact, const Twist<T>& a, const Twist<T>& b,
+                      T depth, T restitution) {
+  const Vector3<T> u = relative_velocity(a, contact.arm_a, b, contact.arm_b);
+  return -target_velocity(params, depth, restitution, -dot(u, contact.frame.n));
+}
 template <class Real, Law kLaw, int kStride>
 STICTION_HD double bias_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
                            Index p, const ExactContact& contact) {
-  const Vector3<double> u = relative_velocity(start_twist(s, slot_of(contact.side_a)), contact.arm_a,
-                                              start_twist(s, slot_of(contact.side_b)), contact.arm_b);
-  return -target_velocity(params, static_cast<double>(s.depth.at(0, p)),
-                          static_cast<double>(env.restitution[contact.contact]), -dot(u, contact.frame.n));
+  return bias_of<double>(params, contact, start_twist(s, slot_of(contact.side_a)),
+                         start_twist(s, slot_of(contact.side_b)), static_cast<double>(s.depth.at(0, p)),
+                         static_cast<double>(env.restitution[contact.contact]));
+}
+
+/// The largest component of b at a contact [w], or `largest`, for the twists that forces alone lead to.
+template <class T>
+STICTION_HD T largest_free_motion(const ExactGeometry<T>& contact, const Twist<T>& a, const Twist<T>& b, T bias,
+                                  T largest) {
+  const Vector3<T> u = relative_velocity(a, contact.arm_a, b, contact.arm_b);
+  largest = max_(abs_(dot(u, contact.frame.n) + bias), largest);
+  largest = max_(abs_(dot(u, contact.frame.t1)), largest);
+  return max_(abs_(dot(u, contact.frame.t2)), largest);
 }
 
 }  // namespace stiction::inline STICTION_ISA

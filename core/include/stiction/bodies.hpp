@@ -99,13 +99,11 @@ class BodyBatch {
 template <class Real>
 std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit = 64);
 
-/// The two tangents that complete a unit normal to a right-handed frame (n, t1, t2): Duff et al., Building an
-/// orthonormal basis, revisited, JCGT 6(1), 2017. One division, continuous but for the sign of n_z, and the same bits
-/// everywhere. A contact's reactions and warm start are in this frame.
+namespace detail {
+
+/// contact_tangents() from the sign of n_z and -1 / (sign + n_z), of one normal or of several side by side.
 template <class Real>
-STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[3]) {
-  const Real sign = n[2] < Real(0) ? Real(-1) : Real(1);
-  const Real a = Real(-1) / (sign + n[2]);
+STICTION_HD void complete_tangents(const Real (&n)[3], Real sign, Real a, Real (&t1)[3], Real (&t2)[3]) {
   const Real b = n[0] * n[1] * a;
   t1[0] = Real(1) + sign * n[0] * n[0] * a;
   t1[1] = sign * b;
@@ -113,6 +111,17 @@ STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[
   t2[0] = b;
   t2[1] = sign + n[1] * n[1] * a;
   t2[2] = -n[1];
+}
+
+}  // namespace detail
+
+/// The two tangents that complete a unit normal to a right-handed frame (n, t1, t2): Duff et al., Building an
+/// orthonormal basis, revisited, JCGT 6(1), 2017. One division, continuous but for the sign of n_z, and the same bits
+/// everywhere. A contact's reactions and warm start are in this frame.
+template <class Real>
+STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[3]) {
+  const Real sign = n[2] < Real(0) ? Real(-1) : Real(1);
+  detail::complete_tangents(n, sign, Real(-1) / (sign + n[2]), t1, t2);
 }
 
 /// How a step becomes b and R (docs/bodies.md). With h = dt / substeps, u the relative velocity at the beginning of the
