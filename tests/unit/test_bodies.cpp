@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <string>
 
@@ -323,6 +324,54 @@ TEST(bodies, masses_beyond_single_precision_end_in_a_finite_answer) {
   EXPECT_NE(solution.status[0].code, EnvCode::solved);
   for (const float v : solution.twist) EXPECT_TRUE(std::isfinite(v));
   for (const float v : solution.impulse) EXPECT_TRUE(std::isfinite(v));
+}
+
+TEST(bodies, every_number_of_a_batch_is_looked_at) {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), infinite = std::numeric_limits<double>::infinity();
+  struct Case {
+    const char* message;
+    std::function<void(Env&)> spoil;
+  };
+  const Case cases[] = {
+      {"twist[env 1, body 2] = inf", [&](Env& env) { env.bodies[2].twist[5] = infinite; }},
+      {"twist_change[env 1, body 2] = nan", [&](Env& env) { env.bodies[2].twist_change[0] = nan; }},
+      {"inv_inertia[env 1, body 2] = nan", [&](Env& env) { env.bodies[2].inv_inertia[3] = nan; }},
+      {"inv_mass[env 1, body 2] = -1", [&](Env& env) { env.bodies[2].inv_mass = -1; }},
+      {"inv_mass[env 1, body 2] = inf", [&](Env& env) { env.bodies[2].inv_mass = infinite; }},
+      {"arm_a[env 1, contact 3] = nan", [&](Env& env) { env.contacts[3].arm_a[2] = nan; }},
+      {"arm_b[env 1, contact 3] = -inf", [&](Env& env) { env.contacts[3].arm_b[0] = -infinite; }},
+      {"normal[env 1, contact 3] = nan", [&](Env& env) { env.contacts[3].normal[1] = nan; }},
+      {"normal[env 1, contact 3] = 0 long", [&](Env& env) { env.contacts[3].normal = {}; }},
+      {"mu[env 1, contact 3] = -1", [&](Env& env) { env.contacts[3].mu = -1; }},
+      {"mu[env 1, contact 3] = inf", [&](Env& env) { env.contacts[3].mu = infinite; }},
+      {"depth[env 1, contact 3] = nan", [&](Env& env) { env.contacts[3].depth = nan; }},
+      {"restitution[env 1, contact 3] = 2", [&](Env& env) { env.contacts[3].restitution = 2; }},
+      {"restitution[env 1, contact 3] = nan", [&](Env& env) { env.contacts[3].restitution = nan; }},
+  };
+  const Env sound = scenes::make_body_stack(1, 3);
+  EXPECT_TRUE(validate(batch_of<double>({sound, sound, sound}).view()).empty());
+  for (const Case& one : cases) {
+    Env spoilt = sound;
+    one.spoil(spoilt);
+    const auto batch = batch_of<double>({sound, spoilt, sound});
+    const auto defects = validate(batch.view());
+    ASSERT_EQ(defects.size(), 1U) << one.message;
+    EXPECT_THAT(defects[0].message, ::testing::HasSubstr(one.message));
+  }
+  for (const Index body : {-2, static_cast<Index>(sound.bodies.size())}) {
+    auto batch = batch_of<double>({sound, sound, sound});
+    auto view = batch.view();
+    std::vector<Index> sides(view.body_b, view.body_b + view.contact_count);
+    sides[static_cast<std::size_t>(view.env_contact_offsets[1]) + 3] = body;
+    view.body_b = sides.data();
+    const auto defects = validate(view);
+    ASSERT_FALSE(defects.empty());
+    EXPECT_THAT(defects[0].message, ::testing::HasSubstr("body_b[env 1, contact 3] = " + std::to_string(body)));
+  }
+  Env moved = sound;
+  moved.bodies[2].kinematic = true;  // what it does not use may be anything
+  moved.bodies[2].inv_mass = moved.bodies[2].inv_inertia[0] = moved.bodies[2].twist_change[1] = nan;
+  EXPECT_TRUE(validate(batch_of<double>({sound, moved, sound}).view()).empty());
 }
 
 TEST(bodies, misuse_is_named) {
