@@ -64,7 +64,7 @@ def parts(a):
              [*script("engines.py"), ours, *data, *judge, *results], files=(ours, HERE / "engines.py", a.data), judge=True),
         Part("against", "against Siconos and Clarabel on recorded contacts (C5)", 150,
              [*script("against.py"), ours, a.data / "fclib", *contacts, *judge, *results, "--goals", "1e-4,1e-8", "--seconds", "0.5",
-              "--solvers", "auto,npgs,auto/apart", "--laws", "file"], files=(ours, a.data / "fclib", *contacts), judge=True),
+              "--solvers", "auto,npgs,admm,auto/apart", "--laws", "file"], files=(ours, a.data / "fclib", *contacts), judge=True),
         Part("scaling", "time against environments, contacts and threads; tails; warm starts (C6, S4, S5, A3)", 120,
              [*script("scaling.py"), ours, *data, *judge, *results, *images], ("stiction", "matplotlib"), (ours,)),
         Part("roofline", "operations a second of sweeps, under the roof of one core (G10 on the CPU)", 60,

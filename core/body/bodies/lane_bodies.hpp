@@ -19,8 +19,8 @@ template <class T, int W, Law kLaw>
 struct WideLanes {
   static constexpr int kLanes = kWideLanes<T, W>;
   using Real = Pack<double, kLanes>;
-  using Pack_ = BodyPack<T, W, kLaw>;
-  const Pack_& s;
+  using System = BodyPack<T, W, kLaw>;
+  const System& s;
   int first;
 
   [[nodiscard]] Real number(const Pack<T, W>& lanes) const { return widened(lanes, first); }
@@ -33,12 +33,12 @@ struct WideLanes {
   }
   [[nodiscard]] Twist<Real> start(const LaneSlots<T, W>& at) const {
     Real row[6];
-    read<Pack_::kTwistRow>(reinterpret_cast<const T*>(s.start.data), at, row);
+    read<System::kTwistRow>(reinterpret_cast<const T*>(s.start.data), at, row);
     return twist_at<Real>(row);
   }
   [[nodiscard]] InverseMass<Real> mass(const LaneSlots<T, W>& at) const {
     Real row[7];
-    read<Pack_::kMassRow>(reinterpret_cast<const T*>(s.mass.data), at, row);
+    read<System::kMassRow>(reinterpret_cast<const T*>(s.mass.data), at, row);
     return {row[0], {row[1], row[2], row[3], row[4], row[5], row[6]}};
   }
   [[nodiscard]] Twist<Real> twist(const double* twists, const LaneSlots<T, W>& at) const {

@@ -123,8 +123,7 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   return and_(normal > Real(0), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
 
-/// Where a system says `warm`, x is a contact's warm start; its first iterate is the share of one sub-step, on its
-/// cone.
+/// In the lanes of `warm` x is a contact's warm start: it becomes the share of one sub-step, on its cone.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const SiParams& params, Index p,
                                Mask<Real> warm) {
