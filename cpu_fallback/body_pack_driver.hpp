@@ -94,6 +94,7 @@ class BodyPackRun {
         env_{Memory::sides(room, params_.momentum, memory)} {
     // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
     std::fill_n(memory, Memory::numbers(room, params_.momentum), Real(0));
+    std::fill_n(exact, Memory::exact_elements(room), 0.0);
   }
 
   /// Answers whoever is done and lets others enter. Whether there is anything to advance.
