@@ -8,12 +8,17 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Size of a cone's change in units of w: the largest |d_k| times the cone's mean diagonal.
+/// The largest |d_k| of a cone's change.
 template <class Real, int M>
-STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
+STICTION_HD Real largest_of(const ConeStep<Real, M>& step) {
   Real largest = abs_(step.d[0]);
   for (int k = 1; k < M; ++k) largest = max_(abs_(step.d[k]), largest);
-  return largest * weight;
+  return largest;
+}
+/// Size of a cone's change in units of w: that times the cone's mean diagonal.
+template <class Real, int M>
+STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
+  return largest_of(step) * weight;
 }
 
 /// What a sweep does at a cone unless it is told otherwise: the step of docs/math/local_solve.md.
@@ -39,10 +44,11 @@ STICTION_HD auto move_cone(Shape shape, System& s, Index cone, Index row, typena
 template <int M, Block B, class System>
 STICTION_HD auto push_step(B& block, System& s, Index cone, Index row, const ConeStep<typename System::Real, M>& step) {
   using Real = typename System::Real;
-  const Real size = step_size(step, s.trace[cone]);
-  // A cone that does not move, an open contact above all, pushes nothing.
-  if (any(size != Real(0))) s.push(block, row, step.d);
-  return size;
+  const Real largest = largest_of(step);
+  // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell: a small change times
+  // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
+  if (any(largest != Real(0))) s.push(block, row, step.d);
+  return largest * s.trace[cone];
 }
 
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
@@ -129,9 +135,7 @@ STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) 
         for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
         return local;
       });
-      const Real size = step_size(step, s.trace[cone]);
-      if (any(size != Real(0))) s.push(block, row, step.d);
-      largest = max_(size, largest);
+      largest = max_(push_step(block, s, cone, row, step), largest);
     });
   }
   return largest;

@@ -153,14 +153,23 @@ void BodySolver::check_space(const BodyBatchView<Real>& batch) const {
 }
 
 template <class Real>
+bool BodySolver::looks_at_numbers(const BodyBatchView<Real>& batch) const {
+  return options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host;
+}
+
+template <class Real>
+BodyPlan BodySolver::make_plan(const BodyBatchView<Real>& host) const {
+  BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env, sharing(*machine_, options_));
+  if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
+  return BodyPlan(std::make_shared<const BodyPlanData>(std::move(plan)));
+}
+
+template <class Real>
 BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) const {
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
-    const ShareOut share_out = sharing(*machine_, options_);
-    reject(validate_structure(host, 1, share_out));
-    BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env, share_out);
-    if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
-    return BodyPlan(std::make_shared<const BodyPlanData>(std::move(plan)));
+    reject(validate_structure(host, 1, sharing(*machine_, options_)));
+    return make_plan(host);
   };
   if (batch.space == MemorySpace::host) return make(batch);
   return make(HostBodies<Real>(batch, options_.max_contacts_per_env > 0, *machine_, stream).view());
@@ -179,8 +188,7 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
   if (options_.method == BodyMethod::newton && !(data.has_newton && data.space == options_.space))
     refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
-    reject(validate(batch, 1, sharing(*machine_, options_)));
+  if (looks_at_numbers(batch)) reject(validate(batch, 1, sharing(*machine_, options_)));
 }
 
 template <class Real>
@@ -188,6 +196,17 @@ void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
                        const Real* warm_start, StreamRef stream) const {
   check(plan, batch, solution);
   machine_->solve(BodyRequest<Real>{plan.shared(), batch, solution, warm_start, stepping_, options_, stream});
+}
+
+template <class Real>
+void BodySolver::solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start,
+                       StreamRef stream) const {
+  check_space(batch);
+  check_solution(batch, solution);
+  const bool looks = looks_at_numbers(batch);  // and at the structure
+  if (looks) reject(validate(batch, 1, sharing(*machine_, options_)));
+  const BodyPlan made = looks ? make_plan(batch) : plan(batch, stream);
+  machine_->solve(BodyRequest<Real>{made.shared(), batch, solution, warm_start, stepping_, options_, stream});
 }
 
 template <class Real>
@@ -202,8 +221,7 @@ BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping
       std::vector<Real>(3 * contacts), std::vector<Real>(6 * static_cast<std::size_t>(batch.body_count())),
       std::vector<Real>(3 * contacts), std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
   const BodyBatchView<Real> view = batch.view();
-  solver.solve(solver.plan(view), view,
-               {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()},
+  solver.solve(view, {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()},
                warm_start.empty() ? nullptr : warm_start.data());
   return solution;
 }
@@ -216,6 +234,10 @@ template void BodySolver::solve(const BodyPlan&, const BodyBatchView<float>&, co
                                 const float*, StreamRef) const;
 template void BodySolver::solve(const BodyPlan&, const BodyBatchView<double>&, const BodySolutionView<double>&,
                                 const double*, StreamRef) const;
+template void BodySolver::solve(const BodyBatchView<float>&, const BodySolutionView<float>&, const float*,
+                                StreamRef) const;
+template void BodySolver::solve(const BodyBatchView<double>&, const BodySolutionView<double>&, const double*,
+                                StreamRef) const;
 template BodySolution<float> solve_bodies(const BodyBatch<float>&, const TimeStepping&, const BodySolverOptions&,
                                           Device, std::span<const float>);
 template BodySolution<double> solve_bodies(const BodyBatch<double>&, const TimeStepping&, const BodySolverOptions&,

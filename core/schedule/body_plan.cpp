@@ -39,9 +39,29 @@ EnvContacts contacts_of(const BodyBatchView<Real>& batch, Offset env) {
           batch.body_b + contact, batch.kinematic == nullptr ? nullptr : batch.kinematic + body};
 }
 
+/// Whether all that plans of two environments are made of is the same: contacts between the same bodies.
+bool are_alike(const EnvContacts& one, const EnvContacts& other) {
+  const auto same = [](const auto* a, const auto* b, Index count) { return std::equal(a, a + count, b); };
+  if (one.bodies != other.bodies || one.contacts != other.contacts) return false;
+  if (!same(one.a, other.a, one.contacts) || !same(one.b, other.b, one.contacts)) return false;
+  return one.kinematic == nullptr || same(one.kinematic, other.kinematic, one.bodies);
+}
+
 /// Where one environment's part of the plan is written.
 struct EnvPlan {
   Index *kept, *contact_order, *sides, *vertex_offsets, *color_offsets, *color_count, *body_offsets, *body_contacts;
+
+  /// That of an environment which are_alike() says is the same.
+  void copy(const EnvPlan& other, Index bodies, Index contacts) const {
+    *kept = *other.kept;
+    *color_count = *other.color_count;
+    std::copy_n(other.contact_order, contacts, contact_order);
+    std::copy_n(other.sides, 2 * Offset{contacts}, sides);
+    std::copy_n(other.vertex_offsets, contacts + 1, vertex_offsets);
+    std::copy_n(other.color_offsets, contacts + 1, color_offsets);
+    std::copy_n(other.body_offsets, bodies + 1, body_offsets);
+    std::copy_n(other.body_contacts, 2 * Offset{contacts}, body_contacts);
+  }
 };
 
 /// Plans environment after environment with the same memory.
@@ -245,17 +265,29 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, co
   plan.body_offsets.resize(bodies + envs);
   plan.body_contacts.resize(2 * contacts);
   share_out(batch.env_count, [&](Offset begin, Offset end) {
+    const auto part_of = [&](Offset e) {
+      const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
+      return EnvPlan{plan.kept.data() + e,
+                     plan.contact_order.data() + contact,
+                     plan.sides.data() + 2 * contact,
+                     plan.vertex_offsets.data() + contact + e,
+                     plan.color_offsets.data() + contact + e,
+                     plan.color_count.data() + e,
+                     plan.body_offsets.data() + body + e,
+                     plan.body_contacts.data() + 2 * contact};
+    };
     BodyPlanner planner;
     std::vector<Index> chosen;
     for (Offset e = begin; e < end; ++e) {
       const EnvContacts env = contacts_of(batch, e);
-      const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
-      choose_contacts(batch.depth + contact, env.contacts, capacity, chosen);
-      planner.plan(
-          env, chosen,
-          {plan.kept.data() + e, plan.contact_order.data() + contact, plan.sides.data() + 2 * contact,
-           plan.vertex_offsets.data() + contact + e, plan.color_offsets.data() + contact + e,
-           plan.color_count.data() + e, plan.body_offsets.data() + body + e, plan.body_contacts.data() + 2 * contact});
+      const bool is_over = capacity > 0 && env.contacts > capacity;
+      // Copies of one robot often touch alike; what each keeps of too many contacts is a matter of depths.
+      if (e > begin && !is_over && are_alike(contacts_of(batch, e - 1), env)) {
+        part_of(e).copy(part_of(e - 1), env.bodies, env.contacts);
+        continue;
+      }
+      choose_contacts(batch.depth + batch.env_contact_offsets[e], env.contacts, capacity, chosen);
+      planner.plan(env, chosen, part_of(e));
     }
   });
   return plan;

@@ -39,8 +39,7 @@ class SharedBodySolver {
           const Real* guess = guess_of<Real>(warm_start, 3 * view.contact_count);
           const nb::gil_scoped_release unlocked;
           const std::lock_guard lock(mutex_);
-          solver_.solve(solver_.plan(view, stream), view, {contact.lambda, twist, contact.w, contact.status}, guess,
-                        stream);
+          solver_.solve(view, {contact.lambda, twist, contact.w, contact.status}, guess, stream);
         },
         batch.view);
   }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 
@@ -184,6 +185,44 @@ TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAloneOnTheLadder) {
       o.invalid = InvalidPolicy::isolate;
       expect_packs_change_nothing<TypeParam>(o, false);
     }
+}
+
+/// A guess so small that its change times the cone's diagonal is zero, coupled to a row whose motion is as small.
+template <class Real>
+Environment<double> faint() {
+  constexpr int kLeast = std::numeric_limits<Real>::digits - std::numeric_limits<Real>::min_exponent;  // 2^-kLeast > 0
+  const double diagonal = std::ldexp(1.0, 8 - kLeast / 2);
+  const double coupling = std::ldexp(1.0, 3 - kLeast / 4);
+  const double guess = std::ldexp(1.0, -kLeast / 2 - 26);
+  EXPECT_EQ(static_cast<Real>(diagonal) * static_cast<Real>(guess), Real(0));
+  EXPECT_NE(static_cast<Real>(coupling) * static_cast<Real>(guess), Real(0));
+  Environment<double> env = system({unilateral(), unilateral(), unilateral()},
+                                   {diagonal, coupling, 0, coupling, 1, 0, 0, 0, 1}, {1, -16 * coupling * guess, -1});
+  return env;
+}
+
+TYPED_TEST(Packs, PushTheFaintestChangeWhateverNeighboursDo) {
+  using Real = TypeParam;
+  constexpr Offset kCopies = 24;
+  const ContactBatch<Real> batch =
+      convert<Real>(batch_of(std::vector<Environment<double>>(kCopies, faint<Real>()), Law::convex));
+  constexpr int kLeast = std::numeric_limits<Real>::digits - std::numeric_limits<Real>::min_exponent;
+  const std::vector<Real> own = {std::ldexp(Real(1), -kLeast / 2 - 26), Real(0), Real(0)};
+  std::vector<Real> warm;
+  for (Offset e = 0; e < kCopies; ++e)
+    for (const Real guess : own) warm.push_back(e % 5 == 2 ? guess : guess == Real(0) ? Real(0) : Real(0.5));
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::nsgs}) {
+    SCOPED_TRACE(label(solver, Law::convex));
+    SolverOptions o = options(solver, 0, 8);
+    o.law = Law::convex;
+    const auto hashes = env_hashes(batch, solve(batch, o, Device::cpu(), std::span<const Real>(warm)));
+    const Offset only[] = {2};
+    const ContactBatch<Real> one = gather<Real>(batch, only);
+    const Solution<Real> alone = solve(one, o, Device::cpu(), std::span<const Real>(own));
+    const Real wanted = -one.arrays().b.at(1);  // what the guess had pushed, a sixteenth of it, is gone
+    EXPECT_LT(std::abs(alone.lambda.at(1) - wanted), wanted / 64);
+    for (std::size_t e = 2; e < hashes.size(); e += 5) EXPECT_EQ(hashes[e], env_hashes(one, alone).at(0));
+  }
 }
 
 }  // namespace

@@ -413,6 +413,50 @@ TEST(bodies, misuse_is_named) {
                 solver.solve(solver.plan(one.view()), one.view(), {room.data(), nullptr, nullptr, status.data()});
               }),
               HasSubstr("solution.twist is null"));
+  EXPECT_THAT(error_message([&] {
+                solver.solve(one.view(), {room.data(), nullptr, nullptr, status.data()});
+              }),
+              HasSubstr("solution.twist is null"));
+}
+
+/// A call that plans for itself gives what one with a plan gives, and refuses what plan() or solve() would.
+TEST(bodies, a_plan_of_the_calls_own_changes_nothing) {
+  const auto batch = batch_of<double>({random_bodies(1, 5, 20), random_bodies(2, 7, 31), random_bodies(1, 5, 20)});
+  for (const InvalidPolicy policy : {InvalidPolicy::reject, InvalidPolicy::isolate}) {
+    BodySolverOptions options;
+    options.iterations = 30;
+    options.invalid = policy;
+    const BodySolver solver(Device::cpu(), {}, options);
+    const auto room = [&] {
+      return BodySolution<double>{std::vector<double>(static_cast<std::size_t>(3 * batch.contact_count()), 77.0),
+                                  std::vector<double>(static_cast<std::size_t>(6 * batch.body_count()), 77.0),
+                                  std::vector<double>(static_cast<std::size_t>(3 * batch.contact_count()), 77.0),
+                                  std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
+    };
+    const auto view_of = [](BodySolution<double>& s) {
+      return BodySolutionView<double>{s.impulse.data(), s.twist.data(), s.w.data(), s.status.data()};
+    };
+    auto planned = room(), unplanned = room(), untouched = room();
+    const auto view = batch.view();
+    solver.solve(solver.plan(view), view, view_of(planned));
+    solver.solve(view, view_of(unplanned));
+    EXPECT_EQ(unplanned.impulse, planned.impulse);
+    EXPECT_EQ(unplanned.twist, planned.twist);
+    EXPECT_EQ(unplanned.w, planned.w);
+    for (std::size_t e = 0; e < planned.status.size(); ++e) {
+      EXPECT_EQ(unplanned.status[e].iterations, planned.status[e].iterations);
+      EXPECT_EQ(unplanned.status[e].code, planned.status[e].code);
+    }
+
+    auto broken = view;
+    std::vector<Index> sides(view.body_b, view.body_b + view.contact_count);
+    sides[3] = 99;
+    broken.body_b = sides.data();
+    EXPECT_THAT(error_message([&] { solver.solve(broken, view_of(untouched)); }),
+                ::testing::HasSubstr("body_b[env 0, contact 3] = 99"));
+    EXPECT_EQ(untouched.impulse, room().impulse);
+    EXPECT_EQ(untouched.twist, room().twist);
+  }
 }
 
 }  // namespace stiction::test

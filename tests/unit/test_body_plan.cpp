@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "bench/scenes/body_scenes.hpp"
 #include "core/schedule/body_plan.hpp"
@@ -124,6 +126,46 @@ TEST(body_plan, an_environment_is_planned_as_if_it_were_alone) {
   EXPECT_EQ(part(both.sides, 40, alone.sides), alone.sides);
   EXPECT_EQ(both.color_count[2], alone.color_count[0]);
   EXPECT_EQ(part(both.body_offsets, 5 + 2, alone.body_offsets), alone.body_offsets);
+}
+
+/// Every integer that environment e of a batch has in its plan is the one it has in a batch of its own.
+void expect_planned_alone(const std::vector<Env>& envs, const BodyPlanData& plan, std::size_t e, Index capacity) {
+  const BodyPlanData alone = make_body_plan(batch_of<double>({envs[e]}).view(), capacity);
+  const auto body = static_cast<std::ptrdiff_t>(plan.env_body_offsets[e]);
+  const auto contact = static_cast<std::ptrdiff_t>(plan.env_contact_offsets[e]);
+  const auto index = static_cast<std::ptrdiff_t>(e);
+  const auto expect_part = [&](const char* name, const std::vector<Index>& all, std::ptrdiff_t first,
+                               const std::vector<Index>& expected) {
+    const auto begin = all.begin() + first;
+    EXPECT_EQ(std::vector<Index>(begin, begin + static_cast<std::ptrdiff_t>(expected.size())), expected)
+        << name << " of environment " << e;
+  };
+  expect_part("kept", plan.kept, index, alone.kept);
+  expect_part("contact_order", plan.contact_order, contact, alone.contact_order);
+  expect_part("sides", plan.sides, 2 * contact, alone.sides);
+  expect_part("vertex_offsets", plan.vertex_offsets, contact + index, alone.vertex_offsets);
+  expect_part("color_offsets", plan.color_offsets, contact + index, alone.color_offsets);
+  expect_part("color_count", plan.color_count, index, alone.color_count);
+  expect_part("body_offsets", plan.body_offsets, body + index, alone.body_offsets);
+  expect_part("body_contacts", plan.body_contacts, 2 * contact, alone.body_contacts);
+}
+
+TEST(body_plan, neighbours_that_are_alike_are_planned_as_if_they_were_alone) {
+  const Env base = random_bodies(3, 6, 25);
+  Env held = base, moved = base, turned = base, crowded = base, shallow = base;
+  held.bodies[2].kinematic = !held.bodies[2].kinematic;
+  for (auto& contact : moved.contacts)
+    if (contact.body_b == 1 && contact.body_a != 4) contact.body_b = 4;
+  for (auto& contact : turned.contacts) std::swap(contact.body_a, contact.body_b);
+  crowded.bodies.push_back(base.bodies.front());
+  for (std::size_t c = 0; c < shallow.contacts.size(); ++c) shallow.contacts[c].depth = 0.01 * static_cast<double>(c);
+  std::vector<Env> envs;
+  for (const Env& other : {held, moved, turned, crowded, shallow, Env{}})
+    for (const Env* env : {&base, &base, &other, &other}) envs.push_back(*env);
+  for (const Index capacity : {0, 10}) {
+    const BodyPlanData plan = make_body_plan(batch_of<double>(envs).view(), capacity);
+    for (std::size_t e = 0; e < envs.size(); ++e) expect_planned_alone(envs, plan, e, capacity);
+  }
 }
 
 }  // namespace stiction::test

@@ -206,6 +206,11 @@ class BodySolver {
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
+  /// The same without a plan of the caller's: one is made for this call, whose structure is then looked at once only.
+  template <class Real>
+  void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start = nullptr,
+             StreamRef stream = StreamRef::default_stream()) const;
+
   /// Throws what solve() throws for these arguments; writes nothing.
   template <class Real>
   void check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) const;
@@ -217,6 +222,11 @@ class BodySolver {
  private:
   template <class Real>
   void check_space(const BodyBatchView<Real>& batch) const;
+  /// The plan of a host batch whose structure is known to be sound.
+  template <class Real>
+  [[nodiscard]] BodyPlan make_plan(const BodyBatchView<Real>& host) const;
+  template <class Real>
+  [[nodiscard]] bool looks_at_numbers(const BodyBatchView<Real>& batch) const;
 
   Device device_;
   TimeStepping stepping_;
