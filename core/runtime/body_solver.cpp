@@ -35,6 +35,11 @@ ShareOut sharing(BodyMachine& machine, const BodySolverOptions& options) {
   };
 }
 
+/// Whether a batch is refused for its numbers, which are looked at together with its structure.
+bool looks_at_numbers(const BodySolverOptions& options, MemorySpace space) {
+  return options.invalid == InvalidPolicy::reject && space == MemorySpace::host;
+}
+
 /// `is_used`: somebody will plan with them, for which an ordering's library has to be there.
 void check_space_options(const BodySpaceOptions& space, bool is_used) {
   if (static_cast<int>(space.preconditioner) >= kBodyPreconditionerCount)
@@ -153,11 +158,6 @@ void BodySolver::check_space(const BodyBatchView<Real>& batch) const {
 }
 
 template <class Real>
-bool BodySolver::looks_at_numbers(const BodyBatchView<Real>& batch) const {
-  return options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host;
-}
-
-template <class Real>
 BodyPlan BodySolver::make_plan(const BodyBatchView<Real>& host) const {
   BodyPlanData plan = make_body_plan(host, options_.max_contacts_per_env, sharing(*machine_, options_));
   if (options_.method == BodyMethod::newton) add_newton_plan(plan, options_.space);
@@ -188,7 +188,7 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
   if (options_.method == BodyMethod::newton && !(data.has_newton && data.space == options_.space))
     refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
   check_solution(batch, solution);
-  if (looks_at_numbers(batch)) reject(validate(batch, 1, sharing(*machine_, options_)));
+  if (looks_at_numbers(options_, batch.space)) reject(validate(batch, 1, sharing(*machine_, options_)));
 }
 
 template <class Real>
@@ -203,9 +203,9 @@ void BodySolver::solve(const BodyBatchView<Real>& batch, const BodySolutionView<
                        StreamRef stream) const {
   check_space(batch);
   check_solution(batch, solution);
-  const bool looks = looks_at_numbers(batch);  // and at the structure
-  if (looks) reject(validate(batch, 1, sharing(*machine_, options_)));
-  const BodyPlan made = looks ? make_plan(batch) : plan(batch, stream);
+  const bool is_looked_at = looks_at_numbers(options_, batch.space);
+  if (is_looked_at) reject(validate(batch, 1, sharing(*machine_, options_)));
+  const BodyPlan made = is_looked_at ? make_plan(batch) : plan(batch, stream);
   machine_->solve(BodyRequest<Real>{made.shared(), batch, solution, warm_start, stepping_, options_, stream});
 }
 

@@ -187,18 +187,25 @@ TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAloneOnTheLadder) {
     }
 }
 
-/// A guess so small that its change times the cone's diagonal is zero, coupled to a row whose motion is as small.
+/// 2^-kLeast is the smallest number above zero.
+template <class Real>
+constexpr int kLeast = std::numeric_limits<Real>::digits - std::numeric_limits<Real>::min_exponent;
+/// A guess so small that its change times the diagonal of the first cone of faint() is zero.
+template <class Real>
+Real faint_guess() {
+  return std::ldexp(Real(1), -kLeast<Real> / 2 - 26);
+}
+
+/// That cone coupled to a row whose motion is as small, and one beside them that gives the environment its scale.
 template <class Real>
 Environment<double> faint() {
-  constexpr int kLeast = std::numeric_limits<Real>::digits - std::numeric_limits<Real>::min_exponent;  // 2^-kLeast > 0
-  const double diagonal = std::ldexp(1.0, 8 - kLeast / 2);
-  const double coupling = std::ldexp(1.0, 3 - kLeast / 4);
-  const double guess = std::ldexp(1.0, -kLeast / 2 - 26);
+  const double diagonal = std::ldexp(1.0, 8 - kLeast<Real> / 2);
+  const double coupling = std::ldexp(1.0, 3 - kLeast<Real> / 4);
+  const auto guess = static_cast<double>(faint_guess<Real>());
   EXPECT_EQ(static_cast<Real>(diagonal) * static_cast<Real>(guess), Real(0));
   EXPECT_NE(static_cast<Real>(coupling) * static_cast<Real>(guess), Real(0));
-  Environment<double> env = system({unilateral(), unilateral(), unilateral()},
-                                   {diagonal, coupling, 0, coupling, 1, 0, 0, 0, 1}, {1, -16 * coupling * guess, -1});
-  return env;
+  return system({unilateral(), unilateral(), unilateral()}, {diagonal, coupling, 0, coupling, 1, 0, 0, 0, 1},
+                {1, -16 * coupling * guess, -1});
 }
 
 TYPED_TEST(Packs, PushTheFaintestChangeWhateverNeighboursDo) {
@@ -206,8 +213,7 @@ TYPED_TEST(Packs, PushTheFaintestChangeWhateverNeighboursDo) {
   constexpr Offset kCopies = 24;
   const ContactBatch<Real> batch =
       convert<Real>(batch_of(std::vector<Environment<double>>(kCopies, faint<Real>()), Law::convex));
-  constexpr int kLeast = std::numeric_limits<Real>::digits - std::numeric_limits<Real>::min_exponent;
-  const std::vector<Real> own = {std::ldexp(Real(1), -kLeast / 2 - 26), Real(0), Real(0)};
+  const std::vector<Real> own = {faint_guess<Real>(), Real(0), Real(0)};
   std::vector<Real> warm;
   for (Offset e = 0; e < kCopies; ++e)
     for (const Real guess : own) warm.push_back(e % 5 == 2 ? guess : guess == Real(0) ? Real(0) : Real(0.5));

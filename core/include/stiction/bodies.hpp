@@ -206,7 +206,9 @@ class BodySolver {
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// The same without a plan of the caller's: one is made for this call, whose structure is then looked at once only.
+  /// The same without a plan of the caller's, for bodies and contacts that change from call to call: one is made for
+  /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is looked at once, where
+  /// plan() and solve() look at it each.
   template <class Real>
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;
@@ -225,8 +227,6 @@ class BodySolver {
   /// The plan of a host batch whose structure is known to be sound.
   template <class Real>
   [[nodiscard]] BodyPlan make_plan(const BodyBatchView<Real>& host) const;
-  template <class Real>
-  [[nodiscard]] bool looks_at_numbers(const BodyBatchView<Real>& batch) const;
 
   Device device_;
   TimeStepping stepping_;
