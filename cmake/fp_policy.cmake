@@ -2,11 +2,13 @@
 # and it is an interface of the header target, because one translation unit built otherwise is enough to change bits.
 #   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only what says fma_()
 #   no errno/traps what lets sqrt and selects vectorise; changes no value
-#   device         the same four statements for nvcc, and the host flags for its host pass, which --fmad does not reach
-set(_stiction_host_fp -ffp-contract=off -fno-math-errno -fno-trapping-math)
+#   no SLP (GCC)   GCC 12 fuses a difference and a sum of products that lie side by side into vfmaddsub or vfmsubadd,
+#                  whatever -ffp-contract says; only its vectoriser of straight-line code does it
+#   device         the same statements for nvcc, and the host flags for its host pass, which --fmad does not reach
 add_library(stiction_fp INTERFACE)
 target_compile_options(stiction_fp INTERFACE
   "$<$<COMPILE_LANGUAGE:CXX>:-ffp-contract=off;-fno-math-errno;-fno-trapping-math>"
+  "$<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fno-tree-slp-vectorize>"
   "$<$<COMPILE_LANGUAGE:CUDA>:--fmad=false;--prec-div=true;--prec-sqrt=true;--ftz=false>"
   "$<$<COMPILE_LANGUAGE:CUDA>:SHELL:-Xcompiler -ffp-contract=off,-fno-math-errno,-fno-trapping-math>")
 target_compile_features(stiction_fp INTERFACE cxx_std_20)
