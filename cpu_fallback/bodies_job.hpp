@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/base/body_job.hpp"
+#include "cpu_fallback/kernel_tables.hpp"
 
 namespace stiction::cpu {
 
@@ -23,35 +24,37 @@ struct BodyRoom {
   Index bodies = 0;
 };
 
-/// Sequential impulses under one law, compiled for one instruction set.
+/// Sequential impulses under one law on one environment at a time.
 template <class Real>
-struct BodyKernels {
+struct BodySingleKernels {
   /// Scratch one environment needs, in numbers of Real and of double.
-  Offset (*elements)(Offset contacts, Offset bodies, bool momentum);
-  Offset (*exact_elements)(Offset bodies);
+  Offset (*elements)(Offset contacts, Offset bodies, bool momentum) = nullptr;
+  Offset (*exact_elements)(Offset bodies) = nullptr;
   /// Those of one contact that a sweep reads or writes.
-  Offset (*swept_elements)(bool momentum);
-  void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact);
+  Offset (*swept_elements)(bool momentum) = nullptr;
+  void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) = nullptr;
   /// The same on every thread of a team, which shares the scratch.
   void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
-                         Index rank);
-  int pack_width;  ///< environments in lock-step; 1: no packs, and the entries below are null
-  /// Scratch that packs of that room need, in numbers of Real and of double.
-  Offset (*pack_elements)(const BodyRoom& room, bool momentum);
-  Offset (*pack_exact_elements)(const BodyRoom& room, bool momentum);
-  /// Solves environments envs[0 .. count), all within `room`, `pack_width` at a time.
-  void (*solve_pack)(const BodyJob<Real>& job, const Offset* envs, Offset count, const BodyRoom& room, Real* scratch,
-                     double* exact);
+                         Index rank) = nullptr;
 };
 
-/// Both precisions and laws.
+/// The same on environments in lock-step. A default one has no packs: width 1, and nothing may be called.
+template <class Real>
+struct BodyPackKernels {
+  int width = 1;  ///< environments in lock-step
+  /// Scratch that packs of that room need, in numbers of Real and of double.
+  Offset (*elements)(const BodyRoom& room, bool momentum) = nullptr;
+  Offset (*exact_elements)(const BodyRoom& room, bool momentum) = nullptr;
+  /// Solves environments envs[0 .. count), all within `room`, `width` at a time.
+  void (*solve)(const BodyJob<Real>& job, const Offset* envs, Offset count, const BodyRoom& room, Real* scratch,
+                double* exact) = nullptr;
+};
+
+/// Sequential impulses. Instruction sets replace `packs` whole.
 struct BodyKernelSet {
-  BodyKernels<float> f32[2];   ///< by Law
-  BodyKernels<double> f64[2];  ///< by Law
+  ByPrecisionAndLaw<BodySingleKernels> single;
+  ByPrecisionAndLaw<BodyPackKernels> packs;
 };
-struct NewtonBodyKernelSet {
-  NewtonBodyKernels<float> f32[2];   ///< by Law
-  NewtonBodyKernels<double> f64[2];  ///< by Law
-};
+using NewtonBodyKernelSet = ByPrecisionAndLaw<NewtonBodyKernels>;
 
 }  // namespace stiction::cpu

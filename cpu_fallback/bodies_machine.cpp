@@ -22,21 +22,12 @@ struct Scratch {
   cpu::Room exact;
 };
 
-template <class Real, class Set>
-const auto& pick(const Set& set, Law law) {
-  const auto index = static_cast<std::size_t>(law);
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32[index];
-  } else {
-    return set.f64[index];
-  }
-}
-
 template <class Real>
 void run(const BodyRequest<Real>& request) {
   const BodyPlanData& plan = *request.plan;
   const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
-  const cpu::BodyKernels<Real>& kernels = pick<Real>(set, request.options.law);
+  const cpu::BodySingleKernels<Real>& kernels = set.single.of<Real>(request.options.law);
+  const cpu::BodyPackKernels<Real>& packs = set.packs.of<Real>(request.options.law);
   const BodyJob<Real> job{request.batch,      plan.view(),      request.solution,
                           request.warm_start, request.stepping, request.options};
   const int threads = cpu::thread_count(request.options.threads);
@@ -46,7 +37,7 @@ void run(const BodyRequest<Real>& request) {
         kernels.elements(plan.kept[static_cast<std::size_t>(env)], bodies(env), request.options.momentum));
   };
   const cpu::NewtonBodyKernelSet newton_set = cpu::best_isa().newton_body_kernels();
-  const cpu::NewtonBodyKernels<Real>& newton = pick<Real>(newton_set, request.options.law);
+  const cpu::NewtonBodyKernels<Real>& newton = newton_set.of<Real>(request.options.law);
   const bool is_newton = request.options.method == BodyMethod::newton;
   const auto exact = [&](Offset env, Scratch& scratch) {
     return scratch.exact.reserve<double>(kernels.exact_elements(bodies(env)) +
@@ -55,14 +46,14 @@ void run(const BodyRequest<Real>& request) {
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
   const auto pack_exact = [&](const cpu::BodyRoom& room) {
-    return kernels.pack_exact_elements(room, request.options.momentum);
+    return packs.exact_elements(room, request.options.momentum);
   };
   const auto pack_bytes = [&](const cpu::BodyRoom& room) {
-    return kernels.pack_elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
+    return packs.elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
            pack_exact(room) * static_cast<Offset>(sizeof(double));
   };
   const cpu::BodyDeal deal = cpu::deal_out(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
-                                           {threads, is_newton ? 1 : kernels.pack_width, pack_bytes});
+                                           {threads, is_newton ? 1 : packs.width, pack_bytes});
   for (const Offset env : deal.large) {
     Scratch scratch;
     Real* const memory = numbers(env, scratch);
@@ -75,9 +66,9 @@ void run(const BodyRequest<Real>& request) {
     Scratch& own = scratch[static_cast<std::size_t>(worker)];
     const cpu::BodyWork& work = deal.work[static_cast<std::size_t>(index)];
     if (work.packed) {
-      Real* const memory = own.numbers.reserve<Real>(kernels.pack_elements(work.room, request.options.momentum));
-      kernels.solve_pack(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.room, memory,
-                         own.exact.reserve<double>(pack_exact(work.room)));
+      Real* const memory = own.numbers.reserve<Real>(packs.elements(work.room, request.options.momentum));
+      packs.solve(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.room, memory,
+                  own.exact.reserve<double>(pack_exact(work.room)));
     } else {
       for (const Offset env : work.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
     }
@@ -106,7 +97,7 @@ template <class Real>
 Offset contact_bytes(Law law, bool momentum) {
   const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
   // Sides and the vertex's first position are integers of the plan.
-  return pick<Real>(set, law).swept_elements(momentum) * static_cast<Offset>(sizeof(Real)) +
+  return set.single.of<Real>(law).swept_elements(momentum) * static_cast<Offset>(sizeof(Real)) +
          3 * static_cast<Offset>(sizeof(Index));
 }
 

@@ -48,16 +48,6 @@ class CpuBackend final : public Backend {
 
  private:
   template <class Real>
-  static const cpu::Kernels<Real>& pick(const cpu::KernelSet& set, Law law) {
-    const auto index = static_cast<std::size_t>(law);
-    if constexpr (std::is_same_v<Real, float>) {
-      return set.f32[index];
-    } else {
-      return set.f64[index];
-    }
-  }
-
-  template <class Real>
   void run(const SolveRequest<Real>& request) {
     // The options are rounded to Real below: that too must not see the caller's rounding mode.
     const ScopedFpEnv fp_env;
@@ -92,9 +82,10 @@ class CpuBackend final : public Backend {
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
     const cpu::KernelSet set = isa_.kernels(solver);
-    const cpu::Kernels<Real>& kernels = pick<Real>(set, request.law);
+    const cpu::SingleKernels<Real>& single = set.single.of<Real>(request.law);
+    const cpu::PackKernels<Real>& packs = set.packs.of<Real>(request.law);
     const int threads = cpu::thread_count(options.threads);
-    const auto items = cpu::partition(plan, takes, kernels.pack_width, sizeof(Real), threads);
+    const auto items = cpu::partition(plan, takes, packs.width, sizeof(Real), threads);
     std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
@@ -103,11 +94,10 @@ class CpuBackend final : public Backend {
                             static_cast<std::int64_t>(item.envs.size()));
       cpu::Scratch& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
-        kernels.solve_pack(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
-                           memory.reserve<Real>(kernels.pack_elements(item.slots)));
+        packs.solve(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
+                    memory.reserve<Real>(packs.elements(item.slots)));
       } else {
-        for (const Offset env : item.envs)
-          kernels.solve_one(job, env, memory.reserve<Real>(kernels.one_elements(job, env)));
+        for (const Offset env : item.envs) single.solve(job, env, memory.reserve<Real>(single.elements(job, env)));
       }
     });
   }

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <vector>
 
 namespace stiction {
 
@@ -42,31 +43,18 @@ bool has_avx512() {
          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }
 
-/// `all` with the packs of `wider`, a set of kernels for packs alone.
-template <class Set>
-Set with_packs_of(const Set& wider, Set all) {
-  const auto take = [](auto& kernels, const auto& packs) {
-    kernels.pack_width = packs.pack_width;
-    kernels.pack_elements = packs.pack_elements;
-    kernels.solve_pack = packs.solve_pack;
-  };
-  for (int law = 0; law < 2; ++law) {
-    take(all.f32[law], wider.f32[law]);
-    take(all.f64[law], wider.f64[law]);
-  }
-  return all;
-}
-
 /// Sweeps in packs are what wider vectors make faster; all else is that of AVX2.
 KernelSet avx512_kernels(SolverKind solver) {
-  const KernelSet narrower = isa_avx2::solver_kernels(solver);
-  if (solver == SolverKind::npgs) return with_packs_of(isa_avx512::npgs_kernels(), narrower);
-  if (solver == SolverKind::pgs) return with_packs_of(isa_avx512::pgs_kernels(), narrower);
-  if (solver == SolverKind::subspace) return with_packs_of(isa_avx512::subspace_kernels(), narrower);
-  return narrower;
+  KernelSet set = isa_avx2::solver_kernels(solver);
+  if (solver == SolverKind::npgs) set.packs = isa_avx512::npgs_kernels().packs;
+  if (solver == SolverKind::pgs) set.packs = isa_avx512::pgs_kernels().packs;
+  if (solver == SolverKind::subspace) set.packs = isa_avx512::subspace_kernels().packs;
+  return set;
 }
 BodyKernelSet avx512_si_kernels() {
-  return with_packs_of(isa_avx512::si_kernels(), isa_avx2::si_kernels());
+  BodyKernelSet set = isa_avx2::si_kernels();
+  set.packs = isa_avx512::si_kernels().packs;
+  return set;
 }
 #endif
 
@@ -84,19 +72,34 @@ const Isa kIsas[] = {
      isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels},
 };
 
-const Isa& choose_isa() {
-  const char* wanted = std::getenv("STICTION_ISA");
-  for (const Isa& isa : kIsas)
-    if (isa.supported() && (wanted == nullptr || std::strcmp(wanted, isa.name) == 0)) return isa;
-  for (const Isa& isa : kIsas)
-    if (isa.supported()) return isa;
-  return kIsas[sizeof(kIsas) / sizeof(kIsas[0]) - 1];
+/// Sets that a program adds, in the order they came.
+std::vector<Isa>& added() {
+  static std::vector<Isa> isas;
+  return isas;
 }
 
 }  // namespace
 
+bool add_isa(const Isa& isa) {
+  added().push_back(isa);
+  return true;
+}
+
+const Isa* find_isa(const char* name) {
+  const auto usable = [&](const Isa& isa) { return std::strcmp(name, isa.name) == 0 && isa.supported(); };
+  for (const Isa& isa : kIsas)
+    if (usable(isa)) return &isa;
+  for (const Isa& isa : added())
+    if (usable(isa)) return &isa;
+  return nullptr;
+}
+
 const Isa& best_isa() {
-  return choose_isa();
+  if (const char* wanted = std::getenv("STICTION_ISA"))
+    if (const Isa* isa = find_isa(wanted)) return *isa;
+  for (const Isa& isa : kIsas)
+    if (isa.supported()) return isa;
+  return kIsas[sizeof(kIsas) / sizeof(kIsas[0]) - 1];
 }
 
 }  // namespace cpu

@@ -23,4 +23,11 @@ struct Isa {
 /// (baseline, avx2, avx512) asks for a narrower one; what the CPU cannot run is not taken.
 const Isa& best_isa();
 
+/// The build of that name, or null where the CPU cannot run it or there is none.
+const Isa* find_isa(const char* name);
+
+/// Adds a build that only STICTION_ISA asks for. Tests add packs of widths that the machine at hand has no vectors for.
+/// To be called before there are threads. Returns true, so that a constant's initialiser can call it.
+bool add_isa(const Isa& isa);
+
 }  // namespace stiction::cpu

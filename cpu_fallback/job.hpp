@@ -2,6 +2,7 @@
 
 #include "core/base/full_rows.hpp"
 #include "core/base/solve_job.hpp"
+#include "cpu_fallback/kernel_tables.hpp"
 
 namespace stiction::cpu {
 
@@ -11,23 +12,27 @@ struct Job : SolveJob<Real> {
   const FullRows* full_rows = nullptr;  ///< of each environment, or null: nobody looked  (env_count)
 };
 
-/// One solver under one law, compiled for one instruction set.
+/// One solver under one law on one environment at a time, of any path.
 template <class Real>
-struct Kernels {
-  int pack_width;  ///< environments in lock-step; 1: no packs, and the two pack entries are null
-  /// Scratch one call needs, in numbers of Real.
-  Offset (*pack_elements)(const ConeCounts& slots);
-  Offset (*one_elements)(const Job<Real>& job, Offset env);
-  /// Solves environments envs[0 .. count), all of dense path and with cones <= slots, in packs of `pack_width`.
-  void (*solve_pack)(const Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots, Real* scratch);
-  /// Solves one environment of any path.
-  void (*solve_one)(const Job<Real>& job, Offset env, Real* scratch);
+struct SingleKernels {
+  Offset (*elements)(const Job<Real>& job, Offset env) = nullptr;  ///< scratch it needs, in numbers of Real
+  void (*solve)(const Job<Real>& job, Offset env, Real* scratch) = nullptr;
 };
 
-/// Both precisions and laws of one solver.
+/// The same on environments in lock-step. A default one has no packs: width 1, and nothing may be called.
+template <class Real>
+struct PackKernels {
+  int width = 1;                                          ///< environments in lock-step
+  Offset (*elements)(const ConeCounts& slots) = nullptr;  ///< scratch they need, in numbers of Real
+  /// Solves environments envs[0 .. count), all of dense path and with cones <= slots, `width` at a time.
+  void (*solve)(const Job<Real>& job, const Offset* envs, Offset count, const ConeCounts& slots,
+                Real* scratch) = nullptr;
+};
+
+/// One solver. Instruction sets replace `packs` whole: what belongs together is never assigned field by field.
 struct KernelSet {
-  Kernels<float> f32[2];   ///< by Law
-  Kernels<double> f64[2];  ///< by Law
+  ByPrecisionAndLaw<SingleKernels> single;
+  ByPrecisionAndLaw<PackKernels> packs;
 };
 
 }  // namespace stiction::cpu

@@ -1,7 +1,10 @@
+#include <pthread.h>
+
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -114,16 +117,37 @@ class Pool {
   bool stop_ = false;
 };
 
-Pool& pool() {
-  static Pool instance;
-  return instance;
-}
+/// The process's pool, made by the first call that needs one. A child of fork() has none of its parent's helpers, and
+/// the parent's pool may be locked for good: the child leaves it as it is and makes one of its own.
+class ProcessPool {
+ public:
+  ProcessPool() {
+    pthread_atfork(nullptr, nullptr, [] { abandoned_ = current_.exchange(nullptr); });
+  }
+  ~ProcessPool() { delete current_.exchange(nullptr); }
+  ProcessPool(const ProcessPool&) = delete;
+  ProcessPool& operator=(const ProcessPool&) = delete;
+
+  static Pool& get() {
+    if (Pool* pool = current_.load()) return *pool;
+    auto made = std::make_unique<Pool>();
+    Pool* expected = nullptr;
+    if (current_.compare_exchange_strong(expected, made.get())) return *made.release();
+    return *expected;
+  }
+
+ private:
+  static inline std::atomic<Pool*> current_{nullptr};
+  static inline Pool* abandoned_ = nullptr;  ///< kept in sight of leak checkers
+};
+
+const ProcessPool process_pool;
 
 }  // namespace
 
 void own_parallel_for(int threads, int items, const ItemWork& work) {
   Call call(threads, items, work);
-  pool().run(call);
+  ProcessPool::get().run(call);
   call.rethrow();
 }
 

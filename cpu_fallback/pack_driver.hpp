@@ -307,25 +307,30 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
 }
 
 template <class Method, Law kLaw, class Real>
-cpu::Kernels<Real> kernels() {
-  cpu::Kernels<Real> table{1, nullptr, nullptr, nullptr, nullptr};
-  if constexpr (!kPacksAlone) {
-    table.one_elements = one_elements<Method, kLaw, Real>;
-    table.solve_one = solve_one<Method, kLaw, Real>;
+cpu::SingleKernels<Real> single_kernels() {
+  if constexpr (kPacksAlone) {
+    return {};
+  } else {
+    return {one_elements<Method, kLaw, Real>, solve_one<Method, kLaw, Real>};
   }
-  constexpr bool kPacks = 1 < kPackWidth<Real> && !Method::room().is_direct();
-  if constexpr (kPacks) {
-    table.pack_width = kPackWidth<Real>;
-    table.pack_elements = pack_elements<Method, kLaw, Real>;
-    table.solve_pack = solve_pack<Method, kLaw, Real>;
+}
+
+template <class Method, Law kLaw, class Real>
+cpu::PackKernels<Real> pack_kernels() {
+  if constexpr (1 < kPackWidth<Real> && !Method::room().is_direct()) {
+    return {kPackWidth<Real>, pack_elements<Method, kLaw, Real>, solve_pack<Method, kLaw, Real>};
+  } else {
+    return {};
   }
-  return table;
 }
 
 template <class Method>
 cpu::KernelSet kernel_set() {
-  return {{kernels<Method, Law::convex, float>(), kernels<Method, Law::coulomb, float>()},
-          {kernels<Method, Law::convex, double>(), kernels<Method, Law::coulomb, double>()}};
+  constexpr Law kConvex = Law::convex, kCoulomb = Law::coulomb;
+  return {{{single_kernels<Method, kConvex, float>(), single_kernels<Method, kCoulomb, float>()},
+           {single_kernels<Method, kConvex, double>(), single_kernels<Method, kCoulomb, double>()}},
+          {{pack_kernels<Method, kConvex, float>(), pack_kernels<Method, kCoulomb, float>()},
+           {pack_kernels<Method, kConvex, double>(), pack_kernels<Method, kCoulomb, double>()}}};
 }
 
 }  // namespace stiction::inline STICTION_ISA

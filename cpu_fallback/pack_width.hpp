@@ -6,8 +6,10 @@
 namespace stiction::inline STICTION_ISA {
 
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one
-// row, at a time.
-#if defined(__AVX512F__) && defined(__AVX512DQ__)
+// row, at a time. Tests ask for widths that the instruction set has not: the compiler then splits or halves vectors.
+#if defined(STICTION_VECTOR_BYTES)
+inline constexpr int kVectorBytes = STICTION_VECTOR_BYTES;
+#elif defined(__AVX512F__) && defined(__AVX512DQ__)
 inline constexpr int kVectorBytes = 64;
 #elif defined(__AVX2__) && defined(__FMA__)
 inline constexpr int kVectorBytes = 32;

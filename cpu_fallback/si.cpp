@@ -8,29 +8,34 @@ namespace stiction::inline STICTION_ISA {
 namespace {
 
 template <class Real, Law kLaw>
-cpu::BodyKernels<Real> kernels() {
-  using Method = BodySweeps<kLaw, Real>;
-  using System = typename Method::System;
-  cpu::BodyKernels<Real> table{
-      System::elements, System::exact_elements, System::swept_elements, nullptr, nullptr, 1, nullptr, nullptr, nullptr};
-  if constexpr (!kPacksAlone) {
-    table.solve_alone = solve_alone<Method, Real>;
-    table.solve_together = solve_together<Method, Real>;
+cpu::BodySingleKernels<Real> single() {
+  if constexpr (kPacksAlone) {
+    return {};
+  } else {
+    using Method = BodySweeps<kLaw, Real>;
+    using System = typename Method::System;
+    return {System::elements, System::exact_elements, System::swept_elements, solve_alone<Method, Real>,
+            solve_together<Method, Real>};
   }
+}
+
+template <class Real, Law kLaw>
+cpu::BodyPackKernels<Real> packs() {
   if constexpr (1 < kPackWidth<Real>) {
-    table.pack_width = kPackWidth<Real>;
-    table.pack_elements = body_pack_elements<kLaw, Real>;
-    table.pack_exact_elements = body_pack_exact_elements<kLaw, Real>;
-    table.solve_pack = solve_body_pack<kLaw, Real>;
+    return {kPackWidth<Real>, body_pack_elements<kLaw, Real>, body_pack_exact_elements<kLaw, Real>,
+            solve_body_pack<kLaw, Real>};
+  } else {
+    return {};
   }
-  return table;
 }
 
 }  // namespace
 
 cpu::BodyKernelSet si_kernels() {
-  return {{kernels<float, Law::convex>(), kernels<float, Law::coulomb>()},
-          {kernels<double, Law::convex>(), kernels<double, Law::coulomb>()}};
+  constexpr Law kConvex = Law::convex, kCoulomb = Law::coulomb;
+  return {
+      {{single<float, kConvex>(), single<float, kCoulomb>()}, {single<double, kConvex>(), single<double, kCoulomb>()}},
+      {{packs<float, kConvex>(), packs<float, kCoulomb>()}, {packs<double, kConvex>(), packs<double, kCoulomb>()}}};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,5 +1,7 @@
 #include "cpu_fallback/thread_pool.hpp"
 
+#include <pthread.h>
+
 #include <atomic>
 #include <thread>
 
@@ -19,6 +21,9 @@ constexpr bool kHasTbb = false;
 #endif
 
 std::atomic<PoolKind> chosen{kHasTbb ? PoolKind::tbb : PoolKind::own};
+
+/// oneTBB's workers do not follow a fork() and it makes no new ones.
+[[maybe_unused]] const int kForkIsHandled = pthread_atfork(nullptr, nullptr, [] { chosen = PoolKind::own; });
 
 void require(PoolKind kind) {
   if (!has_pool(kind))

@@ -8,7 +8,31 @@ foreach(part IN ITEMS stiction_cuda stiction_io)
   endif()
 endforeach()
 
-add_library(stiction_tested SHARED tested_library.cpp)
+# Packs of 16 and of 64 bytes, whatever vectors the machine has: the first are those of any x86-64 or of NEON, the second are
+# split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded.
+set(_widths)
+if(TARGET stiction_cpu_avx2)
+  foreach(width IN ITEMS narrow wide)
+    set(bytes 16)
+    set(options -O1 "$<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>")  # GCC notes how vectors that are split are passed
+    if(width STREQUAL "wide")
+      set(bytes 64)
+      list(APPEND options -mavx2 -mfma)
+    endif()
+    set(kernels shared_bodies.cpp pgs.cpp npgs.cpp jacobi.cpp apgd.cpp nsgs.cpp subspace.cpp si.cpp jacobian.cpp)
+    list(TRANSFORM kernels PREPEND "${PROJECT_SOURCE_DIR}/cpu_fallback/")
+    add_library(stiction_test_${width} OBJECT isa/pack_width.cpp ${kernels})
+    target_include_directories(stiction_test_${width} PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/core/include)
+    target_compile_definitions(stiction_test_${width} PRIVATE STICTION_ISA=isa_test_${width}
+      STICTION_ISA_NAME="${width}" STICTION_VECTOR_BYTES=${bytes} STICTION_PACKS_ALONE)
+    # Optimised little: what they are for is width, not speed.
+    target_compile_options(stiction_test_${width} PRIVATE ${options})
+    target_link_libraries(stiction_test_${width} PRIVATE stiction_fp stiction_warnings)
+    list(APPEND _widths $<TARGET_OBJECTS:stiction_test_${width}>)
+  endforeach()
+endif()
+
+add_library(stiction_tested SHARED tested_library.cpp ${_widths})
 target_link_libraries(stiction_tested PRIVATE ${_parts} PUBLIC stiction_fp Threads::Threads)
 set(_archives ${_parts})
 list(TRANSFORM _archives REPLACE "(.+)" "$<TARGET_FILE:\\1>")

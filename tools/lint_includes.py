@@ -55,7 +55,7 @@ TABLE = [
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
     Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
-    Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "sched.h", "unistd.h")),
+    Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "pthread.h", "sched.h", "unistd.h")),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
     Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),

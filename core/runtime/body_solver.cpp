@@ -6,6 +6,7 @@
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
+#include "core/runtime/overlap.hpp"
 #include "core/schedule/newton_plan.hpp"
 
 namespace stiction {
@@ -86,7 +87,7 @@ void check_body_options(const BodySolverOptions& options) {
 }
 
 template <class Real>
-void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) {
+void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start) {
   const auto need = [](bool present, Offset count, const char* name, const char* what) {
     if (count > 0 && !present)
       refuse(std::string("solution.") + name + " is null: give it room for " + what + " (" + std::to_string(count) +
@@ -95,6 +96,7 @@ void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Rea
   need(solution.status != nullptr, batch.env_count, "status", "one EnvStatus per environment");
   need(solution.impulse != nullptr, 3 * batch.contact_count, "impulse", "three numbers per contact");
   need(solution.twist != nullptr, 6 * batch.body_count, "twist", "six numbers per body");
+  refuse_overlaps(batch, solution, warm_start);
 }
 
 std::unique_ptr<BodyMachine> make_machine(Device device) {
@@ -176,10 +178,20 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
 }
 
 template <class Real>
-void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
-                       const BodySolutionView<Real>& solution) const {
+void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+                       const Real* warm_start) const {
   check_space(batch);
   const BodyPlanData& data = plan.data();
+  // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
+  // at in this call.
+  const bool is_looked_at = looks_at_numbers(options_, batch.space);
+  std::vector<Defect> defects;
+  if (is_looked_at) {
+    defects = validate(batch, 1, sharing(*machine_, options_));
+  } else if (batch.space == MemorySpace::host) {
+    defects = validate_structure(batch, 1, sharing(*machine_, options_));
+  }
+  if (!defects.empty() && defects.front().structural) reject(defects);
   const bool fitting = batch.space == MemorySpace::host
                            ? fits(data, batch)
                            : data.env_count() == batch.env_count && data.env_body_offsets.back() == batch.body_count &&
@@ -187,14 +199,20 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
   if (!fitting) refuse("plan was made for other bodies or contacts than the batch's: make a new plan when they change");
   if (options_.method == BodyMethod::newton && !(data.has_newton && data.space == options_.space))
     refuse("plan was not made for method = newton with these space options: make it by a solver that has them");
-  check_solution(batch, solution);
-  if (looks_at_numbers(options_, batch.space)) reject(validate(batch, 1, sharing(*machine_, options_)));
+  check_solution(batch, solution, warm_start);
+  reject(defects);
+}
+
+template <class Real>
+void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
+                       const BodySolutionView<Real>& solution) const {
+  check(plan, batch, solution, static_cast<const Real*>(nullptr));
 }
 
 template <class Real>
 void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
                        const Real* warm_start, StreamRef stream) const {
-  check(plan, batch, solution);
+  check(plan, batch, solution, warm_start);
   machine_->solve(BodyRequest<Real>{plan.shared(), batch, solution, warm_start, stepping_, options_, stream});
 }
 
@@ -202,7 +220,7 @@ template <class Real>
 void BodySolver::solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start,
                        StreamRef stream) const {
   check_space(batch);
-  check_solution(batch, solution);
+  check_solution(batch, solution, warm_start);
   const bool is_looked_at = looks_at_numbers(options_, batch.space);
   if (is_looked_at) reject(validate(batch, 1, sharing(*machine_, options_)));
   const BodyPlan made = is_looked_at ? make_plan(batch) : plan(batch, stream);

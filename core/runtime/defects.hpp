@@ -25,6 +25,10 @@ std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std:
                                        const ShareOut& share_out = all_at_once,
                                        std::vector<FullRows>* full_rows = nullptr);
 
+/// Of those the ones of offsets and cones: a batch without them can be gone through, whatever its columns are.
+template <class Real>
+std::vector<Defect> validate_offsets(const ContactBatchView<Real>& batch, std::size_t limit);
+
 /// validate(), which looks at all columns and can say what it saw: which environments store their rows in full.
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,

@@ -7,6 +7,7 @@
 #include "core/base/extents.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
+#include "core/runtime/overlap.hpp"
 
 namespace stiction {
 
@@ -156,12 +157,14 @@ void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
     check_view(batch, capacity_);
   check_array("solution.lambda", solution.lambda, batch.row_count);
   check_array("solution.status", solution.status, batch.env_count);
+  refuse_overlaps(batch, solution, static_cast<const Real*>(nullptr));
 }
 
 template <class Real>
 void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                                  const Real* warm_start, StreamRef stream) {
   check(batch, solution);
+  refuse_overlaps(batch, solution, warm_start);
   if (batch.env_count == 0) return;
   const ContactBatchView<Real> contact = machine_->assemble(batch, stream);
   solver_.solve(contact, {solution.lambda, solution.w, solution.status}, warm_start, stream);

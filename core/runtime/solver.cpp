@@ -5,11 +5,13 @@
 
 #include "core/base/extents.hpp"
 #include "core/runtime/backend.hpp"
+#include "core/runtime/broken_columns.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/host_structure.hpp"
 #include "core/runtime/island_split.hpp"
+#include "core/runtime/overlap.hpp"
 #include "core/schedule/islands.hpp"
 #include "core/schedule/plan.hpp"
 #include "core/schedule/structure_view.hpp"
@@ -138,19 +140,34 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
            " rows and " + std::to_string(data.nonzero_count) + " entries, the batch has " +
            std::to_string(batch.env_count) + ", " + std::to_string(batch.row_count) + " and " +
            std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
+  if (batch.space != MemorySpace::host) {
+    check_request(batch, solution, warm_start);
+    hand_over(&data, batch, solution, warm_start, stream, nullptr);
+    return;
+  }
+  // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
+  // at in this call.
   const ShareOut share_out = sharing(*backend_, options_);
-  if (batch.space == MemorySpace::host && !fits(data, batch, share_out))
+  std::vector<FullRows> full_rows;
+  std::vector<Defect> defects = options_.invalid == InvalidPolicy::reject
+                                    ? validate(batch, 1, options_.solver, share_out, full_rows)
+                                    : validate_structure(batch, 1, share_out, &full_rows);
+  std::optional<BrokenColumns<Real>> isolated;
+  if (!defects.empty() && defects.front().structural) {
+    if (options_.invalid == InvalidPolicy::reject) reject(defects);
+    reject(validate_offsets(batch, 1));
+    isolated.emplace(batch);
+    defects = validate_structure(isolated->view(), 1, share_out, &full_rows);
+    reject(defects);
+  }
+  const ContactBatchView<Real>& sound = isolated ? isolated->view() : batch;
+  if (!fits(data, sound, share_out))
     refuse(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
-  check_request(batch, solution);
-  std::vector<FullRows> full_rows;
-  if (options_.invalid == InvalidPolicy::reject && batch.space == MemorySpace::host)
-    reject(validate(batch, 1, options_.solver, share_out, full_rows));
-  // Islands are found by the columns, which no plan vouches for and only the other policy has looked at.
-  if (options_.islands == IslandMode::apart && options_.invalid == InvalidPolicy::isolate)
-    reject(validate_structure(batch, 1));
-  hand_over(&data, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
+  check_request(batch, solution, warm_start);
+  reject(defects);
+  hand_over(&data, sound, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
 template <class Real>
@@ -158,7 +175,7 @@ void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>
                    StreamRef stream) const {
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   std::vector<FullRows> full_rows;
-  check(batch, solution, full_rows);
+  check(batch, solution, warm_start, full_rows);
   hand_over(nullptr, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
@@ -196,23 +213,23 @@ void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, cons
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
   std::vector<FullRows> full_rows;
-  check(batch, solution, full_rows);
+  check(batch, solution, static_cast<const Real*>(nullptr), full_rows);
 }
 
 /// The same, with what was seen of the rows of a batch on the host.
 template <class Real>
-void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    std::vector<FullRows>& full_rows) const {
   const bool is_host = batch.space == MemorySpace::host;
   if (!is_host || options_.invalid != InvalidPolicy::reject) {
     if (is_host) reject(validate_structure(batch, 1, sharing(*backend_, options_), &full_rows));
-    check_request(batch, solution);
+    check_request(batch, solution, warm_start);
     return;
   }
   // One pass finds both; where the answer goes is asked between them, as it is with a plan.
   const std::vector<Defect> defects = validate(batch, 1, options_.solver, sharing(*backend_, options_), full_rows);
   if (!defects.empty() && defects.front().structural) reject(defects);
-  check_request(batch, solution);
+  check_request(batch, solution, warm_start);
   reject(defects);
 }
 
@@ -247,8 +264,10 @@ void Solver::synchronize(StreamRef stream) const {
 
 /// What both ways of solving ask of where a batch is and its answer goes.
 template <class Real>
-void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
+void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                           const Real* warm_start) const {
   check_solution(batch, solution);
+  refuse_overlaps(batch, solution, warm_start);
   check_space(batch.space, device_);
   if (options_.islands == IslandMode::apart && batch.space == MemorySpace::cuda)
     throw Error(ErrorCode::unsupported,

@@ -53,6 +53,15 @@ class Validator {
     return report_.take();
   }
 
+  /// Offsets and cones alone: what columns are found by.
+  std::vector<Defect> run_without_columns() {
+    if (check_view(false)) {
+      check_all_offsets();
+      if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
+    }
+    return report_.take();
+  }
+
  private:
   /// What is known of an environment whose offsets are sound.
   struct Found {
@@ -462,6 +471,14 @@ std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std:
   return Validator<Real>(batch, limit, SolverKind::npgs).run(false, share_out, full_rows);
 }
 
+template <class Real>
+std::vector<Defect> validate_offsets(const ContactBatchView<Real>& batch, std::size_t limit) {
+  expect_host(batch);
+  return Validator<Real>(batch, limit, SolverKind::npgs).run_without_columns();
+}
+
+template std::vector<Defect> validate_offsets(const ContactBatchView<float>&, std::size_t);
+template std::vector<Defect> validate_offsets(const ContactBatchView<double>&, std::size_t);
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind);
 template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind);
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, const ShareOut&,

@@ -17,8 +17,8 @@ const std::byte* bytes(const void* structure) {
   return static_cast<const std::byte*>(structure);
 }
 
-/// Ids last as long as a constraint does: its kind and object, or its pair of geoms (0: something without a geom),
-/// which of the contacts that they share, and which edge of its pyramid.
+/// Ids last as long as a constraint does: its kind, object and which of the object's rows, or its pair of geoms (0:
+/// something without a geom), which of the contacts that they share, and which edge of its pyramid.
 std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t second, std::uint64_t number,
                     std::uint64_t edge) {
   return kind << 56U | first << 36U | second << 16U | number << 4U | edge;
@@ -85,6 +85,11 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
       active_(data_.size(), 1),
       solver_(Device::cpu(), options, {}),
       forgotten_(data_.size(), 0) {}
+
+void MujocoSimulations::replace(std::size_t simulation, void* data) {
+  data_.at(simulation) = data;
+  forget({static_cast<Offset>(simulation)});
+}
 
 void MujocoSimulations::configure(double timestep, bool sparse) {
   layout_.timestep = timestep;
@@ -173,6 +178,7 @@ void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset con
   std::uint64_t number = 0;
   std::uint64_t edge = 0;
   std::int32_t last_contact = -1;
+  std::uint64_t row_of_object = 0;
   for (Index i = 0; i < rows; ++cone) {
     const auto mujoco_kind = static_cast<std::size_t>(type[i]);
     const std::int32_t kind = layout_.row_kind[mujoco_kind];
@@ -181,7 +187,10 @@ void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset con
     auto at = static_cast<std::size_t>(row + i);
     Index size = 1;
     system_.mu[at] = system_.lo[at] = system_.hi[at] = 0.0;
-    system_.cone_id[static_cast<std::size_t>(cone)] = id_of(mujoco_kind, object, 0, 0, 0);
+    // A weld has six rows under its number, a limit one or two.
+    const bool is_same = i > 0 && type[i] == type[i - 1] && id[i] == id[i - 1];
+    row_of_object = is_same ? row_of_object + 1 : 0;
+    system_.cone_id[static_cast<std::size_t>(cone)] = id_of(mujoco_kind, object, 0, row_of_object, 0);
     if (cone_kind == ConeKind::box) {
       system_.lo[at] = -loss[i];
       system_.hi[at] = loss[i];

@@ -67,6 +67,8 @@ class MujocoSimulations {
   MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model, std::vector<void*> data,
                     const SolverOptions& options, double warm_start);
 
+  /// Another mjData of the model in the place of one; what is remembered of the simulation goes with the old one.
+  void replace(std::size_t simulation, void* data);
   /// Options of the model that may change between steps: time step [s], and whether efc_J is CSR.
   void configure(double timestep, bool sparse);
   /// Which simulations the calls that follow concern  (one each).

@@ -111,6 +111,12 @@ void bind_mujoco(nb::module_& module) {
           },
           nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("model"), nb::arg("data"),
           nb::arg("options"), nb::arg("warm_start"))
+      .def(
+          "replace",
+          [](MujocoSimulations& self, std::size_t simulation, std::uintptr_t data) {
+            self.replace(simulation, reinterpret_cast<void*>(data));
+          },
+          nb::arg("simulation"), nb::arg("data"))
       .def("configure", &MujocoSimulations::configure, nb::arg("timestep"), nb::arg("sparse"))
       .def("activate", &MujocoSimulations::activate, nb::arg("active"))
       .def(

@@ -8,6 +8,7 @@ MuJoCo collects the rows (contacts, limits, friction loss, equalities), stiction
 form, and qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoCo's own solver writes them. docs/mujoco.md.
 """
 
+import collections.abc
 import time
 
 import mujoco
@@ -26,6 +27,51 @@ _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceler
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
+class Simulations(collections.abc.Sequence):
+    """The mujoco.MjData of a BatchedSimulation. One may be replaced by another of the same model, `data[i] = other`; what
+    its constraints would have started from is dropped then. Raises TypeError or ValueError for anything else."""
+
+    def __init__(self, model, data):
+        self._model, self._data, self._core = model, [], None
+        self.replaced = 0  #: how many times one was replaced: views of their arrays are old then
+        for i, one in enumerate(data):
+            self._data.append(self._checked(i, one))
+
+    def __len__(self):
+        return len(self._data)
+
+    def __getitem__(self, i):
+        return self._data[i]
+
+    def __repr__(self):
+        return repr(self._data)
+
+    def __setitem__(self, i, one):
+        if not isinstance(i, (int, np.integer)):
+            raise TypeError(f"data: expected one simulation at a time, data[i] = ..., got {i!r}")
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"data: expected a simulation in 0..{len(self) - 1}, got {i}")
+        i = int(i) % len(self)
+        if one is self._data[i]:
+            return
+        one = self._checked(i, one)
+        self._core.replace(i, one._address)
+        self._data[i] = one
+        self.replaced += 1
+
+    def _checked(self, i, one):
+        if not isinstance(one, mujoco.MjData):
+            raise TypeError(f"data[{i}]: expected a mujoco.MjData, got {type(one).__name__}")
+        if one.model._address != self._model._address:
+            raise ValueError(f"data[{i}]: expected data of this simulation's model, got data of another one: make it with "
+                             "mujoco.MjData(simulation.model)")
+        for k, other in enumerate(self._data):
+            if other._address == one._address:
+                raise ValueError(f"data[{i}]: expected data of its own, got that of simulation {k}: two threads would "
+                                 "write to it")
+        return one
+
+
 class BatchedSimulation:
     """n simulations of one model, stepped together. Each one's bits depend on its own state, controls and history
     alone: not on n, on the others, on threads.
@@ -38,7 +84,7 @@ class BatchedSimulation:
     threads: of the CPU, for MuJoCo's functions and for the solver; 0: all cores.
     warm_start: part of its last reaction that a constraint starts from, by geoms and joints; 0: from zero.
 
-    Attributes: model; data, a list of mujoco.MjData; solver; seconds, a dict of wall-clock seconds in "smooth" (MuJoCo
+    Attributes: model; data, a sequence of mujoco.MjData; solver; seconds, a dict of wall-clock seconds in "smooth" (MuJoCo
     up to the solve), "assemble" (rows into the batch, answers back), "solve" and "advance" since the last `clear`.
 
     Raises ValueError for what cannot be stepped so: the integrator "discrete", RK4 with actuator states, plugins,
@@ -46,9 +92,10 @@ class BatchedSimulation:
     """
 
     def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95):
-        self.model = model
-        self.data = list(n) if isinstance(n, (list, tuple)) else [mujoco.MjData(model) for _ in range(n)]
-        if not self.data:
+        self._model = model
+        is_given = isinstance(n, (list, tuple, Simulations))
+        self._data = Simulations(model, n if is_given else [mujoco.MjData(model) for _ in range(n)])
+        if not len(self._data):
             raise ValueError("n: expected at least one simulation, got 0")
         if not 0 <= float(warm_start) <= 1:
             raise ValueError(f"warm_start: expected a number in [0, 1], got {warm_start}")
@@ -66,6 +113,7 @@ class BatchedSimulation:
         self._core = _core.MujocoSimulations(
             self._layout, address("mj_mulJacTVec"), address("mj_integratePos"), model._address,
             [one._address for one in self.data], self.solver._options, float(warm_start))
+        self._data._core = self._core
         self._warm = float(warm_start) > 0
         self._functions = {}
         self._tolerance, self._iterations = [], []
@@ -75,6 +123,16 @@ class BatchedSimulation:
 
     def __len__(self):
         return len(self.data)
+
+    @property
+    def model(self):
+        """The mujoco.MjModel of all simulations. Its options may be changed, the model may not."""
+        return self._model
+
+    @property
+    def data(self):
+        """The mujoco.MjData of each simulation, a sequence; see Simulations for what may be put into it."""
+        return self._data
 
     def __repr__(self):
         solver = "MuJoCo's own solver" if self._own else repr(self.solver)
@@ -234,7 +292,9 @@ class BatchedSimulation:
 def gather(model, data, **options):
     """The constraints of many mujoco.MjData of one model, as they lie there after mj_forward or mj_fwdAcceleration, as
     one stiction.Batch in Jacobian form: accelerations and forces. options: of BatchedSimulation."""
-    places = list(data)
+    places = Simulations(model, data)
+    if not len(places):
+        raise ValueError("data: expected at least one mujoco.MjData, got none")
     _refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)

@@ -1,5 +1,6 @@
 """stiction inside MuJoCo: rows as they were, answers as MuJoCo's Newton has them, steps as mj_step makes them."""
 
+import gc
 import pathlib
 
 import numpy as np
@@ -278,6 +279,81 @@ def test_the_batch_of_the_last_solve_can_be_solved_again():
     assert solution.solved.all()
     np.testing.assert_allclose(solution.velocities, batch.extras["velocities"], atol=1e-6)
     assert stiction.verify(batch, batch.extras["lambda_"])[:, 0].max() < 1e-9
+
+
+WELD = """
+<mujoco><option timestep="0.002"/><worldbody>
+  <body name="a" pos="0 0 1"><freejoint/><geom size=".1"/></body>
+  <body name="b" pos=".3 0 1"><freejoint/><geom size=".1"/></body>
+  <body name="c" pos="0 0 2"><freejoint/><geom size=".1"/></body>
+</worldbody><equality>
+  <weld body1="a" body2="b"/><connect body1="a" body2="c" anchor="0 0 .5"/><weld body1="c" relpose="0 0 2 1 0 0 0"/>
+</equality></mujoco>"""
+
+
+def test_each_row_of_a_weld_and_of_a_connect_has_an_id_of_its_own():
+    simulation = stiction.mujoco.BatchedSimulation(mujoco.MjModel.from_xml_string(WELD), 1, warm_start=1, tolerance=1e-9)
+    simulation.step()
+    ids = simulation.batch().extras["cone_id"]
+    assert len(ids) == 6 + 3 + 6 and len(set(ids.tolist())) == len(ids)
+
+
+def test_all_rows_of_a_weld_are_warm_started():
+    """Where nothing changes, the second solve starts from the answer of the first and has nothing left to do."""
+    simulation = stiction.mujoco.BatchedSimulation(mujoco.MjModel.from_xml_string(WELD), 1, warm_start=1, tolerance=1e-7,
+                                                   solver="npgs")
+    simulation.data[0].qvel[:] = np.linspace(-1, 1, simulation.model.nv)
+    simulation.forward()
+    cold = int(simulation.status["iterations"][0])
+    simulation.forward()
+    assert cold > 1 and int(simulation.status["iterations"][0]) == 0
+
+
+def test_data_may_be_replaced_by_data_of_the_same_model():
+    model = zoo()
+    simulation = stiction.mujoco.BatchedSimulation(model, 3, warm_start=0.9)
+    plain = stiction.mujoco.BatchedSimulation(model, 3, warm_start=0.9)
+    for _ in range(20):
+        simulation.step()
+        plain.step()
+    fresh = mujoco.MjData(model)
+    simulation.data[1] = fresh
+    assert simulation.data[1] is fresh
+    del fresh
+    gc.collect()
+    alone = stiction.mujoco.BatchedSimulation(model, 1, warm_start=0.9)
+    for _ in range(20):
+        simulation.step()
+        plain.step()
+        alone.step()
+    np.testing.assert_array_equal(simulation.data[1].qpos, alone.data[0].qpos)
+    for i in (0, 2):
+        np.testing.assert_array_equal(simulation.data[i].qpos, plain.data[i].qpos)
+
+
+def test_data_that_cannot_be_stepped_is_refused_and_nothing_changes():
+    model, other = zoo(), zoo()
+    simulation = stiction.mujoco.BatchedSimulation(model, 2)
+    kept = list(simulation.data)
+    for place, wrong, error, message in (
+            (0, mujoco.MjData(other), ValueError, r"data\[0\]: expected data of this simulation's model"),
+            (0, simulation.data[1], ValueError, r"data\[0\]: expected data of its own, got that of simulation 1"),
+            (1, None, TypeError, r"data\[1\]: expected a mujoco.MjData, got NoneType"),
+            (2, mujoco.MjData(model), IndexError, r"expected a simulation in 0..1, got 2"),
+            (slice(0, 2), kept, TypeError, "expected one simulation at a time")):
+        with pytest.raises(error, match=message):
+            simulation.data[place] = wrong
+    assert all(one is before for one, before in zip(simulation.data, kept))
+    with pytest.raises(AttributeError):
+        simulation.data = kept
+    with pytest.raises(AttributeError):
+        simulation.model = other
+    one = mujoco.MjData(model)
+    with pytest.raises(ValueError, match=r"data\[1\]: expected data of its own"):
+        stiction.mujoco.BatchedSimulation(model, [one, one])
+    with pytest.raises(ValueError, match=r"data\[0\]: expected data of this simulation's model"):
+        stiction.mujoco.gather(model, [mujoco.MjData(other)])
+    simulation.step()
 
 
 def test_a_model_without_constraints_falls():

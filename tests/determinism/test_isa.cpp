@@ -17,21 +17,12 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-template <class Real>
-const cpu::Kernels<Real>& pick(const cpu::KernelSet& set, Law law) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32[static_cast<std::size_t>(law)];
-  } else {
-    return set.f64[static_cast<std::size_t>(law)];
-  }
-}
-
 /// A batch solved past the partition: every environment alone through the scalar, or all dense ones through one pack.
 template <class Real>
 class Direct {
  public:
   Direct(const ContactBatch<Real>& batch, const SolverOptions& o)
-      : batch_(batch), plan_(make_plan(batch.view())), kernels_(pick<Real>(cpu::best_isa().kernels(o.solver), *o.law)) {
+      : batch_(batch), plan_(make_plan(batch.view())), set_(cpu::best_isa().kernels(o.solver)), law_(*o.law) {
     const auto rows = static_cast<std::size_t>(batch.row_count());
     solution_.lambda.resize(rows);
     solution_.w.resize(rows);
@@ -73,15 +64,17 @@ class Direct {
       for (Index m = 2; m <= kMaxConeRows; ++m) slots.friction[m] = std::max(slots.friction[m], own.friction[m]);
     }
     if (!dense.empty()) {
-      Scratch memory(kernels_.pack_elements(slots));
-      kernels_.solve_pack(job_, dense.data(), static_cast<Offset>(dense.size()), slots, memory.data);
+      Scratch memory(packs().elements(slots));
+      packs().solve(job_, dense.data(), static_cast<Offset>(dense.size()), slots, memory.data);
     }
     return env_hashes(batch_, solution_);
   }
 
-  [[nodiscard]] bool has_packs() const { return kernels_.pack_width > 1; }
+  [[nodiscard]] bool has_packs() const { return packs().width > 1; }
 
  private:
+  [[nodiscard]] const cpu::PackKernels<Real>& packs() const { return set_.packs.template of<Real>(law_); }
+
   struct Scratch {
     explicit Scratch(Offset elements)
         : data(static_cast<Real*>(::operator new(static_cast<std::size_t>(elements + 1) * sizeof(Real), kAlignment))) {}
@@ -93,13 +86,15 @@ class Direct {
   };
 
   void solve_alone(Offset env) {
-    Scratch memory(kernels_.one_elements(job_, env));
-    kernels_.solve_one(job_, env, memory.data);
+    const cpu::SingleKernels<Real>& single = set_.single.template of<Real>(law_);
+    Scratch memory(single.elements(job_, env));
+    single.solve(job_, env, memory.data);
   }
 
   const ContactBatch<Real>& batch_;
   PlanData plan_;
-  cpu::Kernels<Real> kernels_;
+  cpu::KernelSet set_;
+  Law law_;
   Solution<Real> solution_;
   cpu::Job<Real> job_{};
 };
@@ -113,7 +108,7 @@ TYPED_TEST(Isa, EveryBuildPackedOrScalarGivesEveryEnvironmentTheSameBits) {
   const auto isas = usable_isas();
   const auto has_packs = [](const char* name) {
     const ScopedIsa isa(name);
-    return pick<TypeParam>(cpu::best_isa().kernels(SolverKind::npgs), Law::convex).pack_width > 1;
+    return cpu::best_isa().kernels(SolverKind::npgs).packs.template of<TypeParam>(Law::convex).width > 1;
   };
   EXPECT_TRUE(isas.size() == 1 || std::any_of(isas.begin(), isas.end(), has_packs)) << "no build packs environments";
   if (isas.size() == 1) GTEST_SKIP() << "this CPU runs the baseline build only: there is nothing to compare it with";
@@ -152,9 +147,46 @@ TYPED_TEST(Isa, ABatchOfOneIsSolvedLikeTheSameEnvironmentInAPack) {
 }
 
 TEST(IsaChoice, AnUnknownNameFallsBackToTheWidestBuild) {
-  std::string widest = usable_isas().back();
   const ScopedIsa isa("mmx");
-  EXPECT_EQ(cpu::best_isa().name, widest);
+  EXPECT_EQ(cpu::best_isa().name, std::string(usable_shipped_isas().back()));
 }
+
+TEST(IsaChoice, TheBuildThatTheEnvironmentAsksForIsTheOneThatRuns) {
+  const char* wanted = std::getenv("STICTION_ISA");
+  if (wanted == nullptr) GTEST_SKIP() << "STICTION_ISA is not set";
+  if (cpu::find_isa(wanted) == nullptr) GTEST_SKIP() << wanted << " not run here";
+  EXPECT_STREQ(cpu::best_isa().name, wanted);
+}
+
+class ShippedIsa : public testing::TestWithParam<const char*> {};
+
+TEST_P(ShippedIsa, RunsHere) {
+  if (cpu::find_isa(GetParam()) == nullptr) GTEST_SKIP() << GetParam() << " not run here";
+  const ScopedIsa isa(GetParam());
+  EXPECT_STREQ(cpu::best_isa().name, GetParam());
+}
+
+INSTANTIATE_TEST_SUITE_P(Isa, ShippedIsa, testing::ValuesIn(kShippedIsas),
+                         [](const auto& name) { return std::string(name.param); });
+
+#if defined(STICTION_TEST_PACK_WIDTHS)
+TEST(PackWidths, OfSixteenBytesAreTestedAnywhereThoseOfSixtyFourWhereverAvx2Runs) {
+  for (const auto& [name, bytes] : {std::pair{"narrow", 16}, std::pair{"wide", 64}}) {
+    SCOPED_TRACE(name);
+    const cpu::Isa* isa = cpu::find_isa(name);
+    if (bytes > 16 && cpu::find_isa("avx2") == nullptr) GTEST_SKIP() << "avx2 not run here, nor packs of 64 bytes";
+    ASSERT_NE(isa, nullptr);
+    for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd,
+                                    SolverKind::nsgs, SolverKind::subspace})
+      for (const Law law : kBothLaws) {
+        const cpu::KernelSet set = isa->kernels(solver);
+        EXPECT_EQ(set.packs.of<float>(law).width, bytes / 4) << label(solver, law);
+        EXPECT_EQ(set.packs.of<double>(law).width, bytes / 8) << label(solver, law);
+        EXPECT_EQ(isa->body_kernels().packs.of<float>(law).width, bytes / 4) << to_string(law);
+        EXPECT_EQ(isa->body_kernels().packs.of<double>(law).width, bytes / 8) << to_string(law);
+      }
+  }
+}
+#endif
 
 }  // namespace

@@ -9,7 +9,10 @@
 
 namespace stiction::test {
 
-inline constexpr const char* kIsaNames[] = {"baseline", "avx2", "avx512"};
+/// The builds of the library, narrowest first.
+inline constexpr const char* kShippedIsas[] = {"baseline", "avx2", "avx512"};
+/// Packs of 16 and 64 bytes that tests add (tests/isa/pack_width.cpp), where the build has AVX2.
+inline constexpr const char* kTestedWidths[] = {"narrow", "wide"};
 
 /// Asks for one build of the kernels while it lives, of solvers that are made then: best_isa() reads the variable, a
 /// Solver when it is constructed, bodies, Jacobians and worlds at every solve.
@@ -33,13 +36,19 @@ class ScopedIsa {
   std::optional<std::string> before_;
 };
 
-/// The builds that this CPU runs.
-inline std::vector<const char*> usable_isas() {
+/// The builds of the library that this CPU runs.
+inline std::vector<const char*> usable_shipped_isas() {
   std::vector<const char*> usable;
-  for (const char* name : kIsaNames) {
-    const ScopedIsa isa(name);
-    if (std::string(cpu::best_isa().name) == name) usable.push_back(name);
-  }
+  for (const char* name : kShippedIsas)
+    if (cpu::find_isa(name) != nullptr) usable.push_back(name);
+  return usable;
+}
+
+/// And the widths of packs that tests add.
+inline std::vector<const char*> usable_isas() {
+  std::vector<const char*> usable = usable_shipped_isas();
+  for (const char* name : kTestedWidths)
+    if (cpu::find_isa(name) != nullptr) usable.push_back(name);
   return usable;
 }
 

@@ -1,8 +1,12 @@
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cfenv>
 #include <chrono>
+#include <csignal>
+#include <cstdlib>
 #include <stdexcept>
 #include <thread>
 #include <vector>
@@ -43,6 +47,58 @@ TEST_P(ThreadPool, EveryItemIsDoneOnceByAWorkerThatDoesOneThingAtATime) {
       for (const auto& count : done) EXPECT_EQ(count, 1);
       EXPECT_EQ(overlaps, 0);
     }
+}
+
+/// The exit status of a child that does so, 128 if a signal or half a minute ended it.
+template <class Act>
+int status_of_child(const Act& act) {
+  const pid_t child = fork();
+  if (child == 0) std::exit(act());
+  for (int tenth = 0; tenth < 300; ++tenth) {
+    int status = 0;
+    if (waitpid(child, &status, WNOHANG) == child) return WIFEXITED(status) ? WEXITSTATUS(status) : 128;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  return 128;
+}
+
+int sum_by(cpu::PoolKind kind) {
+  std::atomic<int> sum{0};
+  cpu::parallel_for(kind, 3, 100, [&](int item, int) { sum += item; });
+  return sum;
+}
+
+TEST_P(ThreadPool, AChildOfForkExitsAndMaySolve) {
+  EXPECT_EQ(sum_by(GetParam()), 4950);
+  EXPECT_EQ(status_of_child([] { return 7; }), 7) << "exit() without a solve";
+  const auto solve_in_child = [] {
+    std::atomic<int> sum{0};
+    cpu::parallel_for(3, 100, [&](int item, int) { sum += item; });
+    return sum == 4950 ? 3 : 4;
+  };
+  EXPECT_EQ(status_of_child(solve_in_child), 3);
+  EXPECT_EQ(status_of_child([&] { return solve_in_child() == 3 ? status_of_child(solve_in_child) : 5; }), 3)
+      << "a child's child";
+  EXPECT_EQ(sum_by(GetParam()), 4950) << "the parent goes on";
+}
+
+TEST_P(ThreadPool, AForkInTheMiddleOfACallLeavesTheChildUsable) {
+  if (GetParam() == cpu::PoolKind::tbb) GTEST_SKIP() << "oneTBB does not promise it (docs/threads.md)";
+  std::atomic<bool> stop{false};
+  std::thread solving([&] {
+    while (!stop) sum_by(GetParam());
+  });
+  for (int run = 0; run < 5; ++run)
+    EXPECT_EQ(status_of_child([] {
+                std::atomic<int> sum{0};
+                cpu::parallel_for(3, 100, [&](int item, int) { sum += item; });
+                return sum == 4950 ? 0 : 1;
+              }),
+              0);
+  stop = true;
+  solving.join();
 }
 
 TEST_P(ThreadPool, TheFirstExceptionComesBackAndThePoolGoesOn) {

@@ -224,6 +224,9 @@ class BodySolver {
  private:
   template <class Real>
   void check_space(const BodyBatchView<Real>& batch) const;
+  template <class Real>
+  void check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
+             const Real* warm_start) const;
   /// The plan of a host batch whose structure is known to be sound.
   template <class Real>
   [[nodiscard]] BodyPlan make_plan(const BodyBatchView<Real>& host) const;

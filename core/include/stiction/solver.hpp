@@ -151,6 +151,11 @@ class Solver {
   /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero. Batch and solution
   /// in device memory: asynchronous on `stream`; in host memory: complete on return. With IslandMode::apart the plan
   /// serves batches none of whose environments has several islands; others are planned anew, island by island.
+  ///
+  /// A batch in host memory is looked at again, whatever was done to its arrays since the plan was made: offsets or
+  /// cones out of order throw. Columns out of range throw, too, or with InvalidPolicy::isolate flag their environment
+  /// kFlagBadStructure. `warm_start` may be solution.lambda itself; no other output may share memory with an input or
+  /// with another output.
   /// \throws Error before anything is written, Error(unsupported) for IslandMode::apart and a batch in device memory;
   /// numerical trouble is in solution.status.
   template <class Real>
@@ -208,9 +213,10 @@ class Solver {
 
  private:
   template <class Real>
-  void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
+  void check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                     const Real* warm_start) const;
   template <class Real>
-  void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+  void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
              std::vector<FullRows>& full_rows) const;
   template <class Real>
   void hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,

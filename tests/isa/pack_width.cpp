@@ -1,0 +1,70 @@
+#include "cpu_fallback/isa.hpp"
+
+/// A build of the kernels for packs of one width, whatever vectors the machine has, under a name of its own
+/// (STICTION_ISA=narrow, =wide). It goes through the tables that AVX-512 goes through. Compiled once for each width.
+namespace stiction::inline STICTION_ISA {
+
+cpu::KernelSet pgs_kernels();
+cpu::KernelSet npgs_kernels();
+cpu::KernelSet jacobi_kernels();
+cpu::KernelSet apgd_kernels();
+cpu::KernelSet nsgs_kernels();
+cpu::KernelSet subspace_kernels();
+cpu::BodyKernelSet si_kernels();
+cpu::JacobianKernelSet jacobian_kernels();
+
+namespace {
+
+/// What every other kernel is taken from. Vectors of 64 bytes are split into those of AVX2.
+constexpr const char* kSingle = STICTION_VECTOR_BYTES > 16 ? "avx2" : "baseline";
+
+const cpu::Isa& single_environments() {
+  return *cpu::find_isa(kSingle);
+}
+
+cpu::KernelSet kernels(SolverKind solver) {
+  cpu::KernelSet set = single_environments().kernels(solver);
+  switch (solver) {
+    case SolverKind::pgs:
+      set.packs = pgs_kernels().packs;
+      break;
+    case SolverKind::npgs:
+      set.packs = npgs_kernels().packs;
+      break;
+    case SolverKind::jacobi:
+      set.packs = jacobi_kernels().packs;
+      break;
+    case SolverKind::apgd:
+      set.packs = apgd_kernels().packs;
+      break;
+    case SolverKind::nsgs:
+      set.packs = nsgs_kernels().packs;
+      break;
+    case SolverKind::subspace:
+      set.packs = subspace_kernels().packs;
+      break;
+    case SolverKind::admm:
+    case SolverKind::newton:
+    case SolverKind::lemke:
+    case SolverKind::ipm:
+    case SolverKind::multigrid:
+    case SolverKind::automatic:
+      break;
+  }
+  return set;
+}
+
+cpu::BodyKernelSet body_kernels() {
+  cpu::BodyKernelSet set = single_environments().body_kernels();
+  set.packs = si_kernels().packs;
+  return set;
+}
+
+[[maybe_unused]] const bool kAdded =
+    cpu::add_isa({STICTION_ISA_NAME, [] { return cpu::find_isa(kSingle) != nullptr; }, kernels, body_kernels,
+                  [] { return single_environments().newton_body_kernels(); }, jacobian_kernels,
+                  [] { return single_environments().world_kernels(); }});
+
+}  // namespace
+
+}  // namespace stiction::inline STICTION_ISA
