@@ -1,15 +1,33 @@
-# Finds nvcc if STICTION_ENABLE_CUDA allows it and sets STICTION_HAS_CUDA.
+# Finds nvcc if STICTION_ENABLE_CUDA asks for it and sets STICTION_HAS_CUDA. AUTO asks where a GPU is seen: compiling for
+# one takes longer than all else together, and a machine without can use none of it.
 set(STICTION_HAS_CUDA OFF)
-if(NOT STICTION_ENABLE_CUDA STREQUAL "OFF")
+find_program(STICTION_NVIDIA_SMI nvidia-smi)
+mark_as_advanced(STICTION_NVIDIA_SMI)
+set(_gpu_architectures)
+if(STICTION_NVIDIA_SMI)
+  execute_process(COMMAND ${STICTION_NVIDIA_SMI} --query-gpu=compute_cap --format=csv,noheader
+                  OUTPUT_VARIABLE _gpu_capabilities OUTPUT_STRIP_TRAILING_WHITESPACE RESULT_VARIABLE _no_gpu ERROR_QUIET)
+  if(_no_gpu EQUAL 0 AND _gpu_capabilities MATCHES "^[0-9]+\\.[0-9]")
+    string(REPLACE "\n" ";" _gpu_architectures "${_gpu_capabilities}")
+    list(TRANSFORM _gpu_architectures STRIP)
+    list(TRANSFORM _gpu_architectures REPLACE "\\." "")
+    list(TRANSFORM _gpu_architectures APPEND "-real")
+    list(REMOVE_DUPLICATES _gpu_architectures)
+  endif()
+endif()
+if(STICTION_ENABLE_CUDA STREQUAL "ON" OR (STICTION_ENABLE_CUDA STREQUAL "AUTO" AND _gpu_architectures))
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
-    # By default one PTX, for A100 and whatever comes after. From that same PTX comes machine code for H100/H200, but only
+    # Where a GPU is seen: machine code for it, with all optimisations. Elsewhere one PTX, for A100 and whatever comes after. From that same PTX comes machine code for H100/H200, but only
     # of what all solvers share: the solvers' own would take most of the build, an hour on some machines. The driver
     # translates them at first use, and keeps the result. Where solves are to start at once and run as fast as they can,
     # name the architectures: -DCMAKE_CUDA_ARCHITECTURES=90-real.
     if(DEFINED CMAKE_CUDA_ARCHITECTURES)
       set(STICTION_CUDA_BY_DEFAULT OFF)
+    elseif(_gpu_architectures)
+      set(STICTION_CUDA_BY_DEFAULT OFF)
+      set(CMAKE_CUDA_ARCHITECTURES ${_gpu_architectures})
     else()
       set(STICTION_CUDA_BY_DEFAULT ON)
       set(CMAKE_CUDA_ARCHITECTURES 80-virtual)

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
-#include "cuda/device/host_device.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -119,13 +118,5 @@ void DeviceBackend::solve(const SolveRequest<double>& request) {
 }
 
 }  // namespace cuda
-
-std::unique_ptr<Backend> make_emulated_backend() {
-  return std::make_unique<cuda::DeviceBackend>(cuda::shared_host_device());
-}
-
-DeviceReport emulated_report() {
-  return {Device::emulated(), true, "the GPU's kernels, run by threads of the CPU (for tests)", ""};
-}
 
 }  // namespace stiction

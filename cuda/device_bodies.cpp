@@ -8,7 +8,6 @@
 #include "core/base/extents.hpp"
 #include "core/body/bodies/newton/precondition.hpp"
 #include "cuda/body_classes.hpp"
-#include "cuda/device/host_device.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/mover.hpp"
 #include "stiction/error.hpp"
@@ -249,9 +248,5 @@ void DeviceBodies::solve(const BodyRequest<double>& request) {
 }
 
 }  // namespace cuda
-
-std::unique_ptr<BodyMachine> make_emulated_bodies() {
-  return std::make_unique<cuda::DeviceBodies>(cuda::shared_host_device(), true);
-}
 
 }  // namespace stiction

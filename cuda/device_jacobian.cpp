@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
-#include "cuda/device/host_device.hpp"
 #include "cuda/programs/jacobian_program.hpp"
 #include "stiction/error.hpp"
 
@@ -158,13 +157,5 @@ template class DeviceJacobian<float>;
 template class DeviceJacobian<double>;
 
 }  // namespace cuda
-
-template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use) {
-  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_host_device(), capacity, use);
-}
-
-template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
-template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
 
 }  // namespace stiction

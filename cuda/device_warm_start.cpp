@@ -3,7 +3,6 @@
 #include <cstring>
 #include <utility>
 
-#include "cuda/device/host_device.hpp"
 #include "cuda/device/kernels.hpp"
 #include "stiction/error.hpp"
 
@@ -105,13 +104,5 @@ template class DeviceWarmStart<float>;
 template class DeviceWarmStart<double>;
 
 }  // namespace cuda
-
-template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity) {
-  return std::make_unique<cuda::DeviceWarmStart<Real>>(cuda::shared_host_device(), capacity, true);
-}
-
-template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const WarmStartCapacity&);
-template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(const WarmStartCapacity&);
 
 }  // namespace stiction

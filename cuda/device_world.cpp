@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
-#include "cuda/device/host_device.hpp"
 #include "cuda/device/mover.hpp"
 #include "cuda/programs/world_program.hpp"
 
@@ -263,16 +262,5 @@ template class DeviceWorld<float>;
 template class DeviceWorld<double>;
 
 }  // namespace cuda
-
-template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>& model, Offset env_count,
-                                                        const WorldOptions& options) {
-  return std::make_unique<cuda::DeviceWorld<Real>>(cuda::shared_host_device(), model, env_count, options);
-}
-
-template std::unique_ptr<WorldMachine<float>> make_emulated_world(const WorldModelView<float>&, Offset,
-                                                                  const WorldOptions&);
-template std::unique_ptr<WorldMachine<double>> make_emulated_world(const WorldModelView<double>&, Offset,
-                                                                   const WorldOptions&);
 
 }  // namespace stiction

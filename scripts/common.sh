@@ -91,6 +91,9 @@ make_venv() {
   python=$root/.venv/bin/python
 }
 
+# What ccache must know to see through the precompiled header of the tests.
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:+$CCACHE_SLOPPINESS,}pch_defines,time_macros
+
 # Sets CUDACXX if there is an nvcc, in the environment, on the path, in the usual place or in .cuda.
 find_nvcc() {
   local candidate
@@ -106,8 +109,8 @@ find_nvcc() {
   note "CUDA: no nvcc, so this build is CPU-only (scripts/get_cuda.sh fetches one)"
 }
 
-# configure_and_build TARGET ...: the Release build that all scripts share, in build/ (or STICTION_BUILD_DIR).
-configure_and_build() {
+# configure [CMAKE OPTION ...]: the Release build that all scripts share, in build/ (or STICTION_BUILD_DIR).
+configure() {
   local options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release)
   if command -v ccache > /dev/null; then
     options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
@@ -123,10 +126,25 @@ assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2
   if [ -n "${CUDACXX:-}" ] && grep -qs '^CMAKE_CUDA_COMPILER:.*NOTFOUND' "$build/CMakeCache.txt"; then
     options+=(-U CMAKE_CUDA_COMPILER)  # an earlier configuration found none and remembers it
   fi
+  options+=("$@")
   local log
   log=$(mktemp)
   cmake "${options[@]}" > "$log" 2>&1 || { cat "$log" >&2; rm -f "$log"; return 1; }
   sed -n '/stiction [0-9]/,$p' "$log" | grep -E '^-- (stiction [0-9]|  .*: (yes|no))' | sed 's/^-- /   /' || true
   rm -f "$log"
-  cmake --build "$build" -j "$jobs" ${1:+--target "$@"}
+}
+
+# build_targets [TARGET ...]: all of it if none is named. A line whenever another tenth is done, and all that is no progress.
+build_targets() {
+  cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | awk -v begin="$(date +%s)" '
+    match($0, /^\[[0-9]+\/[0-9]+\]/) {
+      split(substr($0, 2, RLENGTH - 2), part, "/")
+      if (part[2] > 0 && (tenth = int(10 * part[1] / part[2])) != last) {
+        last = tenth
+        "date +%s" | getline now; close("date +%s")
+        printf "   %d of %d, %d s\n", part[1], part[2], now - begin; fflush()
+      }
+      next
+    }
+    { print; fflush() }'
 }

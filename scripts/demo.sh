@@ -14,7 +14,8 @@ make_venv
 find_nvcc
 
 say "build"
-configure_and_build stiction_cli
+configure -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF
+build_targets stiction_cli
 stiction=$build/bin/stiction
 
 say "machine"

@@ -14,7 +14,10 @@ make_venv
 find_nvcc
 
 say "build"
-configure_and_build || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
+# Compiling for a GPU and reading what comes out needs none: the gates are for machines like this one.
+options=(-DSTICTION_BUILD_TESTS=ON -DSTICTION_BUILD_BENCH=ON -DSTICTION_BUILD_EXAMPLES=ON)
+[ -n "${CUDACXX:-}" ] && options+=(-DSTICTION_ENABLE_CUDA=ON)
+{ configure "${options[@]}" && build_targets; } || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 built=$SECONDS
 
 say "tests"

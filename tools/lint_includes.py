@@ -51,14 +51,14 @@ TABLE = [
     Row("core/schedule/library_orderings.cpp", [PUBLIC, "core/base", "core/schedule"],
         foreign=("Eigen/", "amd.h", "metis.h")),
     Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
-    Row("core/graph", [PUBLIC, "core/graph"]),
+    Row("core/graph", [PUBLIC, "core/graph", "core/base/fp_env.hpp"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
-    Row("core/io", [PUBLIC, "core/io"], foreign=("hdf5.h", "H5", "unistd.h")),
+    Row("core/io", [PUBLIC, "core/io", "core/base/fp_env.hpp"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "pthread.h", "sched.h", "unistd.h")),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
-    Row("bench/scenes", [PUBLIC, "bench/scenes", IO_PUBLIC]),
+    Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
         foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),

@@ -2,6 +2,7 @@
 
 #include "bench/scenes/geometry.hpp"
 #include "bench/scenes/scenes.hpp"
+#include "core/base/fp_env.hpp"
 
 namespace stiction::scenes {
 namespace {
@@ -159,6 +160,7 @@ BodyEnvironment<To> converted(const BodyEnvironment<From>& from) {
 }  // namespace
 
 BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
+  const ScopedFpEnv fp_env;
   Rng rng(mix_bits(seed) ^ 0x70696c65U);
   const Packing packing(rng, contacts);
   BodyEnvironment<double> env;
@@ -193,6 +195,7 @@ BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
 }
 
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes) {
+  const ScopedFpEnv fp_env;
   Rng rng(mix_bits(seed) ^ 0x737461636bU);
   BodyEnvironment<double> env;
   BodyEnvironment<double>::Body floor;

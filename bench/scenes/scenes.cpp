@@ -3,6 +3,7 @@
 #include <array>
 
 #include "bench/scenes/catalogue.hpp"
+#include "core/base/fp_env.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::scenes {
@@ -68,6 +69,7 @@ std::vector<SceneInfo> list() {
 }
 
 SceneEnv make(const std::string& name, std::uint64_t seed, std::uint64_t index, int size) {
+  const ScopedFpEnv fp_env;
   const Scene& scene = find_scene(name);
   if (size == 0) size = scene.default_size;
   if (size < scene.min_size || size > scene.max_size) {

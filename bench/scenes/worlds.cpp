@@ -5,6 +5,7 @@
 
 #include "bench/scenes/rng.hpp"
 #include "bench/scenes/scenes.hpp"
+#include "core/base/fp_env.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::scenes {
@@ -254,6 +255,7 @@ std::vector<std::string> world_names() {
 }
 
 WorldScene make_world(const std::string& name) {
+  const ScopedFpEnv fp_env;
   const Recipe& recipe = find(name);
   WorldScene scene{recipe.name, recipe.summary, recipe.describe(), {}};
   scene.stepping.dt = recipe.dt;
@@ -261,6 +263,7 @@ WorldScene make_world(const std::string& name) {
 }
 
 WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_t index) {
+  const ScopedFpEnv fp_env;
   const Recipe& recipe = find(name);
   Rng rng(stream_key(name, seed, index));
   return recipe.start(rng);
@@ -268,6 +271,7 @@ WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_
 
 template <class Real>
 void start_all(World<Real>& world, const std::string& name, std::uint64_t seed) {
+  const ScopedFpEnv fp_env;
   std::vector<Real> position, orientation, twist;
   const auto append = [](std::vector<Real>& to, const std::vector<double>& from) {
     for (const double value : from) to.push_back(static_cast<Real>(value));

@@ -9,9 +9,10 @@
 namespace stiction {
 
 /// The floating-point environment the bodies assume: round to nearest, subnormals kept. A process may have lost it
-/// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every solving thread sets it
-/// and puts back what it found. With SSE the bodies never use the x87 unit, whose whole environment takes longer to
-/// save and load than a small solve's sweeps: its rounding is kept in step, so that std::fegetround() tells the truth.
+/// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every thread of a solve and
+/// every public function that computes sets it and puts back what it found (tests/determinism/test_fp_entries.cpp).
+/// With SSE the bodies never use the x87 unit, whose whole environment takes longer to save and load than a small
+/// solve's sweeps: its rounding is kept in step, so that std::fegetround() tells the truth.
 class ScopedFpEnv {
  public:
 #if defined(__SSE2__)
@@ -20,8 +21,10 @@ class ScopedFpEnv {
     constexpr unsigned kDenormalsAreZero = 0x0040U;
     if (rounding_ != FE_TONEAREST) std::fesetround(FE_TONEAREST);
     _mm_setcsr(saved_ & ~(kFlushToZero | kDenormalsAreZero | _MM_ROUND_MASK));
+    keep_order();
   }
   ~ScopedFpEnv() {
+    keep_order();
     if (rounding_ != FE_TONEAREST) std::fesetround(rounding_);
     _mm_setcsr(saved_);
   }
@@ -29,8 +32,10 @@ class ScopedFpEnv {
   ScopedFpEnv() {
     std::fegetenv(&saved_);
     std::fesetround(FE_TONEAREST);
+    keep_order();
   }
   ~ScopedFpEnv() {
+    keep_order();
     std::fesetenv(&saved_);
   }
 #endif
@@ -38,6 +43,13 @@ class ScopedFpEnv {
   ScopedFpEnv& operator=(const ScopedFpEnv&) = delete;
 
  private:
+  /// To a compiler arithmetic does not depend on modes: it may compute before they are set what it has read before, or
+  /// store afterwards. Nothing is read or written across this. A number that is returned in a register is not held by
+  /// it: functions with a guard return their numbers in memory.
+  static void keep_order() {
+    asm volatile("" ::: "memory");
+  }
+
 #if defined(__SSE2__)
   int rounding_;    ///< of the x87 unit
   unsigned saved_;  ///< control and status of SSE

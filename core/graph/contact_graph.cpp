@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/fp_env.hpp"
 #include "core/graph/body_graph.hpp"
 #include "core/graph/conflict_colors.hpp"
 #include "core/graph/islands.hpp"
@@ -291,6 +292,7 @@ Index ContactGraph::island(Index body) const {
 }
 
 GraphStatistics ContactGraph::statistics() const {
+  const ScopedFpEnv fp_env;
   const State& s = *state_;
   GraphStatistics stats;
   stats.moving_count = s.graph.moving_count();

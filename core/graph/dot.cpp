@@ -1,3 +1,4 @@
+#include "core/base/fp_env.hpp"
 #include "core/graph/island_edges.hpp"
 #include "core/graph/slots.hpp"
 #include "core/graph/text.hpp"
@@ -36,6 +37,7 @@ std::string cluster_text(const graph::IslandEdges& island) {
 }  // namespace
 
 std::string to_dot(const ContactGraph& graph, const std::string& title) {
+  const ScopedFpEnv fp_env;
   std::string text = "graph contacts {\n  graph [label=\"" + graph::escape_dot(title) +
                      "\" labelloc=t fontname=\"Helvetica\" overlap=false splines=line outputorder=edgesfirst]\n"
                      "  node [shape=circle style=filled fillcolor=white fontname=\"Helvetica\" fontsize=10 "

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/graph/island_edges.hpp"
 #include "core/graph/slots.hpp"
 #include "core/graph/tridiagonal.hpp"
@@ -10,6 +11,7 @@
 namespace stiction {
 
 std::vector<double> laplacian_spectrum(const ContactGraph& graph) {
+  const ScopedFpEnv fp_env;
   if (graph.statistics().largest_island > kMaxSpectrumBodies)
     throw Error(ErrorCode::unsupported, "an island has " + std::to_string(graph.statistics().largest_island) +
                                             " bodies: the spectrum is computed for islands of up to " +

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/base/fp_env.hpp"
 #include "core/graph/slots.hpp"
 #include "core/graph/svg_island.hpp"
 #include "core/graph/svg_spectrum.hpp"
@@ -96,6 +97,7 @@ void draw_legend(SvgText& svg, Point corner, Point size, const ContactGraph& con
 }  // namespace
 
 std::string to_svg(const ContactGraph& graph, const std::string& title) {
+  const ScopedFpEnv fp_env;
   const std::vector<graph::IslandEdges> islands = graph::edges_by_island(graph);
   const GraphStatistics stats = graph.statistics();
   const graph::DrawingScale scale = graph::scale_for(at(stats.largest_island));

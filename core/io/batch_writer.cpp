@@ -1,6 +1,7 @@
 #include <bit>
 #include <limits>
 
+#include "core/base/fp_env.hpp"
 #include "core/io/hdf5_out.hpp"
 #include "core/io/recorded_solve.hpp"
 #include "stiction/error.hpp"
@@ -103,6 +104,7 @@ void write_optional(OutputFile& file, const std::string& path, const std::vector
 }  // namespace
 
 void write_batch(const std::filesystem::path& path, const Recording& recording) {
+  const ScopedFpEnv fp_env;
   check(recording);
   const auto& arrays = recording.batch.arrays();
   OutputFile file(path);

@@ -1,5 +1,6 @@
 #include <limits>
 
+#include "core/base/fp_env.hpp"
 #include "core/io/hdf5_out.hpp"
 #include "core/io/sparse.hpp"
 #include "stiction/error.hpp"
@@ -55,6 +56,7 @@ Contacts contacts_of(const ContactBatch<double>::Arrays& arrays, Offset env) {
 }  // namespace
 
 void write_fclib_local(const std::filesystem::path& path, const Recording& recording, Offset env) {
+  const ScopedFpEnv fp_env;
   if (env < 0 || env >= recording.batch.env_count()) {
     refuse("environment " + std::to_string(env) + " is not there, the batch has " +
            std::to_string(recording.batch.env_count()));

@@ -1,3 +1,4 @@
+#include "core/base/fp_env.hpp"
 #include "core/io/readers.hpp"
 #include "stiction/error.hpp"
 
@@ -58,10 +59,12 @@ FileKind detect(const std::filesystem::path& path) {
 }
 
 Recording read_batch(const std::filesystem::path& path) {
+  const ScopedFpEnv fp_env;
   return read_any(InputFile(path));
 }
 
 SolutionFile read_solution(const std::filesystem::path& path) {
+  const ScopedFpEnv fp_env;
   return read_solution(InputFile(path));
 }
 

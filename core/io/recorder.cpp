@@ -1,4 +1,5 @@
 #include "stiction/recorder.hpp"
+#include "core/base/fp_env.hpp"
 
 #include <string>
 #include <utility>
@@ -144,6 +145,7 @@ void Recorder::append(const ContactBatch<double>& batch, const RecordedSolve& so
 template <class Real>
 Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                       const Real* warm_start, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   const auto fetch = [&](auto& storage, const auto* source, Offset count) {
     storage.resize(at(count));
     solver.to_host(std::span(storage), source, batch.space, stream);

@@ -1,3 +1,4 @@
+#include "core/base/fp_env.hpp"
 #include "core/io/hdf5_out.hpp"
 #include "core/io/readers.hpp"
 #include "stiction/error.hpp"
@@ -91,6 +92,7 @@ SolutionFile read_solution(const InputFile& file) {
 }
 
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution) {
+  const ScopedFpEnv fp_env;
   require_length("w", solution.w.size(), solution.lambda.size());
   if (!solution.status.empty()) {
     if (solution.env_row_offsets.empty()) {

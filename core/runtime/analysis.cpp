@@ -2,8 +2,10 @@
 
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/asymmetry.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/environment_operator.hpp"
@@ -180,6 +182,7 @@ double OperatorAnalysis::condition() const noexcept {
 template <class Real>
 std::vector<OperatorAnalysis> analyse(const ContactBatchView<Real>& batch, std::span<const Offset> environments,
                                       const AnalysisOptions& options) {
+  const ScopedFpEnv fp_env;
   check(batch, options);
   std::vector<OperatorAnalysis> result;
   result.reserve(environments.size());
@@ -194,9 +197,9 @@ std::vector<OperatorAnalysis> analyse(const ContactBatchView<Real>& batch, std::
 template <class Real>
 std::vector<OperatorAnalysis> analyse(const ContactBatchView<Real>& batch, const AnalysisOptions& options) {
   check(batch, options);
-  std::vector<OperatorAnalysis> result;
-  for (Offset env = 0; env < batch.env_count; ++env) result.push_back(look_at(batch, env, options));
-  return result;
+  std::vector<Offset> all(static_cast<std::size_t>(batch.env_count));
+  std::iota(all.begin(), all.end(), Offset{0});
+  return analyse(batch, all, options);
 }
 
 template std::vector<OperatorAnalysis> analyse(const ContactBatchView<float>&, std::span<const Offset>,

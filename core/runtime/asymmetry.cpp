@@ -1,4 +1,5 @@
 #include "core/runtime/asymmetry.hpp"
+#include "core/base/fp_env.hpp"
 
 #include <cmath>
 #include <limits>
@@ -94,6 +95,7 @@ double environment_asymmetry(const ContactBatchView<Real>& batch, Offset env) {
 
 template <class Real>
 std::vector<double> asymmetry(const ContactBatchView<Real>& batch) {
+  const ScopedFpEnv fp_env;
   const std::vector<Defect> defects = validate_structure(batch, 1);
   if (!defects.empty()) {
     throw Error(ErrorCode::invalid_argument, "asymmetry cannot be measured: " + defects.front().message);

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/expect.hpp"
 
 namespace stiction {
@@ -104,6 +105,7 @@ void check_shape(const Environment<Real>& environment) {
 
 template <class Real>
 void Environment<Real>::set_dense(std::span<const Real> matrix, Index n) {
+  const ScopedFpEnv fp_env;
   if (n < 0) refuse("n = " + std::to_string(n) + ", expected a number of rows >= 0");
   const auto size = static_cast<std::size_t>(n);
   expect_length("matrix", matrix.size(), size * size, "n * n, row by row");
@@ -232,6 +234,7 @@ ContactBatchView<Real> ContactBatch<Real>::view() const noexcept {
 
 template <class To, class From>
 ContactBatch<To> convert(const ContactBatch<From>& batch) {
+  const ScopedFpEnv fp_env;
   const auto& from = batch.arrays();
   typename ContactBatch<To>::Arrays to;
   to.env_row_offsets = from.env_row_offsets;

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/bodies.hpp"
@@ -15,6 +16,7 @@ namespace stiction {
 
 template <class Real>
 void BodyBatch<Real>::add(const BodyEnvironment<Real>& environment) {
+  const ScopedFpEnv fp_env;
   const auto bodies = static_cast<Index>(environment.bodies.size());
   for (std::size_t c = 0; c < environment.contacts.size(); ++c) {
     const auto& contact = environment.contacts[c];
@@ -273,6 +275,7 @@ std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit
 
 template <class Real>
 std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit) {
+  const ScopedFpEnv fp_env;
   return validate(batch, limit, all_at_once);
 }
 

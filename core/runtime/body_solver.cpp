@@ -2,6 +2,7 @@
 #include <functional>
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
@@ -145,6 +146,7 @@ Index BodyPlan::color_count(Offset env) const {
 
 BodySolver::BodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options)
     : device_(device), stepping_(stepping), options_(options) {
+  const ScopedFpEnv fp_env;
   check_stepping(stepping);
   check_body_options(options);
   machine_ = make_machine(device);
@@ -168,6 +170,7 @@ BodyPlan BodySolver::make_plan(const BodyBatchView<Real>& host) const {
 
 template <class Real>
 BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
     reject(validate_structure(host, 1, sharing(*machine_, options_)));
@@ -180,6 +183,7 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
 template <class Real>
 void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
                        const Real* warm_start) const {
+  const ScopedFpEnv fp_env;
   check_space(batch);
   const BodyPlanData& data = plan.data();
   // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
@@ -212,6 +216,7 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch,
 template <class Real>
 void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
                        const Real* warm_start, StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   check(plan, batch, solution, warm_start);
   machine_->solve(BodyRequest<Real>{plan.shared(), batch, solution, warm_start, stepping_, options_, stream});
 }
@@ -219,6 +224,7 @@ void BodySolver::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
 template <class Real>
 void BodySolver::solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start,
                        StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   check_space(batch);
   check_solution(batch, solution, warm_start);
   const bool is_looked_at = looks_at_numbers(options_, batch.space);

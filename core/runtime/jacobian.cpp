@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
@@ -264,6 +265,7 @@ JacobianBatchView<Real> JacobianBatch<Real>::view() const noexcept {
 
 template <class Real>
 ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use, int threads) {
+  const ScopedFpEnv fp_env;
   check_structure(batch);
   if (threads < 0) refuse("threads = " + std::to_string(threads) + ", expected >= 0 (0: all cores)");
   typename ContactBatch<Real>::Arrays to;
@@ -298,6 +300,7 @@ ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use,
 
 template <class Real>
 std::vector<Real> velocities(const JacobianBatchView<Real>& batch, std::span<const Real> lambda, int threads) {
+  const ScopedFpEnv fp_env;
   check_structure(batch);
   if (threads < 0) refuse("threads = " + std::to_string(threads) + ", expected >= 0 (0: all cores)");
   const std::vector<Offset> rows = compact_rows(batch), none(rows.size(), 0);
@@ -314,6 +317,7 @@ std::vector<Real> velocities(const JacobianBatchView<Real>& batch, std::span<con
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverOptions& options, Device device,
                              std::span<const Real> warm_start, FactorUse use) {
+  const ScopedFpEnv fp_env;
   const ContactBatch<Real> contact = assemble(batch, use, options.threads);
   JacobianSolution<Real> solution{contact.arrays().env_row_offsets, solve(contact, options, device, warm_start), {}};
   solution.velocity = velocities(batch, std::span<const Real>(solution.contact.lambda), options.threads);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/jacobian_machine.hpp"
 #include "core/runtime/overlap.hpp"
@@ -148,6 +149,7 @@ JacobianSolver<Real>& JacobianSolver<Real>::operator=(JacobianSolver&&) noexcept
 template <class Real>
 void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
                                  const JacobianSolutionView<Real>& solution) const {
+  const ScopedFpEnv fp_env;
   const bool on_host = solver_.device().kind == DeviceKind::cpu;
   if (batch.space != (on_host ? MemorySpace::host : MemorySpace::cuda))
     refuse("batch.space is not the solver's: a JacobianSolver on the CPU reads host memory, one on a device its own");
@@ -163,6 +165,7 @@ void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
 template <class Real>
 void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                                  const Real* warm_start, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   check(batch, solution);
   refuse_overlaps(batch, solution, warm_start);
   if (batch.env_count == 0) return;

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 
@@ -179,6 +180,7 @@ class Lineariser {
 
 template <class Real>
 PyramidBatch<Real> linearise(const ContactBatch<Real>& batch, int sides) {
+  const ScopedFpEnv fp_env;
   if (sides != 4 && sides != 8 && sides != 16)
     refuse("sides = " + std::to_string(sides) + ", expected a pyramid of 4, 8 or 16 sides");
   const ContactBatchView<Real> view = batch.view();
@@ -203,6 +205,7 @@ PyramidBatch<Real> linearise(const ContactBatch<Real>& batch, int sides) {
 template <class Real>
 PyramidReactions<Real> reactions(const PyramidBatch<Real>& pyramids, const ContactBatch<Real>& original,
                                  std::span<const Real> f) {
+  const ScopedFpEnv fp_env;
   const ContactBatchView<Real> view = original.view();
   expect_length("f", f.size(), static_cast<std::size_t>(pyramids.batch.row_count()), "one per row of the pyramids");
   expect_length("first_edge", pyramids.first_edge.size(), static_cast<std::size_t>(view.cone_count) + 1,

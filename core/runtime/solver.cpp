@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
 #include "core/runtime/backend.hpp"
 #include "core/runtime/broken_columns.hpp"
 #include "core/runtime/check_options.hpp"
@@ -101,6 +102,7 @@ Capacity Capacity::of(const ContactBatchView<Real>& batch) {
 
 Solver::Solver(Device device, const SolverOptions& options, const Capacity& capacity)
     : device_(device), options_(options) {
+  const ScopedFpEnv fp_env;
   check_options(options);
   if (options.direct_rows != SolverOptions{}.direct_rows && device.kind != DeviceKind::cpu)
     throw Error(ErrorCode::invalid_argument, "direct_rows = " + std::to_string(options.direct_rows) +
@@ -116,6 +118,7 @@ Solver& Solver::operator=(Solver&&) noexcept = default;
 
 template <class Real>
 Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   const ScopedSpan span(options_.tracer, "plan", nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) {
     const ShareOut share_out = sharing(*backend_, options_);
@@ -131,6 +134,7 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
 template <class Real>
 void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                    const Real* warm_start, StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   const PlanData& data = plan.data();
   const bool same_size = data.env_count == batch.env_count && data.cone_count == batch.cone_count &&
@@ -173,6 +177,7 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
 template <class Real>
 void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    StreamRef stream) const {
+  const ScopedFpEnv fp_env;
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   std::vector<FullRows> full_rows;
   check(batch, solution, warm_start, full_rows);
@@ -212,6 +217,7 @@ void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, cons
 
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const {
+  const ScopedFpEnv fp_env;
   std::vector<FullRows> full_rows;
   check(batch, solution, static_cast<const Real*>(nullptr), full_rows);
 }

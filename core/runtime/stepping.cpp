@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/expect.hpp"
 
 namespace stiction {
@@ -65,6 +66,7 @@ SteppingSolver<Real>::SteppingSolver(Device device, const SolverOptions& options
 template <class Real>
 void SteppingSolver<Real>::solve(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
                                  const SolutionView<Real>& solution, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   this->check_rows(batch.row_count);
   // What the solver would refuse must be refused before the store changes.
   solver_.check(batch, solution);
@@ -84,6 +86,7 @@ JacobianSteppingSolver<Real>::JacobianSteppingSolver(Device device, const Solver
 template <class Real>
 void JacobianSteppingSolver<Real>::solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
                                          const JacobianSolutionView<Real>& solution, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   this->check_rows(batch.row_count);
   solver_.check(batch, solution);
   this->step(batch, cone_id, dt, solution, stream,
@@ -109,6 +112,7 @@ void BodySteppingSolver<Real>::solve(const BodyBatchView<Real>& batch, const Bod
 template <class Real>
 void BodySteppingSolver<Real>::solve(const BodyPlan& plan, const BodyBatchView<Real>& batch,
                                      const BodySolutionView<Real>& solution, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   this->check_rows(3 * batch.contact_count);
   solver_.check(plan, batch, solution);
   this->step(batch, batch.contact_id, solver_.stepping().dt, solution, stream,

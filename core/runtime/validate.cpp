@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/base/cone_counts.hpp"
+#include "core/base/fp_env.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"
@@ -453,6 +454,7 @@ void expect_host(const ContactBatchView<Real>& batch) {
 
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver) {
+  const ScopedFpEnv fp_env;
   expect_host(batch);
   return Validator<Real>(batch, limit, solver).run(true, all_at_once);
 }

@@ -3,6 +3,7 @@
 #include <limits>
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
@@ -194,6 +195,7 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
 
 template <class Real>
 std::vector<Residual> verify(const ContactBatchView<Real>& batch, std::span<const Real> lambda) {
+  const ScopedFpEnv fp_env;
   const std::vector<Defect> defects = validate_structure(batch, 1);
   if (!defects.empty()) {
     throw Error(ErrorCode::invalid_argument, "batch cannot be verified: " + defects.front().message);

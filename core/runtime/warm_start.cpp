@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "core/base/fp_env.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
@@ -105,6 +106,7 @@ void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std:
 template <class Real>
 void WarmStartStore<Real>::recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
                                   Real* guess, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && guess == nullptr)
     refuse("guess is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
@@ -125,6 +127,7 @@ void WarmStartStore<Real>::remember(const ContactBatchView<Real>& batch, const s
 template <class Real>
 void WarmStartStore<Real>::recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
                                   Real* guess, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   recall(cones_of(batch), cone_id, dt, guess, stream);
 }
 template <class Real>
@@ -135,6 +138,7 @@ void WarmStartStore<Real>::remember(const JacobianBatchView<Real>& batch, const 
 template <class Real>
 void WarmStartStore<Real>::recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt,
                                   Real* guess, StreamRef stream) {
+  const ScopedFpEnv fp_env;
   recall(cones_of(batch), contact_id, dt, guess, stream);
 }
 template <class Real>

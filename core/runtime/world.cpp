@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/world_machine.hpp"
@@ -125,6 +126,7 @@ struct World<Real>::Parts {
 
 template <class Real>
 World<Real>::World(Device device, WorldDescription description, Offset env_count, const WorldOptions& options) {
+  const ScopedFpEnv fp_env;
   check_description(description);
   check_world_options(options);
   if (env_count < 0) refuse("env_count = " + std::to_string(env_count) + ": must be >= 0");
@@ -139,6 +141,7 @@ World<Real>& World<Real>::operator=(World&&) noexcept = default;
 
 template <class Real>
 void World<Real>::step() {
+  const ScopedFpEnv fp_env;
   const WorldSolve<Real> solve = parts_->find_contacts();
   const BodyPlan plan = parts_->plan(solve);
   parts_->solve(plan, solve);
@@ -158,6 +161,7 @@ std::span<Real> World<Real>::wrench() {
 
 template <class Real>
 void World<Real>::reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state) {
+  const ScopedFpEnv fp_env;
   Parts& parts = *parts_;
   const std::size_t bodies = at(parts.env_count) * at(parts.body_count);
   expect_length("mask", mask.size(), at(parts.env_count), "one byte per environment");
@@ -221,6 +225,7 @@ std::span<const Real> World<Real>::impulses() const {
 
 template <class Real>
 std::vector<WorldMotion> World<Real>::motion() const {
+  const ScopedFpEnv fp_env;
   std::vector<WorldMotion> motion(at(parts_->env_count));
   parts_->machine->motion(motion);
   return motion;

@@ -1,4 +1,5 @@
 #include "core/runtime/world_model.hpp"
+#include "core/base/fp_env.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -195,6 +196,7 @@ WorldModel<Real>::WorldModel(const WorldDescription& description, const WorldOpt
 }
 
 WorldBody solid_body(const WorldShape& shape, double density) {
+  const ScopedFpEnv fp_env;
   require(density > 0, "density", density, "finite and > 0");
   if (shape.kind == ShapeKind::plane) refuse("shape is a plane, which has no mass: use a sphere, capsule or box");
   check_shape("shape", shape, at(shape.body) + 1);

@@ -176,10 +176,10 @@ class Padded:
             raise ValueError("dims: expected numbers of rows >= 0, got a negative one")
         ends = np.minimum(np.cumsum(self._dims, axis=-1, dtype=np.int64), self.room)
         self._ends = np.broadcast_to(ends, self.cone_shape)
-        kinds = self.integers["cone_kind"].reshape(self.env_count, -1)
+        kinds = self.integers["cone_kind"].reshape(self.env_count, self.cone_room + 1)
         kinds[:, :-1] = self._kinds
         rows = self.integers["cone_row_offsets"]
-        places = rows[:-1].reshape(self.env_count, -1)
+        places = rows[:-1].reshape(self.env_count, self.cone_room + 1)
         places[:, 0] = self._first[:, 0]
         places[:, 1:] = self._first + self._ends
         rows[-1] = self.row_count

@@ -27,15 +27,26 @@ _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceler
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
+def _check_data(model, i, one):
+    """Raises TypeError or ValueError for what is no mjData of that model."""
+    if not isinstance(one, mujoco.MjData):
+        raise TypeError(f"data[{i}]: expected a mujoco.MjData, got {type(one).__name__}")
+    if one.model._address != model._address:
+        raise ValueError(f"data[{i}]: expected data of this simulation's model, got data of another one: make it with "
+                         "mujoco.MjData(simulation.model)")
+
+
 class Simulations(collections.abc.Sequence):
     """The mujoco.MjData of a BatchedSimulation. One may be replaced by another of the same model, `data[i] = other`; what
     its constraints would have started from is dropped then. Raises TypeError or ValueError for anything else."""
 
     def __init__(self, model, data):
         self._model, self._data, self._core = model, [], None
+        self._places = {}  # address -> simulation
         self.replaced = 0  #: how many times one was replaced: views of their arrays are old then
         for i, one in enumerate(data):
             self._data.append(self._checked(i, one))
+            self._places[one._address] = i
 
     def __len__(self):
         return len(self._data)
@@ -56,19 +67,15 @@ class Simulations(collections.abc.Sequence):
             return
         one = self._checked(i, one)
         self._core.replace(i, one._address)
-        self._data[i] = one
+        del self._places[self._data[i]._address]
+        self._data[i], self._places[one._address] = one, i
         self.replaced += 1
 
     def _checked(self, i, one):
-        if not isinstance(one, mujoco.MjData):
-            raise TypeError(f"data[{i}]: expected a mujoco.MjData, got {type(one).__name__}")
-        if one.model._address != self._model._address:
-            raise ValueError(f"data[{i}]: expected data of this simulation's model, got data of another one: make it with "
-                             "mujoco.MjData(simulation.model)")
-        for k, other in enumerate(self._data):
-            if other._address == one._address:
-                raise ValueError(f"data[{i}]: expected data of its own, got that of simulation {k}: two threads would "
-                                 "write to it")
+        _check_data(self._model, i, one)
+        if one._address in self._places:
+            raise ValueError(f"data[{i}]: expected data of its own, got that of simulation {self._places[one._address]}: "
+                             "two threads would write to it")
         return one
 
 
@@ -292,9 +299,11 @@ class BatchedSimulation:
 def gather(model, data, **options):
     """The constraints of many mujoco.MjData of one model, as they lie there after mj_forward or mj_fwdAcceleration, as
     one stiction.Batch in Jacobian form: accelerations and forces. options: of BatchedSimulation."""
-    places = Simulations(model, data)
-    if not len(places):
+    places = list(data)
+    if not places:
         raise ValueError("data: expected at least one mujoco.MjData, got none")
+    for i, one in enumerate(places):
+        _check_data(model, i, one)
     _refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)

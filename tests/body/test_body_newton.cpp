@@ -356,9 +356,9 @@ TEST(BodyNewton, single_precision_ends_where_its_impulses_do) {
 TEST(BodyNewton, misuse_is_named) {
   using ::testing::HasSubstr;
   const auto batch = batch_of<double>({box_bodies(box_tower(2), 0.5)});
-  std::vector<double> room(100);
+  std::vector<double> impulse(100), twist(100);
   std::vector<EnvStatus> status(1);
-  const BodySolutionView<double> out{room.data(), room.data(), nullptr, status.data()};
+  const BodySolutionView<double> out{impulse.data(), twist.data(), nullptr, status.data()};
   const BodySolver impulses(Device::cpu(), {}, {});
   const BodySolver factor(Device::cpu(), {}, newton(Law::convex, 1e-8));
   const BodySolver multigrid(Device::cpu(), {}, newton(Law::convex, 1e-8, BodyPreconditioner::multigrid));

@@ -70,6 +70,35 @@ static void solves(const char* device, int32_t space) {
   STICTION_CHECK_OK(stiction_solver_destroy(solver));
 }
 
+/* Columns are written to after the plan was made: the environment is flagged, the other one has its answer. */
+static void isolates(const char* device) {
+  stiction_solver* solver = NULL;
+  stiction_solver_options options;
+  stiction_batch_view batch;
+  stiction_solution solution = answer(lambda, w);
+  int32_t columns[6];
+  int i;
+  two_blocks(&batch, STICTION_F64);
+  memcpy(columns, kColumns, sizeof columns);
+  batch.column = columns;
+  STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
+  options.invalid = STICTION_INVALID_ISOLATE;
+  STICTION_CHECK_OK(stiction_solver_create(device, &options, NULL, &solver));
+  STICTION_CHECK_OK(stiction_solver_plan(solver, &batch, NULL));
+  columns[4] = 1000000000;
+  STICTION_CHECK_OK(stiction_solver_solve_planned(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK(status[1].code == STICTION_ENV_INVALID_INPUT && (status[1].flags & STICTION_FLAG_BAD_STRUCTURE) != 0);
+  STICTION_CHECK(status[0].code == STICTION_ENV_SOLVED);
+  for (i = 0; i < 3; ++i) STICTION_CHECK(near_to(lambda[i], kReactions[i], kDistance) && lambda[3 + i] == 0);
+  STICTION_CHECK_FAILS(stiction_solver_solve(solver, &batch, &solution, NULL, NULL), STICTION_INVALID_ARGUMENT,
+                       "column[env 1, row 1] = 1000000000", "fix the column");
+  columns[4] = 1;
+  solution.w = lambda;
+  STICTION_CHECK_FAILS(stiction_solver_solve_planned(solver, &batch, &solution, NULL, NULL), STICTION_INVALID_ARGUMENT,
+                       "solution.w and solution.lambda overlap", "memory of its own");
+  STICTION_CHECK_OK(stiction_solver_destroy(solver));
+}
+
 static void solves_floats(void) {
   stiction_solver* solver = NULL;
   stiction_batch_view batch;
@@ -208,6 +237,8 @@ int main(void) {
   solves("cpu", STICTION_SPACE_HOST);
   solves("emulated", STICTION_SPACE_HOST);
   solves("emulated", STICTION_SPACE_CUDA); /* whose device memory is any memory */
+  isolates("cpu");
+  isolates("emulated");
   solves_floats();
   jacobians();
   bodies();

@@ -14,15 +14,6 @@ namespace stiction::test {
 
 namespace {
 
-template <class Real>
-BodyEnvironment<Real> as(const BodyEnvironment<double>& env) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return scenes::rounded(env);
-  } else {
-    return env;
-  }
-}
-
 /// Two bodies without masses touch: a contact that nobody can solve.
 template <class Real>
 void make_immovable(BodyEnvironment<Real>& env) {

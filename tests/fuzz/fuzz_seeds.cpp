@@ -1,7 +1,13 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "core/io/hdf5_out.hpp"
+#include "stiction/config.hpp"
 #include "stiction/io.hpp"
 
 // Writes one small valid file of every kind into a folder, for the fuzzer to start from.
@@ -30,6 +36,73 @@ stiction::io::Recording recording(int contacts) {
   return result;
 }
 
+/// Everything that a contact-batch file may hold: bounds that are not symmetric, manifolds, ids, steps, flags, limits
+/// of single environments, and how the batch was solved.
+stiction::io::Recording full_recording() {
+  stiction::io::Recording result = recording(2);
+  auto arrays = result.batch.arrays();
+  arrays.cone_kind = {stiction::ConeKind::friction, stiction::ConeKind::box, stiction::ConeKind::unilateral,
+                      stiction::ConeKind::free};
+  arrays.cone_row_offsets = {0, 3, 4, 5, 6};
+  arrays.env_cone_offsets = {0, 4};
+  arrays.cone_group = {0, 0, -1, -1};
+  arrays.lo = {0, 0, 0, -0.5, 0, 0};
+  arrays.hi = {0, 0, 0, 2, 0, 0};
+  arrays.mu = {0, 0.5, 0.25, 0, 0, 0};
+  arrays.env_flags = {stiction::kFlagCapacity};
+  arrays.env_tolerance = {1e-3};
+  arrays.env_max_iterations = {7};
+  result.batch = stiction::ContactBatch<double>::from_arrays(stiction::Law::convex, arrays);
+  result.cone_id = {7, 9, 11, 13};
+  result.dt = {0.005};
+  result.v_free = {1};
+  result.v_ref = {0.5};
+  result.row_target.assign(6, 0.25);
+  stiction::io::RecordedSolve solve;
+  solve.lambda.assign(6, 0.5);
+  solve.warm_start.assign(6, 0.25);
+  solve.max_iterations = 10;
+  solve.numerics_epoch = stiction::kNumericsEpoch;
+  result.solve = solve;
+  return result;
+}
+
+template <class T>
+void put(stiction::io::OutputFile& file, const std::string& path, const std::vector<T>& values) {
+  file.array(path, std::span<const T>(values));
+}
+
+/// A matrix by columns, as FCLIB stores it.
+void put_matrix(stiction::io::OutputFile& file, const std::string& path, int rows, int columns,
+                const std::vector<std::int32_t>& begin, const std::vector<std::int32_t>& row,
+                const std::vector<double>& values) {
+  file.group(path);
+  for (const auto& [name, value] :
+       {std::pair{"m", rows}, {"n", columns}, {"nz", -1}, {"nzmax", static_cast<int>(row.size())}})
+    put(file, path + "/" + name, std::vector<std::int32_t>{value});
+  put(file, path + "/p", begin);
+  put(file, path + "/i", row);
+  put(file, path + "/x", values);
+}
+
+/// One planar contact of three degrees of freedom; with `rolling` a kind that readers refuse by name.
+void write_fclib_global(const std::filesystem::path& path, bool rolling) {
+  stiction::io::OutputFile file(path);
+  const std::string root = rolling ? "fclib_global_rolling" : "fclib_global";
+  file.group(root);
+  put(file, root + "/spacedim", std::vector<std::int32_t>{2});
+  put_matrix(file, root + "/M", 3, 3, {0, 2, 3, 5}, {0, 2, 1, 0, 2}, {2, 2, 2, 2, 4});
+  put_matrix(file, root + "/H", 3, 2, {0, 1, 3}, {0, 1, 2}, {1, 1, 1});
+  put_matrix(file, root + "/G", 3, 1, {0, 1}, {1}, {2});
+  file.group(root + "/vectors");
+  put(file, root + "/vectors/f", std::vector<double>{2, 4, 0});
+  put(file, root + "/vectors/w", std::vector<double>{0.5, -1});
+  put(file, root + "/vectors/mu", std::vector<double>{0.8});
+  put(file, root + "/vectors/b", std::vector<double>{8});
+  if (rolling) put(file, root + "/vectors/mu_r", std::vector<double>{0.1});
+  file.commit();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
@@ -42,7 +115,10 @@ int main(int argc, char** argv) try {
   constexpr int kPlain = 2, kPacked = 400;  // contacts: below and above the size from which arrays are packed
   stiction::io::write_batch(folder / "plain.h5", recording(kPlain));
   stiction::io::write_batch(folder / "packed.h5", recording(kPacked));
+  stiction::io::write_batch(folder / "full.h5", full_recording());
   stiction::io::write_fclib_local(folder / "fclib.hdf5", recording(kPlain), 0);
+  write_fclib_global(folder / "global.hdf5", false);
+  write_fclib_global(folder / "rolling.hdf5", true);
   stiction::io::SolutionFile solution;
   solution.lambda.assign(6, 0.0);
   solution.env_row_offsets = {0, 6};

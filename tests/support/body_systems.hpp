@@ -100,6 +100,15 @@ inline BodySolverOptions newton_options(Law law, BodyPreconditioner precondition
 }
 
 template <class Real>
+BodyEnvironment<Real> as(const BodyEnvironment<double>& env) {
+  if constexpr (std::is_same_v<Real, float>) {
+    return scenes::rounded(env);
+  } else {
+    return env;
+  }
+}
+
+template <class Real>
 BodyBatch<Real> batch_of(const std::vector<BodyEnvironment<Real>>& envs) {
   BodyBatch<Real> batch;
   for (const auto& env : envs) batch.add(env);
