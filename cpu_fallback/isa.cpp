@@ -6,7 +6,7 @@
 
 namespace stiction {
 
-namespace isa_baseline {
+inline namespace isa_baseline {
 cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();

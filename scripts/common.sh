@@ -70,24 +70,31 @@ test_packages=(
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
   "clang-format-14: formatting is not checked"
+  "libtbb-dev: oneTBB is not tested"
 )
 
-# A virtual environment with what tools/*.py need. Sets `python` to it, or to the system's where PyPI does not answer.
+# make_venv [REQUIREMENTS ...]: a virtual environment with what tools/*.py need, and with more. Sets `python` to it, or to
+# the system's where PyPI does not answer.
 make_venv() {
+  local file files=("$root/tools/requirements.txt" "$@")
   python=$(command -v python3 || true)
   [ -n "$python" ] || { note "no python3: lint, recording tests and pictures are skipped"; return 0; }
-  local stamp=$root/.venv/.installed
-  if ! cmp -s "$root/tools/requirements.txt" "$stamp"; then
-    note "fetching $(grep -oE '^[a-z0-9]+' "$root/tools/requirements.txt" | tr '\n' ' ')into .venv"
-    if python3 -m venv "$root/.venv" > /dev/null 2>&1 &&
-      timeout 600 "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --timeout 15 --retries 1 \
-        -r "$root/tools/requirements.txt" > /dev/null 2>&1; then
-      cp "$root/tools/requirements.txt" "$stamp"
-    else
+  [ -x "$root/.venv/bin/python" ] || python3 -m venv "$root/.venv" > /dev/null 2>&1 ||
+    { note "no python3-venv: recording tests and pictures are skipped"; return 0; }
+  for file in "${files[@]}"; do
+    local stamp=$root/.venv/.installed-$(basename "$file" .txt)
+    cmp -s "$file" "$stamp" && continue
+    note "fetching $(grep -oE '^[a-z0-9-]+' "$file" | tr '\n' ' ')into .venv"
+    if timeout 900 "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --timeout 15 --retries 1 \
+      -r "$file" > /dev/null 2>&1; then
+      cp "$file" "$stamp"
+    elif [ "$file" = "${files[0]}" ]; then
       note "PyPI did not deliver: recording tests are skipped, and pictures unless the system has matplotlib"
       return 0
+    else
+      note "PyPI did not deliver what $(basename "$file") names: its tests are skipped"
     fi
-  fi
+  done
   python=$root/.venv/bin/python
 }
 
@@ -136,15 +143,14 @@ assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2
 
 # build_targets [TARGET ...]: all of it if none is named. A line whenever another tenth is done, and all that is no progress.
 build_targets() {
-  cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | awk -v begin="$(date +%s)" '
-    match($0, /^\[[0-9]+\/[0-9]+\]/) {
-      split(substr($0, 2, RLENGTH - 2), part, "/")
-      if (part[2] > 0 && (tenth = int(10 * part[1] / part[2])) != last) {
-        last = tenth
-        "date +%s" | getline now; close("date +%s")
-        printf "   %d of %d, %d s\n", part[1], part[2], now - begin; fflush()
-      }
-      next
-    }
-    { print; fflush() }'
+  local line last=-1 begin=$SECONDS
+  cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | while IFS= read -r line; do
+    if [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]]; then
+      [ $((10 * BASH_REMATCH[1] / BASH_REMATCH[2])) -gt "$last" ] || continue
+      last=$((10 * BASH_REMATCH[1] / BASH_REMATCH[2]))
+      note "${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}, $((SECONDS - begin)) s"
+    else
+      printf '%s\n' "$line"
+    fi
+  done
 }
