@@ -1,6 +1,10 @@
 # Finds nvcc if STICTION_ENABLE_CUDA asks for it and sets STICTION_HAS_CUDA. AUTO asks where a GPU is seen: compiling for
 # one takes longer than all else together, and a machine without can use none of it.
 set(STICTION_HAS_CUDA OFF)
+set(STICTION_NO_CUDA "no GPU is seen; -DSTICTION_ENABLE_CUDA=ON and nvcc, which scripts/get_cuda.sh fetches")
+if(STICTION_ENABLE_CUDA STREQUAL "OFF")
+  set(STICTION_NO_CUDA "-DSTICTION_ENABLE_CUDA=ON and nvcc, which scripts/get_cuda.sh fetches")
+endif()
 find_program(STICTION_NVIDIA_SMI nvidia-smi)
 mark_as_advanced(STICTION_NVIDIA_SMI)
 set(_gpu_architectures)
@@ -19,10 +23,10 @@ if(STICTION_ENABLE_CUDA STREQUAL "ON" OR (STICTION_ENABLE_CUDA STREQUAL "AUTO" A
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
-    # Where a GPU is seen: machine code for it, with all optimisations. Elsewhere one PTX, for A100 and whatever comes after. From that same PTX comes machine code for H100/H200, but only
-    # of what all solvers share: the solvers' own would take most of the build, an hour on some machines. The driver
-    # translates them at first use, and keeps the result. Where solves are to start at once and run as fast as they can,
-    # name the architectures: -DCMAKE_CUDA_ARCHITECTURES=90-real.
+    # Where a GPU is seen: machine code for it, with all optimisations. Elsewhere one PTX, for A100 and whatever comes
+    # after. From that same PTX comes machine code for H100/H200, but only of what all solvers share: the solvers' own
+    # would take most of the build, an hour on some machines. The driver translates them at first use, and keeps the
+    # result. A build for a GPU that is elsewhere names it: -DCMAKE_CUDA_ARCHITECTURES=90-real.
     if(DEFINED CMAKE_CUDA_ARCHITECTURES)
       set(STICTION_CUDA_BY_DEFAULT OFF)
     elseif(_gpu_architectures)
@@ -42,7 +46,10 @@ if(STICTION_ENABLE_CUDA STREQUAL "ON" OR (STICTION_ENABLE_CUDA STREQUAL "AUTO" A
     endif()
     find_package(CUDAToolkit 12.0 REQUIRED)
     set(STICTION_HAS_CUDA ON)
-  elseif(STICTION_ENABLE_CUDA STREQUAL "ON")
+  elseif(STICTION_ENABLE_CUDA STREQUAL "AUTO")
+    set(STICTION_NO_CUDA "a GPU is seen, and no CUDA compiler: set CUDACXX to nvcc, which scripts/get_cuda.sh fetches")
+    message(WARNING "stiction: ${STICTION_NO_CUDA}")
+  else()
     message(FATAL_ERROR "STICTION_ENABLE_CUDA=ON but no CUDA compiler was found: set CUDACXX to nvcc (scripts/get_cuda.sh "
                         "fetches one), or pass -DSTICTION_ENABLE_CUDA=OFF")
   endif()
