@@ -1,0 +1,47 @@
+#pragma once
+
+#include <iterator>
+
+#include "stiction/pyramid.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// Every solver that a batch can be given to, and batches that it takes.
+namespace stiction::test {
+
+inline constexpr SolverKind kEveryChoice[] = {SolverKind::pgs,      SolverKind::npgs,     SolverKind::jacobi,
+                                              SolverKind::apgd,     SolverKind::nsgs,     SolverKind::admm,
+                                              SolverKind::newton,   SolverKind::lemke,    SolverKind::ipm,
+                                              SolverKind::subspace, SolverKind::automatic};
+static_assert(std::size(kEveryChoice) == kSolverKindCount + 1);
+
+/// Whether an iteration costs a factorisation, or may.
+inline bool is_costly(SolverKind solver) {
+  return solver == SolverKind::admm || solver == SolverKind::newton || solver == SolverKind::ipm ||
+         solver == SolverKind::lemke || solver == SolverKind::automatic;
+}
+
+/// The batch without environments of more rows than that.
+inline ContactBatch<double> up_to(const ContactBatch<double>& batch, Index rows) {
+  std::vector<Offset> small;
+  for (Offset env = 0; env < batch.env_count(); ++env)
+    if (batch.view().env_rows(env) <= rows) small.push_back(env);
+  return gather(batch, small);
+}
+
+/// The batch as that solver takes it: pyramids of four edges for lemke, which refuses friction cones, and for whatever
+/// is costly nothing of more than `costly_rows` rows. 200 rows leave dense and sparse environments, 100 dense ones and
+/// a few sparse.
+template <class Real>
+ContactBatch<Real> batch_for(SolverKind solver, const ContactBatch<double>& batch, Index costly_rows) {
+  if (!is_costly(solver)) return convert<Real>(batch);
+  const ContactBatch<double> small = up_to(batch, costly_rows);
+  return convert<Real>(solver == SolverKind::lemke ? linearise(small, 4).batch : small);
+}
+
+/// So few that nothing costly takes long, and pivots for lemke, whose iterations are cheap.
+inline Index few_iterations(SolverKind solver, Index cheap) {
+  return is_costly(solver) && solver != SolverKind::lemke ? 4 : cheap;
+}
+
+}  // namespace stiction::test
