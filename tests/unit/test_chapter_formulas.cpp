@@ -1,190 +1,216 @@
 #include <gtest/gtest.h>
 
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <numbers>
+#include <map>
+#include <span>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
-#include "core/body/cones.hpp"
-#include "tests/support/small_systems.hpp"
+#include "stiction/analysis.hpp"
+#include "stiction/residual.hpp"
+#include "tests/support/random_lcp.hpp"
 
-// Formulas of the textbook chapter the project grew from, where its printed form is wrong: what the form says, and what
-// is true. Letters are those of the audit.
+// Formulas of the textbook chapter the project grew from, where their printed form is wrong: what the library does
+// agrees with the corrected form and disagrees with the printed one. Letters are those of
+// docs/math/contact_problem.md. Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
 
 namespace {
 
 using namespace stiction;
 using namespace stiction::test;
 
-// (a) The chapter's step subtracts the whole product, diagonal included, and does not start from lambda_i.
-TEST(ChapterFormulas, TheProjectedGaussSeidelStepNeedsItsOwnReactionOrNotItsOwnDiagonal) {
-  constexpr double kA = 2, kB = -4;  // lambda = 2
-  double chapter = 0, from_residual = 0, without_diagonal = 0;
-  std::vector<double> seen;
-  for (int sweep = 0; sweep < 4; ++sweep) {
-    // Printed: lambda + max(0, -(b + A lambda without diagonal) / A), that is both forms at once.
-    chapter = std::max(0.0, chapter - kB / kA);
-    from_residual = std::max(0.0, from_residual - (kB + kA * from_residual) / kA);
-    without_diagonal = std::max(0.0, -kB / kA);
-    seen.push_back(chapter);
-  }
-  EXPECT_EQ(seen, (std::vector<double>{2, 4, 6, 8})) << "the mixed form walks away";
-  EXPECT_EQ(from_residual, 2);
-  EXPECT_EQ(without_diagonal, 2);
-  EXPECT_EQ(solve(batch_of({system({unilateral()}, {kA}, {kB})}), options(SolverKind::pgs, 0, 4)).lambda[0], 2);
-}
+/// What a step starts from and which entries its sum takes.
+enum class Form { from_lambda_whole_sum, from_zero_without_diagonal, printed };
 
-/// The chain 2 -1 0 .. with a right-hand side that keeps every contact closed.
-Environment<double> chain(std::size_t n) {
-  std::vector<double> A(n * n, 0.0), b(n, -1.0);
-  for (std::size_t i = 0; i < n; ++i) {
-    A[i * n + i] = 2;
-    if (i > 0) A[i * n + i - 1] = A[(i - 1) * n + i] = -1;
-  }
-  return system(std::vector<Cone>(n, unilateral()), A, b);
-}
-
-/// Residuals of pgs after each of the given numbers of sweeps.
-double residual_after(const Environment<double>& env, Index sweeps, double omega) {
-  SolverOptions o = options(SolverKind::pgs, 0, sweeps);
-  o.omega = omega;
-  return solve(batch_of({env}), o).status[0].residual;
-}
-
-// (c), (d) The chapter gives PGS the rate of the gradient method, 1 - 2 / (kappa + 1), and omega without saying which
-// radius it wants. For this chain the Jacobi radius is cos(pi / (n + 1)); Gauss-Seidel's rate is its square, SOR's with
-// omega = 2 / (1 + sqrt(1 - rho_J^2)) is omega - 1.
-TEST(ChapterFormulas, TheRatesOfGaussSeidelAndOverRelaxationAreThoseOfTheJacobiRadius) {
-  constexpr std::size_t kN = 20;
-  const auto env = chain(kN);
-  const double jacobi = std::cos(std::numbers::pi / (kN + 1));
-  const double kappa = (1 + jacobi) / (1 - jacobi);
-  const double gauss_seidel = jacobi * jacobi;
-  const double measured = std::pow(residual_after(env, 640, 1) / residual_after(env, 320, 1), 1.0 / 320);
-  EXPECT_NEAR(measured, gauss_seidel, 1e-5);
-  EXPECT_GT(std::abs(measured - (1 - 2 / (kappa + 1))), 1e-3) << "the gradient method's rate is another";
-  EXPECT_NEAR(1 - 2 / (kappa + 1), jacobi, 1e-12) << "it is the Jacobi radius itself";
-
-  const double omega = 2 / (1 + std::sqrt(1 - jacobi * jacobi));
-  const double wrong = 2 / (1 + std::sqrt(1 - gauss_seidel * gauss_seidel));
-  const double right_rate = std::pow(residual_after(env, 80, omega) / residual_after(env, 40, omega), 1.0 / 40);
-  // A Jordan block makes the optimum's residual k rho^k: over 40 to 80 sweeps a factor 2^(1/40).
-  EXPECT_NEAR(right_rate, (omega - 1) * std::pow(2.0, 1.0 / 40), 2e-2);
-  EXPECT_LT(residual_after(env, 80, omega), 1e-2 * residual_after(env, 80, wrong));
-}
-
-/// Euclidean projection onto norm(t) <= mu n, as it should be.
-std::array<double, 3> onto_friction_cone(const std::array<double, 3>& x, double mu) {
-  const double t = std::hypot(x[1], x[2]);
-  if (t <= mu * x[0]) return x;
-  if (mu * t <= -x[0]) return {0, 0, 0};
-  const double n = (x[0] + mu * t) / (1 + mu * mu);
-  return {n, mu * n * x[1] / t, mu * n * x[2] / t};
-}
-
-/// The same with the chapter's polar test, norm(t) <= -n, which knows no mu.
-std::array<double, 3> chapters_projection(const std::array<double, 3>& x, double mu) {
-  const double t = std::hypot(x[1], x[2]);
-  if (t <= mu * x[0]) return x;
-  if (t <= -x[0]) return {0, 0, 0};
-  const double n = (x[0] + mu * t) / (1 + mu * mu);
-  return {n, mu * n * x[1] / t, mu * n * x[2] / t};
-}
-
-/// x - p in the polar cone and orthogonal to p: what makes p the nearest point.
-bool is_nearest(const std::array<double, 3>& x, const std::array<double, 3>& p, double mu) {
-  const std::array<double, 3> q{x[0] - p[0], x[1] - p[1], x[2] - p[2]};
-  const bool in_cone = std::hypot(p[1], p[2]) <= mu * p[0] + 1e-12;
-  const bool in_polar = mu * std::hypot(q[1], q[2]) <= -q[0] + 1e-12;
-  return in_cone && in_polar && std::abs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2]) <= 1e-12;
-}
-
-// (e)
-TEST(ChapterFormulas, ThePolarConeOfAFrictionConeDependsOnMu) {
-  const std::array<double, 3> x{-1, 1.5, 0};
-  EXPECT_EQ(onto_friction_cone(x, 0.5), (std::array<double, 3>{0, 0, 0}));
-  EXPECT_NEAR(chapters_projection(x, 0.5)[0], -0.2, 1e-15) << "a negative normal reaction";
-  scenes::Rng rng(3);
-  int wrong = 0;
-  for (int sample = 0; sample < 20000; ++sample) {
-    const double mu = rng.uniform(0.1, 0.9);
-    std::array<double, 3> z;
-    for (double& entry : z) entry = rng.symmetric(2.0);
-    ASSERT_TRUE(is_nearest(z, onto_friction_cone(z, mu), mu));
-    wrong += !is_nearest(z, chapters_projection(z, mu), mu);
-    ASSERT_TRUE(is_nearest(z, chapters_projection(z, 1.0), 1.0)) << "at mu = 1 the two agree";
-  }
-  EXPECT_GT(wrong, 2000);
-}
-
-// (f) Inscribed pyramids: share of the disk's area that is lost, and of the force in the worst direction.
-TEST(ChapterFormulas, AnEightSidedPyramidLosesTenPercentOfTheDisk) {
-  const auto area_lost = [](int k) { return 1 - k * std::sin(2 * std::numbers::pi / k) / (2 * std::numbers::pi); };
-  EXPECT_NEAR(area_lost(4), 0.3634, 5e-5);
-  EXPECT_NEAR(area_lost(8), 0.0997, 5e-5) << "not 9.0 %";
-  EXPECT_NEAR(area_lost(16), 0.0255, 5e-5);
-  EXPECT_NEAR(1 - std::cos(std::numbers::pi / 8), 0.0761, 5e-5);
-  // Counted, not computed: points of the disk outside of the octagon.
-  scenes::Rng rng(8);
-  int disk = 0, lost = 0;
-  for (int sample = 0; sample < 400000; ++sample) {
-    const double x = rng.symmetric(1.0), y = rng.symmetric(1.0);
-    if (x * x + y * y > 1) continue;
-    ++disk;
-    bool inside = true;
-    for (int side = 0; side < 8; ++side) {
-      const double angle = (2 * side + 1) * std::numbers::pi / 8;
-      inside = inside && x * std::cos(angle) + y * std::sin(angle) <= std::cos(std::numbers::pi / 8);
-    }
-    lost += !inside;
-  }
-  // Standard deviation of the share: sqrt(0.09 / 314000) = 5e-4; four of them.
-  EXPECT_NEAR(static_cast<double>(lost) / disk, area_lost(8), 2.2e-3);
-}
-
-// (h) A unit mass slides at 1 m/s over the ground, mu = 0.5, g dt = 0.0981. Reactions lie in the friction cone and
-// motion in its dual, not the other way round; without de Saxce's term the block takes off.
-TEST(ChapterFormulas, PairedWithTheDualConeASlidingBlockLiftsOffUnlessDeSaxcesTermIsAdded) {
-  const auto block = contact({1, 1, 1}, {-0.0981, 1, 0}, 0.5);
-  for (const SolverKind solver : kAllSolvers) {
-    SCOPED_TRACE(to_string(solver));
-    const auto convex = solve(batch_of({block}, Law::convex), options(solver, 1e-12, 20000));
-    EXPECT_NEAR(convex.lambda[0], 0.478, 5e-4);
-    EXPECT_NEAR(convex.w[0], 0.380, 5e-4);
-    EXPECT_NEAR(convex.w[0], 0.5 * std::abs(convex.w[1]), 1e-9) << "it lifts off at mu norm(w_t)";
-    const auto coulomb = solve(batch_of({block}, Law::coulomb), options(solver, 1e-12, 20000));
-    EXPECT_NEAR(coulomb.lambda[0], 0.0981, 1e-9);
-    EXPECT_NEAR(coulomb.lambda[1], -0.04905, 1e-9);
-    EXPECT_NEAR(coulomb.w[0], 0, 1e-9);
+/// One sweep of lambda_i <- max(0, start - (b_i + sum) / A_ii).
+void sweep_by_form(const Lcp& lcp, Form form, std::vector<double>& lambda) {
+  for (std::size_t i = 0; i < lcp.n(); ++i) {
+    double sum = lcp.b[i];
+    for (std::size_t j = 0; j < lcp.n(); ++j)
+      if (j != i || form == Form::from_lambda_whole_sum) sum += lcp.A[i * lcp.n() + j] * lambda[j];
+    const double start = form == Form::from_zero_without_diagonal ? 0.0 : lambda[i];
+    lambda[i] = std::max(0.0, start - sum / lcp.A[i * lcp.n() + i]);
   }
 }
 
-// (m) The projection in circular coordinates, carried back, is not the Euclidean one: it is the nearest point in the
-// metric of the scaling. Both vanish exactly at solutions.
-TEST(ChapterFormulas, TheScaledProjectionIsNotTheEuclideanOneAndBothKnowTheCone) {
-  constexpr double kMu = 0.5;
-  const auto scaled = [](const std::array<double, 3>& x) {
-    double z[] = {x[0], x[1] / kMu, x[2] / kMu};
-    project_second_order_cone<3>(z);
-    return std::array<double, 3>{z[0], kMu * z[1], kMu * z[2]};
-  };
-  scenes::Rng rng(4);
+std::vector<double> after_sweeps(const Lcp& lcp, Form form, int sweeps) {
+  std::vector<double> lambda(lcp.n(), 0.0);
+  for (int sweep = 0; sweep < sweeps; ++sweep) sweep_by_form(lcp, form, lambda);
+  return lambda;
+}
+
+double distance(const std::vector<double>& x, const std::vector<double>& y) {
   double largest = 0;
-  for (int sample = 0; sample < 5000; ++sample) {
-    std::array<double, 3> x;
-    for (double& entry : x) entry = rng.symmetric(2.0);
-    const auto a = scaled(x), e = onto_friction_cone(x, kMu);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double difference = std::abs(a[k] - e[k]);
-      if (difference > largest) largest = difference;
-    }
-    EXPECT_LE(std::hypot(a[1], a[2]), kMu * a[0] + 1e-14);
-    // A point of the cone is a fixed point of both.
-    const auto again = scaled(e);
-    for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(again[k], e[k], 1e-14);
+  for (std::size_t i = 0; i < x.size(); ++i) largest = std::max(largest, std::abs(x[i] - y[i]));
+  return largest;
+}
+
+std::vector<double> answer(const Lcp& lcp, SolverKind solver, double tolerance, Index iterations) {
+  return solve(batch_of({lcp.env()}), options(solver, tolerance, iterations)).lambda;
+}
+
+// (a) max(0, lambda_i - (b_i + sum_j A_ij lambda_j) / A_ii), or max(0, -(b_i + sum_{j != i} A_ij lambda_j) / A_ii).
+// Printed: the second's sum with the first's start.
+TEST(ChapterFormulas, SweepsOfPgsAreThoseOfTheTwoFormsAndNotOfTheirMixture) {
+  const Lcp one{{2}, {-4}};
+  for (const int sweeps : {1, 2, 4}) {
+    EXPECT_EQ(answer(one, SolverKind::pgs, 0, sweeps)[0], 2);
+    EXPECT_EQ(after_sweeps(one, Form::printed, sweeps)[0], 2.0 * sweeps) << "the mixture walks away";
   }
-  EXPECT_GT(largest, 0.5) << "differences are of order one, not of rounding";
+  scenes::Rng rng(1);
+  int solved_as_printed = 0, other_after_two = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    // So well conditioned that each sweep is the best so far, which is what a solve returns.
+    const Lcp lcp = random_lcp(rng, 5, 5, 2.0);
+    for (const int sweeps : {1, 2, 7}) {
+      const std::vector<double> lambda = answer(lcp, SolverKind::pgs, 0, sweeps);
+      EXPECT_LE(distance(lambda, after_sweeps(lcp, Form::from_lambda_whole_sum, sweeps)), 1e-13) << trial;
+      EXPECT_LE(distance(lambda, after_sweeps(lcp, Form::from_zero_without_diagonal, sweeps)), 1e-13) << trial;
+      if (sweeps == 2) other_after_two += distance(lambda, after_sweeps(lcp, Form::printed, sweeps)) > 1e-3;
+    }
+    EXPECT_LE(lcp.error(answer(lcp, SolverKind::pgs, 1e-12, 20000)), 1e-11) << trial;
+    solved_as_printed += lcp.error(after_sweeps(lcp, Form::printed, 400)) <= 1e-3;
+  }
+  EXPECT_EQ(other_after_two, 200);
+  EXPECT_EQ(solved_as_printed, 0);
+}
+
+// (b) w = [A e](lambda; z_0) + b, z_0 >= 0 a variable that leaves in the end. Printed: a constant, which makes b + e of
+// b, and a row of zeros.
+TEST(ChapterFormulas, LemkesArtificialVariableIsNotAConstant) {
+  EXPECT_EQ(answer({{2}, {-4}}, SolverKind::lemke, 1e-12, 100)[0], 2);
+  EXPECT_EQ(answer({{2}, {-4 + 1}}, SolverKind::lemke, 1e-12, 100)[0], 1.5) << "what the printed tableau solves";
+  scenes::Rng rng(2);
+  double smallest_error_as_printed = 1;
+  for (int trial = 0; trial < 500; ++trial) {
+    const Lcp lcp = random_lcp(rng, 12, 12, 0.1);
+    EXPECT_LE(lcp.error(answer(lcp, SolverKind::lemke, 1e-12, 1000)), 1e-12) << trial;
+    Lcp printed = lcp;
+    for (double& entry : printed.b) entry += 1;
+    const double error = lcp.error(answer(printed, SolverKind::lemke, 1e-12, 1000));
+    smallest_error_as_printed = std::min(smallest_error_as_printed, error);
+  }
+  EXPECT_GT(smallest_error_as_printed, 1e-4) << "none of them solves what was asked";
+}
+
+// (j) LCP <=> min 1/2 lambda' A lambda + b' lambda over lambda >= 0 for A symmetric and positive semidefinite: w and
+// the minimum are unique, lambda is not.
+TEST(ChapterFormulas, ASymmetricSemidefiniteProblemIsAQuadraticProgramme) {
+  scenes::Rng rng(3);
+  for (int trial = 0; trial < 50; ++trial) {
+    Lcp lcp = random_lcp(rng, 8, 3, 0.0);
+    // Feasible by construction: w = v >= 0 at lambda = u >= 0.
+    std::vector<double> u(8);
+    for (double& entry : u) entry = rng.uniform();
+    std::fill(lcp.b.begin(), lcp.b.end(), 0.0);
+    const std::vector<double> Au = lcp.motion(u);
+    for (std::size_t i = 0; i < 8; ++i) lcp.b[i] = (i % 2 == 0 ? rng.uniform() : 0.0) - Au[i];
+    const std::vector<double> pivots = answer(lcp, SolverKind::lemke, 1e-10, 1000);
+    const std::vector<double> centre = answer(lcp, SolverKind::ipm, 1e-10, 200);
+    EXPECT_LE(lcp.error(pivots), 1e-9) << trial;
+    EXPECT_LE(distance(lcp.motion(pivots), lcp.motion(centre)), 1e-6) << trial;
+    EXPECT_NEAR(lcp.energy(pivots), lcp.energy(centre), 1e-8) << trial;
+    for (int sample = 0; sample < 200; ++sample) {
+      std::vector<double> other = pivots;
+      for (double& entry : other) entry = std::max(0.0, entry + rng.symmetric(sample % 2 == 0 ? 1.0 : 0.01));
+      EXPECT_GE(lcp.energy(other), lcp.energy(pivots) - 1e-12) << trial;
+    }
+  }
+  // One mass on two legs: any split of its weight will do.
+  const Lcp legs{{1, 1, 1, 1}, {-1, -1}};
+  const auto from = [&](const std::vector<double>& start) {
+    return solve(batch_of({legs.env()}), options(SolverKind::pgs, 1e-12, 100), Device::cpu(),
+                 std::span<const double>(start));
+  };
+  EXPECT_EQ(from({1, 0}).lambda, (std::vector<double>{1, 0}));
+  EXPECT_EQ(from({0, 1}).lambda, (std::vector<double>{0, 1}));
+  EXPECT_EQ(from({1, 0}).w, from({0, 1}).w);
+}
+
+// (j) Friction with the sliding speed as an unknown (Stewart and Trinkle): rows normal, two tangential directions,
+// speed. A unit mass slides at 1 m/s, mu = 0.5, g dt = 0.0981. The matrix is not symmetric, and its symmetric part is
+// indefinite: no convex programme, and complementary pivots solve it.
+TEST(ChapterFormulas, FrictionWithTheSlidingSpeedAsAnUnknownIsNoConvexProgramme) {
+  constexpr double kMu = 0.5, kWeight = 0.0981;
+  const Lcp lcp{{1, 0, 0, 0, 0, 1, -1, 1, 0, -1, 1, 1, kMu, -1, -1, 0}, {-kWeight, 1, -1, 0}};
+  const auto batch = batch_of({lcp.env()});
+  const auto solution = solve(batch, options(SolverKind::lemke, 1e-12, 8));
+  EXPECT_EQ(solution.status[0].code, EnvCode::solved);
+  EXPECT_NEAR(solution.lambda[0], 0.0981, 1e-15);
+  EXPECT_NEAR(solution.lambda[1] - solution.lambda[2], -0.04905, 1e-15);
+  EXPECT_NEAR(solution.lambda[3], 1 - 0.04905, 1e-15) << "the speed that is left";
+
+  EXPECT_EQ(asymmetry(batch.view())[0], 2);
+  EXPECT_EQ(analyse(batch.view())[0].definiteness, Definiteness::indefinite);
+  Lcp symmetric = lcp;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = 0; j < 4; ++j) symmetric.A[i * 4 + j] = 0.5 * (lcp.A[i * 4 + j] + lcp.A[j * 4 + i]);
+  // Eigenvalues 2, 0 and those of [1 mu/2; mu/2 0], of which (1 - sqrt(1 + mu^2)) / 2 = -0.059 is the smallest in size.
+  const OperatorAnalysis part = analyse(batch_of({symmetric.env()}).view())[0];
+  EXPECT_EQ(part.rank, 3);
+  EXPECT_NEAR(part.smallest, (std::sqrt(1 + kMu * kMu) - 1) / 2, 1e-7);
+  EXPECT_EQ(part.definiteness, Definiteness::indefinite);
+  EXPECT_GT(symmetric.error(solution.lambda), 0.09) << "conditions of the quadratic function are others";
+}
+
+/// Blocks of ones and a diagonal of 2, each an island.
+Environment<double> islands_of(const std::vector<Index>& sizes) {
+  Environment<double> env;
+  Index first = 0;
+  for (const Index size : sizes) {
+    for (Index i = 0; i < size; ++i) {
+      env.cones.push_back(unilateral());
+      env.b.push_back(-1);
+      for (Index j = 0; j < size; ++j) {
+        env.column.push_back(first + j);
+        env.A.push_back(i == j ? 2 : 1);
+      }
+      env.row_offsets.push_back(static_cast<Index>(env.column.size()));
+    }
+    first += size;
+  }
+  return env;
+}
+
+/// Rows of each island, as the library finds them, in its order.
+std::vector<double> island_rows(const ContactBatch<double>& batch) {
+  const auto view = batch.view();
+  std::vector<Index> island(static_cast<std::size_t>(view.cone_count)), count(1);
+  Solver(Device::cpu(), SolverOptions{}).islands(view, island.data(), count.data());
+  std::vector<double> rows(static_cast<std::size_t>(count[0]), 0.0);
+  for (const Index of : island) rows.at(static_cast<std::size_t>(of)) += 1;
+  return rows;
+}
+
+// (k) n^3 / sum n_i^3 for a dense factorisation of each island, one after another. Printed as nearly n^2 / mean(n_i^2),
+// which it is for islands of one size alone.
+TEST(ChapterFormulas, TheGainOfIslandsIsCubicForFactorsAndNoneForStoredEntries) {
+  const auto gains = [](const ContactBatch<double>& batch) {
+    double n = 0, squares = 0, cubes = 0;
+    const std::vector<double> rows = island_rows(batch);
+    for (const double size : rows) {
+      n += size;
+      squares += size * size;
+      cubes += size * size * size;
+    }
+    // A sweep multiplies by the stored entries, and those are the islands' own already.
+    EXPECT_EQ(static_cast<double>(batch.view().nonzero_count), squares);
+    return std::vector<double>{n * n * n / cubes, n * n / (squares / static_cast<double>(rows.size()))};
+  };
+  const auto equal = batch_of({islands_of({100, 100, 100})}), uneven = batch_of({islands_of({200, 50, 50})});
+  EXPECT_EQ(island_rows(uneven), (std::vector<double>{200, 50, 50}));
+  EXPECT_EQ(gains(equal), (std::vector<double>{9, 9}));
+  EXPECT_NEAR(gains(uneven)[0], 3.27, 5e-3);
+  EXPECT_NEAR(gains(uneven)[1], 6, 1e-12) << "the printed form, nearly twice that";
+
+  // Apart or together, the reactions are those of each island: (A_i + 1) lambda = 1, lambda = 1 / (n_i + 1).
+  for (const IslandMode mode : {IslandMode::together, IslandMode::apart}) {
+    SolverOptions o = options(SolverKind::ipm, 1e-10, 100);
+    o.islands = mode;
+    const auto solution = solve(uneven, o);
+    EXPECT_NEAR(solution.lambda[0], 1.0 / 201, 1e-9) << to_string(mode);
+    EXPECT_NEAR(solution.lambda[299], 1.0 / 51, 1e-9) << to_string(mode);
+  }
 }
 
 }  // namespace
