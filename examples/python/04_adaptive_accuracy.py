@@ -5,7 +5,7 @@
     examples/python/04_adaptive_accuracy.py --only coarse --csv coarse.csv      # one of them
     examples/python/04_adaptive_accuracy.py --draw coarse.csv fine.csv --picture FILE.png
 
-coarse: 5 iterations or 1e-2; fine: 1e-6; curriculum: 5 / 1e-2, from a third of the training 10 / 1e-3, from two thirds
+coarse: 5 iterations or 1e-2; fine: 1e-6; curriculum: 5 / 1e-2, from progress 0.3 on 10 / 1e-3, from 0.7 on
 20 / 1e-4. Each policy is judged at the end with contacts solved to 1e-8, whatever it was trained with. Time is the
 processor's, of all threads, so that other work on the machine does not count.
 """

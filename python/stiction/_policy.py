@@ -6,8 +6,8 @@ import numpy as np
 
 from . import _core
 
-#: (training progress from which on, iterations, tolerance): the schedule that the source chapter proposes.
-CURRICULUM = ((0.0, 5, 1e-2), (1 / 3, 10, 1e-3), (2 / 3, 20, 1e-4))
+#: (training progress from which on, iterations, tolerance): the schedule of the source chapter's section 6.2.
+CURRICULUM = ((0.0, 5, 1e-2), (0.3, 10, 1e-3), (0.7, 20, 1e-4))
 
 
 class Accuracy(NamedTuple):
@@ -42,7 +42,7 @@ class AccuracyPolicy:
     @classmethod
     def curriculum(cls, stages=CURRICULUM) -> "AccuracyPolicy":
         """By training progress in [0, 1]: the last of the stages (progress, max_iterations, tolerance) that has begun.
-        Default: 5 iterations and 1e-2, from a third of the training 10 and 1e-3, from two thirds 20 and 1e-4.
+        Default: 5 iterations and 1e-2, from progress 0.3 on 10 and 1e-3, from 0.7 on 20 and 1e-4.
         """
         stages = sorted(stages)
         if not stages or stages[0][0] > 0:

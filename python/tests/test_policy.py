@@ -5,10 +5,28 @@ import numpy as np
 from stiction import AccuracyPolicy, Batch, Solver
 
 
+def chapters_config(training_step, total_steps):
+    """Section 6.2 of the source chapter, as printed."""
+    progress = training_step / total_steps
+    if progress < 0.3:
+        iterations, tolerance = 5, 1e-2
+    elif progress < 0.7:
+        iterations, tolerance = 10, 1e-3
+    else:
+        iterations, tolerance = 20, 1e-4
+    return tolerance, iterations
+
+
 def test_the_chapters_curriculum():
     policy = AccuracyPolicy.curriculum()
-    assert [policy.apply(progress=p) for p in (0, 0.3, 0.34, 0.66, 0.67, 1)] == [
-        (1e-2, 5), (1e-2, 5), (1e-3, 10), (1e-3, 10), (1e-4, 20), (1e-4, 20)]
+    steps = 1000
+    expected = [chapters_config(step, steps) for step in range(steps + 1)]
+    assert [policy.apply(progress=step / steps) for step in range(steps + 1)] == expected
+    accuracy = policy.apply(progress=np.arange(steps + 1) / steps)
+    assert list(zip(accuracy.tolerance.tolist(), accuracy.max_iterations.tolist())) == expected
+    # The thresholds themselves, which belong to the later stage.
+    assert [policy.apply(progress=p) for p in (np.nextafter(0.3, 0), 0.3, np.nextafter(0.7, 0), 0.7)] == [
+        (1e-2, 5), (1e-3, 10), (1e-3, 10), (1e-4, 20)]
 
 
 def test_a_custom_curriculum_by_environment():
