@@ -27,8 +27,6 @@ const char* class_name(H5T_class_t type_class) {
       return "floating-point numbers";
     case H5T_STRING:
       return "strings";
-    case H5T_COMPOUND:
-      return "compound records";
     case H5T_ENUM:
       return "enumerators";
     default:
@@ -95,19 +93,21 @@ InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
     refuse(file_bytes_ == 0 ? "the file is empty"
                             : "not an HDF5 file, so neither a contact batch nor FCLIB nor a solution");
   }
+  bytes_ = RawBytes(path);
+  check_superblock();
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
 #if H5_VERSION_GE(1, 10, 7)
   H5Pset_file_locking(access.get(), false, true);  // read-only media cannot be locked
 #endif
   file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
   if (!file_.ok()) refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
-  bytes_ = RawBytes(path);
   read_geometry();
 }
 
 InputFile::InputFile(std::span<const std::byte> image, std::string name)
     : name_(std::move(name)), file_bytes_(image.size()), bytes_(image) {
   if (image.empty()) refuse("the file is empty");
+  check_superblock();
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   constexpr std::size_t kGrowth = 1 << 16;
   H5Pset_fapl_core(access.get(), kGrowth, false);
@@ -138,7 +138,7 @@ bool InputFile::has(const std::string& path) const {
     }
     if (link.type != H5L_TYPE_HARD) refuse("'" + part + "' is a soft or external link, only plain objects are read");
     if (end == std::string::npos) return true;
-    check_header(part);
+    check_header(part, "");
     const Handle object(H5Oopen(file_.get(), part.c_str(), H5P_DEFAULT), H5Oclose);
     if (!object.ok() || H5Iget_type(object.get()) != H5I_GROUP) refuse("'" + part + "' is not a group" + hdf5_reason());
   }
@@ -148,32 +148,32 @@ TextHeap InputFile::text_heap() const {
   return {bytes_, file_bytes_, base_};
 }
 
-void InputFile::read_geometry() {
-  const Handle creation(H5Fget_create_plist(file_.get()), H5Pclose);
-  std::size_t address_width = 0, size_width = 0;
-  hsize_t base = 0;
-  if (!creation.ok() || H5Pget_sizes(creation.get(), &address_width, &size_width) < 0 ||
-      H5Pget_userblock(creation.get(), &base) < 0) {
-    refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
-  }
-  if (address_width != 8 || size_width != 8)
-    refuse("addresses in the file are not 64 bits wide, as all public files have");
-  base_ = base;
-  check_header("/");
+void InputFile::check_superblock() const {
+  const std::string defect = superblock_defect(bytes_, file_bytes_);
+  if (!defect.empty()) refuse(defect);
 }
 
-void InputFile::check_header(const std::string& path) const {
-  H5O_info_t info{};
-  if (H5Oget_info_by_name2(file_.get(), path.c_str(), &info, H5O_INFO_BASIC, H5P_DEFAULT) < 0) {
-    refuse("'" + path + "' cannot be looked up" + hdf5_reason());
+void InputFile::read_geometry() {
+  const Handle creation(H5Fget_create_plist(file_.get()), H5Pclose);
+  hsize_t base = 0;
+  if (!creation.ok() || H5Pget_userblock(creation.get(), &base) < 0) {
+    refuse("the HDF5 file is truncated or damaged" + hdf5_reason());
   }
-  const std::string defect = header_defect(bytes_, file_bytes_, base_, info.addr);
-  if (!defect.empty()) refuse("'" + path + "' " + defect);
+  base_ = base;
+}
+
+void InputFile::check_header(const std::string& path, const std::string& what) const {
+  H5L_info_t link{};  // says where the header is without HDF5 reading it
+  if (H5Lget_info(file_.get(), path.c_str(), &link, H5P_DEFAULT) < 0) {
+    refuse(what + "'" + path + "' cannot be looked up" + hdf5_reason());
+  }
+  const std::string defect = header_defect(bytes_, file_bytes_, base_, link.u.address);
+  if (!defect.empty()) refuse(what + "'" + path + "' " + defect);
 }
 
 InputFile::Dataset InputFile::open(const std::string& path, Values values, std::optional<std::size_t> length) const {
   if (!has(path)) refuse_dataset(path, "is missing");
-  check_header(path);
+  check_header(path, "dataset ");
   Dataset dataset;
   dataset.id = Handle(H5Oopen(file_.get(), path.c_str(), H5P_DEFAULT), H5Oclose);
   if (!dataset.id.ok()) refuse_dataset(path, "cannot be opened" + hdf5_reason());

@@ -71,7 +71,8 @@ class InputFile {
                                                         std::optional<std::size_t> length) const;
   [[nodiscard]] TextHeap text_heap() const;
   void read_geometry();
-  void check_header(const std::string& path) const;
+  void check_superblock() const;
+  void check_header(const std::string& path, const std::string& what) const;
 
   Session session_;
   std::string name_;

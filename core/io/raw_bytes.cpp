@@ -7,7 +7,7 @@ namespace stiction::io {
 bool RawBytes::read(std::uint64_t offset, std::span<char> out) {
   if (!image_.empty()) {
     if (offset > image_.size() || out.size() > image_.size() - offset) return false;
-    std::memcpy(out.data(), image_.data() + offset, out.size());
+    if (!out.empty()) std::memcpy(out.data(), image_.data() + offset, out.size());
     return true;
   }
   stream_.clear();

@@ -93,7 +93,7 @@ TEST_F(IoMalformed, WrongTypesAreNamed) {
                 f.put("b", pair, {6}, reals.data());
                 H5Tclose(pair);
               }),
-              HasSubstr("dataset 'b' holds compound records, expected floating-point numbers"));
+              HasSubstr("dataset 'b' holds compound records, expected numbers or strings"));
   EXPECT_THAT(refusal([&](Spoiler& f) {
                 const hid_t boolean = H5Tenum_create(H5T_NATIVE_INT8);
                 const std::int8_t no = 0;
