@@ -158,6 +158,8 @@ void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const
   if (shape.teams == 0) return;
   HostLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
                     smaller_of(shape.lanes, options_.lanes),
+                    shape.whole_device ? static_cast<int>(options_.teams) : 0,
+                    shape.whole_device && options_.seed != 0 ? random_() : 0,
                     shape.shared_bytes,
                     {}};
   launch.order.resize(static_cast<std::size_t>(launch.teams));

@@ -22,8 +22,9 @@ inline constexpr int kDeviceCalls = 5;
 
 struct HostDeviceOptions {
   int lanes = 2;           ///< threads of a team, at most; a team that asks for fewer lanes gets fewer
-  Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each
-  std::uint64_t seed = 0;  ///< order of streams and teams; 0: as queued
+  Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each; blocks of the
+                           ///< team that is the whole device, which do run at once
+  std::uint64_t seed = 0;  ///< order of streams and teams, speed of a whole device's lanes; 0: as queued, all alike
   std::size_t shared_bytes = std::size_t{227} << 10;  ///< fast memory of a team, at most
 };
 

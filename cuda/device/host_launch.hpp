@@ -10,8 +10,10 @@ namespace stiction::cuda {
 
 /// How the host device runs one launch.
 struct HostLaunch {
-  Offset teams;               ///< that run
-  int lanes;                  ///< threads of a team
+  Offset teams;               ///< that run, one after the other
+  int lanes;                  ///< threads of a team, or of a block of the grid
+  int blocks;                 ///< of the grid that is one team, at once; 0: no grid, each team is a block
+  std::uint64_t seed;         ///< of the lanes, which disagree about speed; 0: they do not
   std::size_t shared_bytes;   ///< of a team
   std::vector<Offset> order;  ///< team indices as they are run
 };
@@ -21,29 +23,43 @@ struct HostKernel {
   void (*run)(const HostLaunch& launch, const void* arguments);
 };
 
-/// Lanes are threads that live through the whole launch and meet at each team's barriers. Fast memory is filled with
-/// what no program may rely on.
+/// Runs f(rank) on `count` threads, rank 0 on the caller's.
+template <class F>
+void run_on_threads(int count, const F& f) {
+  std::vector<std::thread> others;
+  for (int rank = 1; rank < count; ++rank) others.emplace_back(f, rank);
+  f(0);
+  for (std::thread& thread : others) thread.join();
+}
+
+/// Lanes are threads that live through the whole launch and meet at each team's barriers, a grid's all at one. Fast
+/// memory is filled with what no program may rely on; a grid has none, as on a GPU.
 template <class Program>
 void run_program_on_host(const HostLaunch& launch, const void* arguments) {
   typename Program::Args args;
   std::memcpy(&args, arguments, sizeof(args));
   const int lanes = Program::kSerial ? 1 : launch.lanes;
+  if (launch.blocks > 0) {
+    HostGridMemory grid(launch.blocks, lanes);
+    run_on_threads(grid.width, [&](int rank) {
+      const ScopedFpEnv fp_env;
+      HostTeam team(grid, rank, launch.seed);
+      Program::run(team, TeamId{0, 1, nullptr}, args);
+    });
+    return;
+  }
   HostTeamMemory memory(lanes);
   std::vector<std::max_align_t> shared(launch.shared_bytes / sizeof(std::max_align_t) + 1);
-  const auto run_lane = [&](int rank) {
+  run_on_threads(lanes, [&](int rank) {
     const ScopedFpEnv fp_env;
-    HostTeam team(memory, rank);
+    HostTeam team(memory, rank, launch.seed);
     for (const Offset index : launch.order) {
       if (rank == 0) std::memset(shared.data(), 0x5a, launch.shared_bytes);
       team.sync();
       Program::run(team, TeamId{index, launch.teams, shared.data()}, args);
       team.sync();
     }
-  };
-  std::vector<std::thread> others;
-  for (int rank = 1; rank < lanes; ++rank) others.emplace_back(run_lane, rank);
-  run_lane(0);
-  for (std::thread& thread : others) thread.join();
+  });
 }
 
 /// The program, compiled for the host device.

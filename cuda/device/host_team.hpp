@@ -5,10 +5,12 @@
 #include <atomic>
 #include <cstddef>
 #include <cstring>
+#include <deque>
 #include <type_traits>
 #include <vector>
 
 #include "core/block/reduce.hpp"
+#include "cuda/device/host_pace.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {
@@ -38,26 +40,50 @@ struct HostTeamMemory {
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
+/// What the blocks of a host grid share besides what each has for its own lanes.
+struct HostGridMemory {
+  HostGridMemory(int blocks, int lanes) : width(blocks * lanes), barrier(width) {
+    for (int k = 0; k < blocks; ++k) block.emplace_back(lanes);
+    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(blocks) * HostTeamMemory::kSlotBytes);
+  }
+  int width;  ///< lanes of all blocks
+  SleepingBarrier barrier;
+  std::deque<HostTeamMemory> block;
+  std::vector<std::byte> slot[2];
+  alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
+};
+
 /// A team of the host device: threads that meet at a barrier and at nothing else. It offers what a Block promises and
 /// no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
 class HostTeam {
  public:
   static constexpr Index kRowTile = 4;
 
-  HostTeam(HostTeamMemory& memory, int rank) : memory_(&memory), rank_(rank) {}
+  /// One block, whose lanes disagree about speed as `seed` says.
+  HostTeam(HostTeamMemory& memory, int rank, std::uint64_t seed = 0)
+      : memory_(&memory), lane_(rank), pace_(seed, static_cast<std::uint64_t>(rank)) {}
+  /// The whole grid.
+  HostTeam(HostGridMemory& grid, int rank, std::uint64_t seed)
+      : grid_(&grid), pace_(seed, static_cast<std::uint64_t>(rank)) {
+    const int lanes = grid.block.front().width;
+    block_ = rank / lanes;
+    lane_ = rank % lanes;
+    memory_ = &grid.block[static_cast<std::size_t>(block_)];
+  }
 
-  [[nodiscard]] Index rank() const { return rank_; }
-  [[nodiscard]] Index size() const { return memory_->width; }
-  void sync() const {
-    if (memory_->width > 1) memory_->barrier.arrive_and_wait();
+  [[nodiscard]] Index rank() const { return block_ * memory_->width + lane_; }
+  [[nodiscard]] Index size() const { return grid_ == nullptr ? memory_->width : grid_->width; }
+  void sync() {
+    if (size() > 1) meet_at(grid_ == nullptr ? memory_->barrier : grid_->barrier);
   }
 
   template <class F>
   auto broadcast(F&& f) {
     using T = std::remove_cvref_t<decltype(f())>;
-    if (memory_->width == 1) return T(f());
-    std::byte* const slot = next_slot();
-    if (rank_ == 0) put(slot, 0, T(f()));
+    if (size() == 1) return T(f());
+    turn_ ^= 1;
+    std::byte* const slot = grid_ == nullptr ? memory_->slot[turn_].data() : grid_->slot[turn_].data();
+    if (rank() == 0) put(slot, 0, T(f()));
     sync();
     return get<T>(slot, 0);
   }
@@ -78,7 +104,7 @@ class HostTeam {
 
   template <class T>
   T* leaves() {
-    return reinterpret_cast<T*>(memory_->leaves);
+    return reinterpret_cast<T*>(grid_ == nullptr ? memory_->leaves : grid_->leaves);
   }
 
   Offset fetch(Offset* counter, Offset count = 1) {
@@ -86,10 +112,12 @@ class HostTeam {
   }
 
  private:
-  std::byte* next_slot() {
-    turn_ ^= 1;
-    return memory_->slot[turn_].data();
+  void meet_at(SleepingBarrier& barrier) {
+    pace_.step();
+    barrier.arrive_and_wait();
+    pace_.step();
   }
+
   template <class T>
   static void put(std::byte* slot, int lane, const T& value) {
     static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= HostTeamMemory::kSlotBytes);
@@ -102,22 +130,38 @@ class HostTeam {
     return value;
   }
 
-  /// Every lane's value joined, on each lane in an order of its own: an operation whose order shows would differ.
+  /// Joins the values of `count` members once all are in the slot, `own` among them, each member in an order that
+  /// begins with itself: an operation whose order shows would differ.
   template <class T, class F>
-  T exchange(T value, F&& join) {
-    if (memory_->width == 1) return value;
-    std::byte* const slot = next_slot();
-    put(slot, rank_, value);
-    sync();
-    T joined = value;
-    for (int step = 1; step < memory_->width; ++step)
-      joined = join(get<T>(slot, (rank_ + step) % memory_->width), joined);
-    return joined;
+  static T join_slot(const std::byte* slot, int count, int own, T value, const F& join) {
+    for (int step = 1; step < count; ++step) value = join(get<T>(slot, (own + step) % count), value);
+    return value;
   }
 
-  HostTeamMemory* memory_;
-  int rank_;
+  /// Every lane's value joined, in a grid first within each block, as a warp does before the grid meets.
+  template <class T, class F>
+  T exchange(T value, const F& join) {
+    if (size() == 1) return value;
+    turn_ ^= 1;
+    if (memory_->width > 1) {
+      std::byte* const slot = memory_->slot[turn_].data();
+      put(slot, lane_, value);
+      meet_at(memory_->barrier);
+      value = join_slot(slot, memory_->width, lane_, value, join);
+    }
+    if (grid_ == nullptr) return value;
+    std::byte* const slot = grid_->slot[turn_].data();
+    if (lane_ == 0) put(slot, block_, value);
+    sync();
+    return join_slot(slot, static_cast<int>(grid_->block.size()), block_, value, join);
+  }
+
+  HostTeamMemory* memory_ = nullptr;  ///< of this lane's block
+  HostGridMemory* grid_ = nullptr;    ///< null: the block is the team
+  int block_ = 0;
+  int lane_ = 0;
   int turn_ = 0;
+  Pace pace_;
 };
 
 }  // namespace stiction::cuda

@@ -1,11 +1,10 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
-#include <thread>
 #include <utility>
 
 #include "core/block/block.hpp"
+#include "cuda/device/host_pace.hpp"
 
 namespace stiction::test {
 
@@ -17,29 +16,29 @@ class JitterBlock {
   static constexpr Index kRowTile = Inner::kRowTile;
 
   JitterBlock(Inner inner, std::uint64_t seed)
-      : inner_(std::move(inner)), state_(seed * 0x9e3779b97f4a7c15U + static_cast<std::uint64_t>(inner_.rank()) + 1U) {}
+      : inner_(std::move(inner)), pace_(seed, static_cast<std::uint64_t>(inner_.rank())) {}
 
   [[nodiscard]] Index rank() const { return inner_.rank(); }
   [[nodiscard]] Index size() const { return inner_.size(); }
   void sync() {
-    dawdle();
+    pace_.step();
     inner_.sync();
-    dawdle();
+    pace_.step();
   }
   template <class F>
   auto broadcast(F&& f) {
-    dawdle();
+    pace_.step();
     const auto value = inner_.broadcast(std::forward<F>(f));
-    dawdle();
+    pace_.step();
     return value;
   }
   std::uint32_t combine(std::uint32_t bits) {
-    dawdle();
+    pace_.step();
     return inner_.combine(bits);
   }
   template <class T>
   T max(T value) {
-    dawdle();
+    pace_.step();
     return inner_.max(value);
   }
   template <class T>
@@ -48,19 +47,8 @@ class JitterBlock {
   }
 
  private:
-  void dawdle() {
-    state_ ^= state_ << 13;
-    state_ ^= state_ >> 7;
-    state_ ^= state_ << 17;
-    if (state_ % 64 == 0) {
-      std::this_thread::sleep_for(std::chrono::microseconds(1 + (state_ >> 32) % 50));
-    } else if (state_ % 4 == 0) {
-      std::this_thread::yield();
-    }
-  }
-
   Inner inner_;
-  std::uint64_t state_;
+  cuda::Pace pace_;
 };
 
 }  // namespace stiction::test

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "cuda/device/host_device.hpp"
+#include "cuda/engine.hpp"
+#include "tests/support/device_batch.hpp"
+
+namespace stiction::test {
+
+/// Hashes of what the GPU's engine answers on a host device; `finest` is the class of the smallest environments.
+template <class Real>
+std::vector<std::uint64_t> on_engine(cuda::HostDevice& device, const ContactBatch<Real>& batch,
+                                     const SolverOptions& options, SizeClass finest = SizeClass::bundle_four) {
+  const Capacity need = Capacity::of(batch.view());
+  cuda::Engine engine(device, finest);
+  engine.reserve(need, options.solver, need.precision);
+  const cuda::Stream stream(device);
+  DeviceBatch<Real> there(device, need);
+  there.fill(batch, stream.get());
+  engine.solve(cuda::EngineRequest<Real>{there.view(), there.solution(), nullptr, options.law.value_or(batch.law()),
+                                         options, false, stream.get()});
+  return env_hashes(batch, there.fetch(batch, stream.get()));
+}
+
+}  // namespace stiction::test
