@@ -3,33 +3,13 @@
 #include <limits>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
+#include "tests/support/body_methods.hpp"
 #include "tests/support/scoped_isa.hpp"
 
 /// Bits of the body form: whatever the threads, the instruction set and the neighbours.
 namespace stiction::test {
 
 namespace {
-
-template <class Real>
-void expect_same(const BodySolution<Real>& a, const BodySolution<Real>& b, const std::string& label) {
-  EXPECT_TRUE(same_bits(std::span<const Real>(a.impulse), std::span<const Real>(b.impulse))) << label;
-  EXPECT_TRUE(same_bits(std::span<const Real>(a.twist), std::span<const Real>(b.twist))) << label;
-  EXPECT_TRUE(same_bits(std::span<const Real>(a.w), std::span<const Real>(b.w))) << label;
-  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(a.status), std::span<const EnvStatus>(b.status))) << label;
-}
-
-/// One environment of a solution, as a solution of its own.
-BodySolution<float> part_of(const BodySolution<float>& all, const BodyBatchView<float>& batch, Offset env) {
-  const auto cut = [](const std::vector<float>& array, Offset width, const Offset* offsets, Offset e) {
-    return std::vector<float>(array.begin() + width * offsets[e], array.begin() + width * offsets[e + 1]);
-  };
-  return {cut(all.impulse, 3, batch.env_contact_offsets, env),
-          cut(all.twist, 6, batch.env_body_offsets, env),
-          cut(all.w, 3, batch.env_contact_offsets, env),
-          {all.status[static_cast<std::size_t>(env)]}};
-}
 
 std::vector<BodyEnvironment<float>> mixed_environments() {
   std::vector<BodyEnvironment<float>> envs;
@@ -71,9 +51,9 @@ TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_ins
     EXPECT_GT(expected.status[1].residual, 0);
     EXPECT_EQ(expected.status[1].iterations, 2);
     options.threads = 3;
-    expect_same(expected, solve_bodies(batch, {}, options), "3 threads");
+    expect_same_bodies(expected, solve_bodies(batch, {}, options), "3 threads");
     const ScopedIsa baseline("baseline");
-    expect_same(expected, solve_bodies(batch, {}, options), "baseline");
+    expect_same_bodies(expected, solve_bodies(batch, {}, options), "baseline");
   }
 }
 
@@ -88,7 +68,8 @@ TEST(bodies, newtons_method_does_not_depend_on_neighbours_or_place) {
     options.threads = 3;
     for (std::size_t k = 0; k < envs.size(); ++k) {
       const auto alone = solve_bodies(batch_of<float>({envs[k]}), {}, options);
-      expect_same(part_of(together, batch.view(), static_cast<Offset>(k)), alone, "environment " + std::to_string(k));
+      expect_same_bodies(part_of(together, batch.view(), static_cast<Offset>(k)), alone,
+                         "environment " + std::to_string(k));
     }
   }
 }
@@ -107,7 +88,7 @@ TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads)
       EXPECT_GT(expected.status[1].residual, 0);
       for (const int threads : {2, 3, 8}) {
         options.threads = threads;
-        expect_same(expected, solve_bodies(batch, {}, options), std::to_string(threads) + " threads");
+        expect_same_bodies(expected, solve_bodies(batch, {}, options), std::to_string(threads) + " threads");
       }
     }
 }
@@ -117,7 +98,7 @@ TEST(bodies, every_instruction_set_gives_the_same_bits) {
   const auto expected = solve_bodies(batch, {}, few_sweeps());
   for (const char* name : usable_isas()) {
     const ScopedIsa isa(name);
-    expect_same(expected, solve_bodies(batch, {}, few_sweeps()), name);
+    expect_same_bodies(expected, solve_bodies(batch, {}, few_sweeps()), name);
   }
 }
 
@@ -136,8 +117,8 @@ TEST(bodies, an_environment_does_not_depend_on_its_neighbours_or_its_place) {
   options.threads = 3;
   const auto apart = solve_bodies(other, {}, options);
   for (std::size_t k = 0; k < envs.size(); ++k)
-    expect_same(part_of(together, batch.view(), static_cast<Offset>(place[k])),
-                part_of(apart, other.view(), static_cast<Offset>(k)), "environment " + std::to_string(place[k]));
+    expect_same_bodies(part_of(together, batch.view(), static_cast<Offset>(place[k])),
+                       part_of(apart, other.view(), static_cast<Offset>(k)), "environment " + std::to_string(place[k]));
 }
 
 TEST(bodies, a_poisoned_environment_leaves_all_others_alone) {
@@ -155,7 +136,8 @@ TEST(bodies, a_poisoned_environment_leaves_all_others_alone) {
       EXPECT_EQ(solution.status[k].flags, static_cast<std::uint32_t>(kFlagNonFiniteInput));
       for (const float v : part_of(solution, poisoned.view(), env).twist) EXPECT_EQ(v, 0.0F);
     } else {
-      expect_same(part_of(expected, clean.view(), env), part_of(solution, poisoned.view(), env), std::to_string(k));
+      expect_same_bodies(part_of(expected, clean.view(), env), part_of(solution, poisoned.view(), env),
+                         std::to_string(k));
     }
   }
 }
