@@ -317,7 +317,7 @@ cpu::SingleKernels<Real> single_kernels() {
 
 template <class Method, Law kLaw, class Real>
 cpu::PackKernels<Real> pack_kernels() {
-  if constexpr (1 < kPackWidth<Real> && !Method::room().is_direct()) {
+  if constexpr (1 < kPackWidth<Real> && !kSinglesAlone && !Method::room().is_direct()) {
     return {kPackWidth<Real>, pack_elements<Method, kLaw, Real>, solve_pack<Method, kLaw, Real>};
   } else {
     return {};

@@ -26,6 +26,13 @@ inline constexpr bool kPacksAlone = true;
 inline constexpr bool kPacksAlone = false;
 #endif
 
+/// Whether this source has no packs, because wider vectors have kernels of them and run here. Differs within a build.
+#if defined(STICTION_SINGLES_ALONE)
+constexpr bool kSinglesAlone = true;
+#else
+constexpr bool kSinglesAlone = false;
+#endif
+
 /// Numbers that a vector of this instruction set holds.
 template <class Real>
 inline constexpr int kPackWidth = kVectorBytes == 0 ? 1 : kVectorBytes / static_cast<int>(sizeof(Real));

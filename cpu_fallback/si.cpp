@@ -21,7 +21,7 @@ cpu::BodySingleKernels<Real> single() {
 
 template <class Real, Law kLaw>
 cpu::BodyPackKernels<Real> packs() {
-  if constexpr (1 < kPackWidth<Real>) {
+  if constexpr (1 < kPackWidth<Real> && !kSinglesAlone) {
     return {kPackWidth<Real>, body_pack_elements<kLaw, Real>, body_pack_exact_elements<kLaw, Real>,
             solve_body_pack<kLaw, Real>};
   } else {
