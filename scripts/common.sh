@@ -23,14 +23,14 @@ have_package() { dpkg-query -W -f='${Status}' "$1" 2> /dev/null | grep -q 'ok in
 # Installs the Debian packages that are missing. Those that cannot be installed are named, with what will be missing.
 #   install_packages "package: what needs it" ...
 install_packages() {
-  local line package missing=()
+  local line package missing=() begin=$SECONDS
   command -v dpkg-query > /dev/null || { note "not a Debian system: nothing is installed, what is here is used"; return 0; }
   for line in "$@"; do
     package=${line%%:*}
     have_package "$package" || missing+=("$package")
   done
   [ ${#missing[@]} -eq 0 ] && { note "all packages are here"; return 0; }
-  note "installing ${missing[*]}"
+  note "installing ${#missing[@]} packages: ${missing[*]}"
   as_root env DEBIAN_FRONTEND=noninteractive apt-get update -qq > /dev/null 2>&1 || note "apt-get update failed (no network, or neither root nor sudo)"
   if ! as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" > /dev/null 2>&1; then
     for package in "${missing[@]}"; do  # one of them stopped all: take those that can be had
@@ -41,6 +41,7 @@ install_packages() {
     package=${line%%:*}
     have_package "$package" || note "could not install $package: ${line#*: }"
   done
+  note "$((SECONDS - begin)) s"
 }
 
 # shellcheck disable=SC2034  # used by the scripts that source this one
@@ -73,23 +74,46 @@ test_packages=(
   "libtbb-dev: oneTBB is not tested"
 )
 
-# make_venv [REQUIREMENTS ...]: a virtual environment with what tools/*.py need, and with more. Sets `python` to it, or to
-# the system's where PyPI does not answer.
+# install_python WHAT PIP-OPTION ...: into .venv, saying what takes long; fails where it cannot be had. `seconds` limits it.
+install_python() {
+  local what=$1 line begin=$SECONDS
+  shift
+  timeout "${seconds:-900}" "$root/.venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --timeout 15 \
+    --retries 1 "$@" 2>&1 | while IFS= read -r line; do
+      if [[ $line =~ ^\ *Downloading\ ([^-]+).*\(([0-9.]+\ GB|[0-9]{2,}\.?[0-9]*\ MB)\) ]]; then
+        note "  ${BASH_REMATCH[1]}, ${BASH_REMATCH[2]}, $((SECONDS - begin)) s"
+      elif [[ $line == "Installing collected packages:"* ]]; then
+        note "  installing $(tr ',' '\n' <<< "${line#*:}" | wc -l) packages, $((SECONDS - begin)) s"
+      elif [[ $line == ERROR:* ]]; then
+        note "  $line"
+      fi
+    done && note "$what: $((SECONDS - begin)) s"
+}
+
+# PyTorch for the CPU alone, where its own index answers and no GPU is seen: PyPI's brings NVIDIA's libraries, 5 GB, and loads
+# only with them.
+install_torch_for_cpu() {
+  nvidia-smi > /dev/null 2>&1 || "$root/.venv/bin/python" -c 'import torch' 2> /dev/null ||
+    seconds=300 install_python "PyTorch for the CPU" --retries 0 --index-url https://download.pytorch.org/whl/cpu torch || true
+}
+
+# make_venv REQUIREMENTS ...: a virtual environment with what these files name. Sets `python` to it, or to the system's
+# where PyPI does not answer.
 make_venv() {
-  local file files=("$root/tools/requirements.txt" "$@")
+  local file stamp
   python=$(command -v python3 || true)
   [ -n "$python" ] || { note "no python3: lint, recording tests and pictures are skipped"; return 0; }
   [ -x "$root/.venv/bin/python" ] || python3 -m venv "$root/.venv" > /dev/null 2>&1 ||
     { note "no python3-venv: recording tests and pictures are skipped"; return 0; }
-  for file in "${files[@]}"; do
-    local stamp=$root/.venv/.installed-$(basename "$file" .txt)
+  for file in "$@"; do
+    stamp=$root/.venv/.installed-$(basename "$file" .txt)
     cmp -s "$file" "$stamp" && continue
     note "fetching $(grep -oE '^[a-z0-9-]+' "$file" | tr '\n' ' ')into .venv"
-    if timeout 900 "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --timeout 15 --retries 1 \
-      -r "$file" > /dev/null 2>&1; then
+    grep -q '^torch' "$file" && install_torch_for_cpu
+    if install_python "$(basename "$file")" -r "$file"; then
       cp "$file" "$stamp"
-    elif [ "$file" = "${files[0]}" ]; then
-      note "PyPI did not deliver: recording tests are skipped, and pictures unless the system has matplotlib"
+    elif [ "$file" = "$1" ]; then
+      note "PyPI did not deliver: its tests are skipped, and pictures unless the system has matplotlib"
       return 0
     else
       note "PyPI did not deliver what $(basename "$file") names: its tests are skipped"
@@ -123,7 +147,9 @@ configure() {
     options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
   fi
   [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python" "-DPython_EXECUTABLE=$python")
-  if [ -n "${python:-}" ] && "$python" -c '
+  if [[ $* == *STICTION_BUILD_PYTHON=* ]]; then
+    true  # the caller has decided
+  elif [ -n "${python:-}" ] && "$python" -c '
 import nanobind, pathlib, sysconfig
 assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2> /dev/null; then
     options+=(-DSTICTION_BUILD_PYTHON=ON)
@@ -141,16 +167,23 @@ assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2
   rm -f "$log"
 }
 
-# build_targets [TARGET ...]: all of it if none is named. A line whenever another tenth is done, and all that is no progress.
-build_targets() {
-  local line last=-1 begin=$SECONDS
-  cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | while IFS= read -r line; do
-    if [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]]; then
-      [ $((10 * BASH_REMATCH[1] / BASH_REMATCH[2])) -gt "$last" ] || continue
-      last=$((10 * BASH_REMATCH[1] / BASH_REMATCH[2]))
+# show_progress: copies a build's output, but of its progress only a line whenever another tenth is done or half a minute has
+# passed. Of pip it takes what ninja says inside.
+show_progress() {
+  local line tenth last=-1 begin=$SECONDS shown=$SECONDS
+  while IFS= read -r line; do
+    if [[ $line =~ ^\ *\[([0-9]+)/([0-9]+)\] ]]; then
+      tenth=$((10 * BASH_REMATCH[1] / BASH_REMATCH[2]))
+      [ "$tenth" -gt "$last" ] || [ $((SECONDS - shown)) -ge 30 ] || continue
+      last=$tenth shown=$SECONDS
       note "${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}, $((SECONDS - begin)) s"
-    else
+    elif [ -z "${only_progress:-}" ]; then
       printf '%s\n' "$line"
     fi
   done
+}
+
+# build_targets [TARGET ...]: all of it if none is named.
+build_targets() {
+  cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | show_progress
 }

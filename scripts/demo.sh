@@ -10,11 +10,17 @@ out=$root/out
 begin=$SECONDS
 say "packages"
 install_packages "${build_packages[@]}"
-make_venv
+make_venv "$root/tools/requirements-pictures.txt"
 find_nvcc
 
 say "build"
-configure -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF
+# For this machine: its own instruction set and the baseline. A build that is there already keeps its options.
+options=()
+if [ ! -f "$build/build.ninja" ]; then
+  options=(-DSTICTION_CPU_KERNELS=native -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF
+    -DSTICTION_BUILD_PYTHON=OFF)
+fi
+configure "${options[@]}"
 build_targets stiction_cli
 stiction=$build/bin/stiction
 
@@ -32,7 +38,7 @@ mkdir -p "$out"
 generated=$out/walker-4096.h5
 [ -f "$generated" ] || "$stiction" generate walker --envs 4096 --seed 1 -o "$generated"
 batches=("$root"/examples/data/*.h5 "$generated")
-ls -l "${batches[@]}" | awk '{printf "   %9d bytes  %s\n", $5, $NF}'
+stat -c '   %9s bytes  %n' "${batches[@]}"
 
 # An environment that misses the tolerance is exit status 1 and a number in the table; anything else ends the demo.
 solve() {
@@ -46,6 +52,7 @@ note "double precision, relative residual 1e-6 (pgs and jacobi: 1e-4), at most 1
 reports=()
 for batch in "${batches[@]}"; do
   name=$(basename "$batch" .h5)
+  note "$name, $((SECONDS - begin)) s"
   for solver in npgs apgd pgs jacobi; do
     case $solver in npgs | apgd) tolerance=1e-6 ;; *) tolerance=1e-4 ;; esac
     for device in "${devices[@]}"; do

@@ -48,7 +48,7 @@ fi
 toolkit=$(dirname "$(dirname "$nvcc")")
 [ -e "$toolkit/lib64" ] || ln -s lib "$toolkit/lib64"
 if [ ! -e "$toolkit/lib/libcudart.so" ]; then
-  runtime=$(cd "$toolkit/lib" && ls libcudart.so.* 2> /dev/null | head -n 1)
+  runtime=$(cd "$toolkit/lib" && find . -name 'libcudart.so.*' -printf '%f\n' | head -n 1)
   [ -n "$runtime" ] && ln -s "$runtime" "$toolkit/lib/libcudart.so"
 fi
 
