@@ -35,12 +35,12 @@ std::vector<Number> newton_step(const Lcp& lcp, Step kind, const std::vector<dou
   std::vector<Number> matrix(4 * n * n, 0), right(2 * n, 0);
   const std::vector<double> motion = lcp.motion(x);
   for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) matrix[i * 2 * n + j] = lcp.A[i * n + j];
+    for (std::size_t j = 0; j < n; ++j) matrix[i * 2 * n + j] = static_cast<Number>(lcp.A[i * n + j]);
     matrix[i * 2 * n + n + i] = -1;
-    matrix[(n + i) * 2 * n + i] = kind == Step::printed ? x[i] : w[i];
-    matrix[(n + i) * 2 * n + n + i] = kind == Step::printed ? w[i] : x[i];
-    if (kind == Step::right) right[i] = w[i] - motion[i];
-    right[n + i] = tau - w[i] * x[i];
+    matrix[(n + i) * 2 * n + i] = static_cast<Number>(kind == Step::printed ? x[i] : w[i]);
+    matrix[(n + i) * 2 * n + n + i] = static_cast<Number>(kind == Step::printed ? w[i] : x[i]);
+    if (kind == Step::right) right[i] = static_cast<Number>(w[i] - motion[i]);
+    right[n + i] = static_cast<Number>(tau - w[i] * x[i]);
   }
   return oracle::detail::solve_linear(matrix, right).value_or(std::vector<Number>{});
 }
@@ -97,7 +97,7 @@ TEST(ChapterBarriers, InteriorPointsBeginAnywhereWithTheRightStepAndNowhereWithT
 TEST(ChapterBarriers, TheEliminatedStepOfTheLibraryIsTheStepOfTheWholeSystem) {
   scenes::Rng rng(8);
   for (int trial = 0; trial < 50; ++trial) {
-    Prepared<Ipm, Law::convex, DenseSystem> prepared(random_lcp(rng, 6, 6, 0.1).env());
+    Prepared<Ipm, Law::convex, Dense> prepared(random_lcp(rng, 6, 6, 0.1).env());
     auto& s = prepared.system();
     const IpmSpace p(s);
     ASSERT_EQ(start_interior(prepared.block, s, p), 6);
@@ -131,8 +131,8 @@ using Point = std::array<double, 3>;
 
 /// -1/2 log(x_0^2 - |x_t|^2), of degree 1; the chapter's, without the half, is of degree 2.
 Number half_barrier(const Point& x, const std::array<Number, 3>& shift) {
-  Number d = (x[0] + shift[0]) * (x[0] + shift[0]);
-  for (std::size_t k = 1; k < 3; ++k) d -= (x[k] + shift[k]) * (x[k] + shift[k]);
+  const auto square = [&](std::size_t k) { return std::pow(static_cast<Number>(x[k]) + shift[k], 2); };
+  const Number d = square(0) - square(1) - square(2);
   return -std::log(d) / 2;
 }
 
@@ -141,8 +141,8 @@ Number slope(const Point& x, const Point& u) {
   constexpr Number kStep = 1e-6L;
   std::array<Number, 3> ahead{}, behind{};
   for (std::size_t k = 0; k < 3; ++k) {
-    ahead[k] = kStep * u[k];
-    behind[k] = -kStep * u[k];
+    ahead[k] = kStep * static_cast<Number>(u[k]);
+    behind[k] = -kStep * static_cast<Number>(u[k]);
   }
   return (half_barrier(x, ahead) - half_barrier(x, behind)) / (2 * kStep);
 }
@@ -152,7 +152,7 @@ Number curvature(const Point& x, const Point& u, const Point& v) {
   constexpr Number kStep = 1e-5L;
   const auto at = [&](int a, int b) {
     std::array<Number, 3> shift{};
-    for (std::size_t k = 0; k < 3; ++k) shift[k] = kStep * (a * u[k] + b * v[k]);
+    for (std::size_t k = 0; k < 3; ++k) shift[k] = kStep * static_cast<Number>(a * u[k] + b * v[k]);
     return half_barrier(x, shift);
   };
   return (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / (4 * kStep * kStep);
@@ -163,7 +163,7 @@ Number curvature(const Point& x, const Point& u, const Point& v) {
 TEST(ChapterBarriers, TheFirstDualOfAConeIsTheGradientOfHalfTheBarrier) {
   Environment<double> env = system({friction(3)}, diagonal({2, 1, 1}), {-1, 0.3, -0.2});
   env.mu = {0, 1, 1};
-  Prepared<Ipm, Law::convex, DenseSystem> prepared(env);
+  Prepared<Ipm, Law::convex, Dense> prepared(env);
   auto& s = prepared.system();
   const IpmSpace p(s);
   ASSERT_EQ(start_interior(prepared.block, s, p), 1) << "one barrier term for a cone";
@@ -174,7 +174,7 @@ TEST(ChapterBarriers, TheFirstDualOfAConeIsTheGradientOfHalfTheBarrier) {
   for (std::size_t k = 0; k < 3; ++k) {
     Point axis{};
     axis[k] = 1;
-    EXPECT_NEAR(z[k], static_cast<double>(-gap * slope(x, axis)), 1e-9) << k;
+    EXPECT_NEAR(z[k], -gap * static_cast<double>(slope(x, axis)), 1e-9) << k;
   }
   EXPECT_NEAR(static_cast<double>(slope(x, x)), -1, 1e-9) << "degree 1; of the whole logarithm 2";
   scale_cones(prepared.block, s, p);
