@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "core/io/header_check.hpp"
+#include "core/io/inflated_size.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::io {
@@ -70,6 +71,31 @@ class RawReferences {
   }
   Handle text_, type_;
 };
+
+/// Bytes that a chunk unpacks to, the filters that `skipped` leaves out of account; nothing if it is damaged.
+/// HDF5 1.10.8 takes for granted that they are as many as its elements have.
+std::optional<std::uint64_t> unpacked_size(const std::vector<H5Z_filter_t>& filters, std::uint32_t skipped,
+                                           std::span<const char> stored, std::uint64_t limit) {
+  constexpr std::uint64_t kChecksum = 4;
+  std::uint64_t size = stored.size();
+  bool packed = true;  // not inflated yet
+  for (auto i = static_cast<std::ptrdiff_t>(filters.size()); i-- > 0;) {
+    const H5Z_filter_t filter = filters[static_cast<std::size_t>(i)];
+    if ((skipped >> i & 1) != 0) continue;
+    if (filter == H5Z_FILTER_FLETCHER32) {
+      if (size < kChecksum) return std::nullopt;
+      size -= kChecksum;
+    } else if (filter == H5Z_FILTER_DEFLATE) {
+      const auto inflated = packed ? inflated_size(stored.first(size), limit + kChecksum) : std::nullopt;
+      if (!inflated) return std::nullopt;
+      size = *inflated;
+      packed = false;
+    } else if (packed && std::find(filters.begin(), filters.begin() + i, H5Z_FILTER_DEFLATE) != filters.begin() + i) {
+      return std::nullopt;  // shuffled after it was packed, as no writer does
+    }
+  }
+  return size;
+}
 
 std::string fixed_text(const char* text, std::size_t width) {
   return {text, std::find(text, text + width, '\0')};
@@ -215,7 +241,9 @@ void InputFile::check_type(const std::string& path, hid_t type, Values values) c
 
 void InputFile::check_storage(const std::string& path, const Dataset& dataset) const {
   if (dataset.count == 0) return;
-  const std::size_t width = H5Tget_size(dataset.type.get());
+  // Of a string of variable length the array holds a reference; in memory that would be a pointer.
+  const bool reference = H5Tis_variable_str(dataset.type.get()) > 0;
+  const std::size_t width = reference ? kTextReference : H5Tget_size(dataset.type.get());
   if (width == 0 || dataset.count > std::numeric_limits<std::size_t>::max() / kDeflateLimit / width) {
     refuse_dataset(path, "claims " + std::to_string(dataset.count) + " elements, more than any file holds");
   }
@@ -244,6 +272,7 @@ void InputFile::check_chunks(const std::string& path, const Dataset& dataset, hi
                              std::size_t bytes) const {
   const int filters = H5Pget_nfilters(properties);
   bool deflated = false;
+  std::vector<H5Z_filter_t> pipeline;
   for (int i = 0; i < filters; ++i) {
     unsigned flags = 0, config = 0;
     std::size_t value_count = 0;
@@ -255,6 +284,7 @@ void InputFile::check_chunks(const std::string& path, const Dataset& dataset, hi
                                "are read");
     }
     deflated = deflated || filter == H5Z_FILTER_DEFLATE;
+    pipeline.push_back(filter);
   }
   const std::uint64_t limit = deflated ? kDeflateLimit : 1;
   const std::string claim =
@@ -267,14 +297,24 @@ void InputFile::check_chunks(const std::string& path, const Dataset& dataset, hi
   if (chunk > dataset.count && chunk * (bytes / dataset.count) / limit > file_bytes_) {
     refuse_dataset(path, "claims chunks of " + std::to_string(chunk) + " elements, more than the file holds");
   }
+  const std::uint64_t chunk_bytes = chunk * (bytes / dataset.count);
+  std::uint64_t left = file_bytes_;  // honest chunks do not overlap
+  std::vector<char> content;
   for (hsize_t begin = 0; begin < dataset.count; begin += chunk) {
     hsize_t stored = 0;
     if (H5Dget_chunk_storage_size(dataset.id.get(), &begin, &stored) < 0 || stored == 0) {
       refuse_dataset(path, "lacks the chunk that begins at element " + std::to_string(begin));
     }
-    if (stored > file_bytes_) {
+    if (stored > left) {
       refuse_dataset(path,
                      "has a chunk of " + std::to_string(stored) + " bytes in a file of " + std::to_string(file_bytes_));
+    }
+    left -= stored;
+    content.resize(stored);
+    std::uint32_t skipped = 0;
+    if (H5Dread_chunk(dataset.id.get(), H5P_DEFAULT, &begin, &skipped, content.data()) < 0 ||
+        unpacked_size(pipeline, skipped, content, chunk_bytes) != chunk_bytes) {
+      refuse_dataset(path, "has a damaged chunk that begins at element " + std::to_string(begin));
     }
   }
 }

@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 
+#include <optional>
 #include <random>
 
+#include "core/io/inflated_size.hpp"
 #include "core/io/readers.hpp"
 #include "tests/unit/test_io_support.hpp"
 
@@ -160,6 +162,54 @@ TEST_F(IoHostile, ChunkSizesThatHdf5WouldDivideByAreRefused) {
         message_of(ErrorCode::bad_file, [&] { read_any(InputFile(std::as_bytes(std::span(no_elements)), "image")); }),
         HasSubstr("has chunks of size zero"));
   }
+}
+
+/// Where zlib streams of the level that the writer uses begin.
+std::vector<std::size_t> packed_chunks(const std::string& bytes) {
+  std::vector<std::size_t> places;
+  for (std::size_t at = bytes.find("\x78\x5e"); at != std::string::npos; at = bytes.find("\x78\x5e", at + 1)) {
+    places.push_back(at);
+  }
+  return places;
+}
+
+// HDF5 itself copies as many bytes as the chunk should have, whatever it unpacked to.
+TEST_F(IoHostile, AChunkThatUnpacksToLessThanItsElementsIsRefused) {
+  write_batch(at("a.h5"), long_recording(400));
+  const std::string bytes = bytes_of(at("a.h5"));
+  const std::vector<std::size_t> places = packed_chunks(bytes);
+  ASSERT_GE(places.size(), 5U) << "A/ptr, A/col, A/val, b and R are packed";
+  const std::string nothing("\x78\x5e\x03\x00\x00\x00\x00\x01", 8);
+  for (const std::size_t place : places) {
+    std::string emptied = bytes;
+    emptied.replace(place, nothing.size(), nothing);
+    EXPECT_THAT(
+        message_of(ErrorCode::bad_file, [&] { read_any(InputFile(std::as_bytes(std::span(emptied)), "image")); }),
+        HasSubstr("has a damaged chunk that begins at element 0"));
+  }
+}
+
+std::optional<std::uint64_t> size_of(const std::string& stream, std::uint64_t limit = 1000) {
+  return inflated_size(std::span<const char>(stream), limit);
+}
+
+TEST(InflatedSize, CountsWhatABlockUnpacksTo) {
+  const std::string stored(
+      "\x78\x01\x01\x03\x00\xfc\xff"
+      "abc",
+      10);
+  const std::string repeated("\x78\x9c\x4b\x4c\xc4\x04\x00", 7);  // zlib.compress(b"a" * 20), fixed codes
+  EXPECT_EQ(size_of(stored), 3U);
+  EXPECT_EQ(size_of(repeated), 20U);
+  EXPECT_EQ(size_of(repeated, 20), 20U);
+  EXPECT_EQ(size_of(repeated, 19), std::nullopt) << "more than the limit";
+  for (const std::string& stream : {stored, repeated}) {
+    for (std::size_t length = 0; length < stream.size() - 1; ++length) {
+      EXPECT_EQ(size_of(stream.substr(0, length)), std::nullopt) << length << " of " << stream.size() << " bytes";
+    }
+  }
+  EXPECT_EQ(size_of(std::string("\x79\x9c\x4b\x4c\x44\x05\x00", 7)), std::nullopt) << "another method";
+  EXPECT_EQ(size_of(std::string("\x78\x9c\x07\x00", 4)), std::nullopt) << "a kind of block that there is not";
 }
 
 }  // namespace
