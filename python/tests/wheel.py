@@ -1,0 +1,70 @@
+#!/usr/bin/env python3
+"""The package as it was installed from a wheel, beside NumPy and nothing else. scripts/wheel.sh builds, installs and runs.
+
+    wheel.py WHEEL.whl SOURCE
+
+The last line is: N passed, M failed, K skipped
+"""
+
+import importlib.metadata
+import pathlib
+import re
+import subprocess
+import sys
+import unittest
+import zipfile
+
+WHEEL, SOURCE = (pathlib.Path(name).resolve() for name in sys.argv[1:3])
+HASH = """
+import numpy as np, stiction
+A = np.tile(np.eye(3) + 0.25, (64, 1, 1))
+b = np.linspace(-9, 7, 64 * 3).reshape(64, 3)
+print(stiction.Solver(device="cpu").solve(stiction.Batch.from_delassus(A, b, mu=0.5, law="coulomb")).hash())
+"""
+
+
+def run(code, **environment):
+    """What an interpreter of its own prints, outside of the source tree and with those variables set."""
+    return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True,
+                          timeout=60).stdout.strip()
+
+
+class Wheel(unittest.TestCase):
+    def test_what_is_imported_is_what_was_installed(self):
+        place = pathlib.Path(run("import stiction; print(stiction.__file__)"))
+        self.assertIn(pathlib.Path(sys.prefix).resolve(), place.resolve().parents)
+        self.assertNotIn(SOURCE / "python", place.resolve().parents)
+
+    def test_the_version_is_that_of_the_source(self):
+        version = re.search(r"project\(stiction VERSION ([0-9.]+)", (SOURCE / "CMakeLists.txt").read_text()).group(1)
+        self.assertEqual(run("import stiction; print(stiction.__version__)"), version)
+        self.assertEqual(importlib.metadata.version("stiction"), version)
+
+    def test_numpy_is_all_it_needs(self):
+        needed = [line for line in importlib.metadata.requires("stiction") if "extra ==" not in line]
+        self.assertEqual([re.match(r"[\w-]+", line).group() for line in needed], ["numpy"])
+
+    def test_the_wheel_holds_the_package_and_nothing_else(self):
+        names = set(zipfile.ZipFile(WHEEL).namelist())
+        source = SOURCE / "python" / "stiction"
+        sources = {f"stiction/{file.relative_to(source)}" for file in source.rglob("*.py")}
+        self.assertEqual({name for name in names if name.endswith(".py")}, sources)
+        self.assertLessEqual({"stiction/py.typed", "stiction/_core.pyi"}, names)
+        self.assertEqual([name for name in names if not re.match(r"stiction(-[0-9.]+\.dist-info)?/", name)], [])
+
+    def test_the_program_of_the_readme_runs(self):
+        program = re.search(r"```python\n(.*?)```", (SOURCE / "README.md").read_text(encoding="utf-8"), re.S).group(1)
+        said = run(program + "\nprint(*np.round(solution.lambda_.ravel(), 3) + 0.0, solution.solved.all())")
+        self.assertEqual(said, "9.81 -2.0 0.0 9.81 -4.905 0.0 True")
+
+    def test_the_kernels_of_this_machine_and_the_baseline_give_the_same_bits(self):
+        own, baseline = run(HASH), run(HASH, STICTION_ISA="baseline")
+        self.assertRegex(own, r"^[0-9a-f]{16}$")
+        self.assertEqual(own, baseline)
+
+
+if __name__ == "__main__":
+    result = unittest.main(argv=sys.argv[:1], verbosity=2, exit=False).result
+    failed, skipped = len(result.failures) + len(result.errors), len(result.skipped)
+    print(f"{result.testsRun - failed - skipped} passed, {failed} failed, {skipped} skipped", flush=True)
+    sys.exit(1 if failed else 0)
