@@ -26,7 +26,7 @@ import test_summary  # noqa: E402
 
 SOLVERS = ["npgs", "apgd", "pgs", "jacobi"]
 # Tests that say nothing on a machine without a GPU, and must not have been skipped on one with a GPU.
-GPU_TESTS = ["twin_test_cuda_twin", "twin_test_cuda_memory", "twin_test_cuda_graph"]
+GPU_TESTS = ["twin_test_cuda_twin", "twin_test_cuda_golden", "twin_test_cuda_memory", "twin_test_cuda_graph"]
 # Programs of bench/ that print a table, with their arguments; the others are Google Benchmark's.
 TABLES = {"bench_classes": ["--device", "{device}", "--repeats", "3", "--csv", "{out}/classes.csv"],
           "bench_ratio": ["--contacts", "8", "--envs", "4096", "--precision", "f32", "--csv", "{out}/headline.csv"]}

@@ -1,78 +1,63 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
-#include "stiction/types.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/golden_bodies.hpp"
+#include "tests/support/golden_case.hpp"
+#include "tests/support/golden_forms.hpp"
+#include "tests/support/golden_matrices.hpp"
 
 /// The golden hashes: what every build, compiler and machine must answer within one numerics epoch.
 namespace stiction::test {
 
-struct GoldenScene {
-  const char* scene;
-  int size;
-  Offset envs;
-};
-
-/// Between them: every kind of cone, both paths, environments without rows, numbers that no solver likes.
-inline constexpr GoldenScene kGoldenScenes[] = {{"stack", 3, 5},      {"chain", 6, 5},   {"grasp", 0, 4},
-                                                {"walker", 0, 5},     {"mixed", 48, 12}, {"pile", 30, 2},
-                                                {"adversarial", 4, 8}};
-inline constexpr std::uint64_t kGoldenSeed = 20;
-/// Not a multiple of the chunk, and past one refresh of the motion.
-inline constexpr Index kGoldenIterations = 22;
-
+/// A row of the table: name as GoldenCase has it.
 struct Golden {
-  const char* scene;
-  SolverKind solver;
-  Precision precision;
-  Law law;
+  const char* name;
   std::uint64_t hash;
 };
 
-inline const std::vector<Golden>& goldens() {
-  static const std::vector<Golden> table{
+inline constexpr Golden kGoldens[] = {
 #include "tests/support/golden.inc"
-  };
+};
+
+/// The hash of each row by its name.
+inline const std::map<std::string, std::uint64_t>& goldens() {
+  static const auto table = [] {
+    std::map<std::string, std::uint64_t> result;
+    for (const Golden& golden : kGoldens) result.emplace(golden.name, golden.hash);
+    return result;
+  }();
   return table;
 }
 
-/// One number for a whole batch.
-template <class Real>
-std::uint64_t batch_hash(const ContactBatch<double>& scene, SolverKind solver, Law law, Device device = Device::cpu()) {
-  SolverOptions options;
-  options.solver = solver;
-  options.law = law;
-  options.tolerance = 0;
-  options.max_iterations = kGoldenIterations;
-  options.threads = 1;
-  const ContactBatch<Real> batch = convert<Real>(scene);
-  std::uint64_t hash = 0;
-  for (const std::uint64_t env : env_hashes(batch, solve(batch, options, device))) hash = hash * 0x100000001b3ULL + env;
-  return hash;
+/// First parts of the names.
+inline constexpr const char* kGoldenForms[] = {"matrix", "pyramid", "jacobian", "factor", "bodies", "worlds"};
+
+/// Every row, to be computed; the order is that of golden.inc.
+inline const GoldenCases& golden_cases() {
+  static const auto all = [] {
+    GoldenCases cases;
+    add_matrix_goldens(cases);
+    add_option_goldens(cases);
+    add_pyramid_goldens(cases);
+    add_jacobian_goldens(cases);
+    add_factor_goldens(cases);
+    add_body_goldens(cases);
+    add_world_goldens(cases);
+    return cases;
+  }();
+  return all;
 }
 
-/// Scenes have friction cones, which lemke refuses; under the convex law nsgs takes the steps of pgs.
-inline bool answers_in_its_own_way(SolverKind solver, Law law) {
-  return solver != SolverKind::lemke && !(solver == SolverKind::nsgs && law == Law::convex);
-}
-
-/// The whole table, computed here and now; the order is that of golden.inc.
-inline std::vector<Golden> compute_goldens(Device device = Device::cpu()) {
-  std::vector<Golden> result;
-  for (const GoldenScene& golden : kGoldenScenes) {
-    const ContactBatch<double> scene = scene_batch(golden.scene, golden.envs, kGoldenSeed, golden.size);
-    for (const SolverKind solver : kEverySolver)
-      for (const Law law : {Law::convex, Law::coulomb}) {
-        if (!answers_in_its_own_way(solver, law)) continue;
-        result.push_back({golden.scene, solver, Precision::f32, law, batch_hash<float>(scene, solver, law, device)});
-        result.push_back({golden.scene, solver, Precision::f64, law, batch_hash<double>(scene, solver, law, device)});
-      }
-  }
-  return result;
+/// Those of one form that the table has.
+inline GoldenCases golden_cases_of(const std::string& form) {
+  GoldenCases cases;
+  for (const GoldenCase& row : golden_cases())
+    if (row.name.rfind(form + "/", 0) == 0 && goldens().count(row.name) == 1) cases.push_back(row);
+  return cases;
 }
 
 }  // namespace stiction::test

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stiction/jacobian.hpp"
+#include "tests/support/golden_case.hpp"
+#include "tests/support/golden_matrices.hpp"
+#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/roomy_jacobians.hpp"
+
+/// Golden rows of Jacobian batches: "jacobian/..." for every form of J and M, "factor/..." for environments whose A is
+/// kept as a factor.
+namespace stiction::test {
+
+struct GoldenJacobian {
+  const char* name;
+  Index mass_block;
+  MassForm mass;
+  bool sparse;
+};
+
+/// The lower triangle of a random M, read as a factor, is one: its diagonal is positive.
+inline constexpr GoldenJacobian kGoldenJacobians[] = {{"dense", 0, MassForm::matrix, false},
+                                                      {"sparse", 0, MassForm::matrix, true},
+                                                      {"diagonal", 1, MassForm::matrix, false},
+                                                      {"blocks", 6, MassForm::matrix, true},
+                                                      {"cholesky", 0, MassForm::factor, false}};
+
+/// Small environments, empty ones, one without degrees of freedom and one that is a factor by its size.
+template <class Real>
+JacobianBatch<Real> golden_jacobians(const GoldenJacobian& form, Law law) {
+  const Index block = form.mass_block;
+  JacobianBatch<Real> batch(law, form.mass, block);
+  for (const JacobianRecipe& recipe :
+       {JacobianRecipe{kGoldenSeed, 3, 2, 12, block}, JacobianRecipe{1, 0, 0, 6, block},
+        JacobianRecipe{2, 25, 9, 18, block}, JacobianRecipe{3, 2, 3, 6, block}, JacobianRecipe{4, 1, 1, 0, block},
+        JacobianRecipe{5, 4, 1, 24, block}, JacobianRecipe{6, 3, 2, 12, block}}) {
+    JacobianEnvironment<double> env = random_jacobian(recipe);
+    if (form.sparse) thin_out(env);
+    batch.add(cast<Real>(env));
+  }
+  return batch;
+}
+
+template <class Real>
+std::uint64_t jacobian_hash(const JacobianSolution<Real>& solution) {
+  return Digest()
+      .add(solution.contact.lambda)
+      .add(solution.contact.w)
+      .add(solution.velocity)
+      .add(std::span<const EnvStatus>(solution.contact.status))
+      .value();
+}
+
+/// What assemble() makes, on the CPU whatever the device, and what a solve of the form answers.
+inline void add_jacobian_goldens(GoldenCases& cases) {
+  for (const GoldenJacobian& form : kGoldenJacobians) {
+    const std::string name = std::string("jacobian/") + form.name;
+    for (const auto& [use, suffix] : {std::pair{FactorUse::never, "assembled"}, {FactorUse::always, "factored"}})
+      add_precisions(cases, name + "/" + suffix, [form, use = use](auto real, Device) {
+        const auto batch = assemble(golden_jacobians<decltype(real)>(form, Law::convex).view(), use, 1);
+        return Digest().add(batch.arrays().A).add(batch.arrays().factor).add(batch.arrays().b).value();
+      });
+    for (const SolverKind solver : {SolverKind::npgs, SolverKind::automatic})
+      add_laws(cases, name + "/" + to_string(solver), [form, solver](auto real, Law law, Device device) {
+        const auto batch = golden_jacobians<decltype(real)>(form, law);
+        return jacobian_hash(solve(batch, golden_options(solver), device));
+      });
+  }
+}
+
+/// Every solver on environments that are all kept as factors.
+inline void add_factor_goldens(GoldenCases& cases) {
+  std::vector<SolverKind> solvers(std::begin(kEverySolver), std::end(kEverySolver));
+  solvers.push_back(SolverKind::automatic);
+  for (const SolverKind solver : solvers)
+    for (const Law law : kBothLaws) {
+      if (!answers_in_its_own_way(solver, law)) continue;
+      add_law(cases, std::string("factor/random/") + to_string(solver), law,
+              [solver](auto real, Law now, Device device) {
+                const auto batch = golden_jacobians<decltype(real)>(kGoldenJacobians[0], now);
+                return jacobian_hash(solve(batch, golden_options(solver), device, {}, FactorUse::always));
+              });
+    }
+}
+
+}  // namespace stiction::test

@@ -1,0 +1,154 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stiction/pyramid.hpp"
+#include "tests/support/golden_case.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/small_systems.hpp"
+
+/// Golden rows of contact batches: "matrix/..." as scenes have them, "pyramid/..." without friction cones.
+namespace stiction::test {
+
+struct GoldenScene {
+  const char* scene;
+  int size;
+  Offset envs;
+};
+
+/// Between them: every kind of cone, both paths, environments without rows, numbers that no solver likes.
+inline constexpr GoldenScene kGoldenScenes[] = {{"stack", 3, 5},      {"chain", 6, 5},   {"grasp", 0, 4},
+                                                {"walker", 0, 5},     {"mixed", 48, 12}, {"pile", 30, 2},
+                                                {"adversarial", 4, 8}};
+/// The scenes with fewer contacts, for methods that factorise: the baseline has its fused operations from the C
+/// library.
+inline constexpr GoldenScene kSmallGoldenScenes[] = {{"stack", 3, 5},      {"chain", 6, 5},  {"grasp", 0, 2},
+                                                     {"walker", 0, 5},     {"mixed", 16, 4}, {"pile", 8, 2},
+                                                     {"adversarial", 4, 4}};
+
+inline ContactBatch<double> golden_batch(const GoldenScene& golden) {
+  return scene_batch(golden.scene, golden.envs, kGoldenSeed, golden.size);
+}
+
+/// One number for a whole batch.
+template <class Real>
+std::uint64_t batch_hash(const ContactBatch<Real>& batch, const Solution<Real>& solution) {
+  Digest digest;
+  for (const std::uint64_t env : env_hashes(batch, solution)) digest.add(env);
+  return digest.value();
+}
+
+inline SolverOptions golden_options(SolverKind solver) {
+  return options(solver, 0, kGoldenIterations);
+}
+
+/// Scenes have friction cones, which lemke refuses; under the convex law nsgs takes the steps of pgs.
+inline bool answers_in_its_own_way(SolverKind solver, Law law) {
+  return solver != SolverKind::lemke && !(solver == SolverKind::nsgs && law == Law::convex);
+}
+
+using GoldenBatch = std::shared_ptr<const ContactBatch<double>>;
+
+/// Numbers to start from, none of them an answer.
+template <class Real>
+std::vector<Real> golden_warm_start(Offset count) {
+  std::vector<Real> warm(static_cast<std::size_t>(count));
+  for (std::size_t i = 0; i < warm.size(); ++i) warm[i] = static_cast<Real>(i % 7) * Real(0.125) - Real(0.25);
+  return warm;
+}
+
+/// Hash of a batch's answer under one law.
+struct HashOfMatrix {
+  GoldenBatch scene;
+  SolverOptions options;
+  bool warm = false;
+
+  template <class Real>
+  std::uint64_t operator()(Real, Law law, Device device) const {
+    SolverOptions lawful = options;
+    lawful.law = law;
+    const ContactBatch<Real> batch = convert<Real>(*scene);
+    const std::vector<Real> start = warm ? golden_warm_start<Real>(batch.row_count()) : std::vector<Real>{};
+    return batch_hash(batch, solve(batch, lawful, device, std::span<const Real>(start)));
+  }
+};
+
+/// Every scene by every solver, and by auto. With tolerance 0 every rung of auto runs, else those that are needed.
+inline void add_matrix_goldens(GoldenCases& cases) {
+  for (const GoldenScene& golden : kGoldenScenes) {
+    const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(golden));
+    for (const SolverKind solver : kEverySolver)
+      for (const Law law : kBothLaws)
+        if (answers_in_its_own_way(solver, law))
+          add_law(cases, std::string("matrix/") + golden.scene + "/" + to_string(solver), law,
+                  HashOfMatrix{scene, golden_options(solver)});
+  }
+  for (const GoldenScene& golden : kSmallGoldenScenes) {
+    const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(golden));
+    const std::string name = std::string("matrix/small ") + golden.scene;
+    add_laws(cases, name + "/auto", HashOfMatrix{scene, golden_options(SolverKind::automatic)});
+    add_laws(cases, name + "/auto to 1e-6", HashOfMatrix{scene, options(SolverKind::automatic, 1e-6, 100)});
+  }
+}
+
+/// What else reaches the bits (docs/determinism.md), on environments of several islands.
+inline void add_option_goldens(GoldenCases& cases) {
+  const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(kGoldenScenes[4]));
+  const auto add = [&](const std::string& name, const SolverOptions& options, bool warm = false) {
+    add_laws(cases, "matrix/mixed/" + name, HashOfMatrix{scene, options, warm});
+  };
+  add("npgs warm", golden_options(SolverKind::npgs), true);
+  add("admm warm", golden_options(SolverKind::admm), true);
+  SolverOptions apart = golden_options(SolverKind::npgs);
+  apart.islands = IslandMode::apart;
+  add("npgs apart", apart);
+  SolverOptions relaxed = golden_options(SolverKind::pgs);
+  relaxed.omega = 1.3;
+  add("pgs omega 1.3", relaxed);
+  add("npgs to 1e-3", options(SolverKind::npgs, 1e-3, 1000));
+  SolverOptions impatient = options(SolverKind::npgs, 0, 1000);
+  impatient.stall_window = 32;
+  add("npgs stall 32", impatient);
+}
+
+/// The environments of a batch with all friction zero, so that a pyramid is its normal row.
+inline ContactBatch<double> without_friction(const ContactBatch<double>& batch) {
+  ContactBatch<double> result(batch.law());
+  for (Offset e = 0; e < batch.env_count(); ++e) {
+    Environment<double> env = environment_of(batch.view(), e);
+    env.mu.assign(env.mu.size(), 0.0);
+    result.add(env);
+  }
+  return result;
+}
+
+/// Rows of pyramids instead of friction cones, which lemke answers; the hash holds the edges' answer and E f.
+inline void add_pyramid_goldens(GoldenCases& cases) {
+  const auto add = [&](const std::string& name, const GoldenBatch& scene, int sides) {
+    for (const SolverKind solver : {SolverKind::lemke, SolverKind::pgs, SolverKind::ipm, SolverKind::automatic})
+      add_precisions(cases, "pyramid/" + name + "/" + to_string(solver), [=](auto real, Device device) {
+        using Real = decltype(real);
+        const ContactBatch<Real> original = convert<Real>(*scene);
+        const PyramidBatch<Real> pyramids = linearise(original, sides);
+        const Solution<Real> solution =
+            solve(pyramids.batch, options(solver, 1e-6, solver == SolverKind::lemke ? 2000 : 60), device);
+        const auto back = reactions(pyramids, original, std::span<const Real>(solution.lambda));
+        return Digest().add(batch_hash(pyramids.batch, solution)).add(back.lambda).add(back.w).value();
+      });
+  };
+  for (const GoldenScene& golden : kSmallGoldenScenes) {
+    const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(golden));
+    add(std::string(golden.scene) + " 4 sides", scene, 4);
+    if (std::string(golden.scene) == "walker") {
+      add("walker 8 sides", scene, 8);
+      add("walker 16 sides", scene, 16);
+    }
+    if (std::string(golden.scene) == "stack")
+      add("stack without friction", std::make_shared<const ContactBatch<double>>(without_friction(*scene)), 4);
+  }
+}
+
+}  // namespace stiction::test

@@ -1,0 +1,35 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/support/golden.hpp"
+
+/// The golden table computed by the GPU's kernels and launches on the emulated device.
+namespace stiction::test {
+namespace {
+
+/// Emulated factorisations of these take seconds each.
+bool is_slow(const std::string& name) {
+  const auto has = [&](const char* text) { return name.find(text) != std::string::npos; };
+  if (name.rfind("worlds/", 0) == 0) return has("/newton/") && (has("/pile/") || has("/stack/"));
+  return (has("matrix/mixed") || has("matrix/pile")) && (has("/newton/") || has("/ipm/"));
+}
+
+class DeviceGolden : public ::testing::TestWithParam<const char*> {};
+
+/// A method has a row for each law and precision: with every third row all of them get their turn, and all methods.
+TEST_P(DeviceGolden, every_third_answer_has_the_bits_of_the_table) {
+  int index = 0, compared = 0;
+  for (const GoldenCase& row : golden_cases_of(GetParam())) {
+    if (index++ % 3 != 0 || is_slow(row.name)) continue;
+    EXPECT_EQ(goldens().at(row.name), row.hash(Device::emulated())) << row.name;
+    ++compared;
+  }
+  EXPECT_GE(compared, 10);
+}
+
+INSTANTIATE_TEST_SUITE_P(forms, DeviceGolden, ::testing::ValuesIn(kGoldenForms),
+                         [](const auto& form) { return std::string(form.param); });
+
+}  // namespace
+}  // namespace stiction::test
