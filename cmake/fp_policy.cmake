@@ -3,7 +3,8 @@
 #   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only what says fma_()
 #   no errno/traps what lets sqrt and selects vectorise; changes no value
 #   no SLP (GCC)   GCC 12 fuses a difference and a sum of products that lie side by side into vfmaddsub or vfmsubadd,
-#                  whatever -ffp-contract says; only its vectoriser of straight-line code does it
+#                  whatever -ffp-contract says; only its vectoriser of straight-line code does it. The gate `fused_gate`
+#                  reads every object for what nobody wrote
 #   device         the same statements for nvcc, and the host flags for its host pass, which --fmad does not reach
 add_library(stiction_fp INTERFACE)
 target_compile_options(stiction_fp INTERFACE
@@ -19,3 +20,13 @@ foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAK
                         "fast-math option")
   endif()
 endforeach()
+
+# stiction_keep_lines(target ...): in a build with tests, which line each instruction came from, so that tools/check_fused.py
+# can tell a fused operation that fma_() asked for from one that a compiler made. Changes no instruction.
+function(stiction_keep_lines)
+  if(STICTION_BUILD_TESTS AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+    foreach(target IN LISTS ARGN)
+      target_compile_options(${target} PRIVATE -g1)
+    endforeach()
+  endif()
+endfunction()

@@ -28,6 +28,7 @@ if(TARGET stiction_cpu_avx2)
     # Optimised little: what they are for is width, not speed.
     target_compile_options(stiction_test_${width} PRIVATE ${options})
     target_link_libraries(stiction_test_${width} PRIVATE stiction_fp stiction_warnings)
+    stiction_keep_lines(stiction_test_${width})
     list(APPEND _widths $<TARGET_OBJECTS:stiction_test_${width}>)
   endforeach()
 endif()

@@ -1,15 +1,21 @@
 #!/usr/bin/env python3
-"""Looks in the CPU's objects for operations that GCC fuses in spite of -ffp-contract=off.
+"""Looks in the CPU's objects for fused operations that nobody wrote.
 
     check_fused.py OBJECT ...
     check_fused.py --self-test
 
-GCC 12 makes vfmaddsub and vfmsubadd of a sum and a difference of products that lie side by side (docs/numerics.md, rule
-3). No body writes either, so one in an object is a lapse. Other fused operations are written as fma_() and look the same
-as those that are not. Exit status 1 on a finding, 77 without objdump, which CTest counts as skipped.
+Fused is only what says fma_() (docs/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off: GCC 12 does
+where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
+instruction of x86 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses has
+the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() asked for keeps the line
+of fma_() or of its intrinsic, or takes that of a negation or a selection that it swallowed, which round nothing. An
+alternating one (vfmaddsub, vfmsubadd) is a lapse wherever it stands, since no body writes one. Exit status 1 on a finding
+or where there is no line table, 77 without objdump, which CTest counts as skipped.
 """
 
 import argparse
+import collections
+import functools
 import pathlib
 import re
 import shutil
@@ -17,29 +23,79 @@ import subprocess
 import sys
 
 FUNCTION = re.compile(r"^[0-9a-f]+ <(.*)>:$")
-ALTERNATING = re.compile(r"\b(vfm(?:addsub|subadd)\w*)")
+LINE = re.compile(r"^(/\S+?):(\d+)(?: \(discriminator \d+\))?$")
+FUSED = re.compile(r"\t(vfn?m(?:add|sub|addsub|subadd)[0-9]*[ps][sd])\b")
+ALTERNATING = re.compile(r"vfm(?:addsub|subadd)")
+INTRINSICS = re.compile(r"/(?:fma|avx512[a-z]*)intrin\.h$")
+WRITTEN = re.compile(r"\bfma_\(|__builtin_fmaf?\(")
+SUM = re.compile(r"\s[+-]=?(?:\s|$)")  # clang-format puts spaces around what has two operands
+# Lines that GCC names for a fused operation which is written elsewhere, each read in the disassembly.
+MISPLACED = {
+    # The z of this difference is proximal_point()'s fma_(-step, y, z); its product a x is rounded before, by a vmulsd.
+    "const Real r = ax[k] - z[k];",
+}
 SKIPPED = 77
 
 
-def findings(text, label):
-    """Alternating fused operations in a disassembly."""
-    found, function = [], "?"
+@functools.lru_cache(maxsize=None)
+def source(path):
+    try:
+        return pathlib.Path(path).read_text(errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+def is_written(path, number, read=source):
+    """Whether the line asks for a fused operation, or holds no sum that a compiler could have fused."""
+    if INTRINSICS.search(path):
+        return True
+    lines = read(path)
+    if not 0 < number <= len(lines):
+        return False
+    line = lines[number - 1].split("//")[0]
+    return WRITTEN.search(line) is not None or SUM.search(line) is None or line.strip() in MISPLACED
+
+
+def findings(text, label, read=source):
+    """What is fused in a disassembly with line numbers, and what of it nobody wrote: (count, sentences)."""
+    found, count, function, where = [], 0, "?", None
     for line in text.splitlines():
-        header = FUNCTION.match(line)
+        header, place = FUNCTION.match(line), LINE.match(line)
         if header:
-            function = header.group(1)
+            function, where = header.group(1), None
+        elif place:
+            where = place.group(1), int(place.group(2))
+        operation = FUSED.search(line)
+        if not operation:
             continue
-        operation = ALTERNATING.search(line)
-        if operation:
-            found.append(f"{label}: {operation.group(1)} in {function}: compile this source with -fno-tree-slp-vectorize")
-    return found
+        count += 1
+        at = f"{where[0]}:{where[1]}" if where else "no line"
+        if ALTERNATING.match(operation.group(1)):
+            found.append(f"{label}: {operation.group(1)} in {function} ({at}): nothing alternating is ever written")
+        elif where is None or not is_written(*where, read):
+            found.append(f"{label}: {operation.group(1)} in {function} ({at}): a sum without fma_()")
+    return count, found
 
 
 def self_test():
-    cases = [("0000000000000000 <f>:\n   0:\tvfmsubadd132pd %xmm2,%xmm4,%xmm8\n", 1),
-             ("0000000000000000 <f>:\n   0:\tvfmaddsub213ps %ymm2,%ymm4,%ymm8\n", 1),
-             ("0000000000000000 <f>:\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n   4:\tvaddsubpd %xmm1,%xmm2,%xmm3\n", 0)]
-    failed = [text for text, count in cases if len(findings(text, "planted")) != count]
+    sources = {"/s/real.hpp": ["double fma_(double a, double b, double c) {", "return __builtin_fma(a, b, c);"],
+               "/s/body.hpp": ["x = a * b + c;", "x = fma_(a, b, c);", "return -dot(a, b);  // a - b", "x +="]}
+    begin = "0000000000000000 <f>:\n"
+    cases = [(begin + "/s/body.hpp:2\n   0:\tvfmsubadd132pd %xmm2,%xmm4,%xmm8\n", 1),
+             (begin + "/s/body.hpp:2\n   0:\tvfmaddsub213ps %ymm2,%ymm4,%ymm8\n", 1),
+             (begin + "/s/body.hpp:1\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 1),
+             (begin + "/s/body.hpp:1 (discriminator 3)\n   0:\tvfnmsub213sd %xmm2,%xmm4,%xmm8\n", 1),
+             (begin + "   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 1),
+             (begin + "/s/body.hpp:2\n   0:\tvmulpd %ymm2,%ymm4,%ymm8\n0000000000000010 <g>:\n  10:\tvfmadd213ss %xmm2,%xmm4,%xmm8\n", 1),
+             (begin + "/s/body.hpp:4\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 1),
+             (begin + "/s/body.hpp:9\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 1),
+             (begin + "/s/body.hpp:3\n   0:\tvfnmsub213pd %ymm2,%ymm4,%ymm8\n", 0),
+             (begin + "/s/body.hpp:2\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 0),
+             (begin + "/s/real.hpp:2\n   0:\tvfnmadd231ss %xmm2,%xmm4,%xmm8\n", 0),
+             (begin + "/usr/lib/gcc/x86_64-linux-gnu/12/include/fmaintrin.h:49\n   0:\tvfmadd213ps %ymm2,%ymm4,%ymm8\n", 0),
+             (begin + "/s/body.hpp:1\n   4:\tvaddsubpd %xmm1,%xmm2,%xmm3\n", 0)]
+    failed = [text for text, expected in cases
+              if len(findings(text, "planted", lambda path: sources.get(path, []))[1]) != expected]
     for text in failed:
         print(f"self-test: wrong count for {text!r}")
     print(f"self-test: {len(cases)} cases, {len(failed)} failed")
@@ -56,16 +112,19 @@ def main():
     if not arguments.objects:
         parser.error("no objects given")
     if shutil.which("objdump") is None:
-        print("objdump is missing: nothing was checked")
+        print("SKIPPED: objdump is missing: nothing was checked")
         return SKIPPED
-    found = []
+    found, fused = collections.OrderedDict(), 0
     for path in arguments.objects:
-        listing = subprocess.run(["objdump", "-dC", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
-        found += findings(listing.stdout, path.name)
-    for problem in found:
-        print(problem)
-    print(f"{len(arguments.objects)} objects, {len(found)} problems")
-    return 1 if found else 0
+        listing = subprocess.run(["objdump", "-dlC", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
+        count, sentences = findings(listing.stdout, path.name)
+        fused += count
+        for sentence in sentences:
+            found[sentence] = found.get(sentence, 0) + 1
+    for sentence, times in found.items():
+        print(f"{sentence}{f', {times} times' if times > 1 else ''}")
+    print(f"{len(arguments.objects)} objects, {fused} fused operations, {sum(found.values())} that nobody wrote")
+    return 1 if found or fused == 0 else 0
 
 
 if __name__ == "__main__":
