@@ -1,10 +1,10 @@
 #pragma once
 
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "stiction/batch.hpp"
+#include "tests/support/rounding_bound.hpp"
 
 namespace stiction::test {
 
@@ -17,9 +17,8 @@ namespace stiction::test {
 ///     g'd <= s (norm(d) + s / a) + norm(g) s / a,     and  norm(g)^2 <= L g'd,
 ///
 /// a the smallest weight and L a bound on the largest eigenvalue. So norm(g) is at most the larger root of
-/// g^2 = L (s norm(d) + s^2 / a + g s / a). Residuals are themselves sums of n terms of the size of max|b| in double:
-/// n ulps of that join s. No constant is fitted; a solution that is wrong by more than its
-/// residual explains does not pass.
+/// g^2 = L (s norm(d) + s^2 / a + g s / a). Residuals are themselves rounded: what that can be joins s. No constant is
+/// fitted; a solution that is wrong by more than its residual explains does not pass.
 struct MotionBound {
   double difference;  ///< norm(y - y')
   double bound;
@@ -46,7 +45,7 @@ inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset en
     if (cones == 0.0 || weight < smallest_weight) smallest_weight = weight;
     cones += 1.0;
   }
-  double g2 = 0.0, d2 = 0.0, largest_row = 0.0, largest_b = 0.0;
+  double g2 = 0.0, d2 = 0.0, largest_row = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     const Offset row = first + static_cast<Offset>(i);
     double g = batch.R[row] * (lambda[i] - other[i]);
@@ -60,9 +59,8 @@ inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset en
     const double d = mu[i] > 0 ? (lambda[i] - other[i]) / mu[i] : 0.0;
     d2 += d * d;
     if (row_sum > largest_row) largest_row = row_sum;
-    if (std::abs(batch.b[row]) > largest_b) largest_b = std::abs(batch.b[row]);
   }
-  const double rounding = static_cast<double>(n) * std::numeric_limits<double>::epsilon() * largest_b;
+  const double rounding = residual_rounding(batch, env, lambda) + residual_rounding(batch, env, other);
   const double s = (residual + other_residual + rounding) * std::sqrt(cones);
   const double half = 0.5 * largest_row * s / smallest_weight;
   const double root = half + std::sqrt(half * half + largest_row * (s * std::sqrt(d2) + s * s / smallest_weight));

@@ -11,6 +11,7 @@
 #include "tests/support/motion_bound.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_systems.hpp"
+#include "tests/support/rounding_bound.hpp"
 #include "tests/support/small_systems.hpp"
 
 /// What must hold for any solver on any well-posed system, as text: empty, or the first thing that did not.
@@ -57,22 +58,10 @@ inline std::string answer_violation(const Environment<double>& env, Law law, con
       if (!std::isfinite(value)) out << "an output is not finite; ";
   const Residual judged = verify(batch.view(), std::span<const double>(solution.lambda)).at(0);
   const EnvStatus& status = solution.status[0];
-  // Both residuals are sums of products in f64; orders of summation differ, by rounding of the largest term. The
-  // natural map adds a lambda / mu to them, a being the trace of the cone's block: no more than kMaxConeRows diagonals.
-  double largest_b = 0.0, largest_term = 0.0;
+  double largest_b = 0.0;
   for (const double b : env.b) largest_b = std::abs(b) > largest_b ? std::abs(b) : largest_b;
-  for (std::size_t i = 0; i < env.b.size(); ++i)
-    for (auto k = static_cast<std::size_t>(env.row_offsets[i]); k < static_cast<std::size_t>(env.row_offsets[i + 1]);
-         ++k) {
-      const double term = std::abs(env.A[k] * solution.lambda[static_cast<std::size_t>(env.column[k])]);
-      if (term > largest_term) largest_term = term;
-      if (static_cast<std::size_t>(env.column[k]) != i) continue;
-      const double mu = env.mu.empty() || env.mu[i] == 0 ? 1.0 : env.mu[i];
-      const double mapped = kMaxConeRows * (env.A[k] + env.R[i]) * std::abs(solution.lambda[i]) / mu;
-      if (mapped > largest_term) largest_term = mapped;
-    }
-  const double rounding = 1e-15 * static_cast<double>(env.b.size()) * (largest_b + largest_term) / largest_b;
-  if (std::abs(judged.relative - status.residual) > rounding + 1e-9 * judged.relative)
+  const double rounding = residual_rounding(batch.view(), 0, solution.lambda) / largest_b;
+  if (std::abs(judged.relative - status.residual) > rounding)
     out << "status says residual " << status.residual << ", the judge " << judged.relative << "; ";
   if (status.code == EnvCode::solved && judged.relative > o.tolerance + rounding)
     out << "`solved` at a residual of " << judged.relative << "; ";
@@ -82,8 +71,8 @@ inline std::string answer_violation(const Environment<double>& env, Law law, con
   return out.str();
 }
 
-/// Where a solution exists that the solver is able to find: it must say so.
-inline std::string unsolved(const Solution<double>& solution) {
+/// Where a solution exists that the solver is able to find: empty if it says so.
+inline std::string unsolved_text(const Solution<double>& solution) {
   const EnvStatus& status = solution.status[0];
   if (status.code == EnvCode::solved) return {};
   std::ostringstream out;
@@ -92,11 +81,11 @@ inline std::string unsolved(const Solution<double>& solution) {
   return out.str();
 }
 
-/// And against the oracle, in what is unique: the motion, under the convex law.
-inline std::string convex_violation(const Environment<double>& env, const SolverOptions& o) {
+/// And against the oracle, in what is unique: the motion, under the convex law. `unsolved` says whether it was solved.
+inline std::string convex_violation(const Environment<double>& env, const SolverOptions& o, std::string& unsolved) {
   Solution<double> solution;
   std::string out = answer_violation(env, Law::convex, o, solution);
-  out += unsolved(solution);
+  unsolved = unsolved_text(solution);
   const oracle::Answer truth = oracle::solve_convex(env);
   if (!truth.converged) return out + "the oracle did not converge; ";
   const auto batch = batch_of({env}, Law::convex);
@@ -119,10 +108,10 @@ inline std::string convex_violation(const Environment<double>& env, const Solver
 /// 1e-4, where the other law's w differs by mu norm(w_t), some 1e-1.
 inline constexpr double kCoulombAmplification = 3.3e6;
 
-inline std::string coulomb_violation(const Environment<double>& env, const SolverOptions& o) {
+inline std::string coulomb_violation(const Environment<double>& env, const SolverOptions& o, std::string& unsolved) {
   Solution<double> solution;
   std::string out = answer_violation(env, Law::coulomb, o, solution);
-  out += unsolved(solution);
+  unsolved = unsolved_text(solution);
   const oracle::Answer truth = oracle::solve_coulomb(env);
   if (!truth.converged) return out + "the oracle did not converge; ";
   const auto batch = batch_of({env}, Law::coulomb);
