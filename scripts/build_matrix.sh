@@ -1,18 +1,21 @@
 #!/usr/bin/env bash
-# One hash for each batch, solver and precision, whatever built it: {g++, clang++} x {-O0, -O3, -O3 -march=native},
-# 1 and 2 threads, the kernels of each instruction set, and the environments in three other orders. Prints one table;
-# exit status 1 if any hash differs.
+# One hash for each batch, solver and precision, whatever built it: {g++, clang++} x {-O0, -O3, -O3 -march=native}, -O3 by
+# every other version of them that is installed, 1 and 2 threads, the kernels of each instruction set, and the
+# environments in three other orders. Prints one table; exit status 1 if any hash differs.
 # Builds into build-matrix/ and leaves every single hash in build-matrix/hashes.csv.
 #
 #   scripts/build_matrix.sh [BATCH.h5 ...]          default: examples/data/*.h5
-#   SOLVERS="npgs pgs" PRECISIONS=f64 ITERATIONS=50 COMPILERS=g++ scripts/build_matrix.sh
+#   SOLVERS="npgs pgs" PRECISIONS=f64 ITERATIONS=50 COMPILERS=g++-11 LEVELS="-O0;-O2" scripts/build_matrix.sh
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-read -r -a solvers <<< "${SOLVERS:-npgs apgd pgs jacobi}"
+# Version 13 of clang is older than what is supported.
+installed() { compgen -c | grep -E '^(g\+\+-1[1-9]|clang\+\+-(1[4-9]|2[0-9]))$' | sort -uV | tr '\n' ' ' || true; }
+
+read -r -a solvers <<< "${SOLVERS:-npgs subspace pgs apgd nsgs jacobi admm newton ipm auto}"
 read -r -a precisions <<< "${PRECISIONS:-f32 f64}"
-read -r -a compilers <<< "${COMPILERS:-g++ clang++}"
+read -r -a compilers <<< "${COMPILERS:-g++ clang++ $(installed)}"
 iterations=${ITERATIONS:-200}
 if [ $# -gt 0 ]; then batches=("$@"); else batches=("$root"/examples/data/*.h5); fi
 for batch in "${batches[@]}"; do
@@ -24,7 +27,12 @@ mkdir -p "$matrix"
 builds=()
 for compiler in "${compilers[@]}"; do
   command -v "$compiler" > /dev/null || { note "$compiler is not here: its rows are missing from the table"; continue; }
-  for flags in "-O0" "-O3 -DNDEBUG" "-O3 -DNDEBUG -march=native"; do
+  case $compiler in
+    g++ | clang++) levels=("-O0" "-O3 -DNDEBUG" "-O3 -DNDEBUG -march=native") ;;
+    *) levels=("-O3 -DNDEBUG") ;;
+  esac
+  [ -z "${LEVELS:-}" ] || IFS=';' read -r -a levels <<< "$LEVELS"
+  for flags in "${levels[@]}"; do
     name=${compiler//+/x}$(sed 's/ -DNDEBUG//; s/[ =]//g' <<< "$flags")
     say "$compiler $flags"
     options=(-S "$root" -B "$matrix/$name" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
