@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
+#include "core/runtime/body_arrays.hpp"
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/bodies.hpp"
@@ -153,7 +154,7 @@ class BodyValidator {
   BodyValidator(const BodyBatchView<Real>& batch, std::size_t limit) : batch_(batch), limit_(limit), report_(limit) {}
 
   std::vector<Defect> run(const ShareOut& share_out) {
-    if (offsets_hold() && !BodySurvey<Real>(batch_).passes(share_out, true) && sides_hold(share_out))
+    if (offsets_hold(true) && !BodySurvey<Real>(batch_).passes(share_out, true) && sides_hold(share_out))
       look(share_out, [](BodyValidator& part, Offset env) {
         part.see_bodies(env);
         part.see_contacts(env);
@@ -161,7 +162,7 @@ class BodyValidator {
     return report_.take();
   }
   std::vector<Defect> run_structure(const ShareOut& share_out) {
-    if (offsets_hold() && !BodySurvey<Real>(batch_).passes(share_out, false)) sides_hold(share_out);
+    if (offsets_hold(false) && !BodySurvey<Real>(batch_).passes(share_out, false)) sides_hold(share_out);
     return report_.take();
   }
 
@@ -185,7 +186,7 @@ class BodyValidator {
     return found.empty();
   }
 
-  bool offsets_hold() {
+  bool offsets_hold(bool with_numbers) {
     const auto place = [](Offset env) { return Defect{env, -1, -1, true, ""}; };
     const auto offsets = [&](const char* name, const Offset* values, Offset total, const char* total_name) {
       return check_offsets(name, std::span(values, static_cast<std::size_t>(batch_.env_count) + 1), total, total_name,
@@ -199,6 +200,10 @@ class BodyValidator {
     }
     bool sound = offsets("env_body_offsets", batch_.env_body_offsets, batch_.body_count, "bodies");
     sound = offsets("env_contact_offsets", batch_.env_contact_offsets, batch_.contact_count, "contacts") && sound;
+    if (const char* name = missing_array(batch_, with_numbers); name != nullptr) {
+      report_.add({-1, -1, -1, true, std::string(name) + " is null; point it to the batch's array"});
+      sound = false;
+    }
     return sound;
   }
 

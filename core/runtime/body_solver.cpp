@@ -3,6 +3,7 @@
 #include <string>
 
 #include "core/base/fp_env.hpp"
+#include "core/runtime/body_arrays.hpp"
 #include "core/runtime/body_backend.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
@@ -100,6 +101,12 @@ void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Rea
   refuse_overlaps(batch, solution, warm_start);
 }
 
+template <class Real>
+void check_arrays(const BodyBatchView<Real>& batch) {
+  if (const char* name = missing_array(batch, true); name != nullptr)
+    refuse(std::string(name) + " is null; point it to the batch's array");
+}
+
 std::unique_ptr<BodyMachine> make_machine(Device device) {
   if (device.kind == DeviceKind::cuda) return make_cuda_bodies(device.ordinal);
   if (device.kind == DeviceKind::emulated) return make_emulated_bodies();
@@ -173,6 +180,8 @@ BodyPlan BodySolver::plan(const BodyBatchView<Real>& batch, StreamRef stream) co
   const ScopedFpEnv fp_env;
   check_space(batch);
   const auto make = [&](const BodyBatchView<Real>& host) {
+    if (options_.max_contacts_per_env > 0 && host.contact_count > 0 && host.depth == nullptr)
+      refuse("depth is null; max_contacts_per_env keeps the deepest contacts: point it to the batch's array");
     reject(validate_structure(host, 1, sharing(*machine_, options_)));
     return make_plan(host);
   };
@@ -185,6 +194,7 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
                        const Real* warm_start) const {
   const ScopedFpEnv fp_env;
   check_space(batch);
+  check_arrays(batch);
   const BodyPlanData& data = plan.data();
   // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
   // at in this call.
@@ -226,6 +236,7 @@ void BodySolver::solve(const BodyBatchView<Real>& batch, const BodySolutionView<
                        StreamRef stream) const {
   const ScopedFpEnv fp_env;
   check_space(batch);
+  check_arrays(batch);
   check_solution(batch, solution, warm_start);
   const bool is_looked_at = looks_at_numbers(options_, batch.space);
   if (is_looked_at) reject(validate(batch, 1, sharing(*machine_, options_)));

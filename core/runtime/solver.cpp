@@ -52,6 +52,22 @@ void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real
     refuse("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
 }
 
+/// Numbers are read whatever InvalidPolicy says of their values.
+template <class Real>
+void check_numbers(const ContactBatchView<Real>& batch) {
+  const auto need = [](const char* name, const Real* array, bool needed) {
+    if (needed && array == nullptr) refuse(std::string(name) + " is null; point it to the batch's array");
+  };
+  need("A", batch.A, batch.nonzero_count > 0);
+  need("factor", batch.factor, batch.factor_offsets != nullptr && batch.factor_count > 0);
+  const bool rows = batch.row_count > 0;
+  need("b", batch.b, rows);
+  need("R", batch.R, rows);
+  need("mu", batch.mu, rows);
+  need("lo", batch.lo, rows);
+  need("hi", batch.hi, rows);
+}
+
 /// A device batch is queued now and solved later.
 template <class Real>
 const char* solve_span(const ContactBatchView<Real>& batch) {
@@ -272,6 +288,7 @@ void Solver::synchronize(StreamRef stream) const {
 template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                            const Real* warm_start) const {
+  check_numbers(batch);
   check_solution(batch, solution);
   refuse_overlaps(batch, solution, warm_start);
   check_space(batch.space, device_);

@@ -103,7 +103,7 @@ class Validator {
     array("cone_kind", batch_.cone_kind, batch_.cone_count > 0);
     array("cone_row_offsets", batch_.cone_row_offsets, true);
     array("row_offsets", batch_.row_offsets, true);
-    array("column", batch_.column, batch_.nonzero_count > 0);
+    array("column", batch_.column, batch_.nonzero_count > 0 || batch_.columns_stored() > 0);
     array("factor", batch_.factor, with_values && batch_.factor_offsets != nullptr && batch_.factor_count > 0);
     array("A", batch_.A, with_values && batch_.nonzero_count > 0);
     array("b", batch_.b, with_values && batch_.row_count > 0);

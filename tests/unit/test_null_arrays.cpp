@@ -1,0 +1,83 @@
+#include <gmock/gmock.h>
+
+#include <vector>
+
+#include "tests/support/body_systems.hpp"
+#include "tests/support/error_message.hpp"
+#include "tests/support/random_systems.hpp"
+
+// Arrays that are not there are refused by name, whatever InvalidPolicy says of the numbers in them.
+namespace stiction::test {
+namespace {
+
+using ::testing::StartsWith;
+
+TEST(NullArrays, OfAContactBatchAreRefusedUnderEveryPolicy) {
+  ContactBatch<double> batch(Law::coulomb);
+  batch.add(random_contacts(Recipe{}));
+  const auto rows = static_cast<std::size_t>(batch.row_count());
+  std::vector<double> lambda(rows);
+  std::vector<EnvStatus> status(1);
+  for (const auto policy : {InvalidPolicy::reject, InvalidPolicy::isolate}) {
+    SolverOptions options;
+    options.invalid = policy;
+    const Solver solver(Device::cpu(), options);
+    const Plan plan = solver.plan(batch.view());
+    using View = ContactBatchView<double>;
+    for (const auto& [name, array] : {std::pair("A", &View::A),
+                                      {"b", &View::b},
+                                      {"R", &View::R},
+                                      {"mu", &View::mu},
+                                      {"lo", &View::lo},
+                                      {"hi", &View::hi}}) {
+      View view = batch.view();
+      view.*array = nullptr;
+      const SolutionView<double> solution{lambda.data(), nullptr, status.data()};
+      EXPECT_THAT(error_message([&] { solver.solve(view, solution); }), StartsWith(std::string(name) + " is null"));
+      EXPECT_THAT(error_message([&] { solver.solve(plan, view, solution); }),
+                  StartsWith(std::string(name) + " is null"));
+    }
+  }
+}
+
+TEST(NullArrays, OfABodyBatchAreRefusedUnderEveryPolicy) {
+  BodyBatch<double> batch;
+  batch.add(ball_on_floor(0.1, 2.0, 0.5));
+  std::vector<double> impulse(3), twist(6);
+  std::vector<EnvStatus> status(1);
+  for (const auto policy : {InvalidPolicy::reject, InvalidPolicy::isolate}) {
+    BodySolverOptions options;
+    options.invalid = policy;
+    options.max_contacts_per_env = 1;
+    const BodySolver solver(Device::cpu(), TimeStepping{}, options);
+    const BodyPlan plan = solver.plan(batch.view());
+    using View = BodyBatchView<double>;
+    const auto expect_named = [&](const char* name, auto array) {
+      View view = batch.view();
+      view.*array = nullptr;
+      const BodySolutionView<double> solution{impulse.data(), twist.data(), nullptr, status.data()};
+      EXPECT_THAT(error_message([&] { solver.solve(view, solution); }), StartsWith(std::string(name) + " is null"));
+      EXPECT_THAT(error_message([&] { solver.solve(plan, view, solution); }),
+                  StartsWith(std::string(name) + " is null"));
+    };
+    expect_named("body_a", &View::body_a);
+    expect_named("body_b", &View::body_b);
+    for (const auto& [name, array] : {std::pair("inv_mass", &View::inv_mass),
+                                      {"inv_inertia", &View::inv_inertia},
+                                      {"twist", &View::twist},
+                                      {"arm_a", &View::arm_a},
+                                      {"arm_b", &View::arm_b},
+                                      {"normal", &View::normal},
+                                      {"mu", &View::mu},
+                                      {"depth", &View::depth},
+                                      {"restitution", &View::restitution}}) {
+      expect_named(name, array);
+    }
+    View view = batch.view();
+    view.depth = nullptr;
+    EXPECT_THAT(error_message([&] { (void)solver.plan(view); }), StartsWith("depth is null"));
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
