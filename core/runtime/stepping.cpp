@@ -1,5 +1,6 @@
 #include "stiction/stepping.hpp"
 
+#include <limits>
 #include <string>
 
 #include "core/base/fp_env.hpp"
@@ -30,6 +31,10 @@ const JacobianCapacity& checked(const JacobianCapacity& capacity) {
 /// Every contact is a cone of three rows.
 WarmStartCapacity contact_room(Offset envs, Offset contacts) {
   check_envs(envs);
+  constexpr Offset kMost = std::numeric_limits<Offset>::max() / 3;
+  if (contacts < 0 || contacts > kMost)
+    refuse("contacts = " + std::to_string(contacts) + ": expected 0.." + std::to_string(kMost) +
+           ", the contacts of all environments together");
   return {envs, contacts, 3 * contacts};
 }
 

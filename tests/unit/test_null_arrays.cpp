@@ -1,12 +1,15 @@
 #include <gmock/gmock.h>
 
+#include <limits>
 #include <vector>
 
+#include "stiction/stepping.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
 #include "tests/support/random_systems.hpp"
 
-// Arrays that are not there are refused by name, whatever InvalidPolicy says of the numbers in them.
+// What hostile callers hand over: arrays that are not there are refused by name, whatever InvalidPolicy says of the
+// numbers in them.
 namespace stiction::test {
 namespace {
 
@@ -76,6 +79,16 @@ TEST(NullArrays, OfABodyBatchAreRefusedUnderEveryPolicy) {
     View view = batch.view();
     view.depth = nullptr;
     EXPECT_THAT(error_message([&] { (void)solver.plan(view); }), StartsWith("depth is null"));
+  }
+}
+
+// What a C program may put into a capacity: three times as many numbers must not wrap around.
+TEST(HostileCapacities, OfSteppedBodiesAreRefused) {
+  for (const Offset contacts : {Offset{-1}, std::numeric_limits<Offset>::min(), std::numeric_limits<Offset>::max()}) {
+    EXPECT_THAT(error_message([&] {
+                  BodySteppingSolver<double>(Device::cpu(), TimeStepping{}, BodySolverOptions{}, 1, contacts);
+                }),
+                StartsWith("contacts = " + std::to_string(contacts)));
   }
 }
 
