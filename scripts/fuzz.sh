@@ -1,18 +1,38 @@
 #!/usr/bin/env bash
-# Builds the fuzzers with clang and the address and undefined-behaviour sanitizers, writes seeds and runs each fuzzer.
-# A finding is exit status 1; the input that caused it lies in build-fuzz/findings.
+# Builds the fuzzers with clang and the address and undefined-behaviour sanitizers, writes seeds and runs each fuzzer
+# (docs/fuzzing.md). A finding is exit status 1; the input that caused it lies in build-fuzz/findings.
 #
-#   scripts/fuzz.sh [SECONDS]        default: 60 for each fuzzer
+#   scripts/fuzz.sh [SECONDS] [FUZZER ...]        default: 60 for each of fuzz_read fuzz_c_api fuzz_solve
+#   scripts/fuzz.sh --runs COUNT [FUZZER ...]     a campaign: so many executions of each
+#
+# What was found to reach new code is kept in build-fuzz/corpus and used again.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-seconds=${1:-60}
+limit=-max_total_time=60
+effort="60 s"
+if [ "${1:-}" = --runs ]; then
+  limit=-runs=${2:?--runs needs a count}
+  effort="$2 runs"
+  shift 2
+elif [ $# -gt 0 ] && [[ $1 =~ ^[0-9]+$ ]]; then
+  limit=-max_total_time=$1
+  effort="$1 s"
+  shift
+fi
+fuzzers=("$@")
+[ $# -gt 0 ] || fuzzers=(fuzz_read fuzz_c_api fuzz_solve)
+
 build=${STICTION_FUZZ_DIR:-$root/build-fuzz}
 say "fuzzers: packages"
 install_packages "${build_packages[@]}" "clang: no fuzzers" "libclang-rt-14-dev: no fuzzers" "libgtest-dev: no fuzzers"
 compiler=${CXX_FOR_FUZZING:-clang++}
-command -v "$compiler" > /dev/null || { echo "SKIPPED: no $compiler, so nothing was fuzzed"; exit 77; }
+if ! command -v "$compiler" > /dev/null; then
+  echo "SKIPPED: no $compiler, so nothing was fuzzed"
+  echo "0 passed, 0 failed, ${#fuzzers[@]} skipped"
+  exit 77
+fi
 
 say "fuzzers: build"
 flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=undefined"
@@ -20,19 +40,38 @@ options=(-S "$root" -B "$build" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAK
   "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_EMULATED_DEVICE=OFF -DSTICTION_ENABLE_AVX2=OFF
   -DSTICTION_ENABLE_TBB=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_ENABLE_FUZZERS=ON)
 command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-cmake "${options[@]}" > "$build.log" 2>&1 || { cat "$build.log"; exit 1; }
-build_targets fuzz_read fuzz_seeds
+mkdir -p "$build"
+log=$build/configure.log
+cmake "${options[@]}" > "$log" 2>&1 || { cat "$log"; echo "0 passed, 1 failed, 0 skipped"; exit 1; }
+build_targets "${fuzzers[@]}" fuzz_seeds || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 
-say "fuzzers: $seconds s each"
-corpus=$build/corpus findings=$build/findings
-mkdir -p "$corpus" "$findings"
-"$build/tests/fuzz/fuzz_seeds" "$corpus"
-log=$build/fuzz_read.log
-status=0
-"$build/tests/fuzz/fuzz_read" "$corpus" -max_total_time="$seconds" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=25 \
-  -artifact_prefix="$findings/" -print_final_stats=1 > "$log" 2>&1 || status=1
-runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
-coverage=$(grep -oE 'cov: [0-9]+' "$log" | tail -n 1)
-note "fuzz_read: ${runs:-?} inputs, ${coverage:-cov: ?} edges"
-[ "$status" = 0 ] || { tail -n 60 "$log"; note "findings: $(ls "$findings")"; }
-exit "$status"
+# Where each one's inputs lie: files for the readers, bytes that choose calls and numbers for the others.
+say "fuzzers: $effort each"
+findings=$build/findings
+mkdir -p "$findings"
+passed=0 failed=0
+for fuzzer in "${fuzzers[@]}"; do
+  corpus=$build/corpus/$fuzzer
+  mkdir -p "$corpus"
+  own=(-max_len=512 -len_control=0)
+  if [ "$fuzzer" = fuzz_read ]; then
+    "$build/tests/fuzz/fuzz_seeds" "$corpus"
+    own=("-dict=$root/tests/fuzz/hdf5.dict")
+  fi
+  log=$build/$fuzzer.log
+  status=0
+  "$build/tests/fuzz/$fuzzer" "$corpus" "$limit" "${own[@]}" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=60 \
+    -artifact_prefix="$findings/$fuzzer-" -print_final_stats=1 > "$log" 2>&1 || status=$?
+  runs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log")
+  coverage=$(grep -aoE 'cov: [0-9]+' "$log" | tail -n 1)
+  note "$fuzzer: ${runs:-?} inputs, ${coverage:-cov: ?} edges"
+  if [ "$status" = 0 ]; then
+    passed=$((passed + 1))
+  else
+    failed=$((failed + 1))
+    tail -n 60 "$log"
+    note "$fuzzer ended with status $status; inputs of findings: $findings/$fuzzer-*"
+  fi
+done
+echo "$passed passed, $failed failed, 0 skipped"
+[ "$failed" = 0 ]

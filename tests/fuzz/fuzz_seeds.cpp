@@ -2,15 +2,19 @@
 #include <exception>
 #include <filesystem>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/io/hdf5_out.hpp"
 #include "stiction/config.hpp"
+#include "stiction/error.hpp"
 #include "stiction/io.hpp"
+#include "tests/fuzz/sanitizer_options.hpp"
+#include "tests/fuzz/seed_copy.hpp"
 
-// Writes one small valid file of every kind into a folder, for the fuzzer to start from.
+// Writes small valid files of every kind into a folder, for the fuzzer to start from, and reads each of them.
 namespace {
 
 stiction::io::Recording recording(int contacts) {
@@ -85,6 +89,22 @@ void put_matrix(stiction::io::OutputFile& file, const std::string& path, int row
   put(file, path + "/x", values);
 }
 
+/// Two planar contacts, and one equality that couples them: V, R and s.
+void write_fclib_equalities(const std::filesystem::path& path) {
+  stiction::io::OutputFile file(path);
+  const std::string root = "fclib_local";
+  file.group(root);
+  put(file, root + "/spacedim", std::vector<std::int32_t>{2});
+  put_matrix(file, root + "/W", 4, 4, {0, 1, 2, 3, 4}, {0, 1, 2, 3}, {2, 2, 3, 3});
+  put_matrix(file, root + "/V", 4, 1, {0, 2}, {0, 2}, {1, -1});
+  put_matrix(file, root + "/R", 1, 1, {0, 1}, {0}, {4});
+  file.group(root + "/vectors");
+  put(file, root + "/vectors/q", std::vector<double>{-1, 0.5, -2, 0});
+  put(file, root + "/vectors/mu", std::vector<double>{0.8, 0.3});
+  put(file, root + "/vectors/s", std::vector<double>{0.25});
+  file.commit();
+}
+
 /// One planar contact of three degrees of freedom; with `rolling` a kind that readers refuse by name.
 void write_fclib_global(const std::filesystem::path& path, bool rolling) {
   stiction::io::OutputFile file(path);
@@ -103,6 +123,34 @@ void write_fclib_global(const std::filesystem::path& path, bool rolling) {
   file.commit();
 }
 
+void write_solutions(const std::filesystem::path& folder) {
+  stiction::io::SolutionFile solution;
+  solution.lambda.assign(6, 0.0);
+  solution.env_row_offsets = {0, 6};
+  solution.status.assign(1, stiction::EnvStatus{});
+  stiction::io::write_solution(folder / "solution.h5", solution);
+  solution.precision = stiction::Precision::f32;
+  solution.w.assign(6, 0.5);
+  solution.law = stiction::Law::coulomb;
+  solution.solver = "npgs";
+  solution.source = "seed";
+  stiction::io::write_solution(folder / "solution_single.h5", solution);
+}
+
+/// Every seed is read; those of rolling problems are refused.
+void read_all(const std::filesystem::path& folder) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("solution")) {
+      stiction::io::read_solution(entry.path());
+    } else if (name.starts_with("rolling")) {
+      if (stiction::io::detect(entry.path()) != stiction::io::FileKind::fclib_rolling) throw std::runtime_error(name);
+    } else {
+      stiction::io::read_batch(entry.path());
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
@@ -119,11 +167,12 @@ int main(int argc, char** argv) try {
   stiction::io::write_fclib_local(folder / "fclib.hdf5", recording(kPlain), 0);
   write_fclib_global(folder / "global.hdf5", false);
   write_fclib_global(folder / "rolling.hdf5", true);
-  stiction::io::SolutionFile solution;
-  solution.lambda.assign(6, 0.0);
-  solution.env_row_offsets = {0, 6};
-  solution.status.assign(1, stiction::EnvStatus{});
-  stiction::io::write_solution(folder / "solution.h5", solution);
+  write_fclib_equalities(folder / "equalities.hdf5");
+  write_solutions(folder);
+  stiction::fuzz::copy_to_latest(folder / "full.h5", folder / "full_latest.h5");
+  stiction::fuzz::copy_to_latest(folder / "global.hdf5", folder / "global_latest.hdf5");
+  stiction::fuzz::copy_to_latest(folder / "solution.h5", folder / "solution_latest.h5");
+  read_all(folder);
   return 0;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "fuzz_seeds: %s\n", error.what());

@@ -1,0 +1,31 @@
+#pragma once
+
+#include "stiction/solver.hpp"
+#include "tests/fuzz/bytes.hpp"
+
+namespace stiction::fuzz {
+
+inline constexpr SolverKind kSolvers[] = {SolverKind::pgs,      SolverKind::npgs,     SolverKind::jacobi,
+                                          SolverKind::apgd,     SolverKind::nsgs,     SolverKind::admm,
+                                          SolverKind::newton,   SolverKind::lemke,    SolverKind::ipm,
+                                          SolverKind::subspace, SolverKind::automatic};
+
+/// Options that every solver takes, of few iterations on one thread, and that leave broken environments alone.
+inline SolverOptions solver_options(Bytes& bytes) {
+  constexpr double kTolerances[] = {1e-4, 0, 1e-12, 1e-8, 1e-2, 0.5};
+  constexpr double kOmegas[] = {1, 0.25, 1.5, 1.9};
+  constexpr Index kWindows[] = {2000, 0, 1, 5};
+  constexpr Index kMostIterations = 30;
+  SolverOptions options;
+  options.solver = bytes.one_of(kSolvers);
+  options.tolerance = bytes.one_of(kTolerances);
+  options.max_iterations = bytes.below(kMostIterations + 1);
+  options.omega = bytes.one_of(kOmegas);
+  options.stall_window = bytes.one_of(kWindows);
+  options.islands = bytes.once_in(4) ? IslandMode::apart : IslandMode::together;
+  options.threads = 1;
+  options.invalid = InvalidPolicy::isolate;
+  return options;
+}
+
+}  // namespace stiction::fuzz
