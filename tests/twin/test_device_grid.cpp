@@ -133,24 +133,22 @@ ContactBatch<double> giant_among_small(SolverKind solver) {
 }
 
 template <class Real>
-void expect_the_cpus_bits_of_a_giant(SolverKind solver) {
+void expect_the_cpus_bits_of_a_giant(SolverKind solver, Law law) {
   const ContactBatch<Real> batch = convert<Real>(giant_among_small(solver));
   ASSERT_GE(batch.view().env_rows(1), kWholeDeviceRows);
-  for (const Law law : kBothLaws) {
-    SCOPED_TRACE(label(solver, law));
-    cuda::HostDevice device({kLanes, kBlocks, 5});
-    EXPECT_EQ(on_engine(device, batch, brief(solver, law)), solve_hashes(batch, brief(solver, law)));
-  }
+  cuda::HostDevice device({kLanes, kBlocks, 5});
+  EXPECT_EQ(on_engine(device, batch, brief(solver, law)), solve_hashes(batch, brief(solver, law)));
 }
 
 class Giants : public testing::TestWithParam<SolverKind> {};
 
+// Which lane does what does not depend on how law and precision are paired; test_device_engine.cpp has every pair.
 TEST_P(Giants, have_the_cpus_bits_in_single_precision) {
-  expect_the_cpus_bits_of_a_giant<float>(GetParam());
+  expect_the_cpus_bits_of_a_giant<float>(GetParam(), Law::convex);
 }
 
 TEST_P(Giants, have_the_cpus_bits_in_double_precision) {
-  expect_the_cpus_bits_of_a_giant<double>(GetParam());
+  expect_the_cpus_bits_of_a_giant<double>(GetParam(), Law::coulomb);
 }
 
 INSTANTIATE_TEST_SUITE_P(DeviceGrid, Giants, testing::ValuesIn(kEveryChoice),
@@ -180,26 +178,23 @@ void expect_the_cpus_bits_of_a_pile(BodySolverOptions options) {
 }
 
 TEST(DeviceGrid, impulses_of_one_large_scene_have_the_cpus_bits) {
-  for (const Law law : kBothLaws)
-    for (const bool momentum : {false, true}) {
-      SCOPED_TRACE(std::string(to_string(law)) + (momentum ? ", momentum" : ""));
-      BodySolverOptions options;
-      options.law = law;
-      options.iterations = 2;
-      options.momentum = momentum;
-      options.substeps = momentum ? 2 : 1;
-      expect_the_cpus_bits_of_a_pile<float>(options);
-      expect_the_cpus_bits_of_a_pile<double>(options);
-    }
+  for (const bool momentum : {false, true}) {
+    SCOPED_TRACE(momentum ? "momentum" : "no momentum");
+    BodySolverOptions options;
+    options.iterations = 2;
+    options.momentum = momentum;
+    options.substeps = momentum ? 2 : 1;
+    options.law = momentum ? Law::coulomb : Law::convex;
+    expect_the_cpus_bits_of_a_pile<float>(options);
+    options.law = momentum ? Law::convex : Law::coulomb;
+    expect_the_cpus_bits_of_a_pile<double>(options);
+  }
 }
 
 TEST(DeviceGrid, newtons_method_on_one_large_scene_has_the_cpus_bits) {
-  for (const BodyPreconditioner preconditioner : {BodyPreconditioner::block_diagonal, BodyPreconditioner::multigrid}) {
-    SCOPED_TRACE(to_string(preconditioner));
-    BodySolverOptions options = newton_options(Law::coulomb, preconditioner);
-    options.iterations = 1;
-    expect_the_cpus_bits_of_a_pile<float>(options);
-  }
+  BodySolverOptions options = newton_options(Law::coulomb, BodyPreconditioner::block_diagonal);
+  options.iterations = 1;
+  expect_the_cpus_bits_of_a_pile<float>(options);
 }
 
 }  // namespace
