@@ -116,7 +116,8 @@ class CForm {
   void edit_length(Bytes& bytes) {
     const std::size_t where = lengths_[bytes.byte() % lengths_.size()];
     const auto now = get<std::int64_t>(where);
-    const std::int64_t smaller[] = {0, now - 1, now / 2, -1, std::numeric_limits<std::int64_t>::min()};
+    constexpr std::int64_t kSmallest = std::numeric_limits<std::int64_t>::min();
+    const std::int64_t smaller[] = {0, now > kSmallest ? now - 1 : now, now / 2, -1, kSmallest};
     const std::int64_t next = bytes.one_of(smaller);
     if (next <= now) set<std::int64_t>(where, next);
   }
