@@ -94,11 +94,14 @@ STICTION_HD Real saturated(Wide value) {
 /// What a judge sees of an answer.
 struct Judgement {
   double residual = 0.0;  ///< the largest of a cone's natural map [w]
-  double blur = 0.0;      ///< what one rounding hides of the largest number that it is a difference of [w]
+  double blur = 0.0;      ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
 };
 
-/// What one rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it
-/// does not move inward, however fast it slides.
+/// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
+/// not move inward, however fast it slides.
+///
+/// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half of
+/// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero.
 template <Law kLaw, class Real, int M>
 STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
   Real reaction(0);
@@ -110,7 +113,8 @@ STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
   } else {
     for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
   }
-  return Real(0x1p-53) * max_(reaction, size);
+  const Real largest = max_(reaction, size);
+  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(0x1p-535)), Real(0));
 }
 
 /// A reaction in the coordinates of the unit cone; an axis without friction carries none.

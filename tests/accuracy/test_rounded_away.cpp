@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <span>
+
 #include "bench/scenes/body_scenes.hpp"
+#include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
 
 /// Problems without a solution, and coefficients without sense: a reaction or a friction so large that everything else
@@ -46,6 +49,25 @@ TEST(rounded_away, what_has_a_solution_is_solved_as_far_as_doubles_reach) {
     const EnvStatus status = solve(batch, options(solver, 1e-12, 5000)).status[0];
     EXPECT_EQ(status.code, EnvCode::solved) << to_string(solver) << ": " << status.residual;
   }
+}
+
+/// Squares of numbers below 1e-162 are zero in double, and so was the residual.
+TEST(rounded_away, numbers_whose_squares_vanish_are_not_called_solved_unseen) {
+  for (const double scale : {1e-100, 1e-155, 1e-200, 1e-264, 1e-300}) {
+    const auto batch = batch_of({contact({4, 1, 1}, {-scale, 0.3 * scale, 0.1 * scale}, 0.5),
+                                 system({unilateral(), unilateral()}, {2, 1, 1, 2}, {-scale, scale})});
+    for (const SolverKind solver : kEverySolver) {
+      SolverOptions asked = options(solver, kTolerance, 1);
+      asked.invalid = InvalidPolicy::isolate;
+      const Solution<double> answer = solve(batch, asked);
+      const auto judged = verify(batch.view(), std::span<const double>(answer.lambda));
+      for (std::size_t env = 0; env < judged.size(); ++env)
+        EXPECT_TRUE(answer.status[env].code != EnvCode::solved || judged[env].relative <= 1.001 * kTolerance)
+            << to_string(solver) << ", " << scale << ": " << judged[env].relative;
+    }
+  }
+  const auto at_rest = batch_of({contact({1, 1, 1}, {0, 0, 0}, 0.5)});
+  EXPECT_EQ(solve(at_rest, options(SolverKind::npgs, kTolerance, 1)).status[0].code, EnvCode::solved);
 }
 
 TEST(rounded_away, friction_beyond_all_sense_hides_no_contact_that_penetrates) {
