@@ -101,7 +101,8 @@ struct Judgement {
 /// not move inward, however fast it slides.
 ///
 /// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half of
-/// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero.
+/// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is less
+/// than a rounding.
 template <Law kLaw, class Real, int M>
 STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
   Real reaction(0);
@@ -114,7 +115,7 @@ STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
     for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
   }
   const Real largest = max_(reaction, size);
-  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(0x1p-535)), Real(0));
+  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(0x1p-480)), Real(0));
 }
 
 /// A reaction in the coordinates of the unit cone; an axis without friction carries none.
