@@ -90,11 +90,11 @@ install_python() {
     done && note "$what: $((SECONDS - begin)) s"
 }
 
-# PyTorch for the CPU alone, where its own index answers and no GPU is seen: PyPI's brings NVIDIA's libraries, 5 GB, and loads
-# only with them.
+# PyTorch for the CPU alone, from the index that STICTION_TORCH_INDEX names: PyPI's brings NVIDIA's libraries, 5 GB, and
+# loads only with them.
 install_torch_for_cpu() {
-  nvidia-smi > /dev/null 2>&1 || "$root/.venv/bin/python" -c 'import torch' 2> /dev/null ||
-    seconds=300 install_python "PyTorch for the CPU" --retries 0 --index-url https://download.pytorch.org/whl/cpu torch || true
+  [ -z "${STICTION_TORCH_INDEX:-}" ] || "$root/.venv/bin/python" -c 'import torch' 2> /dev/null ||
+    seconds=300 install_python "PyTorch for the CPU" --retries 0 --index-url "$STICTION_TORCH_INDEX" torch || true
 }
 
 # make_venv REQUIREMENTS ...: a virtual environment with what these files name. Sets `python` to it, or to the system's

@@ -35,7 +35,10 @@ if ! command -v "$compiler" > /dev/null; then
 fi
 
 say "fuzzers: build"
-flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=undefined"
+# Undefined behaviour traps, and addresses are checked by calls: a kernel compiles in two thirds of the time.
+flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fsanitize-trap=undefined
+  -mllvm -asan-instrumentation-with-call-threshold=0"
+flags=${flags//$'\n'/}
 options=(-S "$root" -B "$build" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
   "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_EMULATED_DEVICE=OFF -DSTICTION_ENABLE_AVX2=OFF
   -DSTICTION_ENABLE_TBB=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_ENABLE_FUZZERS=ON)
