@@ -20,7 +20,7 @@ case $kind in
       -DCMAKE_EXE_LINKER_FLAGS=-fsanitize=undefined -DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=undefined)
     targets=()
     chosen=(-L 'unit|body|twin|determinism|accuracy|c_api')
-    export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
+    export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1
     ;;
   thread)
     flags="-O1 -g1 -fsanitize=thread"
