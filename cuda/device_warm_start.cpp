@@ -43,6 +43,15 @@ DeviceWarmStart<Real>::DeviceWarmStart(std::shared_ptr<DeviceApi> api, const War
 }
 
 template <class Real>
+DeviceWarmStart<Real>::~DeviceWarmStart() {
+  try {
+    api_->await(mask_copied_.get());
+  } catch (const Error&) {
+    // A device that failed copies nothing any more.
+  }
+}
+
+template <class Real>
 template <class Job>
 void DeviceWarmStart<Real>::queue(const KernelRef& kernel, Offset teams, int lanes, const Job& job, StreamRef stream) {
   if (teams == 0) return;

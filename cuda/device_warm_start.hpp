@@ -15,6 +15,10 @@ class DeviceWarmStart final : public WarmStartMachine<Real> {
  public:
   /// `eager`: every call is complete on return, for a device that does nothing before somebody waits.
   DeviceWarmStart(std::shared_ptr<DeviceApi> api, const WarmStartCapacity& capacity, bool eager);
+  /// Waits for the last list of reset(), which may still be on its way.
+  ~DeviceWarmStart() override;
+  DeviceWarmStart(const DeviceWarmStart&) = delete;
+  DeviceWarmStart& operator=(const DeviceWarmStart&) = delete;
 
   void recall(const RecallJob<Real>& job, StreamRef stream) override;
   void remember(const RememberJob<Real>& job, StreamRef stream) override;
