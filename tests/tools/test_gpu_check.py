@@ -35,7 +35,7 @@ class Pretended:
             return 0, "========= ERROR SUMMARY: 0 errors"
         if name == "ctest":
             text = "[  SKIPPED ] 1 test, listed below:" if self.skips else "[  PASSED  ] 3 tests."
-            cases = "".join(CASE.format(test, text) for test in ("twin", "memory", "graph"))
+            cases = "".join(CASE.format(test, text) for test in ("twin", "golden", "memory", "graph"))
             pathlib.Path(after("--output-junit")).write_text(f"<testsuite>{cases}</testsuite>")
             return 0, ""
         if name == "bench_classes":
@@ -81,7 +81,7 @@ class GpuCheck(unittest.TestCase):
     def test_all_stages_run_on_a_machine_with_a_gpu(self):
         result = self.check(gpu=True)
         self.assertEqual(result["failures"], [])
-        self.assertEqual(result["tests"]["passed"], 9)
+        self.assertEqual(result["tests"]["passed"], 12)
         # Four generated batches, every solver, precision and law.
         self.assertEqual((result["hashes"]["compared"], result["hashes"]["different"]), (4 * 4 * 2 * 2, 0))
         self.assertEqual({run["result"] for run in result["sanitizer"]["runs"]}, {"clean"})
@@ -108,8 +108,8 @@ class GpuCheck(unittest.TestCase):
 
     def test_a_gpu_test_that_skipped_is_a_failure(self):
         result = self.check(gpu=True, skips=True)
-        self.assertEqual(len(result["failures"]), 3)
-        self.assertIn("twin_test_cuda_graph", result["failures"][2])
+        self.assertEqual(len(result["failures"]), 4)
+        self.assertIn("twin_test_cuda_graph", result["failures"][3])
 
     def test_a_benchmark_that_ends_badly_is_a_failure(self):
         result = self.check("emulated", breaks=True)
