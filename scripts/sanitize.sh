@@ -10,7 +10,8 @@ set -euo pipefail
 kind=${1:-address}
 build=${STICTION_SANITIZE_DIR:-$root/build-sanitize-$kind}
 options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=None -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
-  -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_TESTS=ON)
+  -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_TESTS=ON
+  -DSTICTION_TEST_TIMEOUT=900)
 case $kind in
   address)
     # Checks as calls, and none of the stack: else a kernel takes four times as long to compile. The fuzzers' build checks
