@@ -191,10 +191,10 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
         {static_cast<Real>(free.angular.x), static_cast<Real>(free.angular.y), static_cast<Real>(free.angular.z)}};
     const Twist<Real> fresh =
         gather_impulses(env, body, base, s.inverse_mass(body), [&](Index p, bool is_b, Vector3<Real>& arm) {
-          const auto visit = visit_of(env, s, p);
-          arm = is_b ? visit.arm_b() : visit.arm_a();
-          const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
-          return impulse_of(visit, x);
+          // Not by visit_of(): it reads twists, which other lanes write meanwhile.
+          arm = s.vector(is_b ? kFieldArmB : kFieldArmA, p);
+          const Real mu = s.field.at(kFieldMu, p);
+          return to_world(s.frame(p), s.x.at(0, p), mu * s.x.at(1, p), mu * s.x.at(2, p));
         });
     if (s.has_momentum()) {
       const Twist<Real> stale = s.twist(s.motion, body);
