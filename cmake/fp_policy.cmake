@@ -4,7 +4,7 @@
 #   no errno/traps what lets sqrt and selects vectorise; changes no value
 #   no SLP (GCC)   GCC 12 fuses a difference and a sum of products that lie side by side into vfmaddsub or vfmsubadd,
 #                  whatever -ffp-contract says; only its vectoriser of straight-line code does it. The gate `fused_gate`
-#                  reads every object for what nobody wrote
+#                  reads every object for what was not written
 #   device         the same statements for nvcc, and the host flags for its host pass, which --fmad does not reach
 add_library(stiction_fp INTERFACE)
 target_compile_options(stiction_fp INTERFACE

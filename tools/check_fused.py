@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Looks in the CPU's objects for fused operations that nobody wrote.
+"""Looks in the CPU's objects for fused operations that were not written.
 
     check_fused.py OBJECT ...
     check_fused.py --self-test
@@ -59,7 +59,7 @@ def is_written(path, number, read=source):
 
 
 def findings(text, label, read=source):
-    """What is fused in a disassembly with line numbers, and what of it nobody wrote: (count, sentences)."""
+    """What is fused in a disassembly with line numbers, and what of it was not written: (count, sentences)."""
     found, count, function, where = [], 0, "?", None
     for line in text.splitlines():
         header, place = FUNCTION.match(line), LINE.match(line)
@@ -135,7 +135,7 @@ def main():
             found[sentence] = found.get(sentence, 0) + 1
     for sentence, times in found.items():
         print(f"{sentence}{f', {times} times' if times > 1 else ''}")
-    print(f"{len(arguments.objects)} objects, {fused} fused operations, {sum(found.values())} that nobody wrote")
+    print(f"{len(arguments.objects)} objects, {fused} fused operations, {sum(found.values())} not written as fma_()")
     return 1 if found or fused == 0 else 0
 
 
