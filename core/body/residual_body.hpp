@@ -82,13 +82,13 @@ STICTION_HD FactorRows<Real> residual_rows(B& block, const EnvView<Real>& env, c
   return {&env, velocity};
 }
 
-/// A double as a Real, or some; what lies beyond Real's range becomes its largest number, so that every output is
-/// finite.
+/// A double as a Real, or some; what lies beyond Real's range becomes its largest number, and so does what is no number
+/// (infinity less infinity), so that every output is finite.
 template <class Real, class Wide>
 STICTION_HD Real saturated(Wide value) {
   constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
   constexpr double kLargest = kIsFloat ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
-  return narrowed<Real>(clamp_(value, Wide(-kLargest), Wide(kLargest)));
+  return narrowed<Real>(max_(min_(value, Wide(kLargest)), Wide(-kLargest)));
 }
 
 /// What a judge sees of an answer.
@@ -96,6 +96,9 @@ struct Judgement {
   double residual = 0.0;  ///< the largest of a cone's natural map [w]
   double blur = 0.0;      ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
 };
+
+/// What squares hide of any number but zero, at least.
+inline constexpr double kHiddenBySquares = 0x1p-480;
 
 /// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
 /// not move inward, however fast it slides.
@@ -115,7 +118,7 @@ STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
     for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
   }
   const Real largest = max_(reaction, size);
-  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(0x1p-480)), Real(0));
+  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
 }
 
 /// A reaction in the coordinates of the unit cone; an axis without friction carries none.
@@ -124,10 +127,12 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
   return select(mu > Real(0), div_(lambda, mu), Real(0));
 }
 
-/// The residual that may be held against `allowed` > 0: where roundings hide more than that, what they hide. A reaction
-/// so large that b is lost beside it would otherwise pass for exact (docs/math/residual.md).
+/// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
+/// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
+/// rounding is more than, only what squares hide counts.
 STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
-  const bool is_blind = allowed > 0.0 && judged.blur > allowed && judged.blur > judged.residual;
+  const bool counts = allowed > 0.0 || judged.blur <= kHiddenBySquares;
+  const bool is_blind = counts && judged.blur > allowed && judged.blur > judged.residual;
   return is_blind ? judged.blur : judged.residual;
 }
 

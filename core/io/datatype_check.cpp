@@ -1,6 +1,7 @@
 #include "core/io/datatype_check.hpp"
 
 #include "core/io/cursor.hpp"
+#include "core/io/text_heap.hpp"
 
 namespace stiction::io {
 namespace {
@@ -63,11 +64,12 @@ std::string enumerator_defect(Cursor& cursor, const Head& head) {
   return {};
 }
 
-/// A string of variable length is a sequence of single bytes, called integers or strings.
+/// A string of variable length is a sequence of single bytes, called integers or strings. What stands for it is a
+/// length, an address and an index; HDF5 copies as much whatever size is said.
 std::string variable_text_defect(Cursor& cursor, const Head& head) {
   const Head base = read_head(cursor);
   if ((head.bits & 15) != kVariableText) return "has a type of variable length that is no string";
-  if (!known_version(base) || base.size != 1) return "has a damaged string type";
+  if (!known_version(base) || base.size != 1 || head.size != kTextReference) return "has a damaged string type";
   if (base.type_class == kText) return {};
   return base.type_class == kInteger ? number_defect(cursor, base) : "has a damaged string type";
 }

@@ -32,17 +32,28 @@ class Largest {
   double value_ = 0.0;
 };
 
+/// The Euclidean norm; numbers whose squares over- or underflow do not spoil it, since they are scaled by a power of
+/// two.
+double norm(const double* values, std::size_t count) {
+  Largest largest;
+  for (std::size_t k = 0; k < count; ++k) largest.see(std::abs(values[k]));
+  if (largest.value() == 0.0 || !std::isfinite(largest.value())) return largest.value();
+  const int exponent = std::ilogb(largest.value());
+  double sum = 0.0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double scaled = std::scalbn(values[k], -exponent);
+    sum += scaled * scaled;
+  }
+  return std::scalbn(std::sqrt(sum), exponent);
+}
+
 /// The coordinates of one cone in which friction is the circular unit cone; up to kMaxConeRows of them.
 struct ConeVector {
   std::array<double, kMaxConeRows> at{};
   std::size_t size = 0;
 
   void push(double value) { at[size++] = value; }
-  [[nodiscard]] double tail_norm() const {
-    double sum = 0.0;
-    for (std::size_t k = 1; k < size; ++k) sum += at[k] * at[k];
-    return std::sqrt(sum);
-  }
+  [[nodiscard]] double tail_norm() const { return norm(at.data() + 1, size - 1); }
 };
 
 /// The nearest point of the cone n >= norm(t).
@@ -54,7 +65,7 @@ ConeVector project_circular(const ConeVector& z) {
   if (tangential <= -normal) return result;
   const double onto = 0.5 * (normal + tangential);
   result.at[0] = onto;
-  for (std::size_t k = 1; k < z.size; ++k) result.at[k] = onto * z.at[k] / tangential;
+  for (std::size_t k = 1; k < z.size; ++k) result.at[k] = onto * (z.at[k] / tangential);
   return result;
 }
 
@@ -64,7 +75,8 @@ double clamp(double value, double lo, double hi) {
   return value;
 }
 
-/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm.
+/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm. P of a cone commutes with a > 0, so that r is
+/// a x - P(a x - y), without a quotient that overflows where a is tiny.
 template <class Real>
 double friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu, std::size_t m,
                          double a, Law law) {
@@ -85,14 +97,11 @@ double friction_residual(const double* lambda, const double* w, const std::array
   if (law == Law::coulomb) y.at[0] += y.tail_norm();
 
   ConeVector z;
-  for (std::size_t k = 0; k < x.size; ++k) z.push(x.at[k] - y.at[k] / a);
+  for (std::size_t k = 0; k < x.size; ++k) z.push(a * x.at[k] - y.at[k]);
   const ConeVector projected = project_circular(z);
-  double sum = penalty * penalty;
-  for (std::size_t k = 0; k < x.size; ++k) {
-    const double r = (x.at[k] - projected.at[k]) * a;
-    sum += r * r;
-  }
-  return std::sqrt(sum);
+  std::array<double, kMaxConeRows + 1> r{penalty};
+  for (std::size_t k = 0; k < x.size; ++k) r[k + 1] = a * x.at[k] - projected.at[k];
+  return norm(r.data(), x.size + 1);
 }
 
 /// `env_*` count from the environment's first row.
@@ -123,11 +132,10 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset en
     case ConeKind::free:
       return std::abs(w[0]);
     case ConeKind::unilateral:
-      return std::abs((lambda[0] - clamp(lambda[0] - w[0] / a, 0.0, kInfinity)) * a);
+      return std::abs(a * lambda[0] - clamp(a * lambda[0] - w[0], 0.0, kInfinity));
     case ConeKind::box:
-      return std::abs((lambda[0] - clamp(lambda[0] - w[0] / a, static_cast<double>(batch.lo[row]),
-                                         static_cast<double>(batch.hi[row]))) *
-                      a);
+      return std::abs(a * lambda[0] - clamp(a * lambda[0] - w[0], a * static_cast<double>(batch.lo[row]),
+                                            a * static_cast<double>(batch.hi[row])));
     case ConeKind::friction:
       return friction_residual(lambda.data(), w.data(), mu, m, a, batch.law);
   }

@@ -56,15 +56,17 @@ TEST(rounded_away, numbers_whose_squares_vanish_are_not_called_solved_unseen) {
   for (const double scale : {1e-100, 1e-155, 1e-200, 1e-264, 1e-300}) {
     const auto batch = batch_of({contact({4, 1, 1}, {-scale, 0.3 * scale, 0.1 * scale}, 0.5),
                                  system({unilateral(), unilateral()}, {2, 1, 1, 2}, {-scale, scale})});
-    for (const SolverKind solver : kEverySolver) {
-      SolverOptions asked = options(solver, kTolerance, 1);
-      asked.invalid = InvalidPolicy::isolate;
-      const Solution<double> answer = solve(batch, asked);
-      const auto judged = verify(batch.view(), std::span<const double>(answer.lambda));
-      for (std::size_t env = 0; env < judged.size(); ++env)
-        EXPECT_TRUE(answer.status[env].code != EnvCode::solved || judged[env].relative <= 1.001 * kTolerance)
-            << to_string(solver) << ", " << scale << ": " << judged[env].relative;
-    }
+    for (const SolverKind solver : kEverySolver)
+      for (const double tolerance : {kTolerance, 0.0})
+        for (const int iterations : {0, 1}) {
+          SolverOptions asked = options(solver, tolerance, iterations);
+          asked.invalid = InvalidPolicy::isolate;
+          const Solution<double> answer = solve(batch, asked);
+          const auto judged = verify(batch.view(), std::span<const double>(answer.lambda));
+          for (std::size_t env = 0; env < judged.size(); ++env)
+            EXPECT_TRUE(answer.status[env].code != EnvCode::solved || judged[env].relative <= 1.001 * tolerance)
+                << to_string(solver) << ", " << scale << ", " << tolerance << ": " << judged[env].relative;
+        }
   }
   const auto at_rest = batch_of({contact({1, 1, 1}, {0, 0, 0}, 0.5)});
   EXPECT_EQ(solve(at_rest, options(SolverKind::npgs, kTolerance, 1)).status[0].code, EnvCode::solved);

@@ -326,6 +326,31 @@ TEST(bodies, masses_beyond_single_precision_end_in_a_finite_answer) {
   for (const float v : solution.impulse) EXPECT_TRUE(std::isfinite(v));
 }
 
+/// The body turns so fast, and the arm is so long, that the velocity of the contact is infinity less infinity.
+TEST(bodies, a_motion_that_no_number_tells_is_the_largest_number) {
+  constexpr double kLargest = std::numeric_limits<double>::max();
+  Env env;
+  env.bodies.resize(1);
+  env.bodies[0].inv_mass = 1;
+  env.bodies[0].twist = {-8, -8, -8, kLargest, -8, -8};
+  env.contacts.resize(1);
+  env.contacts[0].body_a = -1;
+  env.contacts[0].body_b = 0;
+  env.contacts[0].arm_b = {kLargest, -1, kLargest};
+  env.contacts[0].normal = {-1, 0, 0};
+  env.contacts[0].mu = kLargest;
+  for (const BodyMethod method : {BodyMethod::impulses, BodyMethod::newton}) {
+    BodySolverOptions options;
+    options.method = method;
+    options.iterations = 3;
+    const auto solution = solve_bodies(batch_of<double>({env, env, env, env, env}), {}, options);
+    EXPECT_NE(solution.status[0].code, EnvCode::solved);
+    for (const double v : solution.twist) EXPECT_TRUE(std::isfinite(v));
+    for (const double v : solution.impulse) EXPECT_TRUE(std::isfinite(v));
+    for (const double v : solution.w) EXPECT_TRUE(std::isfinite(v));
+  }
+}
+
 TEST(bodies, every_number_of_a_batch_is_looked_at) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), infinite = std::numeric_limits<double>::infinity();
   struct Case {

@@ -97,6 +97,7 @@ TEST(DatatypeCheck, VersionsSizesAndBitsAreLookedAt) {
   EXPECT_EQ(with(kDouble, 2, '\x40'), "has a damaged number type") << "a sign behind the last bit";
   EXPECT_EQ(with(kTextReferences, 1, '\0'), "has a type of variable length that is no string");
   EXPECT_EQ(with(kTextReferences, 8, '\x16'), "has a damaged string type") << "strings of compounds";
+  EXPECT_EQ(with(kTextReferences, 4, '\x03'), "has a damaged string type") << "references of 3 bytes";
   EXPECT_EQ(with(kTruth, 1, '\x03'), "has a header message that ends too early")
       << "three names, of which two are here";
   EXPECT_EQ(with(kTruth, 2, '\xff'), "has a header message that ends too early") << "65282 names";

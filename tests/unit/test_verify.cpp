@@ -156,6 +156,28 @@ TEST(Verify, AnEnvironmentAtRestDividesByATinyNumberNotByZero) {
   EXPECT_EQ(residual_of(environment, Law::convex, {1e-10}).relative, 1e-10 / 1e-300);
 }
 
+// a = 2^-1037, a subnormal number. lambda = 0 leaves w = -8: -w / a overflows, r = a x - P(a x - w) = -8 does not.
+TEST(Verify, ADiagonalNearZeroIsNoReasonToOverflow) {
+  EXPECT_EQ(residual_of(one_cone(ConeKind::unilateral, {0x1p-1037}, {-8}), Law::convex, {0.0}).absolute, 8.0);
+  auto box = one_cone(ConeKind::box, {0x1p-1037}, {-8});
+  box.lo = {-1};
+  box.hi = {0x1p1000};  // a hi = 2^-37: as far as the bound lets r go
+  EXPECT_EQ(residual_of(box, Law::convex, {0.0}).absolute, 0x1p-37);
+  auto friction = one_cone(ConeKind::friction, {0x1p-1037, 0x1p-1037}, {-8, 0});
+  friction.mu = {0, 0.5};
+  EXPECT_EQ(residual_of(friction, Law::coulomb, {0, 0}).absolute, 8.0);
+}
+
+// No reaction, w = b = (-4, 3, 4) scale, mu = 1: z = -w, onto the cone at
+// (4 + 5) / 2 (1, -3/5, -4/5): r = sqrt(2) 4.5.
+TEST(Verify, NumbersWhoseSquaresAreOutOfRangeAreJudgedAsAnyOther) {
+  for (const double scale : {1.0, 0x1p-700, 0x1p700}) {
+    auto friction = one_cone(ConeKind::friction, {1, 1, 1}, {-4 * scale, 3 * scale, 4 * scale});
+    friction.mu = {0, 1, 1};
+    EXPECT_NEAR(residual_of(friction, Law::convex, {0, 0, 0}).absolute / scale, 4.5 * std::sqrt(2.0), 1e-14);
+  }
+}
+
 TEST(Verify, SinglePrecisionIsJudgedInDouble) {
   Environment<float> environment;
   environment.cones = {{ConeKind::free, 1, -1}};
