@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "core/base/size_class.hpp"
+#include "core/job/size_class.hpp"
 
 namespace stiction::bench {
 

@@ -1,4 +1,4 @@
-#include "core/body/admm_body.hpp"
+#include "core/algorithm/solver/admm/admm.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

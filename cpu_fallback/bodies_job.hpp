@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/body_job.hpp"
+#include "core/job/body_job.hpp"
 #include "cpu_fallback/kernel_tables.hpp"
 
 namespace stiction::cpu {

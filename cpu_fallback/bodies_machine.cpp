@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
-#include "core/runtime/body_backend.hpp"
+#include "core/machine/body_machine.hpp"
 #include "cpu_fallback/body_deal.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/scratch.hpp"

@@ -3,7 +3,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/schedule/body_plan.hpp"
+#include "core/plan/body_plan.hpp"
 #include "cpu_fallback/bodies_job.hpp"
 
 namespace stiction::cpu {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "core/algorithm/rigid/lane_bodies.hpp"
+#include "core/algorithm/rigid/pack_sweep.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/bodies/lane_bodies.hpp"
-#include "core/body/bodies/pack_sweep.hpp"
 #include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/pack_width.hpp"

@@ -5,10 +5,10 @@
 #include <new>
 #include <string>
 
+#include "core/algorithm/driver/solver_selection.hpp"
+#include "core/algorithm/problem/slice.hpp"
 #include "core/base/fp_env.hpp"
-#include "core/body/choose_body.hpp"
-#include "core/body/job_slice.hpp"
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/partition.hpp"
 #include "cpu_fallback/scratch.hpp"

@@ -1,4 +1,4 @@
-#include "core/body/ipm_body.hpp"
+#include "core/algorithm/solver/ipm/ipm.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

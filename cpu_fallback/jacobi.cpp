@@ -1,4 +1,4 @@
-#include "core/body/jacobi_body.hpp"
+#include "core/algorithm/solver/jacobi.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

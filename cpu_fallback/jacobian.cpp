@@ -1,4 +1,4 @@
-#include "core/body/jacobian_body.hpp"
+#include "core/algorithm/jacobian/delassus.hpp"
 #include "cpu_fallback/jacobian_kernels.hpp"
 #include "cpu_fallback/pack_width.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/jacobian_job.hpp"
+#include "core/job/jacobian_job.hpp"
 
 namespace stiction::cpu {
 

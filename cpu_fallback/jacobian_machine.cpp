@@ -1,12 +1,12 @@
-#include "core/runtime/jacobian_machine.hpp"
+#include "core/machine/jacobian_machine.hpp"
 
 #include <limits>
 #include <numeric>
 #include <type_traits>
 #include <vector>
 
+#include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/jacobian_batch_body.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"

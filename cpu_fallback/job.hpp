@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/base/full_rows.hpp"
-#include "core/base/solve_job.hpp"
+#include "core/base/dense_rows.hpp"
+#include "core/job/solve_job.hpp"
 #include "cpu_fallback/kernel_tables.hpp"
 
 namespace stiction::cpu {

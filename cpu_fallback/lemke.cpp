@@ -1,4 +1,4 @@
-#include "core/body/lemke_body.hpp"
+#include "core/algorithm/solver/lemke/lemke.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

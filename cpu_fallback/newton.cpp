@@ -1,4 +1,4 @@
-#include "core/body/newton_body.hpp"
+#include "core/algorithm/solver/newton/newton.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/body/bodies/newton/newton_bodies.hpp"
+#include "core/algorithm/rigid/newton/newton_bodies.hpp"
 
 #include "cpu_fallback/bodies_kernels.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/body/npgs_body.hpp"
+#include "core/algorithm/solver/npgs.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/body/nsgs_body.hpp"
+#include "core/algorithm/solver/nsgs.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

@@ -4,11 +4,11 @@
 #include <new>
 #include <utility>
 
+#include "core/algorithm/driver/solve_environment.hpp"
+#include "core/algorithm/pack/judge_lanes.hpp"
+#include "core/algorithm/pack/lane_progress.hpp"
+#include "core/algorithm/pack/load_lanes.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/lane_body.hpp"
-#include "core/body/lane_judge.hpp"
-#include "core/body/lane_search.hpp"
-#include "core/body/solve_body.hpp"
 #include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/job.hpp"
 #include "cpu_fallback/pack_width.hpp"

@@ -3,7 +3,7 @@
 #include <functional>
 #include <vector>
 
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 
 namespace stiction::cpu {
 

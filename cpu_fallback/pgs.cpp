@@ -1,4 +1,4 @@
-#include "core/body/pgs_body.hpp"
+#include "core/algorithm/solver/pgs.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

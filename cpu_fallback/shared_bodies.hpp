@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/block/block.hpp"
-#include "core/body/shared_bodies.hpp"
+#include "core/algorithm/driver/shared_instances.hpp"
+#include "core/team/team.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -1,4 +1,4 @@
-#include "core/body/bodies/si_body.hpp"
+#include "core/algorithm/rigid/sequential_impulses.hpp"
 
 #include "cpu_fallback/bodies_kernels.hpp"
 #include "cpu_fallback/body_pack_driver.hpp"

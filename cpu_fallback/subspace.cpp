@@ -1,4 +1,4 @@
-#include "core/body/subspace_body.hpp"
+#include "core/algorithm/solver/subspace.hpp"
 
 #include "cpu_fallback/pack_driver.hpp"
 

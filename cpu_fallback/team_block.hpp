@@ -3,7 +3,7 @@
 #include <cstring>
 #include <type_traits>
 
-#include "core/block/block.hpp"
+#include "core/team/team.hpp"
 #include "cpu_fallback/thread_team.hpp"
 
 namespace stiction::inline STICTION_ISA {

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/algorithm/warm_start/warm_start.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/warm_start_body.hpp"
-#include "core/runtime/warm_start_machine.hpp"
+#include "core/machine/warm_start_machine.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 
 namespace stiction {

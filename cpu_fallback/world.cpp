@@ -1,4 +1,4 @@
-#include "core/body/world/integrate_body.hpp"
+#include "core/algorithm/collision/integrate.hpp"
 #include "cpu_fallback/world_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/world_job.hpp"
+#include "core/job/world_job.hpp"
 
 namespace stiction::cpu {
 

@@ -1,4 +1,4 @@
-#include "core/runtime/world_machine.hpp"
+#include "core/machine/world_machine.hpp"
 
 #include <algorithm>
 #include <cstddef>

@@ -2,8 +2,8 @@
 
 #include <iterator>
 
+#include "core/algorithm/rigid/body_system.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/bodies/body_system.hpp"
 #include "cuda/device/device_api.hpp"
 #include "cuda/programs/body_bundles.hpp"
 

@@ -3,7 +3,7 @@
 #include <memory>
 #include <mutex>
 
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "cuda/engine.hpp"
 #include "cuda/staging.hpp"
 

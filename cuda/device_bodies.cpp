@@ -5,8 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "core/algorithm/rigid/newton/precondition.hpp"
 #include "core/base/extents.hpp"
-#include "core/body/bodies/newton/precondition.hpp"
 #include "cuda/body_classes.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/mover.hpp"

@@ -4,7 +4,7 @@
 #include <memory>
 #include <mutex>
 
-#include "core/runtime/body_backend.hpp"
+#include "core/machine/body_machine.hpp"
 #include "cuda/device/memory.hpp"
 #include "cuda/programs/bodies_args.hpp"
 

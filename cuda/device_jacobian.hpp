@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/runtime/jacobian_machine.hpp"
+#include "core/machine/jacobian_machine.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/memory.hpp"
 

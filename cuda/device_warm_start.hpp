@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/runtime/warm_start_machine.hpp"
+#include "core/machine/warm_start_machine.hpp"
 #include "cuda/device/device_api.hpp"
 #include "cuda/device/memory.hpp"
 

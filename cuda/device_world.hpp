@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "core/runtime/world_machine.hpp"
+#include "core/machine/world_machine.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/memory.hpp"
 

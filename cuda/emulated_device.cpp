@@ -6,7 +6,7 @@
 #include "cuda/device_world.hpp"
 
 // Device::emulated(): the machines of a device over launches that threads of the CPU carry out. A build without tests
-// has core/runtime/no_emulated.cpp instead.
+// has core/machine/no_emulated.cpp instead.
 namespace stiction {
 
 std::unique_ptr<Backend> make_emulated_backend() {

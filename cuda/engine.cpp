@@ -2,15 +2,15 @@
 
 #include <string>
 
+#include "core/algorithm/plan/counting_sort.hpp"
+#include "core/algorithm/plan/islands.hpp"
+#include "core/algorithm/plan/plan_environment.hpp"
+#include "core/algorithm/system/dense_system.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
 #include "core/base/extents.hpp"
-#include "core/base/ladder.hpp"
-#include "core/body/count_sort_body.hpp"
-#include "core/body/dense_system.hpp"
-#include "core/body/factor_system.hpp"
-#include "core/body/islands_body.hpp"
-#include "core/body/plan_body.hpp"
-#include "core/body/sparse_system.hpp"
-#include "core/schedule/structure_view.hpp"
+#include "core/job/fallback_chain.hpp"
+#include "core/plan/structure_view.hpp"
 #include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/settled_program.hpp"
 #include "cuda/programs/solve_bundles.hpp"

@@ -3,8 +3,8 @@
 #include <array>
 #include <memory>
 
-#include "core/base/plan_view.hpp"
-#include "core/base/size_class.hpp"
+#include "core/job/plan_view.hpp"
+#include "core/job/size_class.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/memory.hpp"
 #include "cuda/programs/plan_args.hpp"

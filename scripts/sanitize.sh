@@ -22,8 +22,8 @@ case $kind in
     targets=()
     # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes
     # minutes and runs no code of the library that others do not.
-    chosen=(-L 'unit|body|twin|determinism|accuracy|c_api' -LE isa
-      -E 'golden|twin_test_ladder|unit_test_scenes|accuracy_test_shared_|body_test_.*_table|body_test_multigrid$')
+    chosen=(-L 'unit|algorithm|twin|determinism|accuracy|c_api' -LE isa
+      -E 'golden|twin_test_ladder|unit_test_scenes|accuracy_test_shared_|algorithm_test_.*_table|algorithm_test_multigrid$')
     export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1
     ;;
   thread)
@@ -33,7 +33,7 @@ case $kind in
     options+=(-DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON)
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
       unit_test_share_out unit_test_solver)
-    for file in "$root"/tests/body/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
+    for file in "$root"/tests/algorithm/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
       case $file in *_golden.cpp | *_failures.cpp) continue ;; esac  # minutes, of code that others run
       targets+=("$(basename "$(dirname "$file")")_$(basename "$file" .cpp)")
     done

@@ -18,17 +18,32 @@ SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
 SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
-# What a body or a Block may take from the standard library: types and compile-time facts, no arithmetic.
+# What an algorithm or a Block may take from the standard library: types and compile-time facts, no arithmetic.
 STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type_traits", "utility"}
 
 PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
-MACHINE = [PUBLIC, "core/base", "core/block", "core/body", "core/schedule/plan.hpp", "core/schedule/body_plan.hpp",
-           "core/schedule/structure_view.hpp",
-           "core/runtime/backend.hpp", "core/runtime/body_backend.hpp",
-           "core/runtime/jacobian_machine.hpp", "core/runtime/warm_start_machine.hpp",
-           "core/runtime/world_machine.hpp",
-           "core/runtime/world_arrays.hpp"]
+MACHINE = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm", "core/machine", "core/plan/plan.hpp",
+           "core/plan/body_plan.hpp", "core/plan/structure_view.hpp"]
+
+# Rooms of core/algorithm, in the order of a solve: what each may include of the others. No room includes one that is further
+# down, so that no circle can come about.
+ALGORITHM = {
+    "problem": [],
+    "system": ["problem"],
+    "sweep": ["problem", "system"],
+    "residual": ["problem", "system", "sweep"],
+    "load": ["problem", "system", "residual"],
+    "linear": ["problem", "system"],
+    "solver": ["problem", "system", "sweep", "residual", "linear"],
+    "driver": ["problem", "system", "sweep", "residual", "load", "solver"],
+    "pack": ["problem", "system", "residual", "load", "driver"],
+    "rigid": ["problem", "system", "sweep", "residual", "load", "linear", "driver", "pack"],
+    "plan": [],
+    "collision": ["rigid", "plan"],
+    "jacobian": [],
+    "warm_start": ["plan"],
+}
 
 
 class Row:
@@ -45,14 +60,17 @@ class Row:
 TABLE = [
     Row(PUBLIC, [PUBLIC]),
     Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h", "xmmintrin.h")),
-    Row("core/block", [PUBLIC, "core/base", "core/block"], std=STD_TYPES),
-    Row("core/body", [PUBLIC, "core/base", "core/block", "core/body"], std=STD_TYPES),
+    Row("core/team", [PUBLIC, "core/base", "core/team"], std=STD_TYPES),
+    *(Row(f"core/algorithm/{room}", [PUBLIC, "core/base", "core/job", "core/team", f"core/algorithm/{room}"] +
+          [f"core/algorithm/{other}" for other in below], std=STD_TYPES) for room, below in ALGORITHM.items()),
+    Row("core/job", [PUBLIC, "core/base", "core/job"]),
     # Orderings come from libraries; they are integers, so no rounding comes with them.
-    Row("core/schedule/library_orderings.cpp", [PUBLIC, "core/base", "core/schedule"],
+    Row("core/plan/library_orderings.cpp", [PUBLIC, "core/base", "core/plan"],
         foreign=("Eigen/", "amd.h", "metis.h")),
-    Row("core/schedule", [PUBLIC, "core/base", "core/schedule"]),
+    Row("core/plan", [PUBLIC, "core/base", "core/job", "core/plan"]),
+    Row("core/machine", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine"]),
     Row("core/graph", [PUBLIC, "core/graph", "core/base/fp_env.hpp"]),
-    Row("core/runtime", [PUBLIC, "core/base", "core/schedule", "core/runtime"]),
+    Row("core/runtime", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime"]),
     Row("core/io", [PUBLIC, "core/io", "core/base/fp_env.hpp"], foreign=("hdf5.h", "H5", "unistd.h")),
     Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "pthread.h", "sched.h", "unistd.h")),
@@ -62,9 +80,9 @@ TABLE = [
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
         foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
-    Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/base/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
+    Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/job/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
     Row("examples", [PUBLIC, IO_PUBLIC]),
-    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/schedule", "bench/scenes", "tools/cli"],
+    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
 ]
@@ -78,16 +96,16 @@ WORDS = [
     (r"__CUDACC__|__CUDA_ARCH__|__NVCC__", [""], ["core/include/stiction/config.hpp", "core/base"],
      "which compiler is reading is asked in core/include/stiction/config.hpp and core/base only"),
     (r"threadIdx|blockIdx|blockDim|gridDim|__syncthreads|__syncwarp|__shfl\w*|__ballot\w*|\batomic\w*|std::atomic|"
-     r"\bclock(64)?\s*\(", ["core/body", "core/base", "core/schedule"], [],
-     "a body is written in phases over a Block and never sees a thread, an atomic or a clock"),
+     r"\bclock(64)?\s*\(", ["core/algorithm", "core/base", "core/job", "core/plan"], [],
+     "an algorithm is written in phases over a Block and never sees a thread, an atomic or a clock"),
     (r"std::(f?min|f?max|clamp|sqrt|fma|abs|fabs|pow|hypot|reduce|accumulate)\b|\b(fminf?|fmaxf?|rsqrtf?|hypotf?|powf?|"
-     r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/body", "core/block"], [],
+     r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/algorithm", "core/team"], [],
      "every rounding and selection goes through core/base/real.hpp"),
-    (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/runtime", "core/schedule", "cuda", "cpu_fallback"], [],
+    (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/job", "core/runtime", "core/machine", "core/plan", "cuda", "cpu_fallback"], [],
      "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
     (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api"], [],
-     "a machine holds a Block, memory and launches; arithmetic belongs in core/body"),
-    (r"\blong double\b|_Float16|__float128", ["core/body", "core/base", "core/block", "cuda", "cpu_fallback"], [],
+     "a machine holds a Block, memory and launches; arithmetic belongs in core/algorithm"),
+    (r"\blong double\b|_Float16|__float128", ["core/algorithm", "core/base", "core/job", "core/team", "cuda", "cpu_fallback"], [],
      "float and double are the two precisions whose bits are promised"),
 ]
 
@@ -217,40 +235,42 @@ def self_test():
         "core/include/stiction/config.hpp": "#pragma once\n#if defined(__CUDACC__)\n#endif\n",
         "core/include/stiction/types.hpp": '#pragma once\n#include <cstdint>\n#include "stiction/config.hpp"\n',
         "core/base/real.hpp": '#pragma once\n#include <cmath>\n#include "stiction/types.hpp"\n#ifdef __CUDA_ARCH__\n#endif\n',
-        "core/block/phases.hpp": '#pragma once\n#include "core/base/real.hpp"\n',
-        "core/body/pgs_body.hpp": '#pragma once\n#include <cstdint>\n#include "core/block/phases.hpp"\n'
+        "core/team/phases.hpp": '#pragma once\n#include "core/base/real.hpp"\n',
+        "core/algorithm/solver/pgs.hpp": '#pragma once\n#include <cstdint>\n#include "core/team/phases.hpp"\n'
                                   '// an atomic, std::min and threadIdx in a comment are fine\n',
-        "core/schedule/plan.hpp": '#pragma once\n#include <vector>\n#include "stiction/types.hpp"\n',
-        "core/schedule/library_orderings.cpp": '#include <Eigen/OrderingMethods>\n#include <amd.h>\n#include <metis.h>\n',
-        "core/runtime/backend.hpp": '#pragma once\n#include "core/schedule/plan.hpp"\n',
-        "core/runtime/solver.cpp": '#include "core/runtime/backend.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
+        "core/algorithm/driver/solve_environment.hpp": '#pragma once\n#include "core/algorithm/solver/pgs.hpp"\n',
+        "core/plan/plan.hpp": '#pragma once\n#include <vector>\n#include "stiction/types.hpp"\n',
+        "core/plan/library_orderings.cpp": '#include <Eigen/OrderingMethods>\n#include <amd.h>\n#include <metis.h>\n',
+        "core/machine/contact_machine.hpp": '#pragma once\n#include "core/plan/plan.hpp"\n',
+        "core/runtime/solver.cpp": '#include "core/machine/contact_machine.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
         "core/io/include/stiction/io.hpp": '#pragma once\n#include "stiction/types.hpp"\n',
         "core/io/read.cpp": '#include <hdf5.h>\n#include "stiction/io.hpp"\n',
-        "cuda/pgs.cu": '#include <cuda_runtime.h>\n#include "core/body/pgs_body.hpp"\n',
-        "cpu_fallback/pgs.cpp": '#include "core/body/pgs_body.hpp"\n',
+        "cuda/pgs.cu": '#include <cuda_runtime.h>\n#include "core/algorithm/solver/pgs.hpp"\n',
+        "cpu_fallback/pgs.cpp": '#include "core/algorithm/solver/pgs.hpp"\n',
         "cpu_fallback/serial_block.hpp": "#pragma once\n",
         "c_api/include/stiction.h": "#pragma once\n#include <stdint.h>\n",
         "c_api/solver.cpp": '#include <memory>\n#include "stiction.h"\n#include "stiction/types.hpp"\n',
         "examples/hello.cpp": '#include "stiction/types.hpp"\n',
-        "tools/cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/schedule/plan.hpp"\n#include "stiction/io.hpp"\n',
+        "tools/cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/plan/plan.hpp"\n#include "stiction/io.hpp"\n',
     }
     planted = [
         ("core/include/stiction/types.hpp", '#include "core/base/real.hpp"'),
-        ("core/base/real.hpp", '#include "core/body/pgs_body.hpp"'),
-        ("core/block/phases.hpp", "#include <algorithm>"),
-        ("core/body/pgs_body.hpp", "#include <cmath>"),
-        ("core/body/pgs_body.hpp", '#include "core/runtime/backend.hpp"'),
-        ("core/body/pgs_body.hpp", "int i = threadIdx.x;"),
-        ("core/body/pgs_body.hpp", "std::atomic<int> n;"),
-        ("core/body/pgs_body.hpp", "float m = std::max(a, b);"),
-        ("core/body/pgs_body.hpp", "#ifdef __CUDA_ARCH__"),
-        ("core/schedule/plan.hpp", '#include "core/runtime/backend.hpp"'),
-        ("core/schedule/plan.hpp", "#include <Eigen/OrderingMethods>"),
-        ("core/schedule/library_orderings.cpp", "#include <boost/graph/adjacency_list.hpp>"),
+        ("core/base/real.hpp", '#include "core/algorithm/solver/pgs.hpp"'),
+        ("core/team/phases.hpp", "#include <algorithm>"),
+        ("core/algorithm/solver/pgs.hpp", '#include "core/algorithm/driver/solve_environment.hpp"'),
+        ("core/algorithm/solver/pgs.hpp", "#include <cmath>"),
+        ("core/algorithm/solver/pgs.hpp", '#include "core/machine/contact_machine.hpp"'),
+        ("core/algorithm/solver/pgs.hpp", "int i = threadIdx.x;"),
+        ("core/algorithm/solver/pgs.hpp", "std::atomic<int> n;"),
+        ("core/algorithm/solver/pgs.hpp", "float m = std::max(a, b);"),
+        ("core/algorithm/solver/pgs.hpp", "#ifdef __CUDA_ARCH__"),
+        ("core/plan/plan.hpp", '#include "core/machine/contact_machine.hpp"'),
+        ("core/plan/plan.hpp", "#include <Eigen/OrderingMethods>"),
+        ("core/plan/library_orderings.cpp", "#include <boost/graph/adjacency_list.hpp>"),
         ("core/runtime/solver.cpp", '#include "cpu_fallback/serial_block.hpp"'),
         ("core/runtime/solver.cpp", "#include <cuda_runtime.h>"),
-        ("core/runtime/solver.cpp", '#include "core/body/pgs_body.hpp"'),
-        ("core/io/read.cpp", '#include "core/runtime/backend.hpp"'),
+        ("core/runtime/solver.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
+        ("core/io/read.cpp", '#include "core/machine/contact_machine.hpp"'),
         ("cuda/pgs.cu", '#include "cpu_fallback/serial_block.hpp"'),
         ("cuda/pgs.cu", "x = fma_(a, b, c);"),
         ("cpu_fallback/pgs.cpp", "rows = std::min(rows, most);"),
@@ -259,10 +279,10 @@ def self_test():
         ("cpu_fallback/pgs.cpp", "#include <Eigen/Dense>"),
         ("c_api/include/stiction.h", '#include "stiction/types.hpp"'),
         ("c_api/include/stiction.h", "#include <cstdint>"),
-        ("c_api/solver.cpp", '#include "core/runtime/backend.hpp"'),
+        ("c_api/solver.cpp", '#include "core/machine/contact_machine.hpp"'),
         ("examples/hello.cpp", '#include "core/base/real.hpp"'),
         ("examples/hello.cpp", '#include "stiction/no_such.hpp"'),
-        ("tools/cli/main.cpp", '#include "core/body/pgs_body.hpp"'),
+        ("tools/cli/main.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
     ]
     failures = []
     with tempfile.TemporaryDirectory() as folder:
@@ -279,7 +299,7 @@ def self_test():
             if len(problems) != 1 or not problems[0].startswith(expected):
                 failures.append(f"planted '{line}' in {path}, got {problems or 'nothing'}")
             (root / path).write_text(clean[path], encoding="utf-8")
-        (root / "core/block/phases.hpp").write_text("struct A;\n", encoding="utf-8")
+        (root / "core/team/phases.hpp").write_text("struct A;\n", encoding="utf-8")
         if not check_tree(root)[1]:
             failures.append("a header without #pragma once was not reported")
     for failure in failures:

@@ -4,12 +4,12 @@ A multiply-add is two operations; square root and division are one each; compari
 at the residual are none. All contacts have three rows, Coulomb's law, and move in every sweep. With s bytes a number, n = 3 c
 rows, d degrees of freedom:
 
-    matrix   a cone's step, then y += A[:, cone] d (core/body/sweep_body.hpp, local_solve.hpp). Every 16 sweeps y = A x + b
+    matrix   a cone's step, then y += A[:, cone] d (core/algorithm/sweep/sweep.hpp, local_solve.hpp). Every 16 sweeps y = A x + b
              afresh. Operations: 2 n^2 (1 + 1/16) + STEP c. Bytes: A (1 + 1/16), x and y read and written, three numbers a cone
     factor   u = Y' x afresh, then for each cone y = Y u, its step, and u += Y' d: 6 n d + STEP c operations (a row's product is
              four sums). Bytes: Y twice (for u, and at the cone, whose three rows stay near while they are used again), b and R
              read, x read and written
-    bodies   a cone from its two bodies' twists, its step pushed back into them (core/body/bodies/si_sweep.hpp). Operations: see
+    bodies   a cone from its two bodies' twists, its step pushed back into them (core/algorithm/rigid/si_sweep.hpp). Operations: see
              CONTACT. Bytes, in packs (body_pack.hpp): 16 numbers of a contact, its tangents and two sides as wide as numbers
              read, x read and written, of every body 7 numbers read and 6 read and written; bodies are counted once, though
              each contact asks for two. Lanes push the same bodies, so no masses are kept by contact

@@ -3,7 +3,7 @@
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/geometry.hpp"
 
-// Written from docs/bodies.md and from no header of core/body: it is what the matrix-free solver is checked by.
+// Written from docs/bodies.md and from no header of core/algorithm: it is what the matrix-free solver is checked by.
 
 namespace stiction::scenes {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/four_sums.hpp"
+#include "core/base/dot4.hpp"
 #include "core/base/pack.hpp"
 
 /// Sums of products of neighbouring rows. Host only.

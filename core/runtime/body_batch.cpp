@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
+#include "core/machine/body_machine.hpp"
 #include "core/runtime/body_arrays.hpp"
-#include "core/runtime/body_backend.hpp"
 #include "core/runtime/defects.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/error.hpp"

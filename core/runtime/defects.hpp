@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/full_rows.hpp"
-#include "core/base/share_out.hpp"
+#include "core/base/dense_rows.hpp"
+#include "core/job/parallel_for.hpp"
 #include "stiction/batch.hpp"
 
 namespace stiction {

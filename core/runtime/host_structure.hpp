@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 
 namespace stiction {
 

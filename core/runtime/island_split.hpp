@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/schedule/islands.hpp"
+#include "core/plan/islands.hpp"
 #include "stiction/solver.hpp"
 
 namespace stiction {

@@ -6,9 +6,9 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/jacobian_machine.hpp"
 #include "core/runtime/stored_columns.hpp"
 #include "stiction/status.hpp"
 

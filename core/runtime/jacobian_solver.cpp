@@ -6,8 +6,8 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/jacobian_machine.hpp"
 #include "core/runtime/overlap.hpp"
 
 namespace stiction {

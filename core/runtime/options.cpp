@@ -1,7 +1,7 @@
 #include <cmath>
 #include <string>
 
-#include "core/base/method_room.hpp"
+#include "core/job/workspace.hpp"
 #include "core/runtime/check_options.hpp"
 #include "stiction/error.hpp"
 

@@ -5,7 +5,10 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
+#include "core/plan/islands.hpp"
+#include "core/plan/plan.hpp"
+#include "core/plan/structure_view.hpp"
 #include "core/runtime/broken_columns.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
@@ -13,9 +16,6 @@
 #include "core/runtime/host_structure.hpp"
 #include "core/runtime/island_split.hpp"
 #include "core/runtime/overlap.hpp"
-#include "core/schedule/islands.hpp"
-#include "core/schedule/plan.hpp"
-#include "core/schedule/structure_view.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "core/base/full_rows.hpp"
+#include "core/base/dense_rows.hpp"
 #include "stiction/batch.hpp"
 
 namespace stiction {

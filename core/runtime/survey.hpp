@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "core/base/cone_counts.hpp"
-#include "core/base/share_out.hpp"
+#include "core/job/cone_counts.hpp"
+#include "core/job/parallel_for.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"

@@ -1,6 +1,6 @@
 #include <cstring>
 
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/host_structure.hpp"
 #include "stiction/error.hpp"

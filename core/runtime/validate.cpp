@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
-#include "core/base/cone_counts.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/job/cone_counts.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"

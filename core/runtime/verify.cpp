@@ -8,8 +8,8 @@
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 
-// Written from docs/math/residual.md and from nothing else: no header of core/body is included here, so that a mistake
-// in the solvers' residual cannot hide in the judge. Everything is computed in f64, rows in stored order.
+// Written from docs/math/residual.md and from nothing else: no header of core/algorithm is included here, so that a
+// mistake in the solvers' residual cannot hide in the judge. Everything is computed in f64, rows in stored order.
 
 namespace stiction {
 namespace {

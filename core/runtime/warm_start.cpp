@@ -5,8 +5,8 @@
 #include <string>
 
 #include "core/base/fp_env.hpp"
+#include "core/machine/warm_start_machine.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -45,7 +45,7 @@ ContactBatchView<Real> cones_of(const JacobianBatchView<Real>& batch) {
   return cones;
 }
 
-/// Contacts: cones without offsets of rows, which have three each (warm_start_body.hpp).
+/// Contacts: cones without offsets of rows, which have three each (warm_start.hpp).
 template <class Real>
 ContactBatchView<Real> cones_of(const BodyBatchView<Real>& batch) {
   ContactBatchView<Real> cones;

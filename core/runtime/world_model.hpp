@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/base/world_job.hpp"
+#include "core/job/world_job.hpp"
 
 namespace stiction {
 

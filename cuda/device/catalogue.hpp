@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/bodies/newton/newton_bodies.hpp"
+#include "core/algorithm/rigid/newton/newton_bodies.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/programs/bodies_program.hpp"
 #include "cuda/programs/body_bundles.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/shared_bodies.hpp"
+#include "core/algorithm/driver/shared_instances.hpp"
 #include "cuda/device/catalogue.hpp"
 #include "cuda/device/host_launch.hpp"
 

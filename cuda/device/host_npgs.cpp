@@ -1,4 +1,4 @@
-#include "core/body/npgs_body.hpp"
+#include "core/algorithm/solver/npgs.hpp"
 #include "cuda/device/host_make.hpp"
 
 namespace stiction::cuda {

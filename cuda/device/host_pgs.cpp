@@ -1,4 +1,4 @@
-#include "core/body/pgs_body.hpp"
+#include "core/algorithm/solver/pgs.hpp"
 #include "cuda/device/host_make.hpp"
 
 namespace stiction::cuda {

@@ -1,4 +1,4 @@
-#include "core/body/shared_bodies.hpp"
+#include "core/algorithm/driver/shared_instances.hpp"
 #include "cuda/device/host_team.hpp"
 
 namespace stiction::inline STICTION_ISA {

@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/block/reduce.hpp"
+#include "core/team/reduce.hpp"
 #include "cuda/device/host_pace.hpp"
 #include "cuda/device/kernel.hpp"
 

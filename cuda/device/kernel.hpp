@@ -34,7 +34,7 @@ inline constexpr int kMostLanes = 256;  ///< of a team within one block
 ///     template <class Team> static STICTION_HD void run(Team& team, const TeamId& id, const Args& args);
 ///   };
 ///
-/// whose run() is called once by every lane of every team, `team` being a Block (core/block/block.hpp) that also has
+/// whose run() is called once by every lane of every team, `team` being a Block (core/team/team.hpp) that also has
 /// `fetch(counter, count = 1)`, the counter's value before it grew by count, and `total(integer)`, the sum over the
 /// lanes; both the same on every lane.
 struct TeamId {

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "core/base/method_room.hpp"
+#include "core/job/workspace.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "core/base/body_job.hpp"
+#include "core/job/body_job.hpp"
 
 namespace stiction::cuda {
 

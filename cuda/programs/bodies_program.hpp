@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/bodies/body_env.hpp"
+#include "core/algorithm/rigid/body_env.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/bodies_args.hpp"
 

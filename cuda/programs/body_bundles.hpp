@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/bodies/si_body.hpp"
+#include "core/algorithm/rigid/sequential_impulses.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/bodies_args.hpp"
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/base/ladder.hpp"
-#include "core/body/choose_body.hpp"
-#include "core/body/job_slice.hpp"
+#include "core/algorithm/driver/solver_selection.hpp"
+#include "core/algorithm/problem/slice.hpp"
+#include "core/job/fallback_chain.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/plan_args.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/jacobian_batch_body.hpp"
+#include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {

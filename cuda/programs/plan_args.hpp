@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/base/plan_view.hpp"
-#include "core/base/size_class.hpp"
+#include "core/job/plan_view.hpp"
+#include "core/job/size_class.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/status.hpp"
 

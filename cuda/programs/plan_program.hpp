@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/body/count_sort_body.hpp"
-#include "core/body/islands_body.hpp"
-#include "core/body/plan_body.hpp"
+#include "core/algorithm/plan/counting_sort.hpp"
+#include "core/algorithm/plan/islands.hpp"
+#include "core/algorithm/plan/plan_environment.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/plan_args.hpp"
 

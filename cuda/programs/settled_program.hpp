@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/body/job_slice.hpp"
-#include "core/body/settle_body.hpp"
+#include "core/algorithm/driver/check_convergence.hpp"
+#include "core/algorithm/problem/slice.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/solve_args.hpp"
 

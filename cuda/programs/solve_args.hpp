@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/base/size_class.hpp"
-#include "core/base/solve_job.hpp"
+#include "core/job/size_class.hpp"
+#include "core/job/solve_job.hpp"
 
 namespace stiction::cuda {
 

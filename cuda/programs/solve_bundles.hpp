@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/body/dense_system.hpp"
-#include "core/body/job_slice.hpp"
-#include "core/body/window_body.hpp"
+#include "core/algorithm/driver/register_chunk.hpp"
+#include "core/algorithm/problem/slice.hpp"
+#include "core/algorithm/system/dense_system.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/solve_args.hpp"
 

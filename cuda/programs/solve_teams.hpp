@@ -1,10 +1,10 @@
 #pragma once
 
-#include "core/body/dense_system.hpp"
-#include "core/body/factor_system.hpp"
-#include "core/body/job_slice.hpp"
-#include "core/body/solve_body.hpp"
-#include "core/body/sparse_system.hpp"
+#include "core/algorithm/driver/solve_environment.hpp"
+#include "core/algorithm/problem/slice.hpp"
+#include "core/algorithm/system/dense_system.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
 #include "cuda/device/kernel.hpp"
 #include "cuda/programs/solve_args.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/warm_start_body.hpp"
+#include "core/algorithm/warm_start/warm_start.hpp"
 #include "cuda/device/kernel.hpp"
 
 /// The warm-start store on a device: a team takes an environment at a time.

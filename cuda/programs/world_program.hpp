@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/body/world/integrate_body.hpp"
+#include "core/algorithm/collision/integrate.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {

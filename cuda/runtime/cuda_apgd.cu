@@ -1,4 +1,4 @@
-#include "core/body/apgd_body.hpp"
+#include "core/algorithm/solver/apgd.hpp"
 
 #include "cuda/runtime/cuda_launch.cuh"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "core/base/extents.hpp"
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/runtime/cuda_check.hpp"
 #include "cuda/runtime/cuda_device.hpp"

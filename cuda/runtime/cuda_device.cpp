@@ -1,6 +1,6 @@
 #include "cuda/runtime/cuda_device.hpp"
 
-#include "core/runtime/backend.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "cuda/runtime/cuda_check.hpp"
 #include "cuda/runtime/cuda_kernels.hpp"
 

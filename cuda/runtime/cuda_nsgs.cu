@@ -1,4 +1,4 @@
-#include "core/body/nsgs_body.hpp"
+#include "core/algorithm/solver/nsgs.hpp"
 
 #include "cuda/runtime/cuda_launch.cuh"
 

@@ -1,4 +1,4 @@
-#include "core/body/subspace_body.hpp"
+#include "core/algorithm/solver/subspace.hpp"
 
 #include "cuda/runtime/cuda_launch.cuh"
 

@@ -5,7 +5,7 @@
 
 #include <type_traits>
 
-#include "core/block/block.hpp"
+#include "core/team/team.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "core/body/lemke_body.hpp"
+#include "core/algorithm/solver/lemke/lemke.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"
 

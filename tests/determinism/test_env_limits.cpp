@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/schedule/islands.hpp"
+#include "core/plan/islands.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"

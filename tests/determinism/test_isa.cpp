@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/base/fp_env.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/plan_views.hpp"

@@ -7,8 +7,8 @@
 
 #include "bench/scenes/merge.hpp"
 #include "core/base/extents.hpp"
-#include "core/schedule/islands.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/plan/islands.hpp"
+#include "core/plan/plan.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"

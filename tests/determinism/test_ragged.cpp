@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 

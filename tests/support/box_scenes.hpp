@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bench/scenes/box_scenes.hpp"
-#include "core/body/linear/block_matrix.hpp"
+#include "core/algorithm/linear/block/block_matrix.hpp"
 
 /// Body-space matrices of boxes that rest on each other, H = M + J'WJ, written out from the definitions.
 namespace stiction::test {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "core/block/block.hpp"
+#include "core/team/team.hpp"
 #include "cuda/device/host_pace.hpp"
 
 namespace stiction::test {

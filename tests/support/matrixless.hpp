@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/base/method_room.hpp"
+#include "core/job/workspace.hpp"
 
 namespace stiction::test {
 

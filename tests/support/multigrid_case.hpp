@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "core/body/linear/conjugate_gradient.hpp"
-#include "core/body/linear/multigrid.hpp"
-#include "core/schedule/multigrid_plan.hpp"
+#include "core/algorithm/linear/krylov/cg.hpp"
+#include "core/algorithm/linear/multigrid/multigrid.hpp"
+#include "core/plan/multigrid_plan.hpp"
 #include "tests/support/stacked_boxes.hpp"
 
 namespace stiction::test {

@@ -6,7 +6,7 @@
 #include <cstddef>
 
 #include "bench/scenes/rng.hpp"
-#include "core/body/prepare_body.hpp"
+#include "core/algorithm/load/load_system.hpp"
 
 /// One friction cone without an environment around it, as a system that the step of a cone can read, and Coulomb's law
 /// judged in long double.
@@ -29,7 +29,7 @@ struct OneCone {
   [[nodiscard]] Real block_entry(Index, int i, int j) const {
     return B[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   }
-  /// What prepare_body.hpp does for a cone.
+  /// What load_system.hpp does for a cone.
   void set_steps() {
     const Real whole = largest_eigenvalue_bound<M, 0>(*this, 0);
     const Real tangential = max_(largest_eigenvalue_bound<M, 1>(*this, 0), whole * Real(kSmallestTangential));

@@ -7,8 +7,8 @@
 
 #include "stiction/batch.hpp"
 
-/// A slow, dense solver in extended precision, written from the mathematics and from no header of core/body: twins that
-/// share a text share its mistakes. It answers small systems only.
+/// A slow, dense solver in extended precision, written from the mathematics and from no header of core/algorithm: twins
+/// that share a text share its mistakes. It answers small systems only.
 ///
 /// Convex law: accelerated projected gradient on 1/2 z'Bz + c'z with a step from Gershgorin's bound, in coordinates in
 /// which friction cones are circular and each cone's block has a unit mean diagonal; momentum restarts when the

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/body/world/touch.hpp"
+#include "core/algorithm/collision/collide.hpp"
 
 /// Shapes in known or random places, and what is true of them by definition alone.
 namespace stiction::test {

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/base/plan_view.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/job/plan_view.hpp"
+#include "core/plan/plan.hpp"
 
 namespace stiction::test {
 

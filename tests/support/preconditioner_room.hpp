@@ -3,14 +3,14 @@
 #include <utility>
 #include <vector>
 
-#include "core/body/linear/block_ldl.hpp"
-#include "core/body/linear/conjugate_gradient.hpp"
-#include "core/body/linear/incomplete_cholesky.hpp"
-#include "core/body/linear/scalar_diagonal.hpp"
-#include "core/body/linear/sparse_inverse.hpp"
-#include "core/schedule/block_factor_plan.hpp"
-#include "core/schedule/ordering.hpp"
-#include "core/schedule/sparse_inverse_plan.hpp"
+#include "core/algorithm/linear/block/block_ldl.hpp"
+#include "core/algorithm/linear/block/incomplete_cholesky.hpp"
+#include "core/algorithm/linear/block/scalar_diagonal.hpp"
+#include "core/algorithm/linear/block/sparse_inverse.hpp"
+#include "core/algorithm/linear/krylov/cg.hpp"
+#include "core/plan/block_factor_plan.hpp"
+#include "core/plan/ordering.hpp"
+#include "core/plan/sparse_inverse_plan.hpp"
 #include "tests/support/box_scenes.hpp"
 
 namespace stiction::test {

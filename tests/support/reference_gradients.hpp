@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/body/linear/block_matrix.hpp"
+#include "core/algorithm/linear/block/block_matrix.hpp"
 
 /// Conjugate gradients and their preconditioners a second time, number by number and from the definitions, to compare
 /// counts of iterations with. Nothing here knows blocks but for which entries a preconditioner keeps.

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/body/linear/block_matrix.hpp"
+#include "core/algorithm/linear/block/block_matrix.hpp"
 #include "stiction/body_space.hpp"
 
 /// The multigrid of docs/math/multigrid.md a second time, with Eigen's matrices and standard containers, for scenes

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "core/body/solve_body.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/algorithm/driver/solve_environment.hpp"
+#include "core/plan/plan.hpp"
 #include "tests/support/plan_views.hpp"
 #include "tests/support/small_systems.hpp"
 

@@ -6,9 +6,9 @@
 #include <set>
 #include <vector>
 
-#include "core/base/multigrid_view.hpp"
-#include "core/body/linear/block_matrix.hpp"
-#include "core/schedule/block_sets.hpp"
+#include "core/algorithm/linear/block/block_matrix.hpp"
+#include "core/job/multigrid_view.hpp"
+#include "core/plan/block_sets.hpp"
 
 /// Body-space matrices H = M + J'WJ of boxes that lie on each other, every contact held: W = 1/R on all its rows.
 namespace stiction::test {

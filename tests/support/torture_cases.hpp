@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "bench/scenes/scenes.hpp"
-#include "core/body/solve_body.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/algorithm/driver/solve_environment.hpp"
+#include "core/plan/plan.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jitter_block.hpp"
 #include "tests/support/plan_views.hpp"

@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "core/block/phases.hpp"
+#include "core/team/phases.hpp"
 #include "cuda/device/host_launch.hpp"
 #include "cuda/device_bodies.hpp"
 #include "tests/support/body_methods.hpp"

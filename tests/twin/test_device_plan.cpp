@@ -8,9 +8,9 @@
 #include <thrust/sort.h>
 #endif
 
-#include "core/schedule/islands.hpp"
-#include "core/schedule/plan.hpp"
-#include "core/schedule/structure_view.hpp"
+#include "core/plan/islands.hpp"
+#include "core/plan/plan.hpp"
+#include "core/plan/structure_view.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/device_batch.hpp"

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "core/body/npgs_body.hpp"
-#include "core/body/window_body.hpp"
+#include "core/algorithm/driver/register_chunk.hpp"
+#include "core/algorithm/solver/npgs.hpp"
 #include "cuda/device/host_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/bits.hpp"

@@ -3,8 +3,8 @@
 #include <limits>
 #include <numeric>
 
-#include "core/base/ladder.hpp"
-#include "core/body/choose_body.hpp"
+#include "core/algorithm/driver/solver_selection.hpp"
+#include "core/job/fallback_chain.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 

@@ -4,8 +4,8 @@
 #include <set>
 #include <vector>
 
-#include "core/schedule/aggregates.hpp"
-#include "core/schedule/multigrid_plan.hpp"
+#include "core/plan/aggregates.hpp"
+#include "core/plan/multigrid_plan.hpp"
 #include "tests/support/stacked_boxes.hpp"
 
 namespace stiction::test {

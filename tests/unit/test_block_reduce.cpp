@@ -1,4 +1,4 @@
-#include "core/block/reduce.hpp"
+#include "core/team/reduce.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "core/schedule/body_plan.hpp"
+#include "core/plan/body_plan.hpp"
 #include "tests/support/body_systems.hpp"
 
 namespace stiction::test {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/body/ipm_body.hpp"
+#include "core/algorithm/solver/ipm/ipm.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_lcp.hpp"

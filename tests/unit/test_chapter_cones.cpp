@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "bench/scenes/rng.hpp"
-#include "core/body/bodies/newton/friction_cone.hpp"
-#include "core/body/cones.hpp"
+#include "core/algorithm/problem/cone_projection.hpp"
+#include "core/algorithm/rigid/newton/friction_cone.hpp"
 #include "stiction/pyramid.hpp"
 #include "tests/support/small_systems.hpp"
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/schedule/color.hpp"
+#include "core/plan/color.hpp"
 
 namespace {
 

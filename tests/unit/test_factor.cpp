@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"

@@ -1,5 +1,5 @@
 #include "core/base/extents.hpp"
-#include "core/schedule/islands.hpp"
+#include "core/plan/islands.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/body/islands_body.hpp"
+#include "core/algorithm/plan/islands.hpp"
 #include "tests/support/random_structures.hpp"
 #include "tests/support/torture_block.hpp"
 

@@ -8,8 +8,8 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/block_pattern.hpp"
-#include "core/schedule/ordering.hpp"
+#include "core/job/block_pattern.hpp"
+#include "core/plan/ordering.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::test {

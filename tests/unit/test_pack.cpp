@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "bench/scenes/rng.hpp"
-#include "core/body/cones.hpp"
+#include "core/algorithm/problem/cone_projection.hpp"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/body/lemke_body.hpp"
+#include "core/algorithm/solver/lemke/lemke.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_systems.hpp"

@@ -1,4 +1,4 @@
-#include "core/base/share_out.hpp"
+#include "core/job/parallel_for.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,12 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "core/base/full_rows.hpp"
-#include "core/runtime/body_backend.hpp"
+#include "core/base/dense_rows.hpp"
+#include "core/machine/body_machine.hpp"
+#include "core/plan/body_plan.hpp"
+#include "core/plan/plan.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/survey.hpp"
-#include "core/schedule/body_plan.hpp"
-#include "core/schedule/plan.hpp"
 #include "cpu_fallback/thread_pool.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/random_systems.hpp"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/schedule/color.hpp"
+#include "core/plan/color.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction::cli {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 #include "stiction/batch.hpp"
 
 namespace stiction::cli {

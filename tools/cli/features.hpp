@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/schedule/plan.hpp"
+#include "core/plan/plan.hpp"
 #include "stiction/analysis.hpp"
 #include "stiction/batch.hpp"
 #include "tools/cli/quantiles.hpp"

@@ -12,7 +12,7 @@
 /// STICTION_HD_OUTLINE is for templates that run once per chunk or less and have a type of their instruction set among
 /// their arguments (so that no two builds share a symbol): on the device they stay functions, because a copy in every
 /// kernel would cost minutes of compile time and megabytes of code. STICTION_HD_SHARED is for those of them that a
-/// machine compiles once for all solvers (core/body/shared_bodies.hpp): functions everywhere.
+/// machine compiles once for all solvers (core/algorithm/driver/shared_instances.hpp): functions everywhere.
 #if defined(__CUDACC__)
 #define STICTION_HD __host__ __device__ __forceinline__
 #define STICTION_HD_OUTLINE __host__ __device__ __noinline__

@@ -1,0 +1,163 @@
+#pragma once
+
+#include "core/algorithm/load/load_system.hpp"
+#include "core/algorithm/problem/stop_rule.hpp"
+#include "core/algorithm/residual/final_residual.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// What is remembered of the search for an answer between two looks at it: of one environment, or in every lane.
+template <class Real>
+struct Search {
+  Counts<Real> iterations = Counts<Real>(0);  ///< done so far
+  Counts<Real> best_at = Counts<Real>(0);     ///< iteration at which the best residual was recorded
+  Real best = Real(0);                        ///< that residual, once iterations or best_at moved
+  Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not worth a second look
+};
+/// The same of an environment. Lanes of a block hold equal copies.
+template <class Real>
+struct EnvProgress : Search<Real> {
+  std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
+};
+
+template <Block B, class Real>
+STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, SolverKind solver, std::uint32_t flags,
+                              Index iterations, double relative, double absolute) {
+  single(block, [&] {
+    *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}};
+  });
+}
+
+/// The safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since w = b
+/// could carry the very NaN; for an unsupported system w = b.
+template <Block B, class Real>
+STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
+  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom | kFlagUnsupportedCone)) == 0;
+  for_each(block, env.n, [&](Index i) {
+    env.lambda[i] = 0;
+    if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);
+  });
+  const double infinite = __builtin_huge_val();
+  write_status(block, env, unsupported ? EnvCode::unsupported : EnvCode::invalid_input, solver, flags, 0, infinite,
+               infinite);
+}
+
+/// An environment without rows is solved by saying so.
+template <Block B, class Real>
+STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind solver) {
+  write_status(block, env, EnvCode::solved, solver, env.flags, 0, 0.0, 0.0);
+}
+
+/// The best iterate back in the batch's units and order.
+template <Block B, class Real, class System>
+STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System& s) {
+  const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const Index first = env.cone_row(cone);
+    for (Index k = 0; k < env.cone_size(cone); ++k) {
+      const Index i = env.row_of(first, env.cone_size(cone), k);
+      const Real scale = row_scale(env, env.kind[cone], k, i);
+      env.lambda[i] = canonical_zero((s.best[place.row + k] * scale) * unscale);
+    }
+  });
+}
+
+/// Relative residual beyond which no reaction at all is looked at as an answer: a method that collapsed, not one that
+/// was short of iterations.
+inline constexpr double kWorseThanNothing = 1e3;
+
+/// What a look between chunks has found: at one environment, or in every lane.
+template <class Condition>
+struct Findings {
+  Condition broken;     ///< the latest iterate is not of numbers
+  Condition stalled;    ///< no better one was found for as long as was allowed
+  Condition stopped;    ///< the method has ended by itself
+  Condition ended;      ///< one of these, or no iterations are left
+  Condition nominated;  ///< the best iterate may be an answer
+};
+using Look = Findings<bool>;
+
+template <class Real>
+STICTION_HD bool is_within(Real residual, double tolerance) {
+  return static_cast<double>(residual) <= tolerance;
+}
+
+/// Takes note of the best iterate so far.
+template <class Real, class System, class Tolerance>
+STICTION_HD Findings<Mask<Real>> look_at(const System& s, const Limits<Tolerance, Counts<Real>>& rule,
+                                         Search<Real>& search) {
+  const Real best = s.scalar[kBestResidual];
+  const auto is_better = or_(of_reals<Real>(search.iterations == Counts<Real>(0)), best < search.best);
+  search.best = select(is_better, best, search.best);
+  search.best_at = select(of_counts<Real>(is_better), search.iterations, search.best_at);
+  const Counts<Real> waited = search.iterations - search.best_at;
+  Findings<Mask<Real>> look;
+  look.broken = not_(finite_(s.scalar[kLastResidual]));
+  look.stalled = of_reals<Real>(and_(rule.stall_window > Counts<Real>(0), waited >= rule.stall_window));
+  look.stopped = s.scalar[kOutcome] != Real(kRunning);
+  look.ended =
+      or_(or_(look.broken, look.stalled), or_(look.stopped, of_reals<Real>(search.iterations >= rule.max_iterations)));
+  look.nominated = and_(is_within(best, rule.tolerance), best != search.verified);
+  return look;
+}
+
+/// Whether a relative residual is of an answer that zero is to be compared with, if it is the last.
+STICTION_HD bool is_collapsed(double relative) {
+  return !(relative <= kWorseThanNothing);
+}
+
+/// True when the environment is finished with an answer of that residual, and then its status is written. `best`: the
+/// estimate that was judged.
+template <class Method, Block B, class Real>
+STICTION_HD bool conclude(B& block, const EnvView<Real>& env, const StopRule& rule, const Look& look, Real best,
+                          double absolute, double scale, EnvProgress<Real>& progress) {
+  const double relative = div_(absolute, scale);
+  const bool solved = finite_(relative) && relative <= rule.tolerance;
+  progress.verified = best;
+  if (!solved && !look.ended) return false;
+  const EnvCode code = solved                         ? EnvCode::solved
+                       : look.broken                  ? EnvCode::numerical
+                       : look.stalled || look.stopped ? EnvCode::stalled
+                                                      : EnvCode::max_iterations;
+  write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
+  return true;
+}
+
+/// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
+/// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
+/// and the very bits of lambda that are returned.
+template <class Method, Block B, class Real, class System>
+STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                                const Look& look, EnvProgress<Real>& progress) {
+  const Real best = s.scalar[kBestResidual];
+  publish(block, env, s);
+  const double scale = residual_scale(block, env);
+  const double allowed = rule.tolerance * scale;
+  const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
+  double absolute = judge();
+  if (look.ended && is_collapsed(div_(absolute, scale))) {
+    // Not one iterate had an answer of any use in the batch's units: zero always does.
+    for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
+    const double of_nothing = judge();
+    if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
+      publish(block, env, s);
+      absolute = judge();
+    } else {
+      absolute = of_nothing;
+    }
+  }
+  return conclude<Method>(block, env, rule, look, best, absolute, scale, progress);
+}
+
+/// Looks at an environment between chunks: true when it is finished.
+template <class Method, Block B, class Real, class System>
+STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                        EnvProgress<Real>& progress) {
+  const Look look = look_at<Real>(s, rule, progress);
+  if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
+  // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
+  block.sync();
+  return (look.nominated || look.ended) && answer<Method>(block, env, s, rule, look, progress);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "core/algorithm/driver/check_convergence.hpp"
+#include "core/algorithm/system/dense_system.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
+
+/// What all solvers on one kind of block have in common: a third of the code of each. Compiled once for a block instead
+/// of once for every solver, with `kind` being `extern` where it is used and empty in the one unit that holds it.
+#define STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, ...)                                       \
+  kind template std::uint32_t load_system(BlockType&, const EnvView<Real>&, __VA_ARGS__&, LoadRules); \
+  kind template void publish(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);
+
+#define STICTION_SHARED_BODIES_OF(kind, BlockType, Real)                                             \
+  kind template Judgement final_residual(BlockType&, const EnvView<Real>&, const StoredRows<Real>&); \
+  kind template Judgement final_residual(BlockType&, const EnvView<Real>&, const FactorRows<Real>&); \
+  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, DenseSystem<Real, 1>)                           \
+  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, SparseSystem<Real>)                             \
+  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, FactorSystem<Real>)
+
+#define STICTION_SHARED_BODIES(kind, BlockType)     \
+  STICTION_SHARED_BODIES_OF(kind, BlockType, float) \
+  STICTION_SHARED_BODIES_OF(kind, BlockType, double)

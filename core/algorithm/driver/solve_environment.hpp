@@ -1,0 +1,106 @@
+#pragma once
+
+#include <type_traits>
+
+#include "core/algorithm/driver/check_convergence.hpp"
+#include "core/algorithm/solver/pgs.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Iterations between two looks at the residual. Part of the numerics epoch: environments stop at multiples of it.
+inline constexpr Index kChunk = 4;
+static_assert(kRefreshInterval % kChunk == 0);
+
+/// The same for one method: an iteration of a method that factorises costs so much more than a look that it is looked
+/// at after every one, unless it says otherwise.
+template <class Method>
+STICTION_HD constexpr Index chunk_of() {
+  if constexpr (requires { Method::kChunk; }) {
+    return Method::kChunk;
+  } else {
+    return Method::room().is_direct() ? 1 : kChunk;
+  }
+}
+
+/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
+/// the lanes of `due`, and whatever else the method does there.
+template <class Method, Law kLaw, Block B, class System>
+STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
+  if (any(stale)) Method::refresh(block, s, stale);
+  if (any(due)) record<Method, kLaw>(block, s, due);
+  if constexpr (requires { Method::template leap<kLaw>(block, s, due); }) Method::template leap<kLaw>(block, s, due);
+}
+
+/// A system on its way through a chunk. Lanes may differ in `phase`, their iterations so far modulo the refresh
+/// interval, and in `left`, those they still have: a lane that runs out inside the chunk is recorded at its last
+/// iteration and ignored from then on.
+template <class System>
+struct Advancing {
+  System& s;
+  typename System::Real phase;
+  typename System::Real left;
+};
+
+/// One chunk of iterations of one system, or of two in turns.
+template <class Method, Law kLaw, Block B, class Real, class... Systems>
+STICTION_HD void advance(B& block, const MethodParams<Real>& params, Advancing<Systems>... each) {
+  const auto count_down = [&](auto& one, bool is_last) {
+    using Lanes = std::remove_reference_t<decltype(one.left)>;
+    one.left = one.left - Lanes(1);
+    if (is_last) {
+      end_chunk<Method, kLaw>(block, one.s, one.phase, one.left >= Lanes(0));
+    } else if (const auto due = one.left == Lanes(0); any(due)) {
+      record<Method, kLaw>(block, one.s, due);
+    }
+  };
+  auto&& systems = together(each.s...);
+  for (Index k = 1; k <= chunk_of<Method>(); ++k) {
+    Method::template iterate<kLaw>(block, systems, params);
+    (count_down(each, k == chunk_of<Method>()), ...);
+  }
+}
+
+/// The next chunk of a system, whose iterations count as done from now on.
+template <class Method, class System, class Tolerance, class Real = typename System::Real>
+STICTION_HD Advancing<System> next_chunk(System& s, const Limits<Tolerance, Counts<Real>>& rule, Search<Real>& search) {
+  static_assert((kRefreshInterval & (kRefreshInterval - 1)) == 0);
+  const Counts<Real> left = rule.max_iterations - search.iterations;
+  const Advancing<System> chunk{s, as_reals<Real>(search.iterations & (kRefreshInterval - 1)), as_reals<Real>(left)};
+  search.iterations = search.iterations + min_(left, Counts<Real>(chunk_of<Method>()));
+  return chunk;
+}
+
+/// The next chunk of one environment, of which `progress` says how far it is.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& params, const StopRule& rule,
+                               EnvProgress<Real>& progress) {
+  advance<Method, kLaw>(block, params, next_chunk<Method>(s, rule, progress));
+}
+
+/// One environment whose system is loaded, `flags` being what load_system() returned.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                              const StopRule& rule, std::uint32_t flags) {
+  if (!is_solvable(flags)) {
+    refuse(block, env, Method::kKind, flags);
+    return;
+  }
+  begin_method<Method, kLaw>(block, env, s);
+  EnvProgress<Real> progress;
+  progress.flags = flags;
+  while (!settle<Method>(block, env, s, rule, progress)) advance_chunk<Method, kLaw>(block, s, params, rule, progress);
+}
+
+/// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
+template <class Method, Law kLaw, Block B, class Real, class System>
+STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+                                   const StopRule& rule) {
+  LoadRules rules = load_rules<Method>(kLaw, s);
+  if (params.is_rung) rules.needs_symmetry = false;
+  const std::uint32_t flags = load_system(block, env, s, rules) | unsupported_flags<Method>(s);
+  solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,107 @@
+#pragma once
+
+#include "core/algorithm/residual/final_residual.hpp"
+#include "core/job/fallback_chain.hpp"
+#include "core/job/workspace.hpp"
+
+/// Which solver an environment gets under SolverKind::automatic, and which one next if that one falls short. A function
+/// of the environment alone; the table and where it comes from: docs/math/auto.md.
+namespace stiction::inline STICTION_ISA {
+
+/// What is looked at.
+struct EnvFeatures {
+  Index rows = 0;
+  Index friction_cones = 0;
+  bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
+  bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
+  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
+  Law law = Law::convex;
+};
+
+template <Block B, class Real>
+STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
+  // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a block has.
+  double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
+  Index friction_cones = 0;
+  for (Index cone = 0; cone < env.cone_count; ++cone)
+    if (env.kind[cone] == ConeKind::friction) ++friction_cones;
+  for (Index cone = block.rank(); cone < env.cone_count; cone += block.size()) {
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    const Index normal = env.row_of(first, size, 0);
+    double diagonal = static_cast<double>(env.R[normal]);
+    if (env.factor != nullptr) {
+      const FactorRows<Real> rows{&env, nullptr};
+      diagonal = rows.diagonal(normal, diagonal);
+    } else {
+      diagonal = row_diagonal(env, normal, diagonal);
+    }
+    if (diagonal > 0.0) {
+      largest = max_(diagonal, largest);
+      inverse = max_(div_(1.0, diagonal), inverse);
+    } else if (env.kind[cone] != ConeKind::free) {
+      flat = 1.0;
+    }
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k);
+      const bool carries = row_scale(env, env.kind[cone], k, i) > Real(0);
+      if (carries && !(env.R[i] > Real(0))) rigid = 1.0;
+    }
+  }
+  EnvFeatures seen;
+  seen.rows = env.n;
+  seen.friction_cones = friction_cones;
+  seen.spread = block.max(largest) * block.max(inverse);
+  seen.is_pivots = block.max(flat) != 0.0;
+  seen.is_compliant = block.max(rigid) == 0.0;
+  seen.law = env.law;
+  return seen;
+}
+
+/// The first guess becomes the answer so far, from which every rung starts.
+template <Block B, class Real>
+STICTION_HD void begin_climb(B& block, const EnvView<Real>& env) {
+  for_each(block, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
+}
+
+/// Whether a solver can treat such an environment at all.
+STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
+  if (seen.is_pivots && solver != SolverKind::lemke) return false;
+  if (solver == SolverKind::subspace || solver == SolverKind::npgs || solver == SolverKind::apgd) return true;
+  if (seen.rows > kDirectRows) return false;
+  return solver != SolverKind::lemke || seen.friction_cones == 0;
+}
+
+/// Whether it is a smooth problem without the cones: what Newton's method is best at, and sweeps find easy, too.
+STICTION_HD bool is_smooth(const EnvFeatures& seen) {
+  return seen.law == Law::convex && seen.is_compliant;
+}
+
+/// The rung that an environment begins on.
+STICTION_HD int first_rung(const EnvFeatures& seen) {
+  constexpr double kSpreadForSplitting = 1e3;
+  const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
+  if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
+  if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_stand_on(kSplittingRung)) return kSplittingRung;
+  return 0;
+}
+
+/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
+/// smooth Newton's method comes right after sweeps; where it is a minimum all the same the interior point comes instead
+/// of it, right after sweeps if there is no friction cone, else after splitting: each then ends in some ten
+/// factorisations.
+STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
+  const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingRung);
+  const int shortcut = is_smooth(seen) ? kNewtonRung : is_certain ? kInteriorRung : 0;
+  if (tried < kNewtonRung && shortcut > tried && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
+  for (int rung = tried + 1; rung < kLadderRungs; ++rung)
+    if (can_treat(ladder_rung(rung).solver, seen)) return rung;
+  return tried;
+}
+
+/// Whether an answer leaves something to be wished for that another solver could give.
+STICTION_HD bool falls_short(const EnvStatus& status) {
+  return status.code == EnvCode::max_iterations || status.code == EnvCode::stalled || status.code == EnvCode::numerical;
+}
+
+}  // namespace stiction::inline STICTION_ISA

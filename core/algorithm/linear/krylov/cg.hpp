@@ -1,0 +1,84 @@
+#pragma once
+
+#include "core/algorithm/linear/block/block_matrix.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// v'w over n numbers, in the order of leaves whoever sums.
+template <Block B>
+STICTION_HD_OUTLINE double dot_product(B& block, Index n, const double* v, const double* w) {
+  return sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < n; i += kReduceLeaves) sum = fma_(v[i], w[i], sum);
+    return sum;
+  });
+}
+
+/// Vectors that conjugate gradients keep.
+inline constexpr Index kGradientVectors = 4;
+
+struct GradientOutcome {
+  Index iterations = 0;
+  bool is_met = false;  ///< whether the tolerance was
+};
+
+/// What a method of gradients is asked: A x = b from x = 0, until its residual is `tolerance` times the first or `most`
+/// iterations are done. Which norm that is in, and how many vectors are kept, the method says.
+///
+/// The operator A has `template <Block B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
+/// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has room of its own.
+struct GradientProblem {
+  Index unknowns;
+  const double* b;  ///< (unknowns)
+  double* x;        ///< the answer                                 (unknowns)
+  double* memory;   ///< the method's vectors, `unknowns` doubles each
+  double tolerance;
+  Index most;
+
+  [[nodiscard]] STICTION_HD double* vector(Index k) const { return memory + static_cast<Offset>(k) * unknowns; }
+};
+
+/// Preconditioned conjugate gradients (Golub and Van Loan 2013, algorithm 11.5.1) in kGradientVectors vectors. The
+/// residual is measured in the norm that M^-1 makes. A direction without curvature ends it: A is then not positive
+/// definite to working precision. However it ends, x is the best there was: each iterate is nearer to the solution
+/// than the last in the norm that A makes. The outcome is on every lane.
+template <Block B, class Operator, class Preconditioner>
+STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const Operator& A, const GradientProblem& problem,
+                                                    const Preconditioner& preconditioner) {
+  const Index n = problem.unknowns;
+  double* const x = problem.x;
+  double* const r = problem.vector(0);
+  double* const z = problem.vector(1);
+  double* const p = problem.vector(2);
+  double* const q = problem.vector(3);
+  for_each(block, n, [&](Index i) {
+    x[i] = 0.0;
+    r[i] = problem.b[i];
+  });
+  preconditioner.apply(block, r, z);
+  for_each(block, n, [&](Index i) { p[i] = z[i]; });
+  double energy = dot_product(block, n, r, z);
+  const double enough = (problem.tolerance * problem.tolerance) * energy;
+  GradientOutcome outcome;
+  outcome.is_met = !(energy > enough);
+  while (!outcome.is_met && outcome.iterations < problem.most) {
+    A.apply(block, p, q);
+    const double curvature = dot_product(block, n, p, q);
+    if (!(curvature > 0.0)) break;
+    const double alpha = div_(energy, curvature);
+    for_each(block, n, [&](Index i) {
+      x[i] = fma_(alpha, p[i], x[i]);
+      r[i] = fma_(0.0 - alpha, q[i], r[i]);
+    });
+    preconditioner.apply(block, r, z);
+    const double next = dot_product(block, n, r, z);
+    const double beta = div_(next, energy);
+    energy = next;
+    ++outcome.iterations;
+    outcome.is_met = !(energy > enough);
+    for_each(block, n, [&](Index i) { p[i] = fma_(beta, p[i], z[i]); });
+  }
+  return outcome;
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,116 @@
+#pragma once
+
+#include "core/algorithm/system/cone_slots.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/team/reduce.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Flags that an environment may carry and still be solved.
+inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagCapacity;
+
+/// What one look at an environment's numbers tells.
+template <class Real>
+struct Inspection {
+  std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
+  Real largest_b;         ///< max|b| [w]
+  Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
+};
+
+/// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A is finite.
+template <class Real>
+struct RowScan {
+  Real diagonal;
+  bool finite;
+};
+
+/// Whether all of them are finite. No branch on the data, so that it vectorises: this reads every entry of every
+/// environment, and on small systems that costs as much as sweeps do.
+template <class Real>
+STICTION_HD bool all_finite(const Real* a, Offset count) {
+  unsigned broken = 0;
+  for (Offset k = 0; k < count; ++k) broken |= static_cast<unsigned>(!finite_(a[k]));
+  return broken == 0;
+}
+
+/// `is_finite`: all of A is known to be.
+template <class Real, class System>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const System&, Index row, bool is_finite) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = env.entries(row);
+  const Real* a = env.A + begin;
+  const bool finite = is_finite || all_finite(a, count);
+  Real diagonal = env.R[row];
+  if (row < count && is_run(env, row)) {
+    diagonal = diagonal + a[row];
+  } else {
+    const Index* column = env.columns(row);
+    for (Index k = 0; k < count; ++k)
+      if (column[k] == row) diagonal = diagonal + a[k];
+  }
+  return {diagonal, finite};
+}
+
+/// The same of a row of Y.
+template <class Real>
+STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<Real>&, Index row, bool) {
+  const Real* y = env.factor + static_cast<Offset>(row) * env.dofs;
+  bool finite = true;
+  Real diagonal = env.R[row];
+  for (Index k = 0; k < env.dofs; ++k) {
+    finite = finite && finite_(y[k]);
+    diagonal = fma_(y[k], y[k], diagonal);
+  }
+  return {diagonal, finite};
+}
+
+/// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
+/// cone's diagonal in the system's trace.
+template <Block B, class Real, class System>
+STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
+  std::uint32_t flags = env.flags;
+  Real largest_b(0);
+  Real largest_diagonal(0);
+  unsigned broken = 0;
+  unsigned negative = 0;
+  for (Index i = block.rank(); i < env.n; i += block.size()) {
+    broken |= static_cast<unsigned>(!finite_(env.b[i])) | static_cast<unsigned>(!finite_(env.R[i]));
+    negative |= static_cast<unsigned>(env.R[i] < Real(0));
+    largest_b = max_(abs_(env.b[i]), largest_b);
+  }
+  if (broken != 0) flags |= kFlagNonFiniteInput;
+  if (negative != 0) flags |= kFlagNegativeCompliance;
+  const bool is_finite = env.is_full && all_finite(env.A + env.row_offsets[0], Offset{env.n} * env.n);
+  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    const ConeKind kind = env.kind[cone];
+    const Index first = env.cone_row(cone);
+    const Index size = env.cone_size(cone);
+    Real sum(0);
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k);
+      const RowScan<Real> row = scan_row(env, s, i, is_finite);
+      bool finite = row.finite;
+      if (kind == ConeKind::friction && k > 0) {
+        finite = finite && finite_(env.friction(i));
+        if (env.friction(i) < Real(0)) flags |= kFlagNegativeFriction;
+      }
+      if (kind == ConeKind::box) {
+        finite = finite && env.lo[i] == env.lo[i] && env.hi[i] == env.hi[i];
+        if (env.lo[i] > env.hi[i]) flags |= kFlagCrossedBounds;
+      }
+      if (!finite) flags |= kFlagNonFiniteInput;
+      // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
+      const bool bad = k == 0 ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
+      if (bad && kind != ConeKind::free) flags |= kFlagBadDiagonal;
+      sum = sum + row.diagonal;
+      largest_diagonal = max_(abs_(row.diagonal), largest_diagonal);
+    }
+    s.trace[place.cone] = sum;
+  });
+  if (env.warm_start != nullptr)
+    for (Index i = block.rank(); i < env.n; i += block.size())
+      if (!finite_(env.warm_start[i])) flags |= kFlagWarmStartRejected;
+  return {block.combine(flags), block.max(largest_b), block.max(largest_diagonal)};
+}
+
+}  // namespace stiction::inline STICTION_ISA

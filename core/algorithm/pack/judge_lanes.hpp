@@ -1,0 +1,111 @@
+#pragma once
+
+#include "core/algorithm/driver/check_convergence.hpp"
+#include "core/algorithm/pack/pack_workspace.hpp"
+#include "core/base/four_rows.hpp"
+
+/// Guests of a pack that may have their answers: published and judged together, with the operations that publish() and
+/// final_residual() have for one.
+namespace stiction::inline STICTION_ISA {
+
+/// The motion of an environment's reactions, of which `wide` are doubles and then four zeros, to the batch and to
+/// `motion`.
+template <class Real>
+void publish_motion(const EnvView<Real>& env, const double* wide, double* motion) {
+  using Four = Pack<double, 4>;
+  constexpr Index kFour = 4;
+  const bool is_by_four = env.is_full && env.n >= kFour;
+  for (Index next = 0; is_by_four && next < env.n; next += kFour) {
+    const Index first = next + kFour <= env.n ? next : env.n - kFour;  // the last four begin among those before
+    Four b, R, lambda;
+    widen_lanes(env.b + first, b);
+    widen_lanes(env.R + first, R);
+    load_lanes(wide + first, lambda);
+    const Real* const A = env.A + env.row_offsets[0] + Offset{env.n} * first;
+    const Four sum = four_sums_of_four_rows(fma_(R, lambda, b), A, wide, env.n);
+    store_lanes(motion + first, sum);
+    if (env.w != nullptr) store_lanes(env.w + first, canonical_zero(saturated<Pack<Real, 4>>(sum)));
+  }
+  for (Index i = 0; !is_by_four && i < env.n; ++i) {
+    motion[i] = row_motion(env, i, row_start(env, i));
+    if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion[i]));
+  }
+}
+
+/// The reactions of one lane to where the batch has them, and their motion, to the batch and into the lane.
+template <class Real, int W>
+void publish_lane(const EnvView<Real>& env, const LaneRoom<Real, W>& room, int lane) {
+  const Index* const batch_row = room.rows_of(lane);
+  const auto lambda = LaneRoom<Real, W>::lane_of(room.lambda, lane);
+  for (Index r = 0; r < room.n; ++r)
+    if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
+  for (Index i = 0; i < env.n; ++i) room.wide[i] = static_cast<double>(env.lambda[i]);
+  for (Index i = env.n; i < env.n + LaneRoom<Real, W>::kFour; ++i) room.wide[i] = 0.0;
+  publish_motion(env, room.wide, room.moved);
+  for (Index r = 0; r < room.n; ++r)
+    room.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : room.moved[batch_row[r]];
+}
+
+/// Natural maps and what roundings hide of them in some lanes, from `first` on.
+template <Law kLaw, class Real, int W>
+void judge_lanes_from(int first, const ConeCounts& slots, const LaneRoom<Real, W>& room, Judgement* judged) {
+  using Wide = Pack<double, kWideLanes<Real, W>>;
+  const auto wide = [first](const Pack<Real, W>& lanes) { return widened(lanes, first); };
+  Wide largest(0.0);
+  Wide blur(0.0);
+  for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (Index c = 0; c < count; ++c) {
+      const Index cone = first_cone + c;
+      Wide x[kRows];
+      Wide y[kRows];
+      for (int k = 0; k < kRows; ++k) {
+        const Index row = first_row + c * kRows + k;
+        x[k] = wide(room.lambda[row]);
+        load_lanes(room.motion + Offset{row} * W + first, y[k]);
+        if (k == 0) continue;  // mu is 1, or the slot empty and both are 0
+        const Wide mu = wide(room.scale[row]);
+        x[k] = unit_reaction(x[k], mu);
+        y[k] = mu * y[k];
+      }
+      Wide a;
+      load_lanes(room.weight + Offset{cone} * W + first, a);
+      largest = max_(natural_map_square<kLaw>(shape, x, y, a, wide(room.lo[cone]), wide(room.hi[cone])), largest);
+      blur = max_(blur_of<kLaw>(x, y, a), blur);
+    }
+  });
+  largest = sqrt_(largest);
+  for (int l = 0; l < kWideLanes<Real, W>; ++l) judged[first + l] = {largest.v[l], blur.v[l]};
+}
+
+/// Publishes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and judges them.
+template <Law kLaw, class Real, int W>
+void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+                 const EnvView<Real>* const* envs, const int* asked, int count, Judgement* judged) {
+  using Lanes = Pack<Real, W>;
+  constexpr int kWide = kWideLanes<Real, W>;
+  const Lanes unscale = div_(pack.scalar[kScaleA], pack.scalar[kScaleB]);
+  for (Index r = 0; r < pack.n; ++r) room.lambda[r] = canonical_zero((pack.best[r] * room.scale[r]) * unscale);
+  bool is_asked[W] = {};
+  for (int k = 0; k < count; ++k) {
+    publish_lane(*envs[asked[k]], room, asked[k]);
+    is_asked[asked[k]] = true;
+  }
+  for (int first = 0; first < W; first += kWide) {
+    bool any_here = false;
+    for (int l = first; l < first + kWide; ++l) any_here = any_here || is_asked[l];
+    if (any_here) judge_lanes_from<kLaw>(first, pack.counts, room, judged);
+  }
+}
+
+/// settle() of one lane of `asked`, with what judge_lanes() has found. `scale`: residual_scale(). An answer worth less
+/// than none goes the way of a single environment.
+template <class Method, Block B, class Real, class System>
+bool settle_judged(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule, const Look& look,
+                   const Judgement& judged, double scale, EnvProgress<Real>& progress) {
+  const double absolute = seen_residual(judged, rule.tolerance * scale);
+  if (look.ended && is_collapsed(div_(absolute, scale))) return answer<Method>(block, env, s, rule, look, progress);
+  return conclude<Method>(block, env, rule, look, s.scalar[kBestResidual], absolute, scale, progress);
+}
+
+}  // namespace stiction::inline STICTION_ISA

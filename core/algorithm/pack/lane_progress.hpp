@@ -1,0 +1,56 @@
+#pragma once
+
+#include "core/algorithm/driver/check_convergence.hpp"
+#include "core/algorithm/pack/pack_workspace.hpp"
+
+/// How far the environments in the lanes of a pack are.
+namespace stiction::inline STICTION_ISA {
+
+template <class T, int W>
+PackMask<T, W> is_within(Pack<T, W> residual, Pack<T, W> tolerance) {
+  return residual <= tolerance;
+}
+
+/// The largest Real not above a tolerance >= 0: a Real is within the one if and only if it is within the other.
+inline double rounded_down(double tolerance, double) {
+  return tolerance;
+}
+inline float rounded_down(double tolerance, float) {
+  const auto nearest = static_cast<float>(tolerance);
+  return static_cast<double>(nearest) > tolerance ? __builtin_nextafterf(nearest, 0.0F) : nearest;
+}
+
+/// Limits and searches of all lanes. Lanes that nobody is in have no iterations left: nothing is due there.
+template <class Real, int W>
+struct LaneSearch {
+  using Lanes = Pack<Real, W>;
+  Search<Lanes> search;
+  Limits<Lanes, Counts<Lanes>> limits{Lanes(0), Counts<Lanes>(0), Counts<Lanes>(0)};
+
+  void begin(int lane, const StopRule& rule) {
+    const Search<Real> fresh;
+    search.iterations.v[lane] = fresh.iterations;
+    search.best_at.v[lane] = fresh.best_at;
+    search.best.v[lane] = fresh.best;
+    search.verified.v[lane] = fresh.verified;
+    limits.tolerance.v[lane] = rounded_down(rule.tolerance, Real());
+    limits.max_iterations.v[lane] = rule.max_iterations;
+    limits.stall_window.v[lane] = rule.stall_window;
+  }
+  void end(int lane) {
+    search.iterations.v[lane] = 0;
+    limits.max_iterations.v[lane] = 0;
+  }
+  [[nodiscard]] EnvProgress<Real> of(int lane, std::uint32_t flags) const {
+    return {{search.iterations.v[lane], search.best_at.v[lane], search.best.v[lane], search.verified.v[lane]}, flags};
+  }
+};
+
+/// One lane of what a look at all of them has found.
+template <class T, int W>
+Look look_of(const Findings<PackMask<T, W>>& look, int lane) {
+  return {is_set(look.broken, lane), is_set(look.stalled, lane), is_set(look.stopped, lane), is_set(look.ended, lane),
+          is_set(look.nominated, lane)};
+}
+
+}  // namespace stiction::inline STICTION_ISA

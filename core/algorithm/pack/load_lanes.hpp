@@ -1,0 +1,371 @@
+#pragma once
+
+#include "core/algorithm/load/load_system.hpp"
+#include "core/algorithm/pack/gather_rows.hpp"
+#include "core/algorithm/residual/final_residual.hpp"
+
+/// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once:
+/// their numbers are dealt into the lanes as the batch has them, and whatever is computed is computed there.
+namespace stiction::inline STICTION_ISA {
+
+/// Whether all entries of A are finite.
+template <class Real>
+bool has_finite_rows(const EnvView<Real>& env) {
+  bool finite = true;
+  for (Index i = 0; i < env.n; ++i) finite = finite && all_finite(env.A + env.row_offsets[i], env.entries(i));
+  return finite;
+}
+
+/// What a look at the numbers of all lanes tells.
+template <class Lanes>
+struct LanesSeen {
+  Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, bad_guess;
+  Lanes largest_b, largest_diagonal;
+};
+
+/// inspect() of all lanes, but for entries of A that are not on the diagonal. Of those who are `entering` it leaves
+/// bounds and the sum of each cone's diagonal in the system, and marks in inv_cone which cones there are.
+template <class Real, int W>
+LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+                                       Mask<Pack<Real, W>> entering) {
+  using Lanes = Pack<Real, W>;
+  const Lanes zero(0);
+  const auto none = zero > zero;
+  LanesSeen<Lanes> seen{none, none, none, none, none, none, zero, zero};
+  const auto note = [](Mask<Lanes>& found, Mask<Lanes> here) { found = or_(found, here); };
+  for_each_segment(pack.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+    constexpr ConeKind kKind = decltype(shape)::kKind;
+    constexpr int kRows = decltype(shape)::kRows;
+    for (Index c = 0; c < count; ++c) {
+      const Index cone = first_cone + c;
+      const Index row = first_row + c * kRows;
+      const auto exists = room.present[row] > zero;
+      Lanes sum(0);
+      for (int k = 0; k < kRows; ++k) {
+        const Index r = row + k;
+        const Lanes b = pack.b[r];
+        const Lanes diagonal = room.diagonal[r];
+        note(seen.broken, not_(and_(finite_(b), finite_(room.compliance[r]))));
+        note(seen.negative_compliance, room.compliance[r] < zero);
+        note(seen.bad_guess, not_(finite_(pack.x[r])));
+        if (k > 0) {
+          note(seen.broken, not_(finite_(room.scale[r])));
+          note(seen.negative_friction, room.scale[r] < zero);
+        }
+        // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
+        if (kKind != ConeKind::free)
+          note(seen.bad_diagonal, k == 0 ? and_(exists, not_(diagonal > zero)) : diagonal < zero);
+        sum = sum + diagonal;
+        seen.largest_b = max_(abs_(b), seen.largest_b);
+        seen.largest_diagonal = max_(abs_(diagonal), seen.largest_diagonal);
+      }
+      const Lanes lo = room.lo[cone];
+      const Lanes hi = room.hi[cone];
+      if (kKind == ConeKind::box) {
+        note(seen.broken, or_(lo != lo, hi != hi));
+        note(seen.crossed_bounds, lo > hi);
+      }
+      pack.trace[cone] = select(entering, sum, pack.trace[cone]);
+      pack.inv_cone[cone] = select(entering, room.present[row], pack.inv_cone[cone]);
+      pack.lo[cone] = select(entering, lo, pack.lo[cone]);
+      pack.hi[cone] = select(entering, hi, pack.hi[cone]);
+    }
+  });
+  return seen;
+}
+
+/// One lane of it. `finite`: as gather_rows() found.
+template <class Real, int W>
+Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvView<Real>& env, int lane, bool finite) {
+  std::uint32_t flags = env.flags;
+  const auto flag = [&](bool found, std::uint32_t bit) { flags |= found ? bit : 0U; };
+  flag(!finite || is_set(seen.broken, lane), kFlagNonFiniteInput);
+  flag(is_set(seen.negative_compliance, lane), kFlagNegativeCompliance);
+  flag(is_set(seen.negative_friction, lane), kFlagNegativeFriction);
+  flag(is_set(seen.crossed_bounds, lane), kFlagCrossedBounds);
+  flag(is_set(seen.bad_diagonal, lane), kFlagBadDiagonal);
+  flag(is_set(seen.bad_guess, lane), kFlagWarmStartRejected);
+  return {flags, seen.largest_b.v[lane], seen.largest_diagonal.v[lane]};
+}
+
+/// Cuts a lane's columns into tiles and returns how many there are. Where a lane has padding it goes on reading what is
+/// next, up to the next cut.
+template <class Real, int W>
+Index cut_columns(const LaneRoom<Real, W>& room, const Entrant<Real>* entrants, int count) {
+  ColumnTile* const tiles = room.tile;
+  Index found = 0;
+  for (Index c = 0; c < room.n; ++c) {
+    bool is_cut = c == 0 || tiles[found - 1].count == kTileEdge<Real>;
+    for (int e = 0; e < count && !is_cut; ++e) {
+      const Index* const batch_row = room.rows_of(entrants[e].lane);
+      const bool goes_on = batch_row[c - 1] >= 0 && batch_row[c] == batch_row[c - 1] + 1;
+      is_cut = !entrants[e].is_written && batch_row[c] >= 0 && !goes_on;
+    }
+    if (is_cut) tiles[found++] = {c, 0};
+    ++tiles[found - 1].count;
+  }
+  return found;
+}
+
+/// Where an entrant's rows lie. The last rows of a matrix that is read where it is stored are copied, so that a tile
+/// may reach beyond its end.
+template <class Real, int W>
+void find_rows(const LaneRoom<Real, W>& room, const Entrant<Real>& entrant) {
+  constexpr Index kLine = LaneRoom<Real, W>::kLine;
+  const Index* const batch_row = room.rows_of(entrant.lane);
+  const Index rows = entrant.env->n;
+  const Index some = (kLine - 1 + rows - 1) / rows;
+  const Index first = some < rows ? rows - some : 0;
+  Real* const tail = room.tail + Offset{room.tail_length} * entrant.lane;
+  if (!entrant.is_written)
+    for (Index k = 0; k < (rows - first) * rows; ++k) tail[k] = entrant.matrix[Offset{rows} * first + k];
+  for (Index r = 0; r < room.n; ++r) {
+    const Index i = batch_row[r];
+    room.row[r * W + entrant.lane] = i < 0                ? room.zeros
+                                     : entrant.is_written ? entrant.matrix + Offset{room.n} * r
+                                     : i < first          ? entrant.matrix + Offset{rows} * i
+                                                          : tail + Offset{rows} * (i - first);
+  }
+}
+
+/// Some columns of every row from rows that lie in memory into lanes, scaled. A part of a line of lanes at a time: as
+/// many as a tile has rows.
+template <class Real, int W>
+struct ColumnDealer {
+  static constexpr Index kEdge = kTileEdge<Real>;
+  using Part = Pack<Real, kEdge>;
+  using PartMask = Mask<Part>;
+
+  const LaneRoom<Real, W>& room;
+  int part;           ///< first of the lanes
+  Real* A;            ///< the pack's matrix                                 (n * n; W)
+  Part by;            ///< what is multiplied by, beside factors of row and column
+  PartMask entering;  ///< who is to be changed
+  Part trace;         ///< zero where all that was read is finite
+
+  [[nodiscard]] Part of(const Pack<Real, W>* lanes) const {
+    Part values;
+    load_lanes(reinterpret_cast<const Real*>(lanes) + part, values);
+    return values;
+  }
+  /// The first `count` columns of a tile whose rows begin at from[l]. kPadded: in some lane some are no columns of its
+  /// own. kAll: all lanes enter.
+  template <bool kPadded, bool kAll>
+  void deal(const Real* const (&from)[kEdge], Index row, Index first_column, Index count) {
+    Real turned[kEdge][kEdge];
+    transpose_tile(from, turned);
+    const Part zero(0);
+    const Part of_row = of(room.factor + row);
+    const auto put = [&](Index k) {
+      const Index column = first_column + k;
+      Part value;
+      load_lanes(turned[k], value);
+      if constexpr (kPadded) value = select(of(room.present + column) > zero, value, zero);
+      trace = fma_(value, zero, trace);
+      value = zero + (value * by) * (of_row * of(room.factor + column));
+      Real* const line = A + (row + Offset{room.n} * column) * W + part;
+      if constexpr (!kAll) {
+        Part old;
+        load_lanes(line, old);
+        value = select(entering, value, old);
+      }
+      store_lanes(line, value);
+    };
+    if (count == kEdge) {
+      for (Index k = 0; k < kEdge; ++k) put(k);
+    } else {
+      for (Index k = 0; k < count; ++k) put(k);
+    }
+  }
+  /// All tiles of all rows.
+  template <bool kPadded, bool kAll>
+  void deal_rows(Index tile_count) {
+    for (Index r = 0; r < room.n; ++r)
+      for (Index t = 0; t < tile_count; ++t) {
+        const Real* from[kEdge];
+        for (Index l = 0; l < kEdge; ++l) from[l] = room.row[r * W + part + l] + room.column[t * W + part + l];
+        deal<kPadded, kAll>(from, r, room.tile[t].first, room.tile[t].count);
+      }
+  }
+};
+
+/// The matrices of those who enter, each into its lane and scaled there. In a lane every number has a cache line of its
+/// own, and each line is visited once for all. Returns in which lanes a number is not finite.
+template <class Real, int W>
+Mask<Pack<Real, W>> deal_matrices(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+                                  const Entrant<Real>* entrants, int count, const Pack<Real, W>& scale_a,
+                                  const Pack<Real, W>& enters) {
+  using Dealer = ColumnDealer<Real, W>;
+  constexpr Index kEdge = Dealer::kEdge;
+  const Index n = pack.n;
+  for (Index k = 0; k < n + LaneRoom<Real, W>::kLine; ++k) room.zeros[k] = 0;
+  for (Index k = 0; k < n * W; ++k) room.row[k] = room.zeros;
+  bool is_padded = false;
+  for (int e = 0; e < count; ++e) {
+    find_rows(room, entrants[e]);
+    const auto factor = LaneRoom<Real, W>::lane_of(room.factor, entrants[e].lane);
+    const auto scale = LaneRoom<Real, W>::lane_of(room.scale, entrants[e].lane);
+    for (Index r = 0; r < n; ++r) factor[r] = entrants[e].is_scaled ? Real(1) : scale[r];
+    is_padded = is_padded || entrants[e].env->n != n;
+  }
+  const Index tile_count = cut_columns(room, entrants, count);
+  for (Index k = 0; k < tile_count * W; ++k) room.column[k] = 0;
+  for (int e = 0; e < count; ++e)
+    for (Index t = 0; t < tile_count; ++t) {
+      const Index first = room.tile[t].first;
+      const Index i = room.rows_of(entrants[e].lane)[first];
+      room.column[t * W + entrants[e].lane] = entrants[e].is_written ? first : i >= 0 ? i : 0;
+    }
+  auto broken = Pack<Real, W>(0) > Pack<Real, W>(0);
+  for (int part = 0; part < W; part += static_cast<int>(kEdge)) {
+    Dealer dealer{room, part, reinterpret_cast<Real*>(pack.A.data), {}, {}, typename Dealer::Part(0)};
+    dealer.by = dealer.of(&scale_a);
+    dealer.entering = dealer.of(&enters) > typename Dealer::Part(0);
+    if (!any(dealer.entering)) continue;
+    const bool is_all = !any(not_(dealer.entering));
+    if (is_padded) {
+      is_all ? dealer.template deal_rows<true, true>(tile_count) : dealer.template deal_rows<true, false>(tile_count);
+    } else {
+      is_all ? dealer.template deal_rows<false, true>(tile_count) : dealer.template deal_rows<false, false>(tile_count);
+    }
+    const auto broken_here = dealer.trace != typename Dealer::Part(0);
+    for (Index l = 0; l < kEdge; ++l) broken.v[part + l] = broken_here.v[l];
+  }
+  return broken;
+}
+
+/// In which lanes A is too far from symmetric for a method that minimises.
+template <class Lanes>
+Mask<Lanes> asymmetric_lanes(const DenseSystem<Lanes>& pack) {
+  Lanes largest(0);
+  Lanes difference(0);
+  for (Index j = 0; j < pack.n; ++j)
+    for (Index i = 0; i < pack.n; ++i) {
+      const Lanes entry = pack.A[i + Offset{pack.n} * j];
+      largest = max_(abs_(entry), largest);
+      difference = max_(abs_(entry - pack.A[j + Offset{pack.n} * i]), difference);
+    }
+  return and_(largest > Lanes(0), div_(difference, largest) > Lanes(kLargestAsymmetry));
+}
+
+/// What the final residual needs and no iteration changes, in the lanes of those who enter: the weight of each cone,
+/// from the diagonal in double.
+template <class Real, int W>
+void weigh_cones(const ConeCounts& slots, const LaneRoom<Real, W>& room, const Pack<Real, W>& enters) {
+  using Wide = Pack<double, kWideLanes<Real, W>>;
+  for (int first = 0; first < W; first += kWideLanes<Real, W>) {
+    const auto entering = widened(enters, first) > Wide(0.0);
+    for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      for (Index c = 0; c < count; ++c) {
+        Wide trace(0.0);
+        for (int k = 0; k < kRows; ++k) {
+          const Index row = first_row + c * kRows + k;
+          trace = trace + (widened(room.compliance[row], first) + widened(room.entry[row], first));
+        }
+        double* const weight = room.weight + Offset{first_cone + c} * W + first;
+        Wide old;
+        load_lanes(weight, old);
+        const Wide mean = kRows == 1 ? trace : div_(trace, Wide(static_cast<double>(kRows)));
+        store_lanes(weight, select(entering, residual_weight(mean), old));
+      }
+    });
+  }
+}
+
+/// The same in one lane, whose rows may have more than one entry on the diagonal, or none.
+template <class Real, int W>
+void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const LaneRoom<Real, W>& room, int lane) {
+  const Index* const batch_row = room.rows_of(lane);
+  for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (Index c = 0; c < count; ++c) {
+      double trace = 0.0;
+      for (int k = 0; k < kRows; ++k) {
+        const Index i = batch_row[first_row + c * kRows + k];
+        if (i >= 0) trace = trace + row_diagonal(env, i, static_cast<double>(env.R[i]));
+      }
+      room.weight[Offset{first_cone + c} * W + lane] = residual_weight(div_(trace, static_cast<double>(kRows)));
+    }
+  });
+}
+
+/// load_system() of all entrants; their flags tell who has entered. Whoever has not leaves numbers of no account.
+template <class Real, int W>
+void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
+                   const LaneRoom<Real, W>& room, LoadRules rules, Entrant<Real>* entrants, int count) {
+  using Lanes = Pack<Real, W>;
+  const auto is_sound = [](std::uint32_t flags) { return (flags & ~kHarmlessFlags) == 0; };
+  Lanes enters(0);
+  for (int e = 0; e < count; ++e) {
+    const int lane = entrants[e].lane;
+    enters.v[lane] = Real(1);
+    gather_rows(entrants[e], lanes[lane], room);
+  }
+  sum_diagonals(lanes, room, entrants, count);
+  const LanesSeen<Lanes> looked = inspect_lanes(pack, room, enters > Lanes(0));
+  Lanes scale_a(1);
+  Entrant<Real> sound[W];
+  int sound_count = 0;
+  for (int e = 0; e < count; ++e) {
+    Entrant<Real>& entrant = entrants[e];
+    const EnvView<Real>& env = *entrant.env;
+    const int lane = entrant.lane;
+    const DenseSystem<Real, W>& s = lanes[lane];
+    const Inspection<Real> seen = inspection_of<Real, W>(looked, env, lane, !entrant.is_scaled || has_finite_rows(env));
+    entrant.flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
+    if (!is_sound(entrant.flags)) {
+      if (!has_finite_rows(env)) entrant.flags |= kFlagNonFiniteInput;
+      enters.v[lane] = 0;
+      continue;
+    }
+    start_scalars(s, seen);
+    if (env.warm_start != nullptr && !takes_warm_start(env, seen))
+      for (Index r = 0; r < s.n; ++r) s.x[r] = 0;
+    if (entrant.is_scaled) {
+      const auto scale = LaneRoom<Real, W>::lane_of(room.scale, lane);
+      write_rows(env, s.n, room.rows_of(lane), &scale, s.scalar[kScaleA], room.column,
+                 room.written + Offset{s.n} * s.n * lane);
+    } else {
+      scale_a.v[lane] = s.scalar[kScaleA];
+    }
+    sound[sound_count++] = entrant;
+  }
+  weigh_cones(pack.counts, room, enters);
+  for (int e = 0; e < sound_count; ++e)
+    if (sound[e].is_scaled) weigh_cones_of(*sound[e].env, pack.counts, room, sound[e].lane);
+  const auto broken = deal_matrices(pack, room, sound, sound_count, scale_a, enters);
+  const auto entering = enters > Lanes(0);
+  const LoadScales<Lanes> scales = load_scales(pack);
+  for (Index r = 0; r < pack.n; ++r) {
+    Lanes& diagonal = pack.A[r + Offset{pack.n} * r];
+    const Lanes scale = room.scale[r];
+    diagonal = select(entering, diagonal + (room.compliance[r] * scales.a) * (scale * scale), diagonal);
+  }
+  auto asymmetric = Lanes(0) > Lanes(0);
+  if (rules.needs_symmetry) asymmetric = asymmetric_lanes(pack);
+  for (int e = 0; e < count; ++e) {
+    Entrant<Real>& entrant = entrants[e];
+    if (!is_sound(entrant.flags)) continue;
+    if (!entrant.is_scaled && is_set(broken, entrant.lane)) {
+      entrant.flags |= kFlagNonFiniteInput;
+    } else if (is_set(asymmetric, entrant.lane)) {
+      entrant.flags |= kFlagAsymmetric;
+    }
+  }
+}
+
+/// What is left to do for the environments in the lanes of `entering`, and the record of their first iterates.
+template <class Method, Law kLaw, class Real, int W>
+void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room, Mask<Pack<Real, W>> entering) {
+  SerialBlock block;
+  const auto scales = load_scales(pack);
+  for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(entering, room.scale[r], pack.best[r]);
+  pack.for_each_cone(block,
+                     [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, entering); });
+  refresh_motion(block, pack, entering);
+  for_each(block, pack.n, [&](Index i) { pack.best[i] = select(entering, pack.x[i], pack.best[i]); });
+  record<Method, kLaw>(block, pack, entering);
+}
+
+}  // namespace stiction::inline STICTION_ISA

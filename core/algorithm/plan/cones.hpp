@@ -1,0 +1,61 @@
+#pragma once
+
+#include "core/algorithm/plan/structure.hpp"
+#include "core/job/cone_counts.hpp"
+#include "core/team/scan.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Kinds and sizes of cones in canonical order: free, unilateral, box, friction of 2, 3, ... rows.
+inline constexpr Index kConeBins = kMaxConeRows + 2;
+
+STICTION_HD Index cone_bin(ConeKind kind, Index rows) {
+  return kind == ConeKind::friction ? 1 + rows : static_cast<Index>(kind);
+}
+
+STICTION_HD void count_bins(const StructureView& s, Index begin, Index end, Index* bins) {
+  for (Index bin = 0; bin < kConeBins; ++bin) bins[bin] = 0;
+  for (Index cone = begin; cone < end; ++cone) ++bins[cone_bin(s.kind[cone], s.cone_size(cone))];
+}
+
+STICTION_HD ConeCounts counts_of(const Index* bins) {
+  ConeCounts counts;
+  counts.free = bins[0];
+  counts.unilateral = bins[1];
+  counts.box = bins[2];
+  for (Index rows = 2; rows <= kMaxConeRows; ++rows) counts.friction[rows] = bins[1 + rows];
+  return counts;
+}
+
+/// How many cones of each kind there are, on every lane; `parts` has room for kScanParts.
+template <Block B>
+STICTION_HD ConeCounts count_cones(B& block, const StructureView& s, Index* parts) {
+  constexpr Index kParts = kScanParts / kConeBins;
+  for_each(block, kParts, [&](Index part) {
+    count_bins(s, part_begin(s.cones, part, kParts), part_begin(s.cones, part + 1, kParts), parts + part * kConeBins);
+  });
+  return block.broadcast([&] {
+    for (Index i = kConeBins; i < kParts * kConeBins; ++i) parts[i % kConeBins] += parts[i];
+    return counts_of(parts);
+  });
+}
+
+/// Counts a dense environment's cones and puts them into canonical order, stably. One lane's work: most such
+/// environments have a lane to themselves, and none has many cones.
+template <Block B>
+STICTION_HD void plan_dense(B& block, const StructureView& s, ConeCounts* counts, Index* cone_order) {
+  single(block, [&] {
+    Index next[kConeBins];
+    count_bins(s, 0, s.cones, next);
+    *counts = counts_of(next);
+    Index position = 0;
+    for (Index bin = 0; bin < kConeBins; ++bin) {
+      const Index count = next[bin];
+      next[bin] = position;
+      position += count;
+    }
+    for (Index cone = 0; cone < s.cones; ++cone) cone_order[next[cone_bin(s.kind[cone], s.cone_size(cone))]++] = cone;
+  });
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,86 @@
+#pragma once
+
+#include "core/job/cone_counts.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Kind and row count of a cone as a type, so that a body unrolls over its rows.
+template <ConeKind kKindValue, int kRowsValue>
+struct ConeShape {
+  static constexpr ConeKind kKind = kKindValue;
+  static constexpr int kRows = kRowsValue;
+};
+
+/// Runs of equal cones in canonical order: f(shape, count, first cone, first row) for each kind.
+template <class F>
+STICTION_HD void for_each_segment(const ConeCounts& counts, F&& f) {
+  Index cone = 0;
+  Index row = 0;
+  const auto segment = [&](auto shape, Index count) {
+    f(shape, count, cone, row);
+    cone += count;
+    row += count * decltype(shape)::kRows;
+  };
+  segment(ConeShape<ConeKind::free, 1>{}, counts.free);
+  segment(ConeShape<ConeKind::unilateral, 1>{}, counts.unilateral);
+  segment(ConeShape<ConeKind::box, 1>{}, counts.box);
+  segment(ConeShape<ConeKind::friction, 2>{}, counts.friction[2]);
+  segment(ConeShape<ConeKind::friction, 3>{}, counts.friction[3]);
+  segment(ConeShape<ConeKind::friction, 4>{}, counts.friction[4]);
+  segment(ConeShape<ConeKind::friction, 5>{}, counts.friction[5]);
+  segment(ConeShape<ConeKind::friction, 6>{}, counts.friction[6]);
+}
+
+/// f(shape) for a cone whose kind and size are known at run time only.
+template <class F>
+STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
+  if (kind == ConeKind::friction) {
+    switch (rows) {
+      case 2:
+        return f(ConeShape<ConeKind::friction, 2>{});
+      case 3:
+        return f(ConeShape<ConeKind::friction, 3>{});
+      case 4:
+        return f(ConeShape<ConeKind::friction, 4>{});
+      case 5:
+        return f(ConeShape<ConeKind::friction, 5>{});
+      default:
+        return f(ConeShape<ConeKind::friction, 6>{});
+    }
+  }
+  if (kind == ConeKind::box) return f(ConeShape<ConeKind::box, 1>{});
+  if (kind == ConeKind::free) return f(ConeShape<ConeKind::free, 1>{});
+  return f(ConeShape<ConeKind::unilateral, 1>{});
+}
+
+/// Where a cone lies in a system's arrays.
+struct ConePlace {
+  Index cone;
+  Index row;
+};
+
+/// The place of the cone at canonical position `position` of an environment with cones `own`, in a system laid out for
+/// `slots` >= own (a pack is laid out for the largest count of each kind among its lanes).
+STICTION_HD ConePlace locate(const ConeCounts& own, const ConeCounts& slots, Index position) {
+  Index before = 0;
+  ConePlace base{0, 0};
+  const auto visit = [&](Index own_count, Index slot_count, Index rows) {
+    const Index ordinal = position - before;
+    if (ordinal < own_count) {
+      base.cone += ordinal;
+      base.row += ordinal * rows;
+      return true;
+    }
+    before += own_count;
+    base.cone += slot_count;
+    base.row += slot_count * rows;
+    return false;
+  };
+  if (visit(own.free, slots.free, 1) || visit(own.unilateral, slots.unilateral, 1) || visit(own.box, slots.box, 1))
+    return base;
+  for (Index m = 2; m <= kMaxConeRows; ++m)
+    if (visit(own.friction[m], slots.friction[m], m)) return base;
+  return base;
+}
+
+}  // namespace stiction::inline STICTION_ISA

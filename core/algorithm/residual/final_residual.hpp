@@ -1,0 +1,193 @@
+#pragma once
+
+#include "core/algorithm/residual/residual_estimate.hpp"
+#include "core/base/dot4.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// What the motion of row i begins with: b + R lambda, in double.
+template <class Real>
+STICTION_HD double row_start(const EnvView<Real>& env, Index row) {
+  return fma_(static_cast<double>(env.R[row]), static_cast<double>(env.lambda[row]), static_cast<double>(env.b[row]));
+}
+
+/// start + row i of A times lambda, in double, over four interleaved partial sums in stored order, as in the sparse
+/// sweep.
+template <class Real>
+STICTION_HD_OUTLINE double row_motion(const EnvView<Real>& env, Index row, double start) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = env.entries(row);
+  const Real* a = env.A + begin;
+  const Index* column = env.columns(row);
+  if (is_run(env, row)) return four_sums(start, a, env.lambda, count);
+  double sum[4] = {start, 0.0, 0.0, 0.0};
+  add_to_four_sums(
+      sum, 0, count, [&](Index k) { return a[k]; }, [&](Index k) { return env.lambda[column[k]]; });
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/// start + the diagonal entry of row i; duplicates add up.
+template <class Real>
+STICTION_HD_OUTLINE double row_diagonal(const EnvView<Real>& env, Index row, double start) {
+  const Offset begin = env.row_offsets[row];
+  const Index count = env.entries(row);
+  const Index* column = env.columns(row);
+  if (row < count && is_run(env, row)) return start + static_cast<double>(env.A[begin + row]);
+  for (Index k = 0; k < count; ++k)
+    if (column[k] == row) start = start + static_cast<double>(env.A[begin + k]);
+  return start;
+}
+
+/// Rows of A where they are stored, as the final residual reads them.
+template <class Real>
+struct StoredRows {
+  const EnvView<Real>* env;
+  [[nodiscard]] STICTION_HD double motion(Index row, double start) const { return row_motion(*env, row, start); }
+  [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const { return row_diagonal(*env, row, start); }
+};
+
+/// The same where A is Y Y'; `velocity` is Y' lambda.
+template <class Real>
+struct FactorRows {
+  const EnvView<Real>* env;
+  const double* velocity;
+  [[nodiscard]] STICTION_HD_OUTLINE double motion(Index row, double start) const {
+    const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
+    double sum = start;
+    for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), velocity[k], sum);
+    return sum;
+  }
+  [[nodiscard]] STICTION_HD_OUTLINE double diagonal(Index row, double start) const {
+    const Real* y = env->factor + static_cast<Offset>(row) * env->dofs;
+    double sum = start;
+    for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), static_cast<double>(y[k]), sum);
+    return sum;
+  }
+};
+
+template <Block B, class Real, class System>
+STICTION_HD StoredRows<Real> residual_rows(B&, const EnvView<Real>& env, const System&) {
+  return {&env};
+}
+template <Block B, class Real>
+STICTION_HD FactorRows<Real> residual_rows(B& block, const EnvView<Real>& env, const FactorSystem<Real>& s) {
+  double* const velocity = s.exact;
+  for_each(block, env.dofs, [&](Index k) {
+    double sum = 0.0;
+    for (Index i = 0; i < env.n; ++i)
+      sum = fma_(static_cast<double>(env.factor[static_cast<Offset>(i) * env.dofs + k]),
+                 static_cast<double>(env.lambda[i]), sum);
+    velocity[k] = sum;
+  });
+  return {&env, velocity};
+}
+
+/// A double as a Real, or some; what lies beyond Real's range becomes its largest number, and so does what is no number
+/// (infinity less infinity), so that every output is finite.
+template <class Real, class Wide>
+STICTION_HD Real saturated(Wide value) {
+  constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
+  constexpr double kLargest = kIsFloat ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
+  return narrowed<Real>(max_(min_(value, Wide(kLargest)), Wide(-kLargest)));
+}
+
+/// What a judge sees of an answer.
+struct Judgement {
+  double residual = 0.0;  ///< the largest of a cone's natural map [w]
+  double blur = 0.0;      ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
+};
+
+/// What squares hide of any number but zero, at least.
+inline constexpr double kHiddenBySquares = 0x1p-480;
+
+/// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
+/// not move inward, however fast it slides.
+///
+/// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half of
+/// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is less
+/// than a rounding.
+template <Law kLaw, class Real, int M>
+STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
+  Real reaction(0);
+  Real size = abs_(y[0]);
+  for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
+  if constexpr (kLaw == Law::coulomb) {
+    const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
+    for (int k = 1; k < M; ++k) size = select(is_open, size, max_(abs_(y[k]), size));
+  } else {
+    for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
+  }
+  const Real largest = max_(reaction, size);
+  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
+}
+
+/// A reaction in the coordinates of the unit cone; an axis without friction carries none.
+template <class Real>
+STICTION_HD Real unit_reaction(Real lambda, Real mu) {
+  return select(mu > Real(0), div_(lambda, mu), Real(0));
+}
+
+/// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
+/// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
+/// rounding is more than, only what squares hide counts.
+STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
+  const bool counts = allowed > 0.0 || judged.blur <= kHiddenBySquares;
+  const bool is_blind = counts && judged.blur > allowed && judged.blur > judged.residual;
+  return is_blind ? judged.blur : judged.residual;
+}
+
+/// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
+/// batch's own numbers (docs/math/residual.md). Writes env.w.
+template <Block B, class Real, class Rows>
+STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
+  double largest = 0.0;
+  double blur = 0.0;
+  for_each(block, env.cone_count, [&](Index cone) {
+    const ConeKind kind = env.kind[cone];
+    const Index first = env.cone_row(cone);
+    with_shape(kind, env.cone_size(cone), [&](auto shape) {
+      constexpr int kRows = decltype(shape)::kRows;
+      double x[kRows];
+      double y[kRows];
+      double trace = 0.0;
+      for (int k = 0; k < kRows; ++k) {
+        const Index i = env.row_of(first, kRows, k);
+        const double motion = rows.motion(i, row_start(env, i));
+        const double diagonal = rows.diagonal(i, static_cast<double>(env.R[i]));
+        if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
+        trace = trace + diagonal;
+        // Unit-cone coordinates; the motion of an axis without friction does not count.
+        const double mu = static_cast<double>(row_scale(env, kind, k, i));
+        x[k] = unit_reaction(static_cast<double>(env.lambda[i]), mu);
+        y[k] = mu * motion;
+      }
+      const double a = residual_weight(div_(trace, static_cast<double>(kRows)));
+      const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
+      const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+      const auto judge = [&]<Law kLaw>() {
+        largest = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), largest);
+        blur = max_(blur_of<kLaw>(x, y, a), blur);
+      };
+      if (env.law == Law::coulomb) {
+        judge.template operator()<Law::coulomb>();
+      } else {
+        judge.template operator()<Law::convex>();
+      }
+    });
+  });
+  largest = sqrt_(block.max(largest));
+  return {largest, block.max(blur)};
+}
+template <Block B, class Real>
+STICTION_HD Judgement final_residual(B& block, const EnvView<Real>& env) {
+  return final_residual(block, env, StoredRows<Real>{&env});
+}
+
+/// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.
+template <Block B, class Real>
+STICTION_HD_OUTLINE double residual_scale(B& block, const EnvView<Real>& env) {
+  const double largest = max_over<double>(block, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
+  return max_(largest, 1e-300);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,63 @@
+#pragma once
+
+#include "core/algorithm/sweep/sweep.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Square of the norm of the natural map of one cone, a x - P(a x - y), with de Saxce's term in y under the Coulomb law
+/// (docs/math/residual.md). The cones are cones, so the weight a goes inside the projection and no division is needed.
+/// Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded root is
+/// monotone, so the largest norm is the root of the largest square, bit for bit.
+template <Law kLaw, class Shape, class Real, int M>
+STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+  Real ax[M];
+  Real z[M];
+  for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
+  proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
+  Real sum(0);
+  for (int k = 0; k < M; ++k) {
+    const Real r = ax[k] - z[k];
+    sum = fma_(r, r, sum);
+  }
+  Real input(0);
+  for (int k = 0; k < M; ++k) input = input + (ax[k] + y[k]);
+  return select(and_(finite_(sum), finite_(input)), sum, Real(__builtin_huge_valf()));
+}
+
+/// The weight a of a cone in the natural map. Where the mean diagonal is not positive there is no exchange rate between
+/// reaction and motion, and they are compared as numbers (docs/math/residual.md).
+template <class Real>
+STICTION_HD Real residual_weight(Real mean_diagonal) {
+  return select(mean_diagonal > Real(0), mean_diagonal, Real(1));
+}
+
+/// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
+/// iterate itself.
+template <class Method, Law kLaw, Block B, class System>
+STICTION_HD_OUTLINE void record(B& block, System& s, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(block, s);
+  Real largest(0);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    Real x[kRows];
+    Real y[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      x[k] = s.x[row + k];
+      y[k] = s.y[row + k];
+    }
+    const Real lo = decltype(shape)::kKind == ConeKind::box ? s.lo[cone] : Real(0);
+    const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
+    largest = max_(natural_map_square<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
+  });
+  const Real residual = div_(sqrt_(block.max(largest)), s.scalar[kNormB]);
+  const auto better = and_(due, residual < s.scalar[kBestResidual]);
+  if (any(better)) for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
+  block.sync();
+  single(block, [&] {
+    s.scalar[kBestResidual] = select(better, residual, s.scalar[kBestResidual]);
+    s.scalar[kLastResidual] = select(due, residual, s.scalar[kLastResidual]);
+  });
+}
+
+}  // namespace stiction::inline STICTION_ISA

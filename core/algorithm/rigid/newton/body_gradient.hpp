@@ -1,0 +1,184 @@
+#pragma once
+
+#include "core/algorithm/linear/line_search.hpp"
+#include "core/algorithm/rigid/newton/friction_cone.hpp"
+#include "core/algorithm/rigid/newton/space_room.hpp"
+
+/// The function that Newton's method minimises, its gradient and how it bends along a line (docs/math/body_newton.md).
+namespace stiction::inline STICTION_ISA {
+
+/// J p for one contact and a vector of twists: rows n, t1, t2. A body that is not pushed has no change.
+STICTION_HD void relative_motion(const SpaceContact& contact, const double* twists, double (&rows)[3]) {
+  Vector3<double> u{0.0, 0.0, 0.0};
+  if (is_pushed(contact.side_b)) u = point_velocity(SpaceRoom::twist(twists, contact.side_b), contact.arm_b);
+  if (is_pushed(contact.side_a))
+    u = subtract(u, point_velocity(SpaceRoom::twist(twists, contact.side_a), contact.arm_a));
+  rows[0] = dot(u, contact.frame.n);
+  rows[1] = dot(u, contact.frame.t1);
+  rows[2] = dot(u, contact.frame.t2);
+}
+
+/// What the reaction to a motion u, which holds the shift, is the projection of.
+STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], double compliance, double (&z)[3]) {
+  const double whole = compliance + contact.pull;
+  for (int k = 0; k < 3; ++k) z[k] = div_(fma_(contact.pull, contact.centre[k], 0.0 - u[k]), whole);
+}
+
+/// J' of the contacts' impulses for one body: force and torque. `impulse_of(contact, row)` gives the impulse on b.
+template <class F>
+STICTION_HD Twist<double> gather_wrench(const SpaceRoom& room, Index row, F&& impulse_of) {
+  Twist<double> wrench{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+  const BlockPattern& pattern = room.stream.pattern;
+  for (Index block = pattern.offsets[row]; block < pattern.offsets[row + 1]; ++block) {
+    if (pattern.columns[block] != row) continue;
+    for (Index k = room.stream.block_offsets[block]; k < room.stream.block_offsets[block + 1]; ++k) {
+      const Index entry = room.stream.block_contacts[k];
+      const bool is_b = entry >= 0;
+      const SpaceContact& contact = room.contact[is_b ? entry : ~entry];
+      const double sign = is_b ? 1.0 : -1.0;
+      const double* const x = impulse_of(contact);
+      const Vector3<double> impulse = to_world(contact.frame, sign * x[0], sign * x[1], sign * x[2]);
+      wrench.linear = add_scaled(wrench.linear, 1.0, impulse);
+      wrench.angular = add_cross(wrench.angular, is_b ? contact.arm_b : contact.arm_a, impulse);
+    }
+  }
+  return wrench;
+}
+
+/// M p of one body.
+STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>& p) {
+  const Vector3<double> zero{0.0, 0.0, 0.0};
+  return {add_scaled(zero, body.mass, p.linear), add_product(zero, body.inertia, p.angular)};
+}
+
+/// Descent and force for the reactions that are there.
+template <Block B>
+STICTION_HD_OUTLINE void renew_descent(B& block, const SpaceRoom& room) {
+  for_each(block, room.bodies, [&](Index row) {
+    const SpaceBody& body = room.body[row];
+    const Twist<double> p = SpaceRoom::twist(room.point, row);
+    const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.reaction; });
+    const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    const Twist<double> pushed_by = pushed(still, body.inverse, wrench.linear, wrench.angular);
+    const Twist<double> descent{subtract(pushed_by.linear, p.linear), subtract(pushed_by.angular, p.angular)};
+    put_twist(room.descent + static_cast<Offset>(row) * kBodyBlock, descent);
+    put_twist(room.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(body, descent));
+  });
+}
+
+/// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
+/// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
+template <Block B>
+STICTION_HD_OUTLINE void renew_space_motion(B& block, const SpaceRoom& room) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    double u[3];
+    relative_motion(contact, room.point, u);
+    for (int k = 0; k < 3; ++k) contact.u[k] = (u[k] + contact.free[k]) + (k == 0 ? contact.shift : 0.0);
+  });
+}
+
+/// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
+/// descent would bring to a contact [w]: zero where the gradient is.
+template <Block B>
+STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, double compliance) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    unprojected(contact, contact.u, compliance, contact.z);
+    const ConePoint point = project_friction_cone(contact.z, contact.mu);
+    double slide[3];
+    for (int k = 0; k < 3; ++k) {
+      contact.reaction[k] = point.x[k];
+      slide[k] = fma_(compliance, point.x[k], contact.u[k]);
+    }
+    // A contact that is held does not slide: what is left of its motion goes with the proximal term.
+    const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
+    contact.sliding =
+        is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+  });
+  renew_descent(block, room);
+  return max_over<double>(block, room.contacts, [&](Index p) {
+    double change[3];
+    relative_motion(room.contact[p], room.descent, change);
+    return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
+  });
+}
+
+/// d'Md: the curvature that bodies add, everywhere on the line.
+template <Block B>
+STICTION_HD_OUTLINE double body_curvature(B& block, const SpaceRoom& room) {
+  return sum_leaves<double>(block, [&](Index leaf) {
+    double part = 0.0;
+    for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
+      const Twist<double> d = SpaceRoom::twist(room.step, row);
+      const Twist<double> momentum = momentum_of(room.body[row], d);
+      part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
+    }
+    return part;
+  });
+}
+
+/// `bodies`: what they add at alpha = 0.
+template <Block B>
+STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
+                                         double alpha) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    double u[3];
+    for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
+    double z[3];
+    unprojected(contact, u, compliance, z);
+    const ConePoint point = project_friction_cone(z, contact.mu);
+    double slope = 0.0;
+    double curvature = 0.0;
+    for (int i = 0; i < 3; ++i) {
+      double image = 0.0;
+      for (int j = 0; j < 3; ++j) image = fma_(point.P[i][j], contact.along[j], image);
+      slope = fma_(0.0 - contact.along[i], point.x[i], slope);
+      curvature = fma_(contact.along[i], image, curvature);
+    }
+    contact.slope = slope;
+    contact.curvature = div_(curvature, compliance + contact.pull);
+  });
+  const auto sum = [&](double SpaceContact::*part) {
+    return sum_leaves<double>(block, [&](Index leaf) {
+      double total = 0.0;
+      for (Index p = leaf; p < room.contacts; p += kReduceLeaves) total = total + room.contact[p].*part;
+      return total;
+    });
+  };
+  const double slope = sum(&SpaceContact::slope);
+  const double curvature = sum(&SpaceContact::curvature);
+  return {fma_(alpha, bodies.curvature, bodies.slope) + slope, bodies.curvature + curvature};
+}
+
+/// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
+/// answers to the rounding of its motion as it does to motion.
+template <Block B>
+STICTION_HD_OUTLINE double slope_noise(B& block, const SpaceRoom& room, double compliance) {
+  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index p = leaf; p < room.contacts; p += kReduceLeaves) {
+      const SpaceContact& contact = room.contact[p];
+      for (int k = 0; k < 3; ++k) {
+        const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.pull);
+        sum = fma_(abs_(contact.along[k]), answer, sum);
+      }
+    }
+    return sum;
+  });
+  return 0x1p-50 * terms;
+}
+
+/// Part of the slope at the beginning of a line that may be left where it ends.
+inline constexpr double kSpaceSlopeLeft = 1e-2;
+
+/// The alpha at which the function is smallest on the line.
+template <Block B>
+STICTION_HD_OUTLINE double search_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
+                                        double slope, double noise) {
+  return search_line([&](double alpha) { return look_along(block, room, bodies, compliance, alpha); }, slope,
+                     kSpaceSlopeLeft, noise);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,156 @@
+#pragma once
+
+#include "core/algorithm/rigid/judge_bodies.hpp"
+#include "core/algorithm/rigid/newton/body_gradient.hpp"
+
+/// From the batch's arrays to numbers that Newton's method in body space can work with.
+namespace stiction::inline STICTION_ISA {
+
+/// A direction in which a body's inverse inertia, or its inverse mass, is below this part of the largest has a mass
+/// matrix as if it were that part: below, rounding would make as much of it. Reactions answer the inverse as it is.
+inline constexpr double kLeastInverse = 1e-9;
+
+/// The inverse of a symmetric positive semidefinite matrix whose pivots are kept from zero, by L D L'.
+STICTION_HD Symmetric3<double> inverse_above(const Symmetric3<double>& m, double least) {
+  const double d0 = max_(m.xx, least);
+  const double l1 = div_(m.xy, d0);
+  const double l2 = div_(m.xz, d0);
+  const double d1 = max_(fma_(0.0 - l1, m.xy, m.yy), least);
+  const double l3 = div_(fma_(0.0 - l1, m.xz, m.yz), d1);
+  const double d2 = max_(fma_(0.0 - (l3 * d1), l3, fma_(0.0 - l2, m.xz, m.zz)), least);
+  // Columns of L^-1: (1, -l1, l1 l3 - l2), (0, 1, -l3), (0, 0, 1).
+  const double corner = fma_(l1, l3, 0.0 - l2);
+  const double e0 = div_(1.0, d0);
+  const double e1 = div_(1.0, d1);
+  const double e2 = div_(1.0, d2);
+  return {fma_(corner * e2, corner, fma_(l1 * e1, l1, e0)),
+          fma_(corner * e2, 0.0 - l3, 0.0 - l1 * e1),
+          corner * e2,
+          fma_(l3 * e2, l3, e1),
+          0.0 - l3 * e2,
+          e2};
+}
+
+STICTION_HD double largest_moment(const Symmetric3<double>& inertia) {
+  return max_(inertia.xx, max_(inertia.yy, inertia.zz));
+}
+
+/// Inverse masses as they are, and mass matrices.
+template <Block B, class Real>
+STICTION_HD_OUTLINE void load_space_bodies(B& block, const BodyEnv<Real>& env, const SpaceRoom& room) {
+  const auto inverse_of = [&](Index row) { return exact_mass(env, env.is_kinematic(row) ? ~row : row); };
+  const double most_mass = max_over<double>(block, room.bodies, [&](Index row) { return inverse_of(row).mass; });
+  const double most_inertia =
+      max_over<double>(block, room.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
+  for_each(block, room.bodies, [&](Index row) {
+    SpaceBody& body = room.body[row];
+    body.inverse = inverse_of(row);
+    body.mass = 1.0;
+    body.inertia = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
+    if (env.is_kinematic(row)) return;
+    const Symmetric3<double>& inertia = body.inverse.inertia;
+    const double own = largest_moment(inertia);
+    const double least = kLeastInverse * (own > 0.0 ? own : most_inertia);
+    body.mass = div_(1.0, max_(max_(body.inverse.mass, kLeastInverse * most_mass), 0x1p-500));
+    body.inertia = inverse_above(inertia, max_(least, 0x1p-500));
+  });
+}
+
+/// Geometry, friction and weight of contacts.
+template <Block B, class Real>
+STICTION_HD_OUTLINE void load_space_contacts(B& block, const BodyEnv<Real>& env, const SiParams& params,
+                                             const SpaceRoom& room) {
+  const double compliance = div_(params.cfm, params.step);
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    const ExactContact exact = exact_contact(env, p);
+    contact.side_a = exact.side_a;
+    contact.side_b = exact.side_b;
+    contact.arm_a = exact.arm_a;
+    contact.arm_b = exact.arm_b;
+    contact.frame = exact.frame;
+    contact.mu = static_cast<double>(env.mu[exact.contact]);
+    ContactBlock<double> own{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    add_body(own, exact_mass(env, exact.side_a), exact.arm_a, exact.frame);
+    add_body(own, exact_mass(env, exact.side_b), exact.arm_b, exact.frame);
+    contact.mean = div_((own.nn + own.t11) + own.t22, 3.0) + compliance;
+  });
+}
+
+/// Where bodies are, if contacts touch: arms lead from the lowest body of every island to all others.
+template <Block B>
+STICTION_HD_OUTLINE void place_bodies(B& block, const SpaceRoom& room) {
+  const NewtonStream& stream = room.stream;
+  for (Index level = 0; level < stream.levels; ++level) {
+    const Index first = stream.level_offsets[level];
+    for_each(block, stream.level_offsets[level + 1] - first, [&](Index k) {
+      double* const place = room.positions + 3 * static_cast<Offset>(stream.level_bodies[first + k]);
+      Vector3<double> x{0.0, 0.0, 0.0};
+      if (level > 0) {
+        const Index link = stream.level_links[first + k];
+        const SpaceContact& contact = room.contact[link >= 0 ? link : ~link];
+        const Index other = link >= 0 ? contact.side_a : contact.side_b;
+        const Vector3<double> step =
+            subtract(link >= 0 ? contact.arm_a : contact.arm_b, link >= 0 ? contact.arm_b : contact.arm_a);
+        x = add_scaled(load3<double>(room.positions + 3 * static_cast<Offset>(other)), 1.0, step);
+      }
+      place[0] = x.x;
+      place[1] = x.y;
+      place[2] = x.z;
+    });
+  }
+}
+
+/// What a sub-step begins with.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE void enter_space(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                     const SiParams& params, const SpaceRoom& room) {
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
+                                                free_twist(env, s, params, slot_of(contact.side_b)), contact.arm_b);
+    contact.free[0] = dot(u, contact.frame.n) + bias_of(env, s, params, p, exact_contact(env, p));
+    contact.free[1] = dot(u, contact.frame.t1);
+    contact.free[2] = dot(u, contact.frame.t2);
+    contact.shift = 0.0;
+  });
+}
+
+/// p, the centre of the proximal term and under Coulomb's law the shifts from the impulses that s.x stands for.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                          const SpaceRoom& room, double compliance) {
+  for_each(block, room.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k) room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
+  });
+  for_each(block, room.bodies, [&](Index row) {
+    const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.centre; });
+    const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    put_twist(room.point + static_cast<Offset>(row) * kBodyBlock,
+              pushed(still, room.body[row].inverse, wrench.linear, wrench.angular));
+  });
+  if constexpr (kLaw == Law::coulomb) {
+    for_each(block, room.contacts, [&](Index p) {
+      SpaceContact& contact = room.contact[p];
+      double u[3];
+      relative_motion(contact, room.point, u);
+      double slide[3];
+      for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.centre[k], u[k] + contact.free[k]);
+      contact.shift = contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+    });
+  }
+}
+
+/// s.x from the reactions, in coordinates in which the cone is the unit cone.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE void store_reactions(B& block, const BodySystem<Real, kLaw>& s, const SpaceRoom& room) {
+  for_each(block, room.contacts, [&](Index p) {
+    const SpaceContact& contact = room.contact[p];
+    for (Index k = 0; k < 3; ++k) {
+      const double scale = k == 0 ? 1.0 : contact.mu;
+      s.x.at(k, p) = canonical_zero(static_cast<Real>(scale > 0.0 ? div_(contact.reaction[k], scale) : 0.0));
+    }
+  });
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,252 @@
+#pragma once
+
+#include "core/algorithm/rigid/newton/follow_renewal.hpp"
+#include "core/algorithm/rigid/newton/load_space.hpp"
+#include "core/algorithm/rigid/sequential_impulses.hpp"
+
+/// Newton's method on the velocities of bodies (docs/math/body_newton.md): the convex law with compliance is a smooth
+/// convex function of them. A proximal term stands in for missing compliance, and Coulomb's law is the fixed point in
+/// which the motion of every contact is shifted by mu times its own sliding.
+namespace stiction::inline STICTION_ISA {
+
+/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open,
+/// and under Coulomb's law whenever it is of no use.
+inline constexpr Index kSpaceSweeps = 48;
+/// Each time twice as many as the time before, up to this: sweeps that begin again lose what momentum they had.
+inline constexpr Index kMostSpaceSweeps = 3072;
+/// Weight of the proximal term over the mean diagonal of a contact's block: at the beginning, its factor whenever the
+/// problem with it is solved, and where it ends unless compliance takes its place. Below, rounding over the weight
+/// would be more than the proximal term still hides.
+inline constexpr double kPullStart = 1e-2;
+inline constexpr double kPullFall = 0.1;
+inline constexpr double kPullLeast = 1e-7;
+/// Compliance over the largest mean diagonal from which no proximal term is needed.
+inline constexpr double kEnoughCompliance = 1e-5;
+/// Part of the answer's residual that the inner problem may leave before its centre and its shifts move.
+inline constexpr double kSpaceInnerPart = 0.1;
+/// Newton steps on one inner problem under Coulomb's law before sweeps are thought to bring more.
+inline constexpr Index kSpaceInnerSteps = 12;
+/// Newton steps without a better iterate after which there is none to come.
+inline constexpr Index kSpacePatience = 100;
+
+/// How a sub-step ended.
+enum SpaceEnd : int { kSpaceMet, kSpaceStalled, kSpaceBroken, kSpaceOutOfSteps };
+
+/// Where a sub-step stands. Lanes of a block hold equal copies.
+struct SpaceProgress {
+  double scale = 0.0;                  ///< max|b| [w]
+  double tolerance = 0.0;              ///< on the residual over it
+  double best = __builtin_huge_val();  ///< smallest residual [w]
+  bool has_best = false;
+  double pull = 0.0;                      ///< weight of the proximal term over a contact's mean diagonal
+  double pull_end = 0.0;                  ///< where it goes
+  double reference = 0.0;                 ///< energy of the first gradient of this inner problem
+  Index inner_steps = 0;                  ///< of Newton since the last renewal
+  Index sweeps = kSpaceSweeps;            ///< that are next
+  double renewed = __builtin_huge_val();  ///< residual at the last renewal
+};
+
+/// The residual of s.x, which is kept if it is the best.
+template <Block B, class Real, Law kLaw>
+STICTION_HD double look_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                   const SiParams& params, SpaceProgress& progress) {
+  const double residual = residual_of(block, env, s, s.x, params, false).residual;
+  if (!progress.has_best || residual < progress.best) {
+    progress.best = residual;
+    progress.has_best = true;
+    keep_best(block, s);
+  }
+  return residual;
+}
+
+STICTION_HD bool is_met(const SpaceProgress& progress) {
+  return div_(progress.best, progress.scale) <= progress.tolerance;
+}
+
+/// The best iterate becomes s.x.
+template <Block B, class Real, Law kLaw>
+STICTION_HD void take_best(B& block, const BodySystem<Real, kLaw>& s) {
+  share_out(block, s.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
+  });
+}
+
+template <Block B>
+STICTION_HD void set_pull(B& block, const SpaceRoom& room, double weight) {
+  for_each(block, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
+}
+
+/// Moves the centre of the proximal term to the reactions and makes it weaker.
+template <Block B>
+STICTION_HD_OUTLINE void renew_problem(B& block, const SpaceRoom& room, SpaceProgress& progress) {
+  for_each(block, room.contacts, [&](Index p) {
+    for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
+  });
+  progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
+  if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
+  set_pull(block, room, progress.pull);
+  progress.reference = 0.0;
+}
+
+/// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
+/// rounding.
+template <Block B>
+STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
+                                          double compliance, SpaceProgress& progress) {
+  const Index n = room.bodies * kBodyBlock;
+  const double energy = max_(dot_product(block, n, room.descent, room.force), 0.0);
+  progress.reference = max_(energy, progress.reference);
+  const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
+  assemble_curvature(block, room, compliance);
+  solve_space(block, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
+  for_each(block, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
+  const double noise = slope_noise(block, room, compliance);
+  // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
+  // that nothing can move keeps M and the inverse masses from being each other's inverse.
+  const double slope = 0.0 - dot_product(block, n, room.force, room.step);
+  const LinePoint contacts = look_along(block, room, LinePoint{0.0, 0.0}, compliance, 0.0);
+  const LinePoint bodies{slope - contacts.slope, body_curvature(block, room)};
+  const bool is_exhausted = !(slope < 0.0 - noise);
+  const double alpha = is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, slope, noise);
+  for_each(block, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
+  for_each(block, room.contacts, [&](Index p) {
+    SpaceContact& contact = room.contact[p];
+    for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
+  });
+  return is_exhausted;
+}
+
+/// Sweeps from the best iterate, and a first problem there. Returns what renew_reactions does.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                        const SiParams& params, const SpaceRoom& room, SpaceProgress& progress) {
+  take_best(block, s);
+  refresh_bodies(block, env, s, params);
+  SiMomentum<Real> momentum;
+  if (params.momentum) start_momentum(block, s);
+  for (Index k = 0; k < progress.sweeps; k += kSiChunk) {
+    run_sweeps(block, env, s, params, kSiChunk, momentum);
+    look_at_iterate(block, env, s, params, progress);
+  }
+  progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
+  take_best(block, s);
+  const double compliance = div_(params.cfm, params.step);
+  start_at_iterate(block, env, s, room, compliance);
+  progress.pull = kPullStart;
+  progress.reference = 0.0;
+  progress.renewed = __builtin_huge_val();
+  progress.inner_steps = 0;
+  set_pull(block, room, progress.pull);
+  renew_space_motion(block, room);
+  return renew_reactions(block, room, compliance);
+}
+
+/// Solves a sub-step from s.x. The best iterate is in s.best; the steps taken are added to `steps`.
+template <Block B, class Real, Law kLaw>
+STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                           const SiParams& params, const BodySpaceOptions& space, const SpaceRoom& room,
+                                           SpaceProgress& progress, Index& steps) {
+  double residual = look_at_iterate(block, env, s, params, progress);
+  if (is_met(progress)) return kSpaceMet;
+  if (!finite_(residual)) return kSpaceBroken;
+  if (params.iterations == 0) return kSpaceOutOfSteps;
+  const double compliance = div_(params.cfm, params.step);
+  const double mean = max_over<double>(block, room.contacts, [&](Index p) { return room.contact[p].mean; });
+  progress.pull_end = compliance >= kEnoughCompliance * mean ? 0.0 : kPullLeast;
+  double inner = sweep_closer(block, env, s, params, room, progress);
+  if (is_met(progress)) return kSpaceMet;
+  Index since_best = 0;
+  for (Index k = 0; k < params.iterations; ++k) {
+    const bool is_exhausted = take_newton_step(block, room, space, compliance, progress);
+    ++steps;
+    inner = renew_reactions(block, room, compliance);
+    store_reactions(block, s, room);
+    const double before = progress.best;
+    residual = look_at_iterate(block, env, s, params, progress);
+    if (is_met(progress)) return kSpaceMet;
+    if (!finite_(residual)) return kSpaceBroken;
+    since_best = progress.best < before ? 0 : since_best + 1;
+    const bool is_renewed = kLaw == Law::coulomb || progress.pull > 0.0;
+    if (since_best >= kSpacePatience || (is_exhausted && !is_renewed)) return kSpaceStalled;
+    if (k + 1 == params.iterations) break;
+    const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
+    const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
+    if (kLaw == Law::coulomb && (is_long || (is_solved && residual > progress.renewed))) {
+      inner = sweep_closer(block, env, s, params, room, progress);
+      if (is_met(progress)) return kSpaceMet;
+    } else if (is_renewed && is_solved) {
+      const bool with_sliding = kLaw == Law::coulomb;
+      progress.renewed = residual;
+      progress.inner_steps = 0;
+      renew_problem(block, room, progress);
+      follow_renewal(block, room, space, compliance, with_sliding);
+      ++steps;
+      ++k;
+      inner = renew_reactions(block, room, compliance);
+    }
+  }
+  return kSpaceOutOfSteps;
+}
+
+/// Between two sub-steps: the best iterate is the one that counts.
+template <Block B, class Real, Law kLaw>
+STICTION_HD void leave_with_best(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                 const SiParams& params) {
+  take_best(block, s);
+  refresh_bodies(block, env, s, params);
+  leave_substep(block, env, s, params);
+}
+
+/// One environment from its numbers to its status.
+template <Block B, class Real, Law kLaw>
+STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                     SiParams params, const BodySpaceOptions& space, const SpaceRoom& room) {
+  SiProgress<Real> entry;
+  if (!start_bodies(block, env, s, params, entry)) return;
+  load_space_bodies(block, env, room);
+  load_space_contacts(block, env, params, room);
+  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(block, room);
+  Index steps = 0;
+  SpaceEnd end = kSpaceMet;
+  SpaceProgress progress;
+  for (Index step = 0; step < params.substeps; ++step) {
+    if (step > 0) enter_substep(block, env, s, params, entry);
+    enter_space(block, env, s, params, room);
+    progress = SpaceProgress{};
+    progress.scale = entry.scale;
+    progress.tolerance = params.tolerance;
+    end = solve_substep(block, env, s, params, space, room, progress, steps);
+    if (step + 1 < params.substeps) leave_with_best(block, env, s, params);
+  }
+  double absolute = judge_bodies(block, env, s, params, entry.scale);
+  if (!finite_(div_(absolute, entry.scale))) {
+    entry.scale = max_(fall_back(block, env, s, params), 1e-300);
+    absolute = judge_bodies(block, env, s, params, entry.scale);
+  }
+  const double relative = div_(absolute, entry.scale);
+  const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved
+                       : end == kSpaceBroken                             ? EnvCode::numerical
+                       : end == kSpaceOutOfSteps                         ? EnvCode::max_iterations
+                                                                         : EnvCode::stalled;
+  publish_bodies(block, env, s);
+  write_body_status(block, env, params, code, entry.flags, steps, relative, absolute);
+}
+
+/// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes and, behind
+/// `exact`, of newton_doubles'.
+template <Law kLaw, class Precision>
+struct BodyNewton {
+  using Real = Precision;
+  using System = BodySystem<Real, kLaw>;
+
+  template <Block B>
+  static STICTION_HD void solve(B& block, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
+                                double* exact) {
+    const SiParams params = si_params(job.stepping, job.options);
+    const System system(env.kept, env.bodies, params, numbers, exact);
+    const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
+    solve_bodies_newton(block, env, system, params, job.options.space, room);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

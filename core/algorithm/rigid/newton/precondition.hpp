@@ -1,0 +1,97 @@
+#pragma once
+
+#include "core/algorithm/linear/block/block_diagonal.hpp"
+#include "core/algorithm/linear/block/block_ldl.hpp"
+#include "core/algorithm/linear/block/incomplete_cholesky.hpp"
+#include "core/algorithm/linear/block/scalar_diagonal.hpp"
+#include "core/algorithm/linear/block/sparse_inverse.hpp"
+#include "core/algorithm/linear/multigrid/multigrid.hpp"
+#include "core/algorithm/rigid/newton/space_room.hpp"
+#include "stiction/body_space.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Steps of conjugate gradients in one linear system, at most; what they leave is still a direction of descent.
+inline constexpr Index kMostGradientSteps = 1000;
+
+/// Doubles that a preconditioner keeps. For the host, which makes room.
+inline Offset preconditioner_doubles(const NewtonStream& stream, const BodySpaceOptions& space) {
+  const auto rows = static_cast<Offset>(stream.pattern.rows);
+  const Index* own = stream.preconditioner;
+  switch (space.preconditioner) {
+    case BodyPreconditioner::diagonal:
+      return ScalarDiagonal::doubles(rows);
+    case BodyPreconditioner::block_diagonal:
+      return BlockDiagonal::doubles(rows);
+    case BodyPreconditioner::incomplete_cholesky:
+      return IncompleteCholesky::doubles(take_block_factor(own).lower.blocks());
+    case BodyPreconditioner::sparse_inverse: {
+      const SparseInverseView plan = take_sparse_inverse(own);
+      return SparseInverse::doubles(rows, plan.lower.blocks(), plan.dense_offsets[rows]);
+    }
+    case BodyPreconditioner::factor:
+      return BlockLdl::doubles(take_block_factor(own).lower.blocks());
+    case BodyPreconditioner::multigrid:
+      return Multigrid::doubles(take_multigrid(own));
+  }
+  return 0;
+}
+
+/// Doubles that Newton's method needs for an environment of `contacts` that are solved. For the host.
+inline Offset newton_doubles(Offset contacts, const Index* integers, const BodySpaceOptions& space) {
+  const NewtonStream stream = take_newton_stream(integers);
+  return SpaceRoom::doubles(contacts, stream.pattern.rows, stream.pattern.blocks()) +
+         preconditioner_doubles(stream, space);
+}
+
+/// Which system is solved: H d = force, or that of room.sliding, which H preconditions.
+enum class SpaceSystem { symmetric, sliding };
+
+/// d into room.step, by a preconditioner that is prepared.
+template <Block B, class Preconditioner>
+STICTION_HD_OUTLINE void solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+                                    SpaceSystem system, double tolerance) {
+  const GradientProblem problem{room.H.unknowns(), room.force, room.step,
+                                room.gradients,    tolerance,  kMostGradientSteps};
+  if (system == SpaceSystem::symmetric)
+    solve_gradients(block, room.H, problem, preconditioner);
+  else
+    solve_stabilized(block, room.sliding, problem, preconditioner);
+}
+template <Block B, class Preconditioner>
+STICTION_HD_OUTLINE void prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+                                           SpaceSystem system, double tolerance) {
+  preconditioner.prepare(block, room.H);
+  solve_with(block, room, preconditioner, system, tolerance);
+}
+
+/// The same with the preconditioner that the options name.
+template <Block B>
+STICTION_HD_OUTLINE void solve_space(B& block, const SpaceRoom& room, const BodySpaceOptions& space, SpaceSystem system,
+                                     double tolerance) {
+  const Index rows = room.stream.pattern.rows;
+  const Index* own = room.stream.preconditioner;
+  double* const memory = room.preconditioner;
+  switch (space.preconditioner) {
+    case BodyPreconditioner::diagonal:
+      return prepare_and_solve(block, room, ScalarDiagonal{rows, memory}, system, tolerance);
+    case BodyPreconditioner::block_diagonal:
+      return prepare_and_solve(block, room, BlockDiagonal{rows, memory}, system, tolerance);
+    case BodyPreconditioner::incomplete_cholesky:
+      return prepare_and_solve(block, room, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
+    case BodyPreconditioner::sparse_inverse:
+      return prepare_and_solve(block, room, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
+    case BodyPreconditioner::factor:
+      return prepare_and_solve(block, room, BlockLdl{take_block_factor(own), memory}, system, tolerance);
+    case BodyPreconditioner::multigrid: {
+      Multigrid multigrid;
+      multigrid.plan = take_multigrid(own);
+      multigrid.cycle = space.multigrid.cycle;
+      multigrid.memory = memory;
+      multigrid.prepare(block, room.H, room.positions);
+      solve_with(block, room, multigrid, system, tolerance);
+    }
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,96 @@
+#pragma once
+
+#include "core/algorithm/rigid/body_env.hpp"
+#include "core/base/pack_gather.hpp"
+
+/// Between which bodies the contacts of a pack's lanes are. Host only.
+namespace stiction::inline STICTION_ISA {
+
+/// One side of a contact in every lane, as in BodyEnv::sides.
+template <class T, int W>
+struct LaneSides {
+  PackPlaces<T, W> side;
+  Offset place;     ///< as in BodyEnv::side()
+  bool is_uniform;  ///< all lanes have the same slot
+};
+
+template <class T, int W>
+STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
+  return {sides.side >= 0};
+}
+
+/// Where the bodies of a side keep their numbers.
+template <class T, int W>
+struct LaneSlots {
+  PackPlaces<T, W> slot;
+  Offset place;
+  bool is_uniform;
+};
+
+template <class T, int W>
+STICTION_HD LaneSlots<T, W> slot_of(const LaneSides<T, W>& sides) {
+  return {sides.side >= 0 ? sides.side : ~sides.side, sides.place, sides.is_uniform};
+}
+
+/// A side whose slot is the same in every lane.
+template <class T, int W>
+struct UniformSide {
+  PackMask<T, W> pushed;
+  Index slot;
+};
+template <class T, int W>
+STICTION_HD PackMask<T, W> is_pushed(const UniformSide<T, W>& side) {
+  return side.pushed;
+}
+template <class T, int W>
+STICTION_HD Index slot_of(const UniformSide<T, W>& side) {
+  return side.slot;
+}
+
+/// What a pack keeps of the plan: sides by position, lane by lane. A lane that has no contact at a position has a side
+/// there that nothing pushes, the same as another lane's.
+template <class T, int W>
+struct PackSides {
+  using Word = typename PackMask<T, W>::Word;
+  Word* side = nullptr;
+  std::uint8_t* is_uniform = nullptr;
+
+  [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset place) const {
+    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), place, is_uniform[place] != 0};
+  }
+};
+
+/// Sides as an environment has them, for visit_of().
+template <class T, int W>
+struct PackEnv {
+  PackSides<T, W> sides;
+  [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset place) const { return sides.of(place); }
+};
+/// The same for contacts of which both sides are uniform.
+template <class T, int W>
+struct UniformEnv {
+  PackSides<T, W> sides;
+  [[nodiscard]] STICTION_HD UniformSide<T, W> side(Offset place) const {
+    const LaneSides<T, W> lanes = sides.of(place);
+    return {is_pushed(lanes), slot_of(static_cast<Index>(lanes.side[0]))};
+  }
+};
+template <class T, int W>
+STICTION_HD bool is_uniform(const PackEnv<T, W>& env, Index p) {
+  const Offset place = 2 * static_cast<Offset>(p);
+  return env.sides.is_uniform[place] != 0 && env.sides.is_uniform[place + 1] != 0;
+}
+
+/// f(uniform, first, end) for runs of contacts in order, all of them `is_uniform_at` or none.
+template <class Test, class F>
+STICTION_HD void for_each_run(Index count, Test&& is_uniform_at, F&& f) {
+  for (Index first = 0; first < count;) {
+    const bool uniform = is_uniform_at(first);
+    Index end = first + 1;
+    while (end < count && is_uniform_at(end) == uniform) ++end;
+    f(uniform, first, end);
+    first = end;
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

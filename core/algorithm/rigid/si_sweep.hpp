@@ -1,0 +1,226 @@
+#pragma once
+
+#include "core/algorithm/residual/residual_estimate.hpp"
+#include "core/algorithm/rigid/time_stepping.hpp"
+
+/// Gauss-Seidel on velocities: a contact reads the twists of its two bodies, takes the step every solver takes, and
+/// pushes the change into those twists (docs/math/si.md).
+namespace stiction::inline STICTION_ISA {
+
+/// The cone at position p of a system, as local_step() reads one: three rows at row 0.
+template <class System>
+struct LocalProblem {
+  using Real = typename System::Real;
+  /// Rows of x, or one number of the contact.
+  struct Numbers {
+    const typename System::Tiles& tiles;
+    Index first, p;
+    STICTION_HD Real operator[](Index k) const { return tiles.at(first + k, p); }
+  };
+  const System& s;
+  Index p;
+  Numbers x{s.x, 0, p};
+  Numbers inv_n{s.field, kFieldInverse, p};
+  Numbers inv_t{s.field, kFieldInverse + 1, p};
+  Numbers damping{s.field, kFieldBlock, p};
+  Numbers share{s.field, kFieldBlock + 1, p};
+  [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const {
+    if constexpr (System::kLaw == Law::coulomb) return s.field.at(kFieldBlock + i - 1, p);
+    const Index row = i < j ? i : j;
+    return s.field.at(kFieldBlock + 2 + row * (5 - row) / 2 + (i < j ? j : i), p);
+  }
+};
+
+using ContactShape = ConeShape<ConeKind::friction, 3>;
+
+/// A contact while it is visited: its sides, its geometry, and the twists that its bodies had when the visit began.
+/// This is one of a single system, and keeps all it has read; those of a pack have the same functions (pack_sweep.hpp).
+template <class Real>
+struct ContactVisit {
+  Index a, b;
+  Vector3<Real> arms[2];
+  ContactFrame<Real> axes;
+  Real friction;
+  Twist<Real> twists[2];
+  [[nodiscard]] STICTION_HD Index side_a() const { return a; }
+  [[nodiscard]] STICTION_HD Index side_b() const { return b; }
+  [[nodiscard]] STICTION_HD const Vector3<Real>& arm_a() const { return arms[0]; }
+  [[nodiscard]] STICTION_HD const Vector3<Real>& arm_b() const { return arms[1]; }
+  [[nodiscard]] STICTION_HD const ContactFrame<Real>& frame() const { return axes; }
+  [[nodiscard]] STICTION_HD Real mu() const { return friction; }
+  [[nodiscard]] STICTION_HD const Twist<Real>& twist_a() const { return twists[0]; }
+  [[nodiscard]] STICTION_HD const Twist<Real>& twist_b() const { return twists[1]; }
+};
+
+/// `env` knows the sides, `s` everything else.
+template <class Real, Law kLaw, int kStride>
+STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
+  const Index a = env.side(2 * static_cast<Offset>(p));
+  const Index b = env.side(2 * static_cast<Offset>(p) + 1);
+  return {a,
+          b,
+          {s.vector(kFieldArmA, p), s.vector(kFieldArmB, p)},
+          s.frame(p),
+          s.field.at(kFieldMu, p),
+          {s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))}};
+}
+
+/// Relative velocity of the two bodies at the contact.
+template <class Visit>
+STICTION_HD auto velocity_at(const Visit& visit) {
+  return relative_velocity(visit.twist_a(), visit.arm_a(), visit.twist_b(), visit.arm_b());
+}
+
+/// Motion of a contact's rows in the solver's coordinates, y = mu (J v + bias + R lambda).
+template <class System, class Visit, class Array, class Real>
+STICTION_HD void motion_of(const System& s, const Visit& visit, Real bias, const Array& x, Real (&y)[3]) {
+  const Vector3<Real> u = velocity_at(visit);
+  const ContactFrame<Real>& frame = visit.frame();
+  const Real mu = visit.mu();
+  y[0] = fma_(s.compliance, x[0], dot(u, frame.n) + bias);
+  y[1] = mu * fma_(s.compliance, mu * x[1], dot(u, frame.t1));
+  y[2] = mu * fma_(s.compliance, mu * x[2], dot(u, frame.t2));
+}
+
+template <class Visit, class Real>
+STICTION_HD Vector3<Real> impulse_of(const Visit& visit, const Real (&x)[3]) {
+  return to_world(visit.frame(), x[0], visit.mu() * x[1], visit.mu() * x[2]);
+}
+
+template <class Real>
+STICTION_HD Vector3<Real> opposite(const Vector3<Real>& impulse) {
+  return {-impulse.x, -impulse.y, -impulse.z};
+}
+
+/// Adds an impulse to the twist of the body on one side, in the lanes that move.
+template <class System, class Real, class Side>
+STICTION_HD void push(const System& s, const Side& side, const Vector3<Real>& arm, const Twist<Real>& twist,
+                      const Vector3<Real>& impulse, Mask<Real> moves) {
+  const Mask<Real> where = and_(moves, is_pushed(side));
+  if (any(where))
+    s.move_side(side, where, twist, pushed(twist, s.inverse_mass(slot_of(side)), impulse, cross(arm, impulse)));
+}
+
+/// The step of a contact.
+template <class System, class Visit>
+STICTION_HD auto step_of(const System& s, const Visit& visit, Index p, typename System::Real omega) {
+  const LocalProblem<System> local{s, p};
+  typename System::Real y[3];
+  motion_of(s, visit, s.field.at(kFieldBias, p), local.x, y);
+  return local_step<System::kLaw>(ContactShape{}, local, 0, 0, y, omega);
+}
+
+/// Takes it: moves x, and pushes the change into the twists of both bodies. Returns its size in units of w.
+template <class System, class Visit, class Real>
+STICTION_HD Real take_step(const System& s, const Visit& visit, Index p, const ConeStep<Real, 3>& step) {
+  const Real size = step_size(step, s.field.at(kFieldWeight, p));
+  const Mask<Real> moves = size != Real(0);
+  if (any(moves)) {
+    const Vector3<Real> impulse = impulse_of(visit, step.d);
+    for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(moves, s.x.at(k, p) + step.d[k], s.x.at(k, p));
+    push(s, visit.side_b(), visit.arm_b(), visit.twist_b(), impulse, moves);
+    push(s, visit.side_a(), visit.arm_a(), visit.twist_a(), opposite(impulse), moves);
+  }
+  return size;
+}
+
+/// Both. Returns the step's size in units of w.
+template <class Env, class System>
+STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
+  const auto visit = visit_of(env, s, p);
+  return take_step(s, visit, p, step_of(s, visit, p, omega));
+}
+
+/// Contacts [first, end), one after the other. Returns the largest step [w].
+template <class Env, class System>
+STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
+  typename System::Real largest(0);
+  for (Index p = first; p < end; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+  return largest;
+}
+
+/// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
+/// of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
+template <Block B, class Env, class System>
+STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typename System::Real omega) {
+  using Real = typename System::Real;
+  Real largest(0);
+  if constexpr (kInterleaved<Real, System::kStride>) {
+    // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
+    largest = visit_run(env, s, 0, s.contacts, omega);
+  } else {
+    for (Index color = 0; color < env.color_count; ++color) {
+      const Index first = env.color_offsets[color];
+      share_out(block, env.color_offsets[color + 1] - first, [&](Index k) {
+        for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
+          largest = max_(visit_contact(env, s, p, omega), largest);
+      });
+    }
+  }
+  return largest;
+}
+
+/// base + M^-1 J' lambda for one body that is pushed, its contacts in order of position. `impulse_at(p, of_b, arm)`
+/// gives the impulse on b, and the arm of b or of a.
+template <class T, class Real, class F>
+STICTION_HD Twist<T> gather_impulses(const BodyEnv<Real>& env, Index body, const Twist<T>& base,
+                                     const InverseMass<T>& inverse, F&& impulse_at) {
+  Vector3<T> sum{T(0), T(0), T(0)};
+  Vector3<T> about_center{T(0), T(0), T(0)};
+  for (Index k = env.body_offsets[body]; k < env.body_offsets[body + 1]; ++k) {
+    const Index entry = env.body_contacts[k];
+    const bool is_b = entry >= 0;
+    Vector3<T> arm;
+    Vector3<T> impulse = impulse_at(is_b ? entry : ~entry, is_b, arm);
+    if (!is_b) impulse = opposite(impulse);
+    sum = add_scaled(sum, T(1), impulse);
+    about_center = add_cross(about_center, arm, impulse);
+  }
+  return pushed(base, inverse, sum, about_center);
+}
+
+/// Computes twists afresh from the impulses, so that rounding does not pile up in them; momentum's earlier twists get
+/// the same correction (docs/math/npgs.md, "Refreshing motion together with its history").
+template <Block B, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                        const SiParams& params) {
+  for_each(block, s.bodies, [&](Index body) {
+    const Twist<double> free = free_twist(env, s, params, body);
+    const Twist<Real> base{
+        {static_cast<Real>(free.linear.x), static_cast<Real>(free.linear.y), static_cast<Real>(free.linear.z)},
+        {static_cast<Real>(free.angular.x), static_cast<Real>(free.angular.y), static_cast<Real>(free.angular.z)}};
+    const Twist<Real> fresh =
+        gather_impulses(env, body, base, s.inverse_mass(body), [&](Index p, bool is_b, Vector3<Real>& arm) {
+          // Not by visit_of(): it reads twists, which other lanes write meanwhile.
+          arm = s.vector(is_b ? kFieldArmB : kFieldArmA, p);
+          const Real mu = s.field.at(kFieldMu, p);
+          return to_world(s.frame(p), s.x.at(0, p), mu * s.x.at(1, p), mu * s.x.at(2, p));
+        });
+    if (s.has_momentum()) {
+      const Twist<Real> stale = s.twist(s.motion, body);
+      const Twist<Real> before = s.twist(s.motion_before, body);
+      s.set_twist(s.motion_before, body,
+                  {add_scaled(before.linear, Real(1), subtract(fresh.linear, stale.linear)),
+                   add_scaled(before.angular, Real(1), subtract(fresh.angular, stale.angular))});
+    }
+    s.set_twist(s.motion, body, fresh);
+  });
+}
+
+/// The largest natural-map residual over the contacts [w], for fresh twists.
+template <Block B, class Env, class System>
+STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const System& s) {
+  using Real = typename System::Real;
+  Real largest(0);
+  share_out(block, s.contacts, [&](Index p) {
+    const auto visit = visit_of(env, s, p);
+    const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
+    Real y[3];
+    motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
+    largest = max_(
+        natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
+  });
+  return sqrt_(block.max(largest));
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,127 @@
+#pragma once
+
+#include "core/algorithm/solver/ipm/ipm_directions.hpp"
+#include "core/algorithm/solver/ipm/ipm_start.hpp"
+#include "core/algorithm/solver/pgs.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md). One
+/// factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb law
+/// de Saxce's shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
+struct Ipm {
+  static constexpr SolverKind kKind = SolverKind::ipm;
+  static STICTION_HD constexpr MethodRoom room() {
+    return {0, IpmSpace::kVectors, IpmSpace::kMatrices, IpmSpace::kGradientRoom};
+  }
+  /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
+  static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
+  template <class System>
+  static constexpr bool kKeepsMotion = false;
+
+  /// Iterations without a residual smaller by a tenth before the method ends by itself.
+  static STICTION_HD constexpr int patience(Law law) { return law == Law::coulomb ? 60 : 10; }
+  /// A residual that many times the best is not coming back.
+  static constexpr float kLost = 1e12F;
+  /// Complementarity kept for every unit of what the shift moved.
+  static constexpr double kShiftGuard = 0.1;
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD_OUTLINE void start(B& block, System& s) {
+    using Real = typename System::Real;
+    const IpmSpace p(s);
+    const double terms = start_interior(block, s, p);
+    single(block, [&] {
+      s.scalar[kTheta] = static_cast<Real>(terms);
+      s.scalar[kProgress] = -1;
+      s.scalar[kLipschitz] = static_cast<Real>(__builtin_huge_valf());
+    });
+  }
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+    const IpmSpace p(s);
+    const auto terms = static_cast<double>(s.scalar[kTheta]);
+    const double drift = refresh_motion_wide<kLaw>(block, s, p);
+    scale_cones(block, s, p);
+    const double gap = complementarity(block, s, p);
+    if (terms > 0.0 && !(gap > 0.0 && finite_(gap))) {
+      publish_point(block, s, p);
+      single(block,
+             [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(finite_(gap) ? kFinished : kGaveUp); });
+      return;
+    }
+    factor_step(block, s, p);
+    const double centring = predict(block, s, p, gap);
+    double target = terms > 0.0 ? div_(gap * centring, terms) : 0.0;
+    if constexpr (kLaw == Law::coulomb)
+      if (terms > 0.0) target = max_(target, div_(min_(kShiftGuard * drift, gap), terms));
+    correct(block, s, p, target);
+    publish_point(block, s, p);
+    watch<kLaw>(block, s);
+  }
+
+  template <Block B, class System>
+  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+
+ private:
+  /// motion = A x + b + shift, the shift being norm(y_t) of this very motion. Returns the work of the shift's change.
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD_OUTLINE double refresh_motion_wide(B& block, const System& s, const IpmSpace& p) {
+    multiply_wide(block, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
+    if constexpr (kLaw == Law::convex) {
+      return 0.0;
+    } else {
+      s.for_each_cone(block, [&](auto shape, Index, Index row) {
+        using Shape = decltype(shape);
+        for (int k = 0; k < Shape::kRows; ++k) p.work[row + k] = 0.0;
+        if constexpr (Shape::kKind == ConeKind::friction) {
+          double sum = 0.0;
+          for (int k = 1; k < Shape::kRows; ++k) sum = fma_(p.motion[row + k], p.motion[row + k], sum);
+          const double fresh = sqrt_(sum);
+          p.work[row] = abs_(fresh - p.shift[row]) * p.x[row];
+          p.shift[row] = fresh;
+          p.motion[row] = p.motion[row] + fresh;
+        }
+      });
+      return sum_values(block, p.work, p.n);
+    }
+  }
+
+  /// The point as the solve's numbers, inside the cones to the last bit.
+  template <Block B, class System>
+  static STICTION_HD_OUTLINE void publish_point(B& block, System& s, const IpmSpace& p) {
+    using Real = typename System::Real;
+    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+      using Shape = decltype(shape);
+      Real z[Shape::kRows];
+      Real still[Shape::kRows];
+      for (int k = 0; k < Shape::kRows; ++k) {
+        z[k] = static_cast<Real>(p.x[row + k]);
+        still[k] = 0;
+      }
+      proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
+      for (int k = 0; k < Shape::kRows; ++k) s.x[row + k] = z[k];
+    });
+  }
+
+  /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before; the first iteration's
+  /// was not an interior point.
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD_OUTLINE void watch(B& block, System& s) {
+    using Real = typename System::Real;
+    single(block, [&] {
+      Real& smallest = s.scalar[kLipschitz];
+      Real& waited = s.scalar[kProgress];
+      const Real last = s.scalar[kLastResidual];
+      const bool is_first = waited < Real(0);
+      const bool improved = !is_first && last < Real(0.9F) * smallest;
+      if (improved) smallest = last;
+      waited = is_first || improved ? Real(0) : waited + Real(1);
+      if (waited >= Real(patience(kLaw))) s.scalar[kOutcome] = Real(kFinished);
+      if (!is_first && last > Real(kLost) * smallest) s.scalar[kOutcome] = Real(kGaveUp);
+    });
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

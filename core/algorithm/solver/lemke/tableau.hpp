@@ -1,0 +1,183 @@
+#pragma once
+
+#include "core/algorithm/linear/dense/fill_matrix.hpp"
+#include "core/team/reduce.hpp"
+
+/// The dictionary of complementary pivoting (docs/math/lemke.md): n basic variables as affine functions of n + 1
+/// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone, so that
+/// the bits do not depend on how many lanes there are.
+namespace stiction::inline STICTION_ISA {
+
+/// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. Of a pair x_j, y_j the one that is not
+/// basic rests: y_j at 0, x_j at the bound that side[j] names.
+struct Tableau {
+  static constexpr Index kVectors = 15;  ///< of n doubles before the n x n entries
+  static constexpr double kRelativePivot = 1e-10;
+
+  Index n;
+  double* unit;    ///< power of two that row and column j were multiplied by                       (n)
+  double* lo;      ///< bounds of x_j, -infinity and infinity included                             (n)
+  double* hi;      ///<                                                                            (n)
+  double* side;    ///< 1: x_j rests at lo, y_j >= 0; -1: at hi, y_j <= 0; 0: y_j may have any sign  (n)
+  double* basic;   ///< the variable of each row                                                   (n)
+  double* place;   ///< where x_j, y_j are: row r >= 0, or -1 - c for column c                     (2n)
+  double* column;  ///< the pivot's column                                                         (n)
+  double* ratio;   ///< step at which each row blocks; before that which x_j are wanted            (n)
+  double* state;   ///< what the method remembers                                                  (4)
+  DenseMatrix T;   ///< values of the basic variables, z0's column, the pairs' columns             (n * (n + 2))
+
+  template <class System>
+  explicit STICTION_HD Tableau(const System& s)
+      : n(s.n),
+        unit(s.wide_vector(0, n)),
+        lo(s.wide_vector(1, n)),
+        hi(s.wide_vector(2, n)),
+        side(s.wide_vector(3, n)),
+        basic(s.wide_vector(4, n)),
+        place(s.wide_vector(5, n)),
+        column(s.wide_vector(7, n)),
+        ratio(s.wide_vector(8, n)),
+        state(s.wide_vector(9, n)),
+        T{s.wide_vector(kVectors - 2, n), n} {}
+
+  [[nodiscard]] STICTION_HD Index artificial() const { return 2 * n; }
+  [[nodiscard]] STICTION_HD Index variable_of(Index row) const { return static_cast<Index>(basic[row]); }
+  [[nodiscard]] STICTION_HD bool is_basic(Index variable) const { return place[variable] >= 0.0; }
+  /// Row of a basic variable.
+  [[nodiscard]] STICTION_HD Index row_of(Index variable) const { return static_cast<Index>(place[variable]); }
+  /// Column of a variable that is not; z0 enters from its own.
+  [[nodiscard]] STICTION_HD Index column_of(Index variable) const {
+    return variable == artificial() ? 1 : static_cast<Index>(-1.0 - place[variable]);
+  }
+  [[nodiscard]] STICTION_HD double& value(Index row) const { return T(row, 0); }
+
+  [[nodiscard]] STICTION_HD double lower(Index variable) const {
+    if (variable < n) return lo[variable];
+    return variable < artificial() && side[variable - n] <= 0.0 ? 0.0 - __builtin_huge_val() : 0.0;
+  }
+  [[nodiscard]] STICTION_HD double upper(Index variable) const {
+    if (variable < n) return hi[variable];
+    return variable < artificial() && side[variable - n] < 0.0 ? 0.0 : __builtin_huge_val();
+  }
+  /// Value of a variable that is not basic.
+  [[nodiscard]] STICTION_HD double rest(Index variable) const {
+    if (variable >= n) return 0.0;
+    const double bound = side[variable] < 0.0 ? hi[variable] : lo[variable];
+    return finite_(bound) ? bound : 0.0;
+  }
+};
+
+/// The variable `entering` moves by `change` and takes the place of the basic variable of `row`.
+template <Block B>
+STICTION_HD_OUTLINE void exchange(B& block, const Tableau& t, Index row, Index entering, double change) {
+  const Index n = t.n;
+  const Index c = t.column_of(entering);
+  const Index leaving = t.variable_of(row);
+  const double pivot = t.T(row, c);
+  const double arrived = t.rest(entering) + change;
+  const Index columns = n + 2;
+  for_each(block, columns, [&](Index k) {
+    if (k < n) t.column[k] = t.T(k, c);
+    if (k > 0 && k != c) t.T(row, k) = div_(0.0 - t.T(row, k), pivot);
+  });
+  // A zero of the pivot's row leaves its whole column as it is.
+  const auto update = [&](Index i, Index k) {
+    if (i != row) t.T(i, k) = fma_(t.column[i], t.T(row, k), t.T(i, k));
+  };
+  if (block.size() == 1) {
+    for (Index k = 1; k < columns; ++k)
+      if (k != c && t.T(row, k) != 0.0)
+        for (Index i = 0; i < n; ++i) update(i, k);
+  } else {
+    for (Index i = block.rank(); i < n; i += block.size())
+      for (Index k = 1; k < columns; ++k)
+        if (k != c && t.T(row, k) != 0.0) update(i, k);
+  }
+  for_each(block, n, [&](Index i) {
+    t.T(i, c) = i == row ? div_(1.0, pivot) : div_(t.column[i], pivot);
+    t.value(i) = i == row ? arrived : fma_(t.column[i], change, t.value(i));
+  });
+  single(block, [&] {
+    t.basic[row] = static_cast<double>(entering);
+    if (entering != t.artificial()) t.place[entering] = static_cast<double>(row);
+    if (leaving != t.artificial()) t.place[leaving] = -1.0 - static_cast<double>(c);
+  });
+}
+
+/// The dictionary in which every y is basic: y = M x + b in rows and columns scaled by powers of two to diagonals of
+/// order one, x resting at its bounds.
+template <Block B, class System>
+STICTION_HD_OUTLINE void write_dictionary(B& block, const System& s, const Tableau& t) {
+  const Index n = t.n;
+  fill_matrix(block, s, DenseMatrix{&t.T(0, 2), n});
+  for_each(block, n, [&](Index i) {
+    const double diagonal = t.T(i, 2 + i);
+    t.unit[i] = diagonal > 0.0 ? unit_scale(sqrt_(diagonal)) : 1.0;
+  });
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr ConeKind kKind = decltype(shape)::kKind;
+    const double infinite = __builtin_huge_val();
+    const double inverse = div_(1.0, t.unit[row]);
+    t.lo[row] = kKind == ConeKind::free  ? 0.0 - infinite
+                : kKind == ConeKind::box ? static_cast<double>(s.lo[cone]) * inverse
+                                         : 0.0;
+    t.hi[row] = kKind == ConeKind::box ? static_cast<double>(s.hi[cone]) * inverse : infinite;
+  });
+  for_each(block, n, [&](Index i) {
+    for (Index j = 0; j < n; ++j) t.T(i, 2 + j) = t.T(i, 2 + j) * (t.unit[i] * t.unit[j]);
+    t.T(i, 1) = 0.0;
+    t.basic[i] = static_cast<double>(n + i);
+    t.place[i] = -3.0 - static_cast<double>(i);
+    t.place[n + i] = static_cast<double>(i);
+  });
+}
+
+/// The values of the basic y: b plus what x at rest contributes.
+template <Block B, class System>
+STICTION_HD_OUTLINE void write_values(B& block, const System& s, const Tableau& t) {
+  for_each(block, t.n, [&](Index i) {
+    double sum = static_cast<double>(s.b[i]) * t.unit[i];
+    for (Index j = 0; j < t.n; ++j) {
+      const double rest = t.rest(j);
+      if (rest != 0.0) sum = fma_(t.T(i, 2 + j), rest, sum);
+    }
+    t.value(i) = sum;
+  });
+}
+
+/// Makes the x_j with wanted[j] = 1 basic in place of the y_j, starting from the dictionary just written: elimination
+/// with complete pivoting, a tie going to the diagonal. What has no pivot left that is above rounding is dependent on
+/// what went before it; its x stays at rest, where a consistent system has y = 0.
+template <Block B>
+STICTION_HD_OUTLINE void bring_in(B& block, const Tableau& t, const double* wanted) {
+  const Index n = t.n;
+  double first = 0.0;
+  for (Index step = 0; step < n; ++step) {
+    const double none = 0.0 - __builtin_huge_val();
+    double largest = 0.0;
+    double key = none;  // minus the number of the pair, so that the first of several is the largest
+    for (Index j = block.rank(); j < n; j += block.size()) {
+      if (wanted[j] != 1.0 || t.is_basic(j)) continue;
+      const Index c = t.column_of(j);
+      for (Index i = 0; i < n; ++i) {
+        if (wanted[i] != 1.0 || t.variable_of(i) != n + i) continue;
+        const double entry = abs_(t.T(i, c));
+        const double own = 0.0 - static_cast<double>(i == j ? i : n + j * n + i);
+        if (entry > largest || (entry == largest && own > key)) {
+          largest = entry;
+          key = own;
+        }
+      }
+    }
+    const double found = block.max(largest);
+    const double chosen = block.max(found > 0.0 && largest == found ? key : none);
+    if (step == 0) first = found;
+    if (!(found > Tableau::kRelativePivot * first)) return;
+    const auto pair = static_cast<Index>(0.0 - chosen);
+    const Index row = pair < n ? pair : (pair - n) % n;
+    const Index entering = pair < n ? pair : (pair - n) / n;
+    exchange(block, t, row, entering, div_(0.0 - t.value(row), t.T(row, t.column_of(entering))));
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,97 @@
+#pragma once
+
+#include "core/algorithm/linear/block/cone_blocks.hpp"
+#include "core/algorithm/linear/block/wide_product.hpp"
+#include "core/algorithm/linear/dense/dense_product.hpp"
+#include "core/algorithm/linear/dense/fill_matrix.hpp"
+#include "core/algorithm/linear/krylov/bicgstab.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// What both branches of Newton's method keep in doubles. The first vectors mean the same in both; the others belong to
+/// one branch, of which an environment takes only one.
+enum NewtonVector : Index {
+  kCompliance = 0,  ///< R, in the solver's coordinates
+  kPoint,           ///< zeta; proximal: x
+  kMotion,          ///< u = A zeta + b; proximal: y = (A + R) x + b
+  kGap,             ///< zeta - x(u); proximal: what the natural map is off by
+  kStep,            ///< Newton's direction d
+  kImage,           ///< A d; proximal: (A + R) d
+  kOfCone,          ///< by cone: what a sum over cones is made of
+  kOfConeToo,       ///< the same
+  kZones,           ///< by cone: ConeZone at the last factorisation
+  kUnknown,         ///< right-hand side and solution of the factored system
+  kFactor,          ///< C, six columns: entry (k, j) of the cone at row r at 6 (r + k) + j
+  kNewtonVectors = kFactor + 6,
+  kCentre = kZones,            ///< proximal: the point that the proximal term pulls to
+  kPivots = kFactor,           ///< proximal: exchanged rows
+  kTrial = kFactor + 1,        ///< proximal: the point tried
+  kTrialMotion = kFactor + 2,  ///< proximal: its motion
+  // Instead of matrices.
+  kDiagonal = kNewtonVectors,                   ///< of A; proximal: of A + R
+  kTurned,                                      ///< primal: C times a vector; proximal: derivative of norm(y_t)
+  kGuess,                                       ///< primal: where the search for t begins
+  kConeFactors,                                 ///< the cones' blocks of the step's matrix: factors; proximal: inverses
+  kDerivative = kConeFactors + kConeBlockRoom,  ///< proximal: P', six columns
+  kGradients = kDerivative + kConeBlockRoom,    ///< vectors of the method of gradients
+  kNewtonEnd = kGradients + kStabilizedVectors,
+};
+static_assert(kGradientVectors <= kStabilizedVectors);
+
+inline constexpr Index kNewtonMatrices = 2;
+inline constexpr Index kNewtonGradientRoom = kNewtonEnd - kNewtonVectors;  ///< vectors, instead of the matrices
+
+/// The vectors and matrices of one environment.
+struct NewtonRoom {
+  double* first;
+  Index n;
+  bool has_matrices;  ///< else steps are found by gradients
+
+  [[nodiscard]] STICTION_HD double* vector(Index k) const { return first + Offset{k} * n; }
+  [[nodiscard]] STICTION_HD DenseMatrix matrix(Index k) const {
+    return {first + Offset{kNewtonVectors} * n + Offset{k} * n * n, n};
+  }
+  /// Entry i of the diagonal of A; proximal: of A + R.
+  [[nodiscard]] STICTION_HD double diagonal(Index i) const {
+    return has_matrices ? matrix(0)(i, i) : vector(kDiagonal)[i];
+  }
+};
+template <class System>
+STICTION_HD NewtonRoom newton_room(const System& s) {
+  return {s.wide, s.n, s.has_matrices};
+}
+
+/// A cone's rows of a vector.
+template <int M, class Vector>
+STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
+  for (int k = 0; k < M; ++k) to[k] = static_cast<double>(from[row + k]);
+}
+
+/// store(i, base(i) + row i of A times in); with kCompliance of A + R. Matrix 0, where it is there, is that one.
+template <bool kCompliance, Block B, class System, class Base, class Store>
+STICTION_HD_OUTLINE void multiply_motion(B& block, const System& s, const double* in, const Base& base,
+                                         const Store& store) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      prepare_wide_product(block, s, in);
+      for_each(block, s.n, [&](Index i) {
+        const double start = kCompliance ? fma_(static_cast<double>(s.R[i]), in[i], base(i)) : base(i);
+        store(i, wide_row(s, i, in, start));
+      });
+      return;
+    }
+  multiply_dense(block, room.matrix(0), in, base, store);
+}
+
+/// One vector's motion, b included, into another.
+template <bool kCompliance, Block B, class System>
+STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
+  const NewtonRoom room = newton_room(s);
+  double* const y = room.vector(motion);
+  multiply_motion<kCompliance>(
+      block, s, room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
+      [&](Index i, double value) { y[i] = value; });
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,257 @@
+#pragma once
+
+#include "core/algorithm/linear/line_search.hpp"
+#include "core/algorithm/solver/newton/compliant_cone.hpp"
+#include "core/algorithm/solver/newton/primal_matrix_free.hpp"
+
+/// Newton's method for the convex law with compliance on every row: minimise phi(zeta) = zeta'A zeta / 2 + psi(A zeta +
+/// b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the iterates of
+/// Newton's method on the velocity, v = v_free + M^-1 J' zeta, as MuJoCo and SAP have it, but A is all it needs.
+namespace stiction::inline STICTION_ISA {
+
+/// Part of the slope at the beginning of a line that may be left where it ends.
+inline constexpr double kSlopeLeft = 1e-3;
+
+template <class Shape, class System>
+STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, Index cone, Index row,
+                                                  const double (&u)[Shape::kRows], double (&R)[Shape::kRows]) {
+  read_cone(newton_room(s).vector(kCompliance), row, R);
+  double lo = 0.0;
+  double hi = 0.0;
+  if constexpr (Shape::kKind == ConeKind::box) {
+    lo = static_cast<double>(s.lo[cone]);
+    hi = static_cast<double>(s.hi[cone]);
+  }
+  return compliant_point(shape, u, R, lo, hi);
+}
+
+/// Takes the compliance from A + R, and s.x as the first point.
+template <Block B, class System>
+STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
+  const NewtonRoom room = newton_room(s);
+  const DenseMatrix A = room.matrix(0);
+  double* const R = room.vector(kCompliance);
+  if (room.has_matrices) fill_matrix(block, s, A);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int k = 0; k < kRows; ++k) {
+      double& diagonal = room.has_matrices ? A(row + k, row + k) : room.vector(kDiagonal)[row + k];
+      if (!room.has_matrices) diagonal = static_cast<double>(s.block_entry(row, k, k));
+      diagonal = diagonal - R[row + k];
+      // An axis without friction has no motion here either, and any compliance keeps its reaction at zero.
+      if (!(R[row + k] > 0.0)) R[row + k] = R[row];
+      room.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
+    }
+    room.vector(kZones)[cone] = -1.0;
+  });
+  renew_motion<false>(block, s, kPoint, kMotion);
+}
+
+/// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
+template <Block B, class System>
+STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
+  const NewtonRoom room = newton_room(s);
+  double changed = 0.0;
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double R[kRows];
+    double C[kRows][kRows];
+    read_cone(room.vector(kMotion), row, u);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    compliance_factor(shape, point, R, C);
+    for (int k = 0; k < kRows; ++k) {
+      room.vector(kGap)[row + k] = room.vector(kPoint)[row + k] - point.x[k];
+      for (int j = 0; j < kRows; ++j) room.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
+    }
+    if constexpr (kMultipliesWide<System>)
+      if (!room.has_matrices) guess_unknown(shape, room, row, point, R, C);
+    double& zone = room.vector(kZones)[cone];
+    const auto now = static_cast<double>(point.zone);
+    if (zone != now || point.zone == kSlides) changed = 1.0;
+    zone = now;
+  });
+  return block.max(changed) > 0.0;
+}
+
+/// The second matrix becomes the factors of I + C'AC; its cones' blocks are factored where it has no room.
+template <Block B, class System>
+STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      prepare_curvature(block, s);
+      return;
+    }
+  const DenseMatrix A = room.matrix(0);
+  const DenseMatrix K = room.matrix(1);
+  const double* const C = room.vector(kFactor);
+  SerialBlock alone;
+  s.for_each_cone(alone, [&](auto shape, Index, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int j = 0; j < kRows; ++j) {
+      double c[kRows];
+      bool is_zero = true;
+      for (int k = 0; k < kRows; ++k) {
+        c[k] = C[Offset{6} * (row + k) + j];
+        is_zero = is_zero && c[k] == 0.0;
+      }
+      // Most cones of a robot are open or at a bound, and the columns of such are zero.
+      for (Index i = block.rank(); i < s.n; i += block.size()) {
+        double sum = 0.0;
+        for (int k = 0; !is_zero && k < kRows; ++k) sum = fma_(A(i, row + k), c[k], sum);
+        K(i, row + j) = sum;
+      }
+    }
+  });
+  block.sync();
+  // The lower triangle is all that is read.
+  for_each(block, s.n, [&](Index j) {
+    s.for_each_cone(alone, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      if (row + kRows <= j) return;
+      double sum[kRows];
+      for (int i = 0; i < kRows; ++i) {
+        sum[i] = row + i == j ? 1.0 : 0.0;
+        for (int k = 0; k < kRows; ++k) sum[i] = fma_(C[Offset{6} * (row + k) + i], K(row + k, j), sum[i]);
+      }
+      for (int i = 0; i < kRows; ++i) K(row + i, j) = sum[i];
+    });
+  });
+  factor_ldl(block, K, 0.0);
+}
+
+/// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
+template <Block B, class System>
+STICTION_HD void solve_curvature(B& block, const System& s, double accuracy) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      solve_curvature_by_gradients(block, s, accuracy);
+      return;
+    }
+  solve_ldl(block, room.matrix(1), room.vector(kUnknown));
+}
+
+/// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
+template <Block B, class System>
+STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accuracy) {
+  const NewtonRoom room = newton_room(s);
+  double* const image = room.vector(kImage);
+  double* const t = room.vector(kUnknown);
+  double* const d = room.vector(kStep);
+  const double* const C = room.vector(kFactor);
+  const auto zero = [](Index) { return 0.0; };
+  const auto into_image = [&](Index i, double value) { image[i] = value; };
+  const auto add_answers = [&](const double* unknown) {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      constexpr int kRows = decltype(shape)::kRows;
+      for (int k = 0; k < kRows; ++k)
+        for (int j = 0; j < kRows; ++j) d[row + k] = fma_(C[Offset{6} * (row + k) + j], unknown[row + j], d[row + k]);
+    });
+  };
+  for_each(block, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
+  if (!room.has_matrices) add_answers(room.vector(kGuess));
+  multiply_motion<false>(block, s, d, zero, into_image);
+  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (int j = 0; j < kRows; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < kRows; ++k) sum = fma_(C[Offset{6} * (row + k) + j], image[row + k], sum);
+      t[row + j] = 0.0 - sum;
+      if (!room.has_matrices) t[row + j] = t[row + j] - room.vector(kGuess)[row + j];
+    }
+  });
+  solve_curvature(block, s, accuracy);
+  add_answers(t);
+  multiply_motion<false>(block, s, d, zero, into_image);
+}
+
+/// phi' and phi'' on the line, at zeta + alpha d.
+template <Block B, class System>
+STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha) {
+  const NewtonRoom room = newton_room(s);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double d[kRows];
+    double image[kRows];
+    double zeta[kRows];
+    double R[kRows];
+    double C[kRows][kRows];
+    read_cone(room.vector(kStep), row, d);
+    read_cone(room.vector(kImage), row, image);
+    read_cone(room.vector(kPoint), row, zeta);
+    read_cone(room.vector(kMotion), row, u);
+    for (int k = 0; k < kRows; ++k) u[k] = fma_(alpha, image[k], u[k]);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    compliance_factor(shape, point, R, C);
+    double slope = 0.0;
+    double curvature = 0.0;
+    for (int k = 0; k < kRows; ++k) {
+      slope = fma_(image[k], fma_(alpha, d[k], zeta[k]) - point.x[k], slope);
+      curvature = fma_(image[k], d[k], curvature);
+    }
+    for (int j = 0; j < kRows; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < kRows; ++k) sum = fma_(C[k][j], image[k], sum);
+      curvature = fma_(sum, sum, curvature);
+    }
+    room.vector(kOfCone)[cone] = slope;
+    room.vector(kOfConeToo)[cone] = curvature;
+  });
+  const double slope = sum_values(block, room.vector(kOfCone), s.cones);
+  return {slope, sum_values(block, room.vector(kOfConeToo), s.cones)};
+}
+
+/// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
+/// rounding of its motion as it does to motion.
+template <Block B, class System>
+STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < s.n; i += kReduceLeaves) {
+      const double reaction = abs_(room.vector(kPoint)[i]);
+      const double motion = fma_(room.diagonal(i), reaction, abs_(room.vector(kMotion)[i]));
+      const double answer = reaction + div_(motion, room.vector(kCompliance)[i]);
+      sum = fma_(abs_(room.vector(kImage)[i]), answer, sum);
+    }
+    return sum;
+  });
+  return 0x1p-50 * terms;
+}
+
+/// One iteration. Returns whether there was nothing left to gain but rounding, on every lane.
+template <Block B, class System>
+STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
+  using Real = typename System::Real;
+  const NewtonRoom room = newton_room(s);
+  if (linearise(block, s)) factor_curvature(block, s);
+  find_direction(block, s, kPrimalAccuracy);
+  double noise = slope_noise(block, s);
+  LinePoint here = look_along(block, s, 0.0);
+  if (!room.has_matrices && !(here.slope < 0.0 - noise)) {
+    find_direction(block, s, kPrimalCare);
+    noise = slope_noise(block, s);
+    here = look_along(block, s, 0.0);
+  }
+  const bool is_exhausted = !(here.slope < 0.0 - noise);
+  const double alpha =
+      is_exhausted ? 1.0
+                   : search_line([&](double at) { return look_along(block, s, at); }, here.slope, kSlopeLeft, noise);
+  for_each(block, s.n,
+           [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
+  renew_motion<false>(block, s, kPoint, kMotion);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double u[kRows];
+    double R[kRows];
+    read_cone(room.vector(kMotion), row, u);
+    const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
+    for (int k = 0; k < kRows; ++k) s.x[row + k] = static_cast<Real>(point.x[k]);
+  });
+  return is_exhausted;
+}
+
+}  // namespace stiction::inline STICTION_ISA

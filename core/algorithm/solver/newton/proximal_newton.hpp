@@ -1,0 +1,272 @@
+#pragma once
+
+#include "core/algorithm/linear/dense/dense_lu.hpp"
+#include "core/algorithm/solver/newton/cone_derivative.hpp"
+#include "core/algorithm/solver/newton/proximal_matrix_free.hpp"
+#include "core/algorithm/solver/npgs.hpp"
+
+/// Semismooth Newton on the natural map with a proximal term: Coulomb's law, and the convex law where some row has no
+/// compliance (docs/math/newton.md). It converges from nearby, so sweeps with momentum bring it there, at the beginning
+/// and whenever a step does not make the natural map smaller; the term is then weighted more again.
+namespace stiction::inline STICTION_ISA {
+
+inline constexpr int kSweepsBefore = 10;  ///< sweeps at the beginning and when Newton's method is of no use
+inline constexpr int kBacktracks = 6;
+inline constexpr float kProximalStart = 1e-2F;  ///< weight of the proximal term over the mean diagonal
+inline constexpr float kProximalMost = 1.0F;    ///< the same at most
+inline constexpr float kProximalFall = 0.3F;    ///< its factor once the problem with it is solved, and where no step
+inline constexpr float kProximalRise = 3.0F;    ///< makes it smaller
+inline constexpr float kProximalLeast = 1e-12F;
+/// Part of the natural map that the proximal problem may leave before its centre moves.
+inline constexpr double kInnerPart = 0.1;
+
+/// One cone of the natural map x - P(x - D g), g the motion with de Saxce's and the proximal term.
+template <int M>
+struct ProximalPoint {
+  double gap[M];
+  double z[M];    ///< what is projected
+  double weight;  ///< 1 / D: the gap in units of w
+  double lo, hi;
+};
+
+template <Law kLaw, class Shape, class System, int M>
+STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index cone, const double (&x)[M],
+                                                  const double (&y)[M], const double (&centre)[M], double pull) {
+  ProximalPoint<M> point;
+  const double D = natural_step(s, cone);
+  point.weight = div_(1.0, D);
+  point.lo = point.hi = 0.0;
+  if constexpr (Shape::kKind == ConeKind::box) {
+    point.lo = static_cast<double>(s.lo[cone]);
+    point.hi = static_cast<double>(s.hi[cone]);
+  }
+  double shift = 0.0;
+  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) shift = tangential_norm<M>(y);
+  double g[M];
+  double projected[M];
+  for (int k = 0; k < M; ++k) {
+    g[k] = fma_(pull, x[k] - centre[k], k == 0 ? y[k] + shift : y[k]);
+    point.z[k] = projected[k] = fma_(0.0 - D, g[k], x[k]);
+  }
+  double still[M] = {};
+  proximal_point<Law::convex>(shape, projected, still, 0.0, point.lo, point.hi);
+  for (int k = 0; k < M; ++k) point.gap[k] = x[k] - projected[k];
+  return point;
+}
+
+/// Squared length of the natural map, in units of w, without and with the proximal term.
+struct Merit {
+  double natural;
+  double proximal;
+};
+template <Law kLaw, Block B, class System>
+STICTION_HD_OUTLINE Merit merit_at(B& block, const System& s, Index point, Index motion, double pull) {
+  const NewtonRoom room = newton_room(s);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double x[kRows];
+    double y[kRows];
+    double centre[kRows];
+    read_cone(room.vector(point), row, x);
+    read_cone(room.vector(motion), row, y);
+    read_cone(room.vector(kCentre), row, centre);
+    const auto squares = [&](double weight) {
+      const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, weight);
+      double sum = 0.0;
+      for (int k = 0; k < kRows; ++k) sum = fma_(at.gap[k], at.gap[k], sum);
+      return (sum * at.weight) * at.weight;
+    };
+    room.vector(kOfCone)[cone] = squares(0.0);
+    room.vector(kOfConeToo)[cone] = squares(pull);
+  });
+  const double natural = sum_values(block, room.vector(kOfCone), s.cones);
+  return {natural, sum_values(block, room.vector(kOfConeToo), s.cones)};
+}
+
+/// Gap and derivative of the proximal natural map: the second matrix becomes F', its cones' blocks where it has no
+/// room.
+template <Law kLaw, Block B, class System>
+STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pull) {
+  const NewtonRoom room = newton_room(s);
+  const DenseMatrix A = room.matrix(0);
+  const DenseMatrix K = room.matrix(1);
+  double* const d = room.vector(kStep);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double x[kRows];
+    double y[kRows];
+    double centre[kRows];
+    read_cone(room.vector(kPoint), row, x);
+    read_cone(room.vector(kMotion), row, y);
+    read_cone(room.vector(kCentre), row, centre);
+    const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, pull);
+    NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), pull};
+    projection_derivative(shape, at.z, at.lo, at.hi, slope.P);
+    if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb) {
+      const double length = tangential_norm<kRows>(y);
+      if (length > 0.0)
+        for (int k = 1; k < kRows; ++k) slope.turn[k] = div_(y[k], length);
+    }
+    for (int k = 0; k < kRows; ++k) d[row + k] = 0.0 - at.gap[k];
+    if constexpr (kMultipliesWide<System>)
+      if (!room.has_matrices) {
+        prepare_slope(s, row, slope);
+        return;
+      }
+    for (Index j = 0; j < s.n; ++j) {
+      double own[kRows];
+      double image[kRows];
+      double entry[kRows];
+      for (int k = 0; k < kRows; ++k) {
+        own[k] = row + k == j ? 1.0 : 0.0;
+        image[k] = A(row + k, j);
+      }
+      slope.apply(own, image, entry);
+      for (int k = 0; k < kRows; ++k) K(row + k, j) = entry[k];
+    }
+  });
+}
+
+/// kStep, the right-hand side, becomes the solution.
+template <Block B, class System>
+STICTION_HD_OUTLINE void solve_natural(B& block, const System& s, double pull) {
+  const NewtonRoom room = newton_room(s);
+  if constexpr (kMultipliesWide<System>)
+    if (!room.has_matrices) {
+      solve_natural_by_gradients(block, s, pull);
+      return;
+    }
+  factor_lu(block, room.matrix(1), room.vector(kPivots));
+  solve_lu(block, room.matrix(1), room.vector(kPivots), room.vector(kStep));
+}
+
+/// Mean diagonal of A + R, the unit of the proximal term's weight.
+template <class Real, Block B>
+STICTION_HD_OUTLINE Real mean_diagonal(B& block, const NewtonRoom& room) {
+  const double trace = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < room.n; i += kReduceLeaves) sum = sum + room.diagonal(i);
+    return sum;
+  });
+  const double mean = div_(trace, static_cast<double>(room.n));
+  return static_cast<Real>(mean > 0.0 ? mean : 1.0);
+}
+
+/// Takes A + R as a matrix of doubles, or its diagonal. The weight of the proximal term is negative until the first
+/// sweeps are done.
+template <Block B, class System>
+STICTION_HD_OUTLINE void start_proximal(B& block, System& s) {
+  using Real = typename System::Real;
+  const NewtonRoom room = newton_room(s);
+  if (room.has_matrices) {
+    fill_matrix(block, s, room.matrix(0));
+  } else {
+    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      for (int k = 0; k < decltype(shape)::kRows; ++k)
+        room.vector(kDiagonal)[row + k] = static_cast<double>(s.block_entry(row, k, k));
+    });
+  }
+  const Real mean = mean_diagonal<Real>(block, room);
+  single(block, [&] {
+    s.scalar[kTheta] = Real(0);
+    s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
+  });
+}
+
+/// Sweeps with momentum from s.x, which becomes the next point and the centre of the proximal term. Theta is zero if
+/// Newton's method has moved x since the last sweep: then there is no momentum to go on with.
+template <Law kLaw, Block B, class System>
+STICTION_HD_OUTLINE void sweep_closer(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+  using Real = typename System::Real;
+  const NewtonRoom room = newton_room(s);
+  const bool afresh = s.scalar[kTheta] == Real(0);
+  block.sync();
+  if (afresh) {
+    refresh_motion(block, s);
+    Npgs::start<kLaw>(block, s);
+  }
+  for (int k = 0; k < kSweepsBefore; ++k) Npgs::iterate<kLaw>(block, s, params);
+  Npgs::refresh(block, s, true);
+  for_each(block, s.n,
+           [&](Index i) { room.vector(kPoint)[i] = room.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
+  renew_motion<true>(block, s, kPoint, kMotion);
+}
+
+/// The point `length` along d, projected onto the cones, and its motion.
+template <Block B, class System>
+STICTION_HD_OUTLINE void try_step(B& block, const System& s, double length) {
+  const NewtonRoom room = newton_room(s);
+  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double x[kRows];
+    double still[kRows] = {};
+    for (int k = 0; k < kRows; ++k) x[k] = fma_(length, room.vector(kStep)[row + k], room.vector(kPoint)[row + k]);
+    proximal_point<Law::convex>(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]));
+    for (int k = 0; k < kRows; ++k) room.vector(kTrial)[row + k] = x[k];
+  });
+  renew_motion<true>(block, s, kTrial, kTrialMotion);
+}
+
+/// The natural map that rounding leaves of a solution, squared.
+template <Block B, class System>
+STICTION_HD_OUTLINE double merit_noise(B& block, const System& s) {
+  const NewtonRoom room = newton_room(s);
+  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index i = leaf; i < s.n; i += kReduceLeaves) {
+      const double term = room.diagonal(i) * room.vector(kPoint)[i];
+      sum = fma_(term, term, sum);
+    }
+    return sum;
+  });
+  return 0x1p-100 * terms;
+}
+
+/// One iteration. Returns whether there was nothing left to gain but rounding, on every lane.
+template <Law kLaw, Block B, class System>
+STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
+                                          const MethodParams<Scalar<typename System::Real>>& params) {
+  using Real = typename System::Real;
+  const NewtonRoom room = newton_room(s);
+  const Real weight = s.scalar[kLipschitz];
+  block.sync();
+  if (weight < Real(0)) sweep_closer<kLaw>(block, s, params);
+  const auto pull = static_cast<double>(abs_(weight));
+  const Merit here = merit_at<kLaw>(block, s, kPoint, kMotion, pull);
+  const double noise = merit_noise(block, s);
+  linearise_proximal<kLaw>(block, s, pull);
+  solve_natural(block, s, pull);
+  double length = 1.0;
+  Merit there = here;
+  bool is_better = false;
+  for (int trial = 0; trial <= kBacktracks && !is_better; ++trial) {
+    if (trial > 0) length = 0.5 * length;
+    try_step(block, s, length);
+    there = merit_at<kLaw>(block, s, kTrial, kTrialMotion, pull);
+    is_better = there.proximal < (1.0 - 1e-4 * length) * here.proximal;
+  }
+  const bool is_solved = is_better && there.proximal <= (kInnerPart * kInnerPart) * there.natural;
+  if (is_better) {
+    for_each(block, s.n, [&](Index i) {
+      const double x = room.vector(kTrial)[i];
+      room.vector(kPoint)[i] = x;
+      room.vector(kMotion)[i] = room.vector(kTrialMotion)[i];
+      if (is_solved) room.vector(kCentre)[i] = x;
+      s.x[i] = static_cast<Real>(x);
+    });
+  }
+  Real next = abs_(weight);
+  if (is_solved) next = max_(next * Real(kProximalFall), Real(kProximalLeast));
+  if (!is_better) {
+    const Real most = Real(kProximalMost) * mean_diagonal<Real>(block, room);
+    next = max_(next, min_(next * Real(kProximalRise), most));
+  }
+  single(block, [&] {
+    if (is_better) s.scalar[kTheta] = Real(0);
+    s.scalar[kLipschitz] = next;
+  });
+  if (!is_better) sweep_closer<kLaw>(block, s, params);
+  return !is_better && here.natural <= noise;
+}
+
+}  // namespace stiction::inline STICTION_ISA

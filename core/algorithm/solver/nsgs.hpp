@@ -1,0 +1,34 @@
+#pragma once
+
+#include "core/algorithm/solver/pgs.hpp"
+#include "core/algorithm/sweep/exact_local_solve.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// A cone's step that solves Coulomb's law of a friction cone exactly; rows of their own have that already, and under
+/// the convex law the visit stays the usual one.
+struct ExactStep {
+  template <Law kLaw, class Shape, class System>
+  static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
+                             const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
+    if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
+      return exact_coulomb_step<Shape::kRows>(s, cone, row, y, omega);
+    } else {
+      return local_step<kLaw>(shape, s, cone, row, y, omega);
+    }
+  }
+};
+
+/// Nonsmooth Gauss-Seidel (docs/math/nsgs.md; Jourdan, Alart, Jean 1998): sweeps as pgs makes them, with the exact
+/// solution of each contact in place of a step towards it.
+struct Nsgs : Pgs {
+  static constexpr SolverKind kKind = SolverKind::nsgs;
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+    using Real = typename System::Real;
+    sweep<kLaw, ExactStep>(block, s, Real(params.omega));
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

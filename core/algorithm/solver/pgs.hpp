@@ -1,0 +1,42 @@
+#pragma once
+
+#include "core/algorithm/sweep/sweep.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Options of an iteration, as numbers of the solve's precision.
+template <class Real>
+struct MethodParams {
+  Real omega;
+  bool is_rung = false;  ///< of the ladder: what cannot be treated well is tried all the same, from the answer there is
+};
+
+/// Projected Gauss-Seidel by cones, relaxed by omega (docs/math/pgs.md; Jourdan, Alart, Jean 1998 for the Coulomb
+/// form).
+struct Pgs {
+  static constexpr SolverKind kKind = SolverKind::pgs;
+  static STICTION_HD constexpr MethodRoom room() { return {}; }
+  static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
+  /// Whether it iterates on a SystemPair as well.
+  static constexpr bool kTakesPairs = true;
+  /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
+  template <class System>
+  static constexpr bool kKeepsMotion = System::kMaintainsMotion;
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void start(B&, System&) {}
+
+  template <Law kLaw, Block B, class System>
+  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+    using Real = typename System::Real;
+    sweep<kLaw>(block, s, Real(params.omega));
+  }
+
+  /// Computes maintained motion afresh in the lanes of `due`.
+  template <Block B, class System>
+  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

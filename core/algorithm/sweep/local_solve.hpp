@@ -1,0 +1,113 @@
+#pragma once
+
+#include "core/algorithm/problem/cone_projection.hpp"
+#include "core/algorithm/problem/cone_shape.hpp"
+#include "core/base/strided.hpp"
+
+/// One cone's step from its current x and motion y, in the solver's coordinates (docs/math/local_solve.md).
+namespace stiction::inline STICTION_ISA {
+
+/// Change of one cone's x.
+template <class Real, int M>
+struct ConeStep {
+  Real d[M];
+};
+
+/// Friction, exact Coulomb law: the normal row alone, then the tangential rows on the disk that the fresh normal
+/// reaction spans, with their motion corrected for the change of the normal. The fixed point satisfies the Coulomb law
+/// itself (w_n complementary to lambda_n, friction opposing sliding), so de Saxce's term does not appear.
+template <int M, class System>
+STICTION_HD auto coulomb_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                              typename System::Real omega) {
+  using Real = typename System::Real;
+  ConeStep<Real, M> step;
+  const Real x_n = s.x[row];
+  const Real fresh = project_half_line(fma_(Real(0) - omega * s.inv_n[cone], y[0], x_n));
+  step.d[0] = fresh - x_n;
+  const Real gain = Real(0) - omega * s.inv_t[cone];
+  Real z[M];
+  z[0] = fresh;
+  for (int k = 1; k < M; ++k) {
+    const Real motion = fma_(s.block_entry(row, k, 0), step.d[0], y[k]);
+    z[k] = fma_(gain, motion, s.x[row + k]);
+  }
+  project_disk<M>(z, fresh);
+  for (int k = 1; k < M; ++k) step.d[k] = z[k] - s.x[row + k];
+  return step;
+}
+
+/// Friction, convex law: a proximal step on the whole cone in a metric of two numbers that bounds its block, repeated
+/// on the local problem. Normal-then-tangent would stop at points that are not the minimiser, because the cone couples
+/// the two.
+template <int M, class System>
+STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                             typename System::Real omega) {
+  using Real = typename System::Real;
+  constexpr int kLocalSteps = 2;
+  ConeStep<Real, M> step;
+  Real motion[M];
+  for (int k = 0; k < M; ++k) {
+    step.d[k] = Real(0);
+    motion[k] = y[k];
+  }
+  const Real damped = Real(0) - omega * s.damping[cone];
+  const Real gain_n = damped * s.inv_n[cone];
+  const Real gain_t = damped * s.inv_t[cone];
+  for (int pass = 0; pass < kLocalSteps; ++pass) {
+    Real z[M];
+    for (int k = 0; k < M; ++k) z[k] = fma_(k == 0 ? gain_n : gain_t, motion[k], s.x[row + k] + step.d[k]);
+    project_second_order_cone<M>(z, s.share[cone]);
+    Real change[M];
+    for (int k = 0; k < M; ++k) {
+      const Real d = z[k] - s.x[row + k];
+      change[k] = d - step.d[k];
+      step.d[k] = d;
+    }
+    if (pass + 1 < kLocalSteps)
+      for (int i = 0; i < M; ++i)
+        for (int j = 0; j < M; ++j) motion[i] = fma_(s.block_entry(row, i, j), change[j], motion[i]);
+  }
+  return step;
+}
+
+/// The step of any cone.
+template <Law kLaw, class Shape, class System>
+STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
+                            const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
+  using Real = typename System::Real;
+  constexpr int kRows = Shape::kRows;
+  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
+    return coulomb_step<kRows>(s, cone, row, y, omega);
+  } else if constexpr (Shape::kKind == ConeKind::friction) {
+    return convex_step<kRows>(s, cone, row, y, omega);
+  } else {
+    const Real x = s.x[row];
+    const Real z = fma_(Real(0) - omega * s.inv_n[cone], y[0], x);
+    if constexpr (Shape::kKind == ConeKind::free) {
+      return ConeStep<Real, 1>{{z - x}};
+    } else if constexpr (Shape::kKind == ConeKind::box) {
+      return ConeStep<Real, 1>{{clamp_(z, s.lo[cone], s.hi[cone]) - x}};
+    } else {
+      return ConeStep<Real, 1>{{project_half_line(z) - x}};
+    }
+  }
+}
+
+/// A proximal step of any cone with one step length: P(x - gain * y), de Saxce's term added to y under the Coulomb law.
+/// What the methods take that move all cones at once.
+template <Law kLaw, class Shape, class Real, int M>
+STICTION_HD void proximal_point(Shape, Real (&z)[M], const Real (&y)[M], Real gain, Real lo, Real hi) {
+  Real motion = y[0];
+  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) motion = motion + tangential_norm<M>(y);
+  z[0] = fma_(Real(0) - gain, motion, z[0]);
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    for (int k = 1; k < M; ++k) z[k] = fma_(Real(0) - gain, y[k], z[k]);
+    project_second_order_cone<M>(z);
+  } else if constexpr (Shape::kKind == ConeKind::unilateral) {
+    z[0] = project_half_line(z[0]);
+  } else if constexpr (Shape::kKind == ConeKind::box) {
+    z[0] = clamp_(z[0], lo, hi);
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,176 @@
+#pragma once
+
+#include "core/algorithm/sweep/local_solve.hpp"
+#include "core/algorithm/system/dense_system.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
+#include "core/algorithm/system/system_pair.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// The largest |d_k| of a cone's change.
+template <class Real, int M>
+STICTION_HD Real largest_of(const ConeStep<Real, M>& step) {
+  Real largest = abs_(step.d[0]);
+  for (int k = 1; k < M; ++k) largest = max_(abs_(step.d[k]), largest);
+  return largest;
+}
+/// Size of a cone's change in units of w: that times the cone's mean diagonal.
+template <class Real, int M>
+STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
+  return largest_of(step) * weight;
+}
+
+/// What a sweep does at a cone unless it is told otherwise: the step of docs/math/local_solve.md.
+struct UsualStep {
+  template <Law kLaw, class Shape, class System>
+  static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
+                             const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
+    return local_step<kLaw>(shape, s, cone, row, y, omega);
+  }
+};
+
+/// Moves x of one cone whose motion is maintained. Returns what it has still to push().
+template <Law kLaw, class Local, class Shape, class System>
+STICTION_HD auto move_cone(Shape shape, System& s, Index cone, Index row, typename System::Real omega) {
+  typename System::Real y[Shape::kRows];
+  for (int r = 0; r < Shape::kRows; ++r) y[r] = s.y[row + r];
+  const auto step = Local::template of<kLaw>(shape, s, cone, row, y, omega);
+  for (int r = 0; r < Shape::kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
+  return step;
+}
+
+/// Pushes a cone's change into all of y. Returns its size.
+template <int M, Block B, class System>
+STICTION_HD auto push_step(B& block, System& s, Index cone, Index row, const ConeStep<typename System::Real, M>& step) {
+  using Real = typename System::Real;
+  const Real largest = largest_of(step);
+  // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell: a small change times
+  // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
+  if (any(largest != Real(0))) s.push(block, row, step.d);
+  return largest * s.trace[cone];
+}
+
+/// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
+/// next is visited. Returns the largest step size, on every lane.
+template <Law kLaw, class Local = UsualStep, Block B, class System>
+requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, typename System::Real omega) {
+  using Real = typename System::Real;
+  Real largest(0);
+  s.for_each_in_order([&](auto shape, Index cone, Index row) {
+    const auto step = block.broadcast([&] { return move_cone<kLaw, Local>(shape, s, cone, row, omega); });
+    largest = max_(push_step(block, s, cone, row, step), largest);
+  });
+  return largest;
+}
+
+/// The same of two packs.
+template <Law kLaw, class Local = UsualStep, Block B, class System>
+STICTION_HD auto sweep(B& block, SystemPair<System>& s, typename System::Real omega) {
+  using Real = typename System::Real;
+  NumberPair<Real> largest{Real(0), Real(0)};
+  s.a.for_each_in_order([&](auto shape, Index cone, Index row) {
+    const auto step_a = move_cone<kLaw, Local>(shape, s.a, cone, row, omega);
+    const auto step_b = move_cone<kLaw, Local>(shape, s.b, cone, row, omega);
+    largest.a = max_(push_step(block, s.a, cone, row, step_a), largest.a);
+    largest.b = max_(push_step(block, s.b, cone, row, step_b), largest.b);
+  });
+  return largest;
+}
+
+/// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
+/// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
+template <Law kLaw, class Local = UsualStep, Block B, class RealType>
+STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) {
+  using Real = RealType;
+  const EnvView<Real>& env = *s.env;
+  Real largest(0);
+  for (Index color = 0; color < env.color_count; ++color) {
+    const Index first = env.color_offsets[color];
+    for_each(block, env.color_offsets[color + 1] - first, [&](Index k) {
+      for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p) {
+        const Index cone = env.cone_order[p];
+        const Index row = env.cone_row(cone);
+        with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+          constexpr int kRows = decltype(shape)::kRows;
+          Real y[kRows];
+          for (int r = 0; r < kRows; ++r) y[r] = s.gather(row + r, s.x, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
+          const auto step = Local::template of<kLaw>(shape, s, cone, row, y, omega);
+          for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
+          largest = max_(step_size(step, s.trace[cone]), largest);
+        });
+      }
+    });
+  }
+  return block.max(largest);
+}
+
+/// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
+/// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
+/// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
+template <Law kLaw, class Local = UsualStep, Block B, class RealType>
+STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) {
+  using Real = RealType;
+  const EnvView<Real>& env = *s.env;
+  Real largest(0);
+  s.project(block, s.x);
+  for (Index cone = 0; cone < s.cones; ++cone) {
+    const Index row = env.cone_row(cone);
+    with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+      constexpr int kRows = decltype(shape)::kRows;
+      Real own[kRowParts * kRows];
+      Real* part = own;
+      if (block.size() == 1) {
+        for (int r = 0; r < kRows; ++r) s.partials(row + r, own + r * kRowParts);
+      } else {
+        part = block.template leaves<Real>();
+        for_each(block, kRowParts * kRows,
+                 [&](Index leaf) { part[leaf] = s.partial(row + leaf / kRowParts, leaf % kRowParts); });
+      }
+      const ConeStep<Real, kRows> step = block.broadcast([&] {
+        Real y[kRows];
+        for (int r = 0; r < kRows; ++r)
+          y[r] = s.fold(part + r * kRowParts, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
+        const auto local = Local::template of<kLaw>(shape, s, cone, row, y, omega);
+        for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
+        return local;
+      });
+      largest = max_(push_step(block, s, cone, row, step), largest);
+    });
+  }
+  return largest;
+}
+
+/// Iterations after which maintained motion is computed afresh, so that rounding does not pile up in it.
+inline constexpr Index kRefreshInterval = 16;
+
+/// y = (A + diag R) x + b from scratch.
+template <Block B, class System>
+STICTION_HD void refresh_motion(B& block, System& s) {
+  using Real = typename System::Real;
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
+}
+
+/// The same in the lanes of `due`.
+template <Block B, class System>
+STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due) {
+  using Real = typename System::Real;
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
+}
+
+/// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
+/// relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
+template <Block B, class System, class Vector>
+STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due, Vector y_before) {
+  using Real = typename System::Real;
+  s.multiply(
+      block, s.x, [&](Index i) { return s.b[i]; },
+      [&](Index i, Real motion) {
+        y_before[i] = select(due, y_before[i] + (motion - s.y[i]), y_before[i]);
+        s.y[i] = select(due, motion, s.y[i]);
+      });
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,113 @@
+#pragma once
+
+#include "core/algorithm/problem/cone_shape.hpp"
+#include "core/algorithm/problem/env_view.hpp"
+#include "core/algorithm/system/system_arrays.hpp"
+#include "core/team/phases.hpp"
+#include "core/team/reduce.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// An environment (or a pack of them) as a dense matrix, cones in canonical order. Motion is maintained by columns: a
+/// change of one cone's x is pushed into every row of y at once, so a sweep has no reductions (docs/math/pgs.md).
+///
+/// Slots beyond an environment's own cones hold zeros; they push zeros, so they change no bit of a real row.
+template <class RealType, int kStrideValue = 1>
+struct DenseSystem : SystemArrays<RealType, kStrideValue> {
+  using Real = RealType;
+  static constexpr int kStride = kStrideValue;
+  static constexpr bool kMaintainsMotion = true;
+
+  ConeCounts counts;         ///< cones laid out, padding included
+  Index n = 0;               ///< rows laid out
+  Index cones = 0;           ///< cones laid out
+  Strided<Real, kStride> A;  ///< A + diag R in the solver's coordinates, column-major  (n * n)
+  Strided<Real, kStride> K;  ///< the method's own matrix, where it has one             (n * n)
+
+  static Offset elements(const ConeCounts& counts, const MethodRoom& room) {
+    const Offset rows = row_count(counts);
+    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), room) + rows * rows +
+           room.square_elements(rows);
+  }
+
+  STICTION_HD DenseSystem(const ConeCounts& layout, const MethodRoom& room, Real* memory)
+      : counts(layout), n(row_count(layout)), cones(cone_count(layout)) {
+    A = this->carve({this->carve_wide(memory, n, room)}, n, cones, room);
+    K = A.from(Offset{n} * n);
+  }
+
+  /// Entry (i, j) of the block of the cone at `row`.
+  [[nodiscard]] STICTION_HD Real block_entry(Index row, int i, int j) const { return A[row + i + n * (row + j)]; }
+
+  [[nodiscard]] STICTION_HD Strided<Real, kStride> vector(Index k) const { return this->extra.from(Offset{k} * n); }
+
+  /// f(shape, cone, row) for every cone; the calls must not depend on each other.
+  template <Block B, class F>
+  STICTION_HD void for_each_cone(B& block, F&& f) const {
+    for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+      for (Index k = block.rank(); k < count; k += block.size())
+        f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
+    });
+    block.sync();
+  }
+
+  /// f(shape, cone, row) for every cone, on every lane, in canonical order.
+  template <class F>
+  STICTION_HD void for_each_in_order(F&& f) const {
+    for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+      for (Index k = 0; k < count; ++k) f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
+    });
+  }
+
+  /// The sum of f(shape, cone, row) over all cones. Leaves are dealt out within each kind, so padding adds zeros to a
+  /// leaf and never moves a term to another.
+  template <Block B, class F>
+  STICTION_HD Real sum_over_cones(B& block, F&& f) const {
+    return sum_leaves<Real>(block, [&](Index leaf) {
+      Real sum(0);
+      for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+        for (Index k = leaf; k < count; k += kReduceLeaves)
+          sum = sum + f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
+      });
+      return sum;
+    });
+  }
+
+  /// store(i, base(i) + row i of (A + diag R) in), each row summed over columns from the left; with |A| on request.
+  template <bool kAbsolute = false, Block B, class Base, class Store>
+  STICTION_HD void multiply(B& block, Strided<Real, kStride> in, Base&& base, Store&& store) const {
+    constexpr Index kTile = B::kRowTile;
+    for_each(block, (n + kTile - 1) / kTile, [&](Index tile) {
+      const Index first = tile * kTile;
+      if (first + kTile <= n) {
+        Real sum[kTile];
+        for (Index k = 0; k < kTile; ++k) sum[k] = base(first + k);
+        for (Index j = 0; j < n; ++j) {
+          const Real factor = in[j];
+          const Strided<Real, kStride> a = A.from(first + Offset{n} * j);
+          for (Index k = 0; k < kTile; ++k) sum[k] = fma_(kAbsolute ? abs_(a[k]) : a[k], factor, sum[k]);
+        }
+        for (Index k = 0; k < kTile; ++k) store(first + k, sum[k]);
+      } else {
+        for (Index i = first; i < n; ++i) {
+          Real sum = base(i);
+          for (Index j = 0; j < n; ++j) sum = fma_(kAbsolute ? abs_(A[i + n * j]) : A[i + n * j], in[j], sum);
+          store(i, sum);
+        }
+      }
+    });
+  }
+
+  /// y += A[:, row .. row+M) * d: the push of one cone's change.
+  template <int M, Block B>
+  STICTION_HD void push(B& block, Index row, const Real (&d)[M]) const {
+    const Strided<Real, kStride> columns = A.from(Offset{n} * row);
+    for_each(block, n, [&](Index i) {
+      Real motion = this->y[i];
+      for (int k = 0; k < M; ++k) motion = fma_(columns[i + n * k], d[k], motion);
+      this->y[i] = motion;
+    });
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

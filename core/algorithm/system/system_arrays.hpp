@@ -1,0 +1,98 @@
+#pragma once
+
+#include "core/base/real.hpp"
+#include "core/base/strided.hpp"
+#include "core/job/workspace.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Scalars an environment carries from chunk to chunk, kept beside its arrays so that a lane can be loaded and read
+/// like any other data.
+enum StateScalar : Index {
+  kBestResidual = 0,  ///< smallest residual estimate recorded so far [-]
+  kLastResidual,      ///< the latest one [-]
+  kNormB,             ///< max|b| in the solver's units
+  kScaleA,            ///< power of two that A was multiplied by
+  kScaleB,            ///< power of two that b was multiplied by
+  kTheta,             ///< momentum: Nesterov's theta, or that of the next iteration
+  kBeta,              ///< momentum: what the last change is extrapolated by
+  kProgress,          ///< momentum: size of the last change, in units of w
+  kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
+  kRung,              ///< ladder of penalties: the rung
+  kSwitches,          ///< how often it has changed
+  kAge,               ///< iterations since it was last looked at
+  kHistory,           ///< steps that an acceleration remembers
+  kAsymmetry,         ///< largest difference between an entry of A and its mirror image
+  kOutcome,           ///< Outcome of a method that ends by itself, and what it must remember of how
+  kStateScalars
+};
+
+/// How far a method that ends by itself has come; kept in kOutcome.
+enum Outcome : int {
+  kRunning = 0,
+  kFinished,     ///< further iterations change nothing
+  kGaveUp,       ///< the same, and there is no answer to be expected
+  kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and says so by a flag
+};
+
+/// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
+/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of
+/// two.
+template <class Real, int kStride>
+struct SystemArrays {
+  Strided<Real, kStride> b;         ///< right-hand side                                   (n)
+  Strided<Real, kStride> x;         ///< the iterate                                       (n)
+  Strided<Real, kStride> y;         ///< motion (A + R) x + b                              (n)
+  Strided<Real, kStride> best;      ///< the iterate with the smallest residual recorded   (n)
+  Strided<Real, kStride> extra;     ///< vectors of the method, n apart                    (method * n)
+  Strided<Real, kStride> trace;     ///< mean diagonal of the cone's block before mu: the residual's weight a  (cones)
+  Strided<Real, kStride> inv_n;     ///< 1 / first diagonal entry                          (cones)
+  Strided<Real, kStride> inv_t;     ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
+  Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
+  Strided<Real, kStride> damping;   ///< what coupling leaves of the steps inv_n and inv_t: BlockMetric  (cones)
+  Strided<Real, kStride> share;     ///< of the tangential rows in that metric             (cones)
+  Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
+  Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
+  double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (MethodRoom::doubles)
+  bool has_matrices = false;        ///< whether matrices are among them, or what a method has instead
+
+  static constexpr Offset elements(Offset n, Offset cones, const MethodRoom& room) {
+    return (4 + room.vectors) * n + 8 * cones + kStateScalars + room.double_elements<Real>(n);
+  }
+  /// The method's vector k of doubles; its matrices follow the last.
+  [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
+
+  /// Takes the method's doubles from the beginning of the memory, where it is aligned for them; returns what is behind.
+  STICTION_HD Real* carve_wide(Real* memory, Offset n, const MethodRoom& room) {
+    if (!room.is_direct()) return memory;
+    wide = reinterpret_cast<double*>(memory);
+    has_matrices = room.has_matrices(n);
+    return memory + room.double_elements<Real>(n);
+  }
+  /// Lays the arrays out one after the other from `memory`; returns the first element behind them.
+  STICTION_HD Strided<Real, kStride> carve(Strided<Real, kStride> memory, Offset n, Offset cones,
+                                           const MethodRoom& room) {
+    const auto take = [&memory](Offset count) {
+      const Strided<Real, kStride> part = memory;
+      memory = memory.from(count);
+      return part;
+    };
+    b = take(n);
+    x = take(n);
+    y = take(n);
+    best = take(n);
+    extra = take(room.vectors * n);
+    trace = take(cones);
+    inv_n = take(cones);
+    inv_t = take(cones);
+    inv_cone = take(cones);
+    damping = take(cones);
+    share = take(cones);
+    lo = take(cones);
+    hi = take(cones);
+    scalar = take(kStateScalars);
+    return memory;
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,31 @@
+#pragma once
+
+#include "core/job/plan_view.hpp"
+#include "core/job/workspace.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+
+/// One solve as plain data in the memory of the machine that does it: what every kernel is given.
+template <class Real>
+struct SolveJob {
+  ContactBatchView<Real> batch;
+  PlanView plan;
+  const Real* warm_start;
+  Real* lambda;
+  Real* w;
+  EnvStatus* status;
+  double tolerance;
+  Index max_iterations;
+  Index stall_window;
+  Real omega;
+  Law law;
+  int rung =
+      -1;  ///< of the ladder, none below 0: iterations are the rung's, and an answer that is there is not given up
+  Index direct_rows = kDirectRows;  ///< rows of the largest environment that gets a method's matrices
+
+  [[nodiscard]] STICTION_HD bool is_rung() const { return rung >= 0; }
+};
+
+}  // namespace stiction

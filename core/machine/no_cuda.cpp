@@ -1,0 +1,51 @@
+#include "core/machine/body_machine.hpp"
+#include "core/machine/contact_machine.hpp"
+#include "core/machine/jacobian_machine.hpp"
+#include "core/machine/warm_start_machine.hpp"
+#include "core/machine/world_machine.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace {
+constexpr const char* kNotBuilt =
+    "this build has no CUDA machine: configure with nvcc on the PATH (scripts/get_cuda.sh fetches one) and "
+    "-DSTICTION_ENABLE_CUDA=ON";
+}
+
+std::unique_ptr<Backend> make_cuda_backend(int) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int, const WarmStartCapacity&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
+
+template <class Real>
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
+
+std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_cuda_world(int, const WorldModelView<Real>&, Offset, const WorldOptions&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WorldMachine<float>> make_cuda_world(int, const WorldModelView<float>&, Offset,
+                                                              const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_cuda_world(int, const WorldModelView<double>&, Offset,
+                                                               const WorldOptions&);
+
+std::vector<DeviceReport> cuda_reports() {
+  return {{Device::cuda(0), false, "cuda", kNotBuilt}};
+}
+
+}  // namespace stiction

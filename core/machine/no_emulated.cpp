@@ -1,0 +1,51 @@
+#include "core/machine/body_machine.hpp"
+#include "core/machine/contact_machine.hpp"
+#include "core/machine/jacobian_machine.hpp"
+#include "core/machine/warm_start_machine.hpp"
+#include "core/machine/world_machine.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace {
+constexpr const char* kNotBuilt =
+    "this build has no emulated device, which is for tests: configure with -DSTICTION_EMULATED_DEVICE=ON, or use "
+    "Device::cpu(), which gives the same bits";
+}
+
+std::unique_ptr<Backend> make_emulated_backend() {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+
+std::unique_ptr<BodyMachine> make_emulated_bodies() {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(const WarmStartCapacity&);
+
+template <class Real>
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity&, FactorUse) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>&, Offset, const WorldOptions&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WorldMachine<float>> make_emulated_world(const WorldModelView<float>&, Offset,
+                                                                  const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_emulated_world(const WorldModelView<double>&, Offset,
+                                                                   const WorldOptions&);
+
+DeviceReport emulated_report() {
+  return {Device::emulated(), false, "emulated", kNotBuilt};
+}
+
+}  // namespace stiction

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "core/job/warm_start_job.hpp"
+
+namespace stiction {
+
+/// A store's memory on one machine and what can be done to it; everything was checked before.
+template <class Real>
+class WarmStartMachine {
+ public:
+  virtual ~WarmStartMachine() = default;
+  /// The jobs come without memory: the machine fills in its own.
+  virtual void recall(const RecallJob<Real>& job, StreamRef stream) = 0;
+  virtual void remember(const RememberJob<Real>& job, StreamRef stream) = 0;
+  virtual void reset(std::span<const Offset> envs, StreamRef stream) = 0;
+  /// mask null: every environment.
+  virtual void reset_where(const std::uint8_t* mask, StreamRef stream) = 0;
+  virtual void records(std::span<WarmStartRecord> out, StreamRef stream) = 0;
+};
+
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cpu_warm_start(const WarmStartCapacity& capacity, int threads);
+/// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int ordinal, const WarmStartCapacity& capacity);
+template <class Real>
+std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity);
+
+}  // namespace stiction

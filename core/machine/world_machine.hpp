@@ -1,0 +1,68 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "core/machine/world_arrays.hpp"
+
+namespace stiction {
+
+/// The solve of one step, in its machine's memory.
+template <class Real>
+struct WorldSolve {
+  BodyBatchView<Real> structure;  ///< in host memory: what a plan is made of
+  BodyBatchView<Real> batch;
+  BodySolutionView<Real> solution;
+  const Real* guess;  ///< null: none
+  StreamRef stream;
+};
+
+/// What is to be seen of a world.
+enum class WorldPart : std::uint8_t { state, status, contacts };
+
+/// A world on one machine, and the stages of its step around the solve; everything was checked before. All bodies begin
+/// at zero: restart() puts them somewhere.
+template <class Real>
+class WorldMachine {
+ public:
+  virtual ~WorldMachine() = default;
+  /// Makes the inputs of a solve: what forces do, contacts, first guesses.
+  virtual WorldSolve<Real> find_contacts() = 0;
+  /// Returns when that solve is done.
+  virtual void await_solve() = 0;
+  virtual void integrate() = 0;
+
+  /// The world in host memory, where that part is as the last step left it; until the next step.
+  virtual WorldArrays<Real>& observe(WorldPart part) = 0;
+  /// Environments of the mask go on from the state that was written into observe(state), and forget their impulses.
+  virtual void restart(std::span<const std::uint8_t> mask) = 0;
+  /// Host memory that every step reads wrenches from.
+  virtual std::span<Real> wrench() = 0;
+  virtual void motion(std::span<WorldMotion> out) = 0;
+};
+
+/// f(first environment, one past the last) for each run of environments in a mask.
+template <class F>
+void for_each_run(std::span<const std::uint8_t> mask, F&& f) {
+  std::size_t begin = 0;
+  while (begin < mask.size()) {
+    std::size_t end = begin;
+    while (end < mask.size() && mask[end] != 0) ++end;
+    if (end > begin) f(begin, end);
+    begin = end + 1;
+  }
+}
+
+/// `model` must outlive the machine.
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_cpu_world(const WorldModelView<Real>& model, Offset env_count,
+                                                   const WorldOptions& options);
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>& model, Offset env_count,
+                                                        const WorldOptions& options);
+/// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_cuda_world(int ordinal, const WorldModelView<Real>& model, Offset env_count,
+                                                    const WorldOptions& options);
+
+}  // namespace stiction

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/job/cone_counts.hpp"
+#include "core/job/parallel_for.hpp"
+#include "stiction/batch.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone. Shared,
+/// so that a machine with memory of its own can tell whether the copy it holds is of this very plan.
+/// "cone position" below is a position in that environment's part of cone_order.
+struct PlanData : std::enable_shared_from_this<PlanData> {
+  Offset env_count = 0;
+  Offset cone_count = 0;
+  Offset row_count = 0;
+  Offset nonzero_count = 0;
+  std::vector<EnvPath> path;               ///<                                                       (env_count)
+  std::vector<ConeCounts> counts;          ///<                                                       (env_count)
+  std::vector<Index> cone_order;           ///< cones, environment-local: dense: canonical order; sparse: by colour,
+                                           ///< then vertex                                           (cone_count)
+  std::vector<Offset> env_vertex_offsets;  ///< where each environment's vertex_offsets begin         (env_count + 1)
+  std::vector<Index> vertex_offsets;       ///< sparse: cone position where each vertex begins, closed by the cone
+                                           ///< count; dense, empty: no entries
+  std::vector<Offset> env_color_offsets;   ///< where each environment's color_offsets begin          (env_count + 1)
+  std::vector<Index> color_offsets;        ///< sparse: vertex where each colour begins, closed by the vertex count
+  std::vector<Index> color_count;          ///< sparse: colours; dense, empty: 0                      (env_count)
+  std::vector<Offset> dense_order;         ///< dense environments, most expensive first, equal shapes together;
+                                           ///< the order reaches speed only
+  std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first
+  Index most_dofs = 0;                     ///< columns of the widest factor
+  std::vector<Offset> factor_order;        ///< environments kept as factors, most expensive first
+  std::vector<Offset> sparse_nonzeros;     ///< room of each one's stored entries                     (sparse_order)
+};
+
+/// Plans a host batch whose structure is sound.
+template <class Real>
+PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out = all_at_once);
+
+/// Whether a plan was made for a structure like this host batch's, in time proportional to its cones: sizes, kinds and
+/// paths are compared, which is what memory safety needs; the sparsity pattern is not, and a plan for another pattern
+/// may colour two coupled cones alike.
+template <class Real>
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ShareOut& share_out = all_at_once);
+
+}  // namespace stiction

@@ -1,0 +1,97 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "core/algorithm/linear/dense/dense_lu.hpp"
+#include "core/team/team.hpp"
+#include "tests/support/torture_block.hpp"
+
+namespace stiction::test {
+namespace {
+
+/// Column by column, numbers of both signs and no structure.
+std::vector<double> general(Index n, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  std::vector<double> k(static_cast<std::size_t>(n * n));
+  for (double& x : k) x = normal(random);
+  return k;
+}
+
+std::vector<double> image(const std::vector<double>& k, const std::vector<double>& x) {
+  const std::size_t n = x.size();
+  std::vector<double> b(n, 0.0);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) b[i] += k[i + n * j] * x[j];
+  return b;
+}
+
+struct Factored {
+  std::vector<double> factor, pivots, x;
+  Index replaced;
+};
+template <class B>
+void factor_and_solve(B& block, Factored& f) {
+  const DenseMatrix K{f.factor.data(), static_cast<Index>(f.x.size())};
+  const Index replaced = factor_lu(block, K, f.pivots.data());
+  solve_lu(block, K, f.pivots.data(), f.x.data());
+  single(block, [&] { f.replaced = replaced; });
+}
+Factored solved(const std::vector<double>& k, const std::vector<double>& b) {
+  Factored f{k, std::vector<double>(b.size()), b, -1};
+  SerialBlock block;
+  factor_and_solve(block, f);
+  return f;
+}
+
+TEST(DenseLu, solves_what_it_factored) {
+  for (const Index n : {1, 2, 3, 17, 64}) {
+    const std::vector<double> k = general(n, 5);
+    std::vector<double> b(static_cast<std::size_t>(n));
+    for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(static_cast<double>(i) + 1.0);
+    const Factored f = solved(k, b);
+    EXPECT_EQ(f.replaced, 0) << n;
+    const std::vector<double> again = image(k, f.x);
+    for (std::size_t i = 0; i < b.size(); ++i) EXPECT_NEAR(again[i], b[i], 1e-10) << n << ", row " << i;
+  }
+}
+
+TEST(DenseLu, a_zero_in_a_pivots_place_is_no_obstacle) {
+  // 2 x_1 = 4, 3 x_0 + x_1 = 5.
+  const Factored f = solved({0, 3, 2, 1}, {4, 5});
+  EXPECT_EQ(f.replaced, 0);
+  EXPECT_DOUBLE_EQ(f.x[0], 1.0);
+  EXPECT_DOUBLE_EQ(f.x[1], 2.0);
+  EXPECT_EQ(f.pivots, (std::vector<double>{1, 1}));
+}
+
+TEST(DenseLu, among_equal_magnitudes_the_first_row_is_the_pivot) {
+  const Factored f = solved({1, -2, 2, 0, 1, 1, 1, 1, 5}, {1, 1, 1});
+  EXPECT_EQ(f.pivots[0], 1.0);
+}
+
+TEST(DenseLu, a_direction_that_the_matrix_does_not_see_gets_no_part_of_the_solution) {
+  const Factored f = solved({1, 0, 0, 0, 0, 0, 0, 0, 4}, {3, 7, 8});
+  EXPECT_EQ(f.replaced, 1);
+  EXPECT_EQ(f.x[0], 3.0);
+  EXPECT_LT(std::abs(f.x[1]), 1e-100);
+  EXPECT_EQ(f.x[2], 2.0);
+}
+
+TEST(DenseLu, the_number_of_lanes_changes_no_bit) {
+  const std::vector<double> k = general(23, 9);
+  const std::vector<double> b(23, 1.0);
+  const Factored serial = solved(k, b);
+  for (const Index lanes : {2, 3, 8, 33}) {
+    Factored there{k, std::vector<double>(b.size()), b, -1};
+    run_block<4>(lanes, [&](auto& block) { factor_and_solve(block, there); });
+    EXPECT_EQ(there.factor, serial.factor) << lanes;
+    EXPECT_EQ(there.pivots, serial.pivots) << lanes;
+    EXPECT_EQ(there.x, serial.x) << lanes;
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test

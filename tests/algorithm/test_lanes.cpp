@@ -1,0 +1,403 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/algorithm/driver/solve_environment.hpp"
+#include "core/algorithm/pack/judge_lanes.hpp"
+#include "core/algorithm/pack/lane_progress.hpp"
+#include "core/algorithm/pack/load_lanes.hpp"
+#include "core/algorithm/solver/npgs.hpp"
+#include "tests/support/prepared.hpp"
+#include "tests/support/random_systems.hpp"
+
+/// Lanes from inside: what they are loaded with and judged by, against each environment by itself. Widths are those of
+/// machines that this one need not be: packs of several tiles side by side among them.
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+constexpr Law kLaw = Law::convex;
+
+template <class Real>
+bool same_bits(Real a, Real b) {
+  return bits_of(a) == bits_of(b);
+}
+
+/// Each environment, and behind it in memory one that is no numbers: whoever reads too far reads of those.
+std::vector<Environment<double>> with_broken_neighbours(const std::vector<Environment<double>>& environments) {
+  std::vector<Environment<double>> crowd;
+  for (const auto& env : environments) {
+    crowd.push_back(env);
+    crowd.push_back(env);
+    crowd.back().A.assign(env.A.size(), std::numeric_limits<double>::quiet_NaN());
+  }
+  return crowd;
+}
+
+/// Environments in the lanes of a pack of W.
+template <class Real, int W>
+class Lanes {
+ public:
+  using Packed = Pack<Real, W>;
+
+  explicit Lanes(const std::vector<Environment<double>>& environments)
+      : batch_(convert<Real>(batch_of(with_broken_neighbours(environments), kLaw))),
+        plan_(make_plan(batch_.view())),
+        lambda_(static_cast<std::size_t>(batch_.row_count())),
+        w_(lambda_.size()),
+        status_(2 * environments.size()) {
+    ConeCounts slots;
+    for (std::size_t e = 0; e < environments.size(); ++e) {
+      const ConeCounts& own = plan_.counts[2 * e];
+      const auto grow = [](Index& to, Index count) { to = count > to ? count : to; };
+      grow(slots.free, own.free);
+      grow(slots.unilateral, own.unilateral);
+      grow(slots.box, own.box);
+      for (Index m = 2; m <= kMaxConeRows; ++m) grow(slots.friction[m], own.friction[m]);
+    }
+    const Offset elements = W * DenseSystem<Real>::elements(slots, Npgs::room());
+    memory_.resize(
+        static_cast<std::size_t>(elements + LaneRoom<Real, W>::elements(row_count(slots), cone_count(slots))) + 64);
+    auto* const memory =
+        reinterpret_cast<Real*>((reinterpret_cast<std::uintptr_t>(memory_.data()) + 63) & ~std::uintptr_t{63});
+    // What nobody wrote must not be missed: it is no number.
+    for (Offset k = elements; k < static_cast<Offset>(memory_.size()) - 64; ++k)
+      memory[k] = std::numeric_limits<Real>::quiet_NaN();
+    for (Offset k = 0; k < elements; ++k) memory[k] = 0;
+    pack = std::make_unique<DenseSystem<Packed>>(slots, Npgs::room(), reinterpret_cast<Packed*>(memory));
+    for (int l = 0; l < W; ++l) lanes.emplace_back(slots, Npgs::room(), memory + l);
+    room = std::make_unique<LaneRoom<Real, W>>(memory + elements, pack->n, pack->cones);
+    for (std::size_t e = 0; e < environments.size(); ++e) {
+      envs.push_back(slice(batch_.view(), view_of(plan_), kLaw, static_cast<const Real*>(nullptr), lambda_.data(),
+                           w_.data(), status_.data(), static_cast<Offset>(2 * e)));
+      envs.back().is_full = has_full_rows(envs.back());
+    }
+  }
+
+  /// Loads environment e into lane lane[e] for those given, and begins there. Returns the flags of each.
+  std::vector<std::uint32_t> enter(const std::vector<std::pair<std::size_t, int>>& which, LoadRules rules = {}) {
+    std::vector<Entrant<Real>> entrants;
+    for (const auto& [e, lane] : which) entrants.push_back({&envs[e], lane, 0U, nullptr});
+    load_lanes_of(*pack, lanes.data(), *room, rules, entrants.data(), static_cast<int>(entrants.size()));
+    Packed taken(0);
+    std::vector<std::uint32_t> flags;
+    for (const auto& entrant : entrants) {
+      flags.push_back(entrant.flags);
+      if ((entrant.flags & ~kHarmlessFlags) == 0) taken.v[entrant.lane] = Real(1);
+    }
+    begin_lanes<Npgs, kLaw>(*pack, *room, taken > Packed(0));
+    return flags;
+  }
+
+  std::unique_ptr<DenseSystem<Packed>> pack;
+  std::vector<DenseSystem<Real, W>> lanes;
+  std::unique_ptr<LaneRoom<Real, W>> room;
+  std::vector<EnvView<Real>> envs;
+
+ private:
+  ContactBatch<Real> batch_;
+  PlanData plan_;
+  std::vector<Real> lambda_, w_, memory_;
+  std::vector<EnvStatus> status_;
+};
+
+/// Every number of a lane's cones and rows is that of the environment by itself, and its padding is zero.
+template <class Real, int W>
+void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const Environment<double>& environment) {
+  Prepared<Npgs, kLaw, Dense, Real> alone(environment);
+  const auto& one = alone.system();
+  const auto& s = lanes.lanes[static_cast<std::size_t>(lane)];
+  std::vector<Index> place(static_cast<std::size_t>(s.n), -1);  // row of `one` in each row of the lane
+  std::vector<Index> cone_place(static_cast<std::size_t>(s.cones), -1);
+  SerialBlock block;
+  for_each_place(block, lanes.envs[e], s, [&](Index cone, ConePlace there) {
+    ConePlace here{0, 0};
+    for_each_place(block, alone.env, one, [&](Index other, ConePlace at) {
+      if (other == cone) here = at;
+    });
+    cone_place[static_cast<std::size_t>(there.cone)] = here.cone;
+    for (Index k = 0; k < alone.env.cone_size(cone); ++k) place[static_cast<std::size_t>(there.row + k)] = here.row + k;
+  });
+  for (Index i = 0; i < s.n; ++i) {
+    const Index own = place[static_cast<std::size_t>(i)];
+    const auto expect = [&](const char* what, Real got, Real want) {
+      EXPECT_TRUE(same_bits(got, want)) << what << " of row " << i << " is " << got << ", not " << want;
+    };
+    expect("b", s.b[i], own < 0 ? Real(0) : one.b[own]);
+    expect("x", s.x[i], own < 0 ? Real(0) : one.x[own]);
+    expect("y", s.y[i], own < 0 ? Real(0) : one.y[own]);
+    expect("best", s.best[i], own < 0 ? Real(0) : one.best[own]);
+    for (Index j = 0; j < s.n; ++j) {
+      const Index other = place[static_cast<std::size_t>(j)];
+      const bool is_there = own >= 0 && other >= 0;
+      const Real want = is_there ? one.A[own + one.n * other] : Real(0);
+      const Real got = s.A[i + s.n * j];
+      EXPECT_TRUE(same_bits(got, want)) << "entry " << i << ", " << j << " is " << got << ", not " << want;
+    }
+  }
+  for (Index c = 0; c < s.cones; ++c) {
+    const Index own = cone_place[static_cast<std::size_t>(c)];
+    const auto expect = [&](const char* what, auto&& array_of) {
+      const Real want = own < 0 ? Real(0) : array_of(one)[own];
+      const Real got = array_of(s)[c];
+      EXPECT_TRUE(same_bits(got, want)) << what << " of cone " << c << " is " << got << ", not " << want;
+    };
+    expect("trace", [](const auto& system) { return system.trace; });
+    expect("inv_n", [](const auto& system) { return system.inv_n; });
+    expect("inv_t", [](const auto& system) { return system.inv_t; });
+    expect("inv_cone", [](const auto& system) { return system.inv_cone; });
+    expect("damping", [&](const auto& system) { return own < 0 ? system.inv_n : system.damping; });
+    expect("share", [](const auto& system) { return system.share; });
+    expect("lo", [](const auto& system) { return system.lo; });
+    expect("hi", [](const auto& system) { return system.hi; });
+  }
+  for (const int k : {kBestResidual, kLastResidual, kNormB, kScaleA, kScaleB})
+    EXPECT_TRUE(same_bits(s.scalar[k], one.scalar[k])) << "scalar " << k;
+}
+
+/// Of one layout or of several, in order and not, stored in full and not.
+std::vector<Environment<double>> guests(bool alike) {
+  std::vector<Environment<double>> envs;
+  constexpr ConeOrder kOrders[] = {ConeOrder::friction_last, ConeOrder::friction_first, ConeOrder::shuffled};
+  for (std::uint64_t seed = 1; seed <= 24; ++seed) {
+    Recipe recipe;
+    recipe.seed = seed;
+    recipe.contacts = alike ? 4 : 1 + static_cast<int>(seed % 5);
+    recipe.others = alike ? 0 : static_cast<int>(seed % 4);
+    recipe.friction_rows = alike ? 3 : 0;
+    recipe.order = kOrders[seed % 3];
+    envs.push_back(random_contacts(recipe));
+    Environment<double>& env = envs.back();
+    if (seed % 4 == 1) {  // columns of the first row backwards, so that rows are not stored in full
+      std::reverse(env.column.begin(), env.column.begin() + env.row_offsets[1]);
+      std::reverse(env.A.begin(), env.A.begin() + env.row_offsets[1]);
+    }
+    if (seed % 8 == 2) {  // an entry less
+      env.column.erase(env.column.begin() + 1);
+      env.A.erase(env.A.begin() + 1);
+      for (std::size_t i = 1; i < env.row_offsets.size(); ++i) --env.row_offsets[i];
+    }
+  }
+  return envs;
+}
+
+template <class Width>
+class LanesOf : public testing::Test {};
+template <class R, int kW>
+struct Width {
+  using Real = R;
+  static constexpr int kWidth = kW;
+};
+#if defined(__AVX2__)
+using Widths = testing::Types<Width<float, 8>, Width<double, 4>, Width<float, 16>, Width<double, 8>>;
+#else
+using Widths = testing::Types<Width<float, 4>, Width<double, 2>, Width<float, 8>, Width<double, 4>>;
+#endif
+TYPED_TEST_SUITE(LanesOf, Widths);
+
+TYPED_TEST(LanesOf, HoldWhatAnEnvironmentHasByItself) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  for (const bool alike : {true, false}) {
+    const std::vector<Environment<double>> all = guests(alike);
+    Lanes<Real, kWidth> lanes(all);
+    std::array<std::size_t, kWidth> guest{};
+    // All lanes at once, then one or two at a time beside guests that stay.
+    std::vector<std::pair<std::size_t, int>> entering;
+    for (int l = 0; l < kWidth; ++l) entering.emplace_back(static_cast<std::size_t>(l), l);
+    auto next = static_cast<std::size_t>(kWidth);
+    for (int round = 0; next + 2 <= all.size(); ++round) {
+      for (const std::uint32_t flags : lanes.enter(entering)) EXPECT_EQ(flags, 0U);
+      for (const auto& [e, lane] : entering) guest[static_cast<std::size_t>(lane)] = e;
+      for (int l = 0; l < kWidth; ++l) {
+        SCOPED_TRACE(testing::Message() << "alike " << alike << ", round " << round << ", lane " << l);
+        expect_lane_is(lanes, guest[static_cast<std::size_t>(l)], l, all[guest[static_cast<std::size_t>(l)]]);
+      }
+      entering.assign(1, {next++, round % kWidth});
+      if (round % 2 == 1) entering.emplace_back(next++, (round + 1) % kWidth);
+    }
+  }
+}
+
+/// Loads environments first, first + 1, ... into all lanes, and starts npgs in them.
+template <class Real, int W>
+void fill(Lanes<Real, W>& lanes, std::size_t first) {
+  std::vector<std::pair<std::size_t, int>> entering;
+  for (int l = 0; l < W; ++l) entering.emplace_back(first + static_cast<std::size_t>(l), l);
+  lanes.enter(entering);
+  SerialBlock block;
+  for (int l = 0; l < W; ++l)
+    start_method<Npgs, kLaw>(block, lanes.envs[first + static_cast<std::size_t>(l)],
+                             lanes.lanes[static_cast<std::size_t>(l)]);
+}
+
+TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  int unsolved = 0;
+  for (const bool alike : {true, false}) {
+    const std::vector<Environment<double>> all = guests(alike);
+    Lanes<Real, kWidth> lanes(all);
+    fill(lanes, 0);
+    SerialBlock block;
+    const MethodParams<Real> params{Real(1), false};
+    using Together = DenseSystem<Pack<Real, kWidth>>;
+    advance<Npgs, kLaw>(block, params,
+                        Advancing<Together>{*lanes.pack, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100)});
+    std::array<const EnvView<Real>*, kWidth> views;
+    for (int l = 0; l < kWidth; ++l) views[static_cast<std::size_t>(l)] = &lanes.envs[static_cast<std::size_t>(l)];
+    // The last lane alone, then all: what was not asked for is not published.
+    for (const int first : {kWidth - 1, 0}) {
+      std::array<int, kWidth> asked{};
+      for (int l = first; l < kWidth; ++l) asked[static_cast<std::size_t>(l - first)] = l;
+      std::array<Judgement, kWidth> judged{};
+      for (auto& env : lanes.envs)
+        for (Index i = 0; i < env.n; ++i) env.lambda[i] = Real(77);
+      judge_lanes<kLaw>(*lanes.pack, *lanes.room, views.data(), asked.data(), kWidth - first, judged.data());
+      for (int l = 0; l < kWidth; ++l) {
+        SCOPED_TRACE(testing::Message() << "alike " << alike << ", first " << first << ", lane " << l);
+        EnvView<Real>& env = lanes.envs[static_cast<std::size_t>(l)];
+        if (l < first) {
+          EXPECT_EQ(env.lambda[0], Real(77));
+          continue;
+        }
+        const std::vector<Real> lambda(env.lambda, env.lambda + env.n), w(env.w, env.w + env.n);
+        publish(block, env, lanes.lanes[static_cast<std::size_t>(l)]);
+        env.is_full = false;  // the long way
+        const Judgement alone = final_residual(block, env);
+        unsolved += alone.residual > 0.0 ? 1 : 0;
+        EXPECT_EQ(judged[static_cast<std::size_t>(l)].residual, alone.residual);
+        EXPECT_EQ(judged[static_cast<std::size_t>(l)].blur, alone.blur);
+        for (Index i = 0; i < env.n; ++i) {
+          EXPECT_TRUE(same_bits(lambda[static_cast<std::size_t>(i)], env.lambda[i])) << "row " << i;
+          EXPECT_TRUE(same_bits(w[static_cast<std::size_t>(i)], env.w[i])) << "row " << i;
+        }
+      }
+    }
+  }
+  EXPECT_GE(unsolved, 2 * kWidth);  // of 2 kWidth + 2 that were judged
+}
+
+/// Tolerances that are Reals and such as lie between two of them, and residuals at, just below and just above.
+template <class Real>
+Real residual_beside(double tolerance, int side) {
+  const auto nearest = static_cast<Real>(tolerance);
+  return side == 0 ? nearest : std::nextafter(nearest, side < 0 ? Real(0) : Real(2));
+}
+
+TYPED_TEST(LanesOf, AreLookedAtAsAnEnvironmentIsByItself) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  const std::vector<Environment<double>> all = guests(true);
+  Lanes<Real, kWidth> lanes(all);
+  scenes::Rng rng(5);
+  LaneSearch<Real, kWidth> together;
+  std::array<StopRule, kWidth> rules{};
+  std::array<EnvProgress<Real>, kWidth> alone{};
+  std::array<int, 5> found{};
+  const auto begin = [&](int l) {
+    const auto i = static_cast<std::size_t>(l);
+    constexpr double kTolerances[] = {0.0, 0.25, 0.1, 1e-4, 1e-50};
+    rules[i] = {kTolerances[rng.below(5)], static_cast<Index>(rng.below(30)), static_cast<Index>(4 * rng.below(3))};
+    alone[i] = EnvProgress<Real>{};
+    together.begin(l, rules[i]);
+    lanes.lanes[i].scalar[kBestResidual] = Real(1);
+  };
+  for (int l = 0; l < kWidth; ++l) begin(l);
+  for (int round = 0; round < 400; ++round) {
+    for (int l = 0; l < kWidth; ++l) {
+      const auto i = static_cast<std::size_t>(l);
+      const auto& s = lanes.lanes[i];
+      const Real seen = residual_beside<Real>(rules[i].tolerance, rng.below(3) - 1) * Real(rng.chance(0.7) ? 2 : 1);
+      if (rng.chance(0.5) && seen < s.scalar[kBestResidual]) s.scalar[kBestResidual] = seen;
+      s.scalar[kLastResidual] = rng.chance(0.05) ? std::numeric_limits<Real>::infinity() : Real(1);
+      s.scalar[kOutcome] = Real(rng.chance(0.05) ? kFinished : kRunning);
+    }
+    const auto looks = look_at<Pack<Real, kWidth>>(*lanes.pack, together.limits, together.search);
+    for (int l = 0; l < kWidth; ++l) {
+      SCOPED_TRACE(testing::Message() << "round " << round << ", lane " << l);
+      const auto i = static_cast<std::size_t>(l);
+      const Look want = look_at<Real>(lanes.lanes[i], rules[i], alone[i]);
+      const Look got = look_of(looks, l);
+      const std::array<bool, 5> wanted{want.broken, want.stalled, want.stopped, want.ended, want.nominated};
+      EXPECT_EQ((std::array<bool, 5>{got.broken, got.stalled, got.stopped, got.ended, got.nominated}), wanted);
+      for (std::size_t k = 0; k < wanted.size(); ++k) found[k] += wanted[k] ? 1 : 0;
+      const EnvProgress<Real> lane = together.of(l, 0U);
+      EXPECT_EQ(lane.iterations, alone[i].iterations);
+      EXPECT_EQ(lane.best_at, alone[i].best_at);
+      EXPECT_EQ(lane.best, alone[i].best);
+      if (want.nominated && rng.chance(0.5))  // judged, and not found to be an answer
+        together.search.verified.v[l] = alone[i].verified = lanes.lanes[i].scalar[kBestResidual];
+      if (want.ended) begin(l);
+    }
+    const auto chunk = next_chunk<Npgs>(*lanes.pack, together.limits, together.search);
+    for (int l = 0; l < kWidth; ++l) {
+      const auto i = static_cast<std::size_t>(l);
+      const auto own = next_chunk<Npgs>(lanes.lanes[i], rules[i], alone[i]);
+      EXPECT_EQ(chunk.phase.v[l], own.phase);
+      EXPECT_EQ(chunk.left.v[l], own.left);
+    }
+  }
+  for (const int count : found) EXPECT_GT(count, 20);
+  // A lane that nobody is in is never due.
+  together.end(0);
+  const auto idle = next_chunk<Npgs>(*lanes.pack, together.limits, together.search);
+  EXPECT_EQ(idle.left.v[0], Real(0));
+  EXPECT_EQ(idle.phase.v[0], Real(0));
+  EXPECT_EQ(together.search.iterations.v[0], 0);
+}
+
+TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
+  using Real = typename TypeParam::Real;
+  constexpr int kWidth = TypeParam::kWidth;
+  using Packed = Pack<Real, kWidth>;
+  using Together = DenseSystem<Packed>;
+  SerialBlock block;
+  const MethodParams<Real> params{Real(1), false};
+  for (const bool alike : {true, false}) {
+    const std::vector<Environment<double>> all = guests(alike);
+    const std::size_t second = all.size() - static_cast<std::size_t>(kWidth);
+    Lanes<Real, kWidth> a(all), b(all), a_alone(all), b_alone(all);
+    for (auto* pack : {&a, &a_alone}) fill(*pack, 0);
+    for (auto* pack : {&b, &b_alone}) fill(*pack, second);
+    for (int chunk = 0; chunk < 6; ++chunk) {
+      // One pack is a chunk further than the other, and one of its lanes runs out within the second.
+      const auto next = [&](const Lanes<Real, kWidth>& lanes, int done) {
+        Packed left(static_cast<Real>(100));
+        left.v[kWidth - 1] = static_cast<Real>(6 - kChunk * done);
+        return Advancing<Together>{*lanes.pack, Packed(static_cast<Real>(kChunk * done % kRefreshInterval)), left};
+      };
+      advance<Npgs, kLaw>(block, params, next(a_alone, chunk + 1));
+      advance<Npgs, kLaw>(block, params, next(b_alone, chunk));
+      advance<Npgs, kLaw>(block, params, next(a, chunk + 1), next(b, chunk));
+      for (const auto& [turns, alone] : {std::pair(&a, &a_alone), std::pair(&b, &b_alone)})
+        for (int l = 0; l < kWidth; ++l) {
+          SCOPED_TRACE(testing::Message() << "alike " << alike << ", chunk " << chunk << ", lane " << l);
+          const auto& got = turns->lanes[static_cast<std::size_t>(l)];
+          const auto& want = alone->lanes[static_cast<std::size_t>(l)];
+          for (Index i = 0; i < got.n; ++i) {
+            EXPECT_TRUE(same_bits(got.x[i], want.x[i])) << "x " << i;
+            EXPECT_TRUE(same_bits(got.y[i], want.y[i])) << "y " << i;
+            EXPECT_TRUE(same_bits(got.best[i], want.best[i])) << "best " << i;
+          }
+          for (const int k : {kBestResidual, kLastResidual, kTheta, kBeta, kProgress})
+            EXPECT_TRUE(same_bits(got.scalar[k], want.scalar[k])) << "scalar " << k;
+        }
+    }
+    // They have come somewhere, and not to the same place.
+    int apart = 0;
+    for (Index i = 0; i < a.pack->n; ++i)
+      for (int l = 0; l < kWidth; ++l) apart += a.pack->x[i].v[l] != b.pack->x[i].v[l] ? 1 : 0;
+    EXPECT_GT(apart, 2 * kWidth);
+  }
+}
+
+}  // namespace

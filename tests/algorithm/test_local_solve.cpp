@@ -1,0 +1,121 @@
+#include "core/algorithm/sweep/local_solve.hpp"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/oracle.hpp"
+#include "tests/support/prepared.hpp"
+#include "tests/support/random_systems.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// The step of the only cone of an environment from lambda = 0, in the solver's coordinates.
+template <Law kLaw, ConeKind kKind, int M>
+ConeStep<double, M> first_step(Prepared<Pgs, kLaw, Dense>& p, double omega = 1) {
+  auto& s = p.system();
+  double y[M];
+  for (int k = 0; k < M; ++k) y[k] = s.y[k];
+  return local_step<kLaw>(ConeShape<kKind, M>{}, s, 0, 0, y, omega);
+}
+
+TEST(LocalSolve, AFreeRowStepsToItsRoot) {
+  // A = 2 is scaled to 1, b = -3 to -1.5: the root is 1.5.
+  Prepared<Pgs, Law::convex, Dense> p(system({free_row()}, {2}, {-3}));
+  EXPECT_EQ((first_step<Law::convex, ConeKind::free, 1>(p).d[0]), 1.5);
+  EXPECT_EQ((first_step<Law::convex, ConeKind::free, 1>(p, 0.5).d[0]), 0.75);
+}
+
+TEST(LocalSolve, AUnilateralRowStopsAtZero) {
+  Prepared<Pgs, Law::convex, Dense> pressed(system({unilateral()}, {2}, {-3}));
+  EXPECT_EQ((first_step<Law::convex, ConeKind::unilateral, 1>(pressed).d[0]), 1.5);
+  Prepared<Pgs, Law::convex, Dense> leaving(system({unilateral()}, {2}, {3}));
+  EXPECT_EQ((first_step<Law::convex, ConeKind::unilateral, 1>(leaving).d[0]), 0.0);
+}
+
+TEST(LocalSolve, ABoxRowStopsAtItsBounds) {
+  auto env = system({box()}, {1}, {-1});
+  env.lo = {-0.25};
+  env.hi = {0.5};
+  Prepared<Pgs, Law::convex, Dense> up(env);
+  EXPECT_EQ((first_step<Law::convex, ConeKind::box, 1>(up).d[0]), 0.5);
+  env.b = {1};
+  Prepared<Pgs, Law::convex, Dense> down(env);
+  EXPECT_EQ((first_step<Law::convex, ConeKind::box, 1>(down).d[0]), -0.25);
+}
+
+TEST(LocalSolve, CoulombsStepSolvesTheNormalAloneAndCorrectsTheTangentForIt) {
+  // Normal 1, coupling -1/2 to the first tangent: x_n = 1 moves the tangent's motion from 0 to -1/2 * mu, and the
+  // tangent answers towards +. Block [1 -.5; -.5 1] with mu = 1, so rows are not rescaled.
+  auto env = system({friction(2)}, {1, -0.5, -0.5, 1}, {-1, 0});
+  env.mu = {0, 1};
+  Prepared<Pgs, Law::coulomb, Dense> p(env);
+  const auto step = first_step<Law::coulomb, ConeKind::friction, 2>(p);
+  EXPECT_EQ(step.d[0], 1.0);
+  EXPECT_NEAR(step.d[1], 0.5, 1e-14);
+}
+
+TEST(LocalSolve, CoulombsFrictionStaysOnTheDiskOfTheFreshNormal) {
+  Prepared<Pgs, Law::coulomb, Dense> p(contact({1, 1, 1}, {-1, 30, -40}, 1.0));
+  const auto step = first_step<Law::coulomb, ConeKind::friction, 3>(p);
+  auto& s = p.system();
+  const double normal = step.d[0];
+  EXPECT_EQ(normal, -s.b[0]);
+  EXPECT_NEAR(std::hypot(step.d[1], step.d[2]), normal, 1e-15);
+  EXPECT_NEAR(step.d[1] / step.d[2], 30.0 / -40.0, 1e-14);
+}
+
+TEST(LocalSolve, AConvexStepNeverRaisesTheLocalObjective) {
+  int moved = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    const Environment<double> env = random_contacts(lone_contact(seed));
+    if (env.cones[0].row_count != 4) continue;
+    Prepared<Pgs, Law::convex, Dense> p(env);
+    ASSERT_EQ(p.flags, 0U);
+    const auto step = first_step<Law::convex, ConeKind::friction, 4>(p);
+    auto& s = p.system();
+    // q(d) = 1/2 d'Bd + y'd from d = 0.
+    double objective = 0;
+    for (int i = 0; i < 4; ++i) {
+      objective += s.y[i] * step.d[i];
+      for (int j = 0; j < 4; ++j) objective += 0.5 * step.d[i] * s.block_entry(0, i, j) * step.d[j];
+    }
+    EXPECT_LE(objective, 1e-15) << "seed " << seed;
+    moved += objective < -1e-6;
+  }
+  EXPECT_GT(moved, 5);
+}
+
+TEST(LocalSolve, TheFixedPointOfEitherStepIsTheSolutionOfItsLaw) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Recipe recipe = lone_contact(seed);
+    recipe.mu_max = 0.3;
+    const Environment<double> env = random_conditioned(recipe, 9.0);
+    if (env.cones[0].row_count != 3) continue;
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const oracle::Answer convex = oracle::solve_convex(env);
+    const oracle::Answer coulomb = oracle::solve_coulomb(env);
+    ASSERT_TRUE(convex.converged && coulomb.converged);
+    // Warm-started at the solution, the step goes nowhere: up to the condition number in scaled coordinates times the
+    // rounding of the oracle's answer to double.
+    Prepared<Pgs, Law::convex, Dense> a(env, convex.lambda);
+    for (const double d : first_step<Law::convex, ConeKind::friction, 3>(a).d) EXPECT_NEAR(d, 0, 1e-10);
+    Prepared<Pgs, Law::coulomb, Dense> b(env, coulomb.lambda);
+    for (const double d : first_step<Law::coulomb, ConeKind::friction, 3>(b).d) EXPECT_NEAR(d, 0, 1e-10);
+  }
+}
+
+TEST(LocalSolve, AProximalPointAddsDeSaxcesTermUnderCoulombsLawOnly) {
+  const double y[] = {-1.0, 3.0, 4.0};
+  double convex[] = {0.0, 0.0, 0.0};
+  proximal_point<Law::convex>(ConeShape<ConeKind::friction, 3>{}, convex, y, 1.0, 0.0, 0.0);
+  // z = (1, -3, -4): onto the cone, half of 1 + 5.
+  EXPECT_EQ(convex[0], 3.0);
+  double coulomb[] = {0.0, 0.0, 0.0};
+  proximal_point<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, coulomb, y, 1.0, 0.0, 0.0);
+  // z = (1 - 5, -3, -4): half of -4 + 5.
+  EXPECT_EQ(coulomb[0], 0.5);
+}
+
+}  // namespace

@@ -1,0 +1,216 @@
+#include "core/algorithm/solver/newton/newton.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/support/hand_answers.hpp"
+#include "tests/support/oracle.hpp"
+#include "tests/support/prepared.hpp"
+#include "tests/support/random_systems.hpp"
+#include "tests/support/torture_block.hpp"
+
+namespace stiction::test {
+namespace {
+
+using Params = MethodParams<double>;
+
+/// Newton from inside: the system after every iteration until the method says that it is finished.
+template <Law kLaw, template <class> class SystemOf = Dense>
+struct Iterated {
+  Prepared<Newton, kLaw, SystemOf> prepared;
+  Index iterations = 0;
+  std::vector<double> residuals;  ///< after each iteration
+
+  explicit Iterated(const Environment<double>& env, Index limit = 100, const std::vector<double>& warm = {})
+      : prepared(env, warm) {
+    auto& s = prepared.system();
+    EXPECT_TRUE(is_solvable(prepared.flags)) << prepared.flags;
+    while (iterations < limit && s.scalar[kOutcome] == double(kRunning)) {
+      Newton::iterate<kLaw>(prepared.block, s, Params{1.0});
+      record<Newton, kLaw>(prepared.block, s, true);
+      residuals.push_back(s.scalar[kLastResidual]);
+      ++iterations;
+    }
+    publish(prepared.block, prepared.env, s);
+    absolute = final_residual(prepared.block, prepared.env).residual;
+  }
+  double absolute = 0.0;
+
+  [[nodiscard]] bool is_finished() { return prepared.system().scalar[kOutcome] == double(kFinished); }
+  [[nodiscard]] bool is_primal() { return prepared.system().scalar[kLipschitz] == 0.0; }
+  [[nodiscard]] Index iterations_to(double tolerance) const {
+    for (std::size_t k = 0; k < residuals.size(); ++k)
+      if (residuals[k] <= tolerance) return static_cast<Index>(k) + 1;
+    return 1000;
+  }
+};
+
+template <Law kLaw>
+void expect_hand_answer(const HandAnswer& hand) {
+  Iterated<kLaw> run(hand.env);
+  EXPECT_LT(run.absolute, 1e-11);
+  for (std::size_t i = 0; i < hand.w.size(); ++i) {
+    EXPECT_NEAR(run.prepared.env.lambda[i], hand.lambda[i], 1e-11) << "lambda of row " << i;
+    EXPECT_NEAR(run.prepared.env.w[i], hand.w[i], 1e-11) << "w of row " << i;
+  }
+}
+TEST(Newton, small_systems_have_the_answers_worked_out_by_hand) {
+  for (const HandAnswer& hand : hand_answers()) {
+    SCOPED_TRACE(hand.why);
+    if (hand.law == Law::convex) {
+      expect_hand_answer<Law::convex>(hand);
+    } else {
+      expect_hand_answer<Law::coulomb>(hand);
+    }
+  }
+}
+
+TEST(Newton, the_public_solver_has_the_answers_worked_out_by_hand) {
+  expect_hand_answers(SolverKind::newton, 1e-11, 100);
+}
+
+TEST(Newton, compliance_that_is_part_of_the_motion_is_taken_out_of_the_matrix) {
+  // A = 1, R = 1: a pressed row has lambda = 2 / 2, and the primal problem's zeta is lambda itself.
+  Environment<double> env = contact({1, 1, 1}, {-2, 0.25, 0}, 0.5);
+  env.R = {1, 1, 1};
+  Iterated<Law::convex> run(env);
+  EXPECT_TRUE(run.is_primal());
+  EXPECT_TRUE(run.is_finished());
+  EXPECT_NEAR(run.prepared.env.lambda[0], 1.0, 1e-14);
+  EXPECT_NEAR(run.prepared.env.lambda[1], -0.125, 1e-14);
+}
+
+Recipe recipe_of(std::uint64_t seed, double rank, double compliance) {
+  Recipe recipe;
+  recipe.seed = seed;
+  recipe.contacts = 4;
+  recipe.others = 3;
+  recipe.rank = rank;
+  recipe.compliance = compliance;
+  return recipe;
+}
+
+TEST(Newton, compliant_systems_are_solved_to_rounding_in_few_iterations_even_if_they_are_singular) {
+  for (const double rank : {1.5, 0.5})
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+      SCOPED_TRACE(testing::Message() << "rank " << rank << ", seed " << seed);
+      const Environment<double> env = random_contacts(recipe_of(seed, rank, 0.01));
+      Iterated<Law::convex> run(env);
+      ASSERT_TRUE(run.is_primal());
+      EXPECT_TRUE(run.is_finished());
+      EXPECT_LT(run.absolute, 1e-11);
+      EXPECT_LE(run.iterations_to(1e-8), 12);
+      const oracle::Answer truth = oracle::solve_convex(env);
+      ASSERT_TRUE(truth.converged);
+      // With R > 0 the answer is unique. R over the diagonal is 0.01, and tangential rows have mu >= 0.1: the residual
+      // of either is amplified by some 1e4.
+      for (std::size_t i = 0; i < env.b.size(); ++i)
+        EXPECT_NEAR(run.prepared.env.w[i], truth.w[i], 1e-7) << "row " << i;
+    }
+}
+
+TEST(Newton, the_line_search_makes_it_converge_from_any_warm_start) {
+  const Environment<double> env = random_contacts(recipe_of(3, 0.5, 0.01));
+  std::vector<double> wild(env.b.size());
+  for (std::size_t i = 0; i < wild.size(); ++i) wild[i] = (i % 2 == 0 ? 1e4 : -1e4) * static_cast<double>(i + 1);
+  Iterated<Law::convex> run(env, 100, wild);
+  EXPECT_TRUE(run.is_finished());
+  EXPECT_LT(run.absolute, 1e-10);
+}
+
+TEST(Newton, the_answer_as_warm_start_is_where_it_stays) {
+  const Environment<double> env = random_contacts(recipe_of(5, 1.5, 0.01));
+  const oracle::Answer truth = oracle::solve_convex(env);
+  Iterated<Law::convex> run(env, 100, truth.lambda);
+  EXPECT_LE(run.iterations_to(1e-8), 1);
+}
+
+TEST(Newton, rigid_systems_go_by_the_natural_map) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    const Environment<double> env = random_contacts(recipe_of(seed, 1.5, 0.0));
+    Iterated<Law::convex> run(env);
+    EXPECT_FALSE(run.is_primal());
+    EXPECT_LT(run.absolute, 1e-11);
+    EXPECT_LE(run.iterations_to(1e-8), 12);
+  }
+}
+
+TEST(Newton, where_coulombs_solution_is_unique_it_is_the_oracles) {
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    SCOPED_TRACE(seed);
+    Recipe recipe = recipe_of(seed, 1.5, 0.0);
+    recipe.mu_max = 0.3;
+    const Environment<double> env = random_conditioned(recipe, 9.0);
+    Iterated<Law::coulomb> run(env);
+    EXPECT_LT(run.absolute, 1e-11);
+    EXPECT_LE(run.iterations_to(1e-8), 12);
+    const oracle::Answer truth = oracle::solve_coulomb(env);
+    ASSERT_TRUE(truth.converged);
+    for (std::size_t i = 0; i < env.b.size(); ++i) EXPECT_NEAR(run.prepared.env.w[i], truth.w[i], 1e-7) << "row " << i;
+  }
+}
+
+TEST(Newton, the_sparse_system_has_the_same_answer) {
+  for (const double compliance : {0.01, 0.0}) {
+    const Environment<double> env = random_contacts(recipe_of(2, 1.5, compliance));
+    Iterated<Law::convex> dense(env);
+    Iterated<Law::convex, SparseSystem> sparse(env);
+    for (std::size_t i = 0; i < env.b.size(); ++i)
+      EXPECT_NEAR(dense.prepared.env.w[i], sparse.prepared.env.w[i], 1e-9) << "row " << i;
+  }
+}
+
+TEST(Newton, nothing_is_not_a_number_where_bounds_meet_friction_is_absent_or_nothing_moves) {
+  Environment<double> env =
+      system({friction(3), box(), free_row()},
+             {1, 0, 0, .1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, .1, 0, 0, 1, 0, 0, 0, 0, 0, 1}, {-1, 1, 1, -1, 1});
+  env.mu = {0, 0, 0.5, 0, 0};
+  env.lo = {0, 0, 0, 0.25, 0};
+  env.hi = {0, 0, 0, 0.25, 0};
+  for (const double R : {0.0, 1e-300, 0.1})
+    for (const double b : {0.0, 1.0}) {
+      Environment<double> one = env;
+      one.R.assign(5, R);
+      for (double& entry : one.b) entry *= b;
+      Iterated<Law::convex> convex(one, 20);
+      Iterated<Law::coulomb> coulomb(one, 20);
+      EXPECT_LT(convex.absolute, 1e-12) << R;
+      EXPECT_LT(coulomb.absolute, 1e-12) << R;
+      for (std::size_t i = 0; i < 5; ++i) {
+        EXPECT_TRUE(std::isfinite(convex.prepared.env.lambda[i]));
+        EXPECT_TRUE(std::isfinite(coulomb.prepared.env.lambda[i]));
+      }
+    }
+}
+
+/// The x of both systems after a few iterations, on a team of `width` lanes.
+template <Law kLaw, template <class> class SystemOf>
+std::vector<double> on_a_team(const Environment<double>& env, Index width) {
+  Prepared<Newton, kLaw, SystemOf> prepared(env);
+  auto& s = prepared.system();
+  run_block<2>(width, [&](auto& block) {
+    for (int k = 0; k < 4; ++k) Newton::iterate<kLaw>(block, s, Params{1.0});
+  });
+  std::vector<double> x;
+  for (Index i = 0; i < s.n; ++i) x.push_back(s.x[i]);
+  return x;
+}
+template <Law kLaw, template <class> class SystemOf>
+void expect_same_bits_on_teams(const Environment<double>& env) {
+  const std::vector<double> alone = on_a_team<kLaw, SystemOf>(env, 1);
+  for (const Index width : {2, 3, 8, 33}) EXPECT_EQ((on_a_team<kLaw, SystemOf>(env, width)), alone) << width;
+}
+TEST(Newton, the_number_of_lanes_changes_no_bit) {
+  for (const double compliance : {0.01, 0.0}) {
+    const Environment<double> env = random_contacts(recipe_of(7, 0.6, compliance));
+    expect_same_bits_on_teams<Law::convex, Dense>(env);
+    expect_same_bits_on_teams<Law::convex, SparseSystem>(env);
+    expect_same_bits_on_teams<Law::coulomb, Dense>(env);
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test

@@ -1,0 +1,197 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <random>
+
+#include "core/algorithm/solver/newton/compliant_cone.hpp"
+#include "core/algorithm/solver/newton/cone_derivative.hpp"
+
+namespace stiction::test {
+namespace {
+
+template <int M>
+using Vector = std::array<double, M>;
+template <int M>
+using Friction = ConeShape<ConeKind::friction, M>;
+
+template <class Shape>
+CompliantPoint<Shape::kRows> reaction(Shape shape, const Vector<Shape::kRows>& u, const Vector<Shape::kRows>& R,
+                                      double lo = 0.0, double hi = 0.0) {
+  constexpr int M = Shape::kRows;
+  double motion[M], compliance[M];
+  for (std::size_t k = 0; k < M; ++k) {
+    motion[k] = u[k];
+    compliance[k] = R[k];
+  }
+  return compliant_point(shape, motion, compliance, lo, hi);
+}
+
+/// x_n of a sliding cone, found by halving in extended precision from sum (u_i / ((R_i + R_n) tau + u_n))^2 = 1.
+template <int M>
+long double normal_by_halving(const Vector<M>& u, const Vector<M>& R) {
+  long double low = std::max(0.0L, -static_cast<long double>(u[0]) / R[0]), high = low + 1;
+  const auto sum = [&](long double tau) {
+    long double squares = 0;
+    for (std::size_t k = 1; k < M; ++k) {
+      const long double s = u[k] / ((static_cast<long double>(R[k]) + R[0]) * tau + u[0]);
+      squares += s * s;
+    }
+    return squares;
+  };
+  while (sum(high) > 1) high *= 2;
+  for (int step = 0; step < 200; ++step) {
+    const long double middle = (low + high) / 2;
+    (sum(middle) > 1 ? low : high) = middle;
+  }
+  return (low + high) / 2;
+}
+
+/// Compliances as far apart as torsional friction makes them.
+template <int M>
+void draw(std::mt19937& random, Vector<M>& u, Vector<M>& R) {
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> power(-6.0, 0.0);
+  for (std::size_t k = 0; k < M; ++k) {
+    u[k] = normal(random) * (random() % 4 == 0 ? 1e-3 : 1.0);
+    R[k] = std::pow(10.0, power(random));
+  }
+}
+
+template <int M>
+void expect_minimisers() {
+  std::mt19937 random(M);
+  int slid = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    Vector<M> u, R;
+    draw<M>(random, u, R);
+    const auto point = reaction(Friction<M>{}, u, R);
+    // The minimiser is what it is by its conditions: x in the cone, y = R x + u in its dual, x y = 0.
+    long double x_t = 0, y_t = 0, product = 0, size = 0;
+    long double y_n = 0;
+    for (std::size_t k = 0; k < M; ++k) {
+      const long double x = point.x[k], y = R[k] * x + u[k];
+      (k == 0 ? y_n : y_t) += k == 0 ? y : y * y;
+      if (k > 0) x_t += x * x;
+      product += x * y;
+      size += std::abs(R[k] * x * x) + std::abs(u[k] * x);
+    }
+    x_t = std::sqrt(x_t);
+    y_t = std::sqrt(y_t);
+    long double largest = 0;
+    for (const double entry : u) largest = std::max(largest, static_cast<long double>(std::abs(entry)));
+    EXPECT_LE(x_t, point.x[0] * (1 + 1e-15L));
+    EXPECT_GE(y_n - y_t, -1e-13L * largest) << M << ", trial " << trial;
+    EXPECT_LE(std::abs(product), 1e-12L * size) << M << ", trial " << trial;
+    if (point.zone != kSlides) continue;
+    ++slid;
+    const long double tau = normal_by_halving<M>(u, R);
+    EXPECT_NEAR(static_cast<double>(point.x[0] / tau), 1.0, 1e-10) << M << ", trial " << trial;
+  }
+  EXPECT_GT(slid, 500);
+}
+TEST(CompliantCone, its_reaction_is_the_minimiser_whatever_the_axes_compliance) {
+  expect_minimisers<2>();
+  expect_minimisers<3>();
+  expect_minimisers<4>();
+  expect_minimisers<5>();
+  expect_minimisers<6>();
+}
+
+template <class Shape>
+void expect_derivative(Shape shape, double lo, double hi) {
+  constexpr std::size_t M = Shape::kRows;
+  std::mt19937 random(77);
+  std::normal_distribution<double> normal;
+  std::array<int, 3> seen{};
+  for (int trial = 0; trial < 300; ++trial) {
+    Vector<Shape::kRows> u, R;
+    for (std::size_t k = 0; k < M; ++k) {
+      u[k] = normal(random);
+      R[k] = 0.5 + std::abs(normal(random));
+    }
+    const auto point = reaction(shape, u, R, lo, hi);
+    double C[M][M], compliance[M];
+    for (std::size_t k = 0; k < M; ++k) compliance[k] = R[k];
+    compliance_factor(shape, point, compliance, C);
+    ++seen.at(static_cast<std::size_t>(point.zone));
+    for (std::size_t j = 0; j < M; ++j) {
+      constexpr double kStepLength = 1e-6;
+      Vector<Shape::kRows> ahead = u, behind = u;
+      ahead[j] += kStepLength;
+      behind[j] -= kStepLength;
+      const auto after = reaction(shape, ahead, R, lo, hi);
+      const auto before = reaction(shape, behind, R, lo, hi);
+      if (after.zone != point.zone || before.zone != point.zone) continue;
+      for (std::size_t i = 0; i < M; ++i) {
+        double w = 0.0;
+        for (std::size_t k = 0; k < M; ++k) w += C[i][k] * C[j][k];
+        // A central difference: rounding 1e-16 / 1e-6, and the square of the step times a third derivative, which
+        // grows as the inverse square of the distance from the apex.
+        EXPECT_NEAR(w, (before.x[i] - after.x[i]) / (2 * kStepLength), 1e-6) << i << j << ", zone " << point.zone;
+      }
+    }
+  }
+  EXPECT_GT(seen[kHeld], 10);
+  if (Shape::kKind != ConeKind::free) {
+    EXPECT_GT(seen[kOpen], 10);
+  }
+  if (Shape::kKind == ConeKind::friction) {
+    EXPECT_GT(seen[kSlides], 10);
+  }
+}
+TEST(CompliantCone, its_factor_is_that_of_the_derivative) {
+  expect_derivative(ConeShape<ConeKind::free, 1>{}, 0, 0);
+  expect_derivative(ConeShape<ConeKind::unilateral, 1>{}, 0, 0);
+  expect_derivative(ConeShape<ConeKind::box, 1>{}, -0.5, 0.25);
+  expect_derivative(Friction<2>{}, 0, 0);
+  expect_derivative(Friction<3>{}, 0, 0);
+  expect_derivative(Friction<4>{}, 0, 0);
+}
+
+TEST(CompliantCone, the_apex_and_axes_without_friction_make_no_nan) {
+  for (const Vector<3>& u : {Vector<3>{0, 0, 0}, Vector<3>{-1, 0, 0}, Vector<3>{1, 0, 0}, Vector<3>{0, 1, 0},
+                             Vector<3>{1, 1, 0}, Vector<3>{-1, 1, 0}, Vector<3>{0, 1e-300, 1e-300},
+                             Vector<3>{-1e-300, 1e-300, 0}, Vector<3>{1e300, -1e300, 1e300}}) {
+    const auto point = reaction(Friction<3>{}, u, {1e-3, 1, 1e-6});
+    double C[3][3];
+    const double R[3] = {1e-3, 1, 1e-6};
+    compliance_factor(Friction<3>{}, point, R, C);
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_TRUE(std::isfinite(point.x[i])) << u[0] << " " << u[1];
+      for (std::size_t j = 0; j < 3; ++j) EXPECT_TRUE(std::isfinite(C[i][j])) << u[0] << " " << u[1];
+    }
+  }
+}
+
+template <int M>
+void expect_projection_derivative() {
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 500; ++trial) {
+    double z[M], P[M][M];
+    for (double& entry : z) entry = normal(random);
+    // Away from the kinks, where there are many derivatives.
+    if (std::abs(std::abs(z[0]) - tangential_norm<M>(z)) < 1e-3) continue;
+    projection_derivative(Friction<M>{}, z, 0.0, 0.0, P);
+    for (int j = 0; j < M; ++j) {
+      constexpr double kStepLength = 1e-6;
+      double ahead[M], behind[M];
+      for (int k = 0; k < M; ++k) ahead[k] = behind[k] = z[k];
+      ahead[j] += kStepLength;
+      behind[j] -= kStepLength;
+      project_second_order_cone<M>(ahead);
+      project_second_order_cone<M>(behind);
+      for (int i = 0; i < M; ++i)
+        EXPECT_NEAR(P[i][j], (ahead[i] - behind[i]) / (2 * kStepLength), 1e-6) << M << ": " << i << j;
+    }
+  }
+}
+TEST(ConeDerivative, is_the_derivative_of_the_projection) {
+  expect_projection_derivative<2>();
+  expect_projection_derivative<3>();
+  expect_projection_derivative<6>();
+}
+
+}  // namespace
+}  // namespace stiction::test

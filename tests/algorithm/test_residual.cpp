@@ -1,0 +1,97 @@
+#include "core/algorithm/residual/final_residual.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "bench/scenes/rng.hpp"
+#include "stiction/residual.hpp"
+#include "tests/support/prepared.hpp"
+#include "tests/support/random_systems.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// The body's final residual of a given lambda: absolute, and the motion it wrote.
+template <Law kLaw>
+double body_residual(const Environment<double>& env, const std::vector<double>& lambda,
+                     std::vector<double>* w = nullptr) {
+  Prepared<Pgs, kLaw, Dense> p(env);
+  for (std::size_t i = 0; i < lambda.size(); ++i) p.env.lambda[i] = lambda[i];
+  const double result = final_residual(p.block, p.env).residual;
+  if (w != nullptr) w->assign(p.env.w, p.env.w + p.env.n);
+  return result;
+}
+
+template <Law kLaw>
+void expect_the_judges_residual(std::uint64_t seed) {
+  Recipe recipe;
+  recipe.seed = seed;
+  const Environment<double> env = random_contacts(recipe);
+  scenes::Rng rng(seed + 1000);
+  std::vector<double> lambda;
+  for (std::size_t i = 0; i < env.b.size(); ++i) lambda.push_back(rng.symmetric(1.0));
+  // Frictionless axes carry nothing in any answer, and a reaction on one is a penalty of the judge alone.
+  std::size_t row = 0;
+  for (const auto& cone : env.cones) {
+    for (std::size_t k = 1; k < static_cast<std::size_t>(cone.row_count); ++k)
+      if (env.mu[row + k] == 0) lambda[row + k] = 0;
+    row += static_cast<std::size_t>(cone.row_count);
+  }
+  const double judged = verify(batch_of({env}, kLaw).view(), std::span<const double>(lambda)).at(0).absolute;
+  EXPECT_NEAR(body_residual<kLaw>(env, lambda), judged, 1e-12 * judged) << "seed " << seed;
+}
+
+TEST(ResidualBody, AgreesWithTheJudgeOnAnyReactions) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    expect_the_judges_residual<Law::convex>(seed);
+    expect_the_judges_residual<Law::coulomb>(seed);
+  }
+}
+
+TEST(ResidualBody, TheSolutionsWorkedOutByHandHaveNone) {
+  const auto env = contact({1, 1, 1}, {-2, 3, 0}, 0.5);
+  EXPECT_NEAR(body_residual<Law::coulomb>(env, {2, -1, 0}), 0, 1e-15);
+  EXPECT_GT(body_residual<Law::convex>(env, {2, -1, 0}), 0.1);
+  EXPECT_NEAR(body_residual<Law::convex>(env, {2.8, -1.4, 0}), 0, 1e-15);
+  EXPECT_GT(body_residual<Law::coulomb>(env, {2.8, -1.4, 0}), 0.1);
+}
+
+TEST(ResidualBody, WritesTheMotionOfTheReactionsItWasGiven) {
+  std::vector<double> w;
+  body_residual<Law::convex>(system({unilateral(), free_row()}, {2, 1, 1, 4}, {-3, 1}), {1, -1}, &w);
+  EXPECT_EQ(w, (std::vector<double>{-2, -2}));
+}
+
+TEST(ResidualBody, NothingThatIsNotFiniteLooksSmall) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), infinity, -infinity}) {
+    const double x[] = {0.0, bad, 0.0};
+    const double y[] = {1.0, 0.0, 0.0};
+    const ConeShape<ConeKind::friction, 3> shape;
+    EXPECT_EQ(natural_map_square<Law::convex>(shape, x, y, 1.0, 0.0, 0.0), infinity);
+    EXPECT_EQ(natural_map_square<Law::convex>(shape, y, x, 1.0, 0.0, 0.0), infinity);
+    const double one[] = {0.0}, other[] = {bad};
+    EXPECT_EQ(natural_map_square<Law::convex>(ConeShape<ConeKind::unilateral, 1>{}, one, other, 1.0, 0.0, 0.0),
+              infinity);
+  }
+}
+
+TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
+  // The square of its sliding, and so de Saxce's term, overflows; entries of a broken A make such motions.
+  const double x[] = {0.0, 0.0, 0.0};
+  const double y[] = {1.0, 1e203, -1e203};
+  EXPECT_EQ(natural_map_square<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
+}
+
+TEST(ResidualBody, ItsScaleIsTheLargestRightHandSide) {
+  Prepared<Pgs, Law::convex, Dense> p(system({free_row(), free_row()}, {1, 0, 0, 1}, {-3, 2}));
+  EXPECT_EQ(residual_scale(p.block, p.env), 3.0);
+  Prepared<Pgs, Law::convex, Dense> still(system({free_row()}, {1}, {0}));
+  EXPECT_EQ(residual_scale(still.block, still.env), 1e-300);
+}
+
+}  // namespace

@@ -1,0 +1,55 @@
+#include <limits>
+#include <vector>
+
+#include "core/algorithm/solver/apgd.hpp"
+#include "core/algorithm/solver/npgs.hpp"
+#include "tests/support/torture_cases.hpp"
+
+namespace stiction::test {
+
+TEST(torture, a_block_gives_every_lane_the_first_lanes_value) {
+  for (const Index width : kWidths) {
+    std::vector<double> seen(static_cast<std::size_t>(width));
+    run_block(width, kTorture<1>, [&](auto& block) {
+      double sum = 0.0;
+      for (int round = 0; round < 50; ++round)
+        sum += block.broadcast([&] { return 1.0 + round + 100.0 * block.rank(); });
+      seen[static_cast<std::size_t>(block.rank())] = sum;
+    });
+    for (const double sum : seen) EXPECT_EQ(sum, 50.0 + 49.0 * 25.0) << "width " << width;
+  }
+}
+
+TEST(torture, maxima_flags_and_sums_are_on_every_lane_whatever_the_width) {
+  const std::vector<float> values{0.1F, 7.5F, 3.3F, 1e-3F, 2.2F, 7.25F, 0.7F};
+  const auto term = [&](Index leaf) { return values[static_cast<std::size_t>(leaf) % values.size()]; };
+  SerialBlock serial;
+  const float expected = sum_leaves<float>(serial, term);
+  for (const Index width : kWidths) {
+    run_block(width, kTorture<8>, [&](auto& block) {
+      const auto own = values[static_cast<std::size_t>(block.rank()) % values.size()];
+      EXPECT_EQ(block.max(own), width == 1 ? 0.1F : 7.5F);
+      EXPECT_EQ(block.combine(1U << (block.rank() % 32)), width >= 32 ? 0xffffffffU : (1U << width) - 1U);
+      EXPECT_EQ(sum_leaves<float>(block, term), expected);
+    });
+  }
+}
+
+TEST(torture, lanes_that_dawdle_change_no_bit_of_a_dense_environment) {
+  const TortureCase<Npgs, Law::coulomb, float> one(small_dense(), true);
+  for (const Index width : {3, 33}) one.expect_same_dense<1>(width, kJitter, "jitter, dense");
+}
+
+TEST(torture, lanes_that_dawdle_change_no_bit_of_a_sparse_environment) {
+  const TortureCase<Apgd, Law::convex, double> one(small_sparse(), false);
+  for (const Index width : {5, 16}) one.expect_same_sparse(width, kJitter, "jitter, sparse");
+}
+
+TEST(torture, a_poisoned_environment_is_refused_alike_on_blocks_of_every_width) {
+  Environment<double> poisoned = small_dense();
+  poisoned.b[2] = std::numeric_limits<double>::quiet_NaN();
+  const TortureCase<Npgs, Law::coulomb, float> one(poisoned, false);
+  for (const Index width : kWidths) one.expect_same_dense<1>(width, kJitter, "poisoned");
+}
+
+}  // namespace stiction::test

@@ -1,0 +1,71 @@
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "bench/scenes/rng.hpp"
+#include "core/algorithm/solver/lemke/lemke.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/jitter_block.hpp"
+#include "tests/support/small_systems.hpp"
+#include "tests/support/solve_alone.hpp"
+#include "tests/support/torture_block.hpp"
+
+/// The scenes of torture_cases.hpp have friction, which Lemke refuses; these have every kind of row that it takes.
+namespace stiction::test {
+namespace {
+
+/// Rows of every kind in islands of `island` rows, half of them redundant: free rows that depend on one another,
+/// degenerate contacts, bounds of every sort.
+Environment<double> islands(std::size_t rows, std::size_t island) {
+  scenes::Rng rng(77);
+  const double infinite = __builtin_huge_val();
+  Environment<double> env;
+  std::vector<double> A(rows * rows, 0.0), J(rows * island / 2);
+  for (double& entry : J) entry = rng.symmetric(1.0);
+  for (std::size_t i = 0; i < rows; ++i) {
+    env.cones.push_back(i % 3 == 0 ? free_row() : i % 3 == 1 ? unilateral() : box());
+    env.lo.push_back(i % 4 == 1 ? -infinite : -0.25);
+    env.hi.push_back(i % 5 == 1 ? infinite : i % 7 == 1 ? -0.25 : 0.125);
+    double b = 0.0;
+    for (std::size_t k = 0; k < island / 2; ++k) b += J[i * island / 2 + k];
+    env.b.push_back(b);
+    for (std::size_t j = 0; j < rows; ++j)
+      for (std::size_t k = 0; k < island / 2 && i / island == j / island; ++k)
+        A[i * rows + j] += J[i * island / 2 + k] * J[j * island / 2 + k];
+  }
+  env.set_dense(A, static_cast<Index>(rows));
+  return env;
+}
+
+template <class Real>
+void torture(const Environment<double>& environment, EnvPath path) {
+  const ContactBatch<Real> batch = convert<Real>(batch_of({environment}));
+  const SolverOptions o = options(SolverKind::lemke, 1e-3, 1000);
+  const Solution<Real> expected = solve_alone<Lemke, Law::convex>(batch, o);
+  EXPECT_EQ(expected.status[0].code, EnvCode::solved) << expected.status[0].residual;
+  EXPECT_GT(expected.status[0].iterations, Lemke::kChunk) << "the path is longer than one chunk";
+  const PlanData plan = make_plan(batch.view());
+  ASSERT_EQ(plan.path[0], path);
+  for (const Index width : {1, 2, 3, 8, 33})
+    for (const bool jitter : {false, true}) {
+      if (jitter && width > 8) continue;
+      Solution<Real> there = expected;
+      there.lambda.assign(there.lambda.size(), Real(7));
+      there.status[0] = {};
+      solve_on_lanes<Lemke, Law::convex>(batch, o, there, width, jitter);
+      EXPECT_TRUE(same_bits(expected, there)) << "width " << width << (jitter ? ", jitter" : "");
+    }
+}
+
+TEST(torture, lemke_has_the_same_bits_on_teams_of_every_width) {
+  const Environment<double> small = islands(40, 40);
+  torture<float>(small, EnvPath::dense);
+  torture<double>(small, EnvPath::dense);
+  const Environment<double> large = islands(72, 12);
+  torture<float>(large, EnvPath::sparse);
+  torture<double>(large, EnvPath::sparse);
+}
+
+}  // namespace
+}  // namespace stiction::test

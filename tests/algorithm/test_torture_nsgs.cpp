@@ -1,0 +1,11 @@
+#include "core/algorithm/solver/nsgs.hpp"
+
+#include "tests/support/torture_cases.hpp"
+
+namespace stiction::test {
+
+TEST(torture, nsgs_has_the_same_bits_on_blocks_of_every_width_tile_and_stride) {
+  torture_method<Nsgs>();
+}
+
+}  // namespace stiction::test

@@ -1,0 +1,11 @@
+#include "core/algorithm/solver/subspace.hpp"
+
+#include "tests/support/torture_cases.hpp"
+
+namespace stiction::test {
+
+TEST(torture, subspace_has_the_same_bits_on_blocks_of_every_width_tile_and_stride) {
+  torture_method<Subspace>();
+}
+
+}  // namespace stiction::test
