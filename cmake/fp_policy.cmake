@@ -1,4 +1,4 @@
-# The floating-point policy, in one place (reasons: docs/numerics.md). Every target that compiles a body links it,
+# The floating-point policy, in one place (reasons: docs/numerics.md). Every target that compiles an algorithm links it,
 # and it is an interface of the header target, because one translation unit built otherwise is enough to change bits.
 #   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only what says fma_()
 #   no errno/traps what lets sqrt and selects vectorise; changes no value

@@ -12,7 +12,7 @@
 #include "cpu_fallback/env_queue.hpp"
 #include "cpu_fallback/job.hpp"
 #include "cpu_fallback/pack_width.hpp"
-#include "cpu_fallback/shared_bodies.hpp"
+#include "cpu_fallback/shared_instances.hpp"
 
 /// Feeds environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {

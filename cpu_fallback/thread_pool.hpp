@@ -14,7 +14,7 @@ using ItemWork = std::function<void(int item, int worker)>;
 
 /// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them, each
 /// taking the next item when it is free. Items are independent and an environment never crosses threads, so who takes
-/// what reaches no result. Every thread has the bodies' floating-point environment. The first exception is rethrown
+/// what reaches no result. Every thread has the algorithms' floating-point environment. The first exception is rethrown
 /// when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
 

@@ -45,7 +45,7 @@ class ThreadTeam {
 };
 
 /// Runs work(team, rank) on `threads` threads at once, the caller's among them; on fewer if the system gives no more.
-/// `work` does not throw. Every thread has the bodies' floating-point environment.
+/// `work` does not throw. Every thread has the algorithms' floating-point environment.
 void run_team(int threads, const std::function<void(ThreadTeam& team, Index rank)>& work);
 
 }  // namespace stiction::cpu

@@ -8,10 +8,10 @@
 
 namespace stiction {
 
-/// The floating-point environment the bodies assume: round to nearest, subnormals kept. A process may have lost it
+/// The floating-point environment the algorithms assume: round to nearest, subnormals kept. A process may have lost it
 /// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every thread of a solve and
 /// every public function that computes sets it and puts back what it found (tests/determinism/test_fp_entries.cpp).
-/// With SSE the bodies never use the x87 unit, whose whole environment takes longer to save and load than a small
+/// With SSE the algorithms never use the x87 unit, whose whole environment takes longer to save and load than a small
 /// solve's sweeps: its rounding is kept in step, so that std::fegetround() tells the truth.
 class ScopedFpEnv {
  public:

@@ -9,7 +9,7 @@
 #error "stiction promises the same bits everywhere; relaxed floating-point flags break that promise. Remove them."
 #endif
 
-/// Every rounding of the bodies goes through these functions (docs/numerics.md). Plain + - * are written as such;
+/// Every rounding of the algorithms goes through these functions (docs/numerics.md). Plain + - * are written as such;
 /// with contraction off each is one IEEE-754 rounding on every machine. Comparisons with NaN are false, and the
 /// selects below therefore have one meaning everywhere, unlike the libraries' minima and maxima.
 namespace stiction::inline STICTION_ISA {

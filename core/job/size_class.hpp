@@ -5,7 +5,7 @@
 namespace stiction {
 
 /// Environments that a device answers with one kernel launch, most expensive first. Which class an environment falls
-/// into reaches speed only: every class runs the same bodies.
+/// into reaches speed only: every class runs the same algorithms.
 enum class SizeClass : std::uint8_t {
   sparse_device = 0,  ///< sparse, the whole device on one environment at a time
   sparse_block,       ///< sparse, a block each

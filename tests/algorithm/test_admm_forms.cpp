@@ -12,7 +12,7 @@
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_by_body.hpp"
+#include "tests/support/solved_alone.hpp"
 
 /// Alternating directions without the matrix of the rows: through the velocities, and by conjugate gradients.
 namespace {
@@ -231,7 +231,7 @@ TEST(AdmmForms, GradientsGoWhereTheFactorisationGoes) {
     recipe.others = 3;
     const Environment<double> env = random_contacts(recipe);
     const auto by_matrix = solve(batch_of({env}), options(SolverKind::admm, 1e-9, 2000));
-    const auto found = solved_by_body<Matrixless<Admm>, Law::convex, double, SparseSystem>(env, 1e-9, 2000);
+    const auto found = solved_alone<Matrixless<Admm>, Law::convex, double, SparseSystem>(env, 1e-9, 2000);
     EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
     EXPECT_LE(found.status[0].iterations, 2 * by_matrix.status[0].iterations + 40);
     EXPECT_LE(certify(env, Law::convex, found.lambda).worst(), 1e-7L);

@@ -7,7 +7,7 @@
 #include "tests/support/certificate.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/random_systems.hpp"
-#include "tests/support/solved_by_body.hpp"
+#include "tests/support/solved_alone.hpp"
 
 namespace {
 
@@ -16,8 +16,8 @@ using namespace stiction::test;
 
 template <class Real, template <class> class SystemOf = OnDense>
 Solution<Real> solved(const Environment<double>& env, Law law, double tolerance, Index iterations) {
-  return law == Law::convex ? solved_by_body<Ipm, Law::convex, Real, SystemOf>(env, tolerance, iterations)
-                            : solved_by_body<Ipm, Law::coulomb, Real, SystemOf>(env, tolerance, iterations);
+  return law == Law::convex ? solved_alone<Ipm, Law::convex, Real, SystemOf>(env, tolerance, iterations)
+                            : solved_alone<Ipm, Law::coulomb, Real, SystemOf>(env, tolerance, iterations);
 }
 
 template <class Real>

@@ -14,7 +14,7 @@
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_by_body.hpp"
+#include "tests/support/solved_alone.hpp"
 #include "tests/support/torture_block.hpp"
 
 /// Interior points whose steps are found by conjugate gradients, as in environments that have no room for a matrix.
@@ -28,7 +28,7 @@ using WithoutMatrices = Matrixless<Ipm>;
 
 template <Law kLaw = Law::convex, class Real = double>
 Solution<Real> solved(const Environment<double>& env, double tolerance, Index iterations) {
-  return solved_by_body<WithoutMatrices, kLaw, Real, SparseSystem>(env, tolerance, iterations);
+  return solved_alone<WithoutMatrices, kLaw, Real, SparseSystem>(env, tolerance, iterations);
 }
 
 /// A scene with that compliance on every row, relative to A's mean diagonal.
@@ -59,7 +59,7 @@ TEST(IpmGradients, GoWhereTheFactorisationGoes) {
   for (const double compliance : {1e-1, 1e-3}) {
     SCOPED_TRACE(compliance);
     const Environment<double> env = compliant("stack", 10, compliance);
-    const Solution<double> by_matrix = solved_by_body<Ipm, Law::convex, double, SparseSystem>(env, 1e-12, 100);
+    const Solution<double> by_matrix = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-12, 100);
     const Solution<double> found = solved(env, 1e-10, 100);
     EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
     EXPECT_LE(found.status[0].iterations, by_matrix.status[0].iterations + 30);
@@ -90,7 +90,7 @@ TEST(IpmGradients, AHundredBoxesAreCertifiedWithAndWithoutCompliance) {
     SCOPED_TRACE(compliance);
     const Environment<double> env = compliant("stack", 100, compliance);
     ASSERT_GT(env.b.size(), static_cast<std::size_t>(kDirectRows));
-    const Solution<double> solution = solved_by_body<Ipm, Law::convex, double, SparseSystem>(env, 1e-7, 100);
+    const Solution<double> solution = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-7, 100);
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
     EXPECT_EQ(solution.status[0].flags, 0U);
     const Certificate found = certify(env, Law::convex, solution.lambda);
@@ -161,8 +161,8 @@ TEST(IpmGradients, AnAsymmetricMatrixIsRefusedUnderBothLaws) {
   const auto entry = static_cast<std::size_t>(env.row_offsets[0]);
   ASSERT_NE(env.column[entry + 1], 0);
   env.A[entry + 1] += 0.5 * env.A[entry];
-  const auto convex = solved_by_body<Ipm, Law::convex, double, SparseSystem>(env, 1e-3, 5).status[0];
-  const auto coulomb = solved_by_body<Ipm, Law::coulomb, double, SparseSystem>(env, 1e-3, 5).status[0];
+  const auto convex = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-3, 5).status[0];
+  const auto coulomb = solved_alone<Ipm, Law::coulomb, double, SparseSystem>(env, 1e-3, 5).status[0];
   for (const EnvStatus& status : {convex, coulomb}) {
     EXPECT_EQ(status.code, EnvCode::unsupported);
     EXPECT_EQ(status.flags, static_cast<std::uint32_t>(kFlagAsymmetric));
@@ -179,7 +179,7 @@ Solution<Real> on_team(const Environment<double>& environment, Index width) {
   Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows), std::vector<EnvStatus>(1)};
   const EnvView<Real> env = slice(view, view_of(plan), kLaw, static_cast<const Real*>(nullptr), solution.lambda.data(),
                                   solution.w.data(), solution.status.data(), Offset{0});
-  // What a body reads before it writes would show.
+  // What an algorithm reads before it writes would show.
   std::vector<Real> memory(static_cast<std::size_t>(SparseSystem<Real>::elements(
                                env.n, env.cone_count, view.nonzero_count, WithoutMatrices::room())),
                            static_cast<Real>(__builtin_nan("")));

@@ -13,7 +13,7 @@
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_by_body.hpp"
+#include "tests/support/solved_alone.hpp"
 
 /// Newton's method whose steps come from gradients, as in environments that have no room for a matrix.
 namespace {
@@ -39,7 +39,7 @@ TEST(NewtonGradients, CompliantSystemsHaveTheOraclesAnswerEvenIfTheyAreSingular)
     for (std::uint64_t seed = 0; seed < 10; ++seed) {
       SCOPED_TRACE(testing::Message() << "rank " << rank << ", seed " << seed);
       const Environment<double> env = some_contacts(seed, rank, 0.01);
-      const auto found = solved_by_body<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-10, 60);
+      const auto found = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-10, 60);
       EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
       EXPECT_LE(found.status[0].iterations, 30);
       const oracle::Answer truth = oracle::solve_convex(env);
@@ -53,7 +53,7 @@ TEST(NewtonGradients, ATowerWithLittleComplianceTakesFewerIterationsThanItHasCon
   Environment<double> env = scenes::make("stack", 5, 0, 8).system;
   env.R.assign(env.b.size(), 1e-3);
   const auto by_matrix = solve(batch_of({env}), options(SolverKind::newton, 1e-9, 100));
-  const auto found = solved_by_body<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
+  const auto found = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
   EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
   EXPECT_LE(found.status[0].iterations, 2 * by_matrix.status[0].iterations + 10);
   double size = 0;
@@ -67,10 +67,10 @@ TEST(NewtonGradients, RigidSystemsUnderBothLaws) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     SCOPED_TRACE(seed);
     const Environment<double> env = some_contacts(seed, 1.5, 0.0);
-    const auto convex = solved_by_body<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
+    const auto convex = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
     EXPECT_EQ(convex.status[0].code, EnvCode::solved) << convex.status[0].residual;
     EXPECT_LE(certify(env, Law::convex, convex.lambda).worst(), 1e-7L);
-    const auto coulomb = solved_by_body<WithoutMatrices, Law::coulomb, double, SparseSystem>(env, 1e-9, 100);
+    const auto coulomb = solved_alone<WithoutMatrices, Law::coulomb, double, SparseSystem>(env, 1e-9, 100);
     EXPECT_EQ(coulomb.status[0].code, EnvCode::solved) << coulomb.status[0].residual;
     EXPECT_LE(certify(env, Law::coulomb, coulomb.lambda).worst(), 1e-7L);
   }

@@ -15,7 +15,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// The body's final residual of a given lambda: absolute, and the motion it wrote.
+/// The algorithm's final residual of a given lambda: absolute, and the motion it wrote.
 template <Law kLaw>
 double body_residual(const Environment<double>& env, const std::vector<double>& lambda,
                      std::vector<double>* w = nullptr) {

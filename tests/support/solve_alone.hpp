@@ -10,10 +10,11 @@
 #include "tests/support/plan_views.hpp"
 #include "tests/support/torture_block.hpp"
 
-/// One environment of a host batch solved by a body, on the path that the plan chooses, without the machine around it.
+/// One environment of a host batch solved by an algorithm, on the path that the plan chooses, without the machine
+/// around it.
 namespace stiction::test {
 
-/// run(make_block) decides on which blocks; what a body reads before it writes would show.
+/// run(make_block) decides on which blocks; what an algorithm reads before it writes would show.
 template <class Method, Law kLaw, class Real, class Run>
 void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Offset environment,
                Solution<Real>& solution, Run&& run) {

@@ -13,7 +13,7 @@
 #include "tests/support/plan_views.hpp"
 #include "tests/support/torture_block.hpp"
 
-/// One environment solved by a body on blocks of every width, by threads that race unless the body syncs, and on every
+/// One environment solved by an algorithm on blocks of every width, by threads that race unless it syncs, and on every
 /// stride: each must give the bits of the public solver.
 namespace stiction::test {
 
@@ -67,7 +67,7 @@ class TortureCase {
   void run(Index width, const Make& make, const std::string& label, Offset elements,
            const MakeSystem& make_system) const {
     Solution<Real> solution{std::vector<Real>(rows()), std::vector<Real>(rows()), std::vector<EnvStatus>(1)};
-    // What a body reads before it writes would show: no memory of a GPU is zero by itself.
+    // What an algorithm reads before it writes would show: no memory of a GPU is zero by itself.
     std::vector<Real> memory(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
     const EnvView<Real> env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
@@ -119,7 +119,7 @@ inline Environment<double> small_sparse() {
 }
 
 /// Both laws and precisions of a method on both kinds of system. Who computes what does not depend on how law and
-/// precision are paired, and every pair costs a copy of the body: the emulated device's tests have them all.
+/// precision are paired, and every pair costs a copy of the algorithm: the emulated device's tests have them all.
 template <class Method>
 void torture_method() {
   {

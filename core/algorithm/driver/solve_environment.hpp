@@ -3,7 +3,8 @@
 #include <type_traits>
 
 #include "core/algorithm/driver/check_convergence.hpp"
-#include "core/algorithm/solver/pgs.hpp"
+#include "core/algorithm/solver/method.hpp"
+#include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

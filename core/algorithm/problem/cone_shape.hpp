@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Kind and row count of a cone as a type, so that a body unrolls over its rows.
+/// Kind and row count of a cone as a type, so that loops over its rows unroll.
 template <ConeKind kKindValue, int kRowsValue>
 struct ConeShape {
   static constexpr ConeKind kKind = kKindValue;

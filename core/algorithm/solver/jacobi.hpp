@@ -1,6 +1,7 @@
 #pragma once
 
-#include "core/algorithm/solver/pgs.hpp"
+#include "core/algorithm/solver/method.hpp"
+#include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

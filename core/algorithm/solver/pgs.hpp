@@ -1,15 +1,9 @@
 #pragma once
 
+#include "core/algorithm/solver/method.hpp"
 #include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-/// Options of an iteration, as numbers of the solve's precision.
-template <class Real>
-struct MethodParams {
-  Real omega;
-  bool is_rung = false;  ///< of the ladder: what cannot be treated well is tried all the same, from the answer there is
-};
 
 /// Projected Gauss-Seidel by cones, relaxed by omega (docs/math/pgs.md; Jourdan, Alart, Jean 1998 for the Coulomb
 /// form).

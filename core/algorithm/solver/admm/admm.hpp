@@ -2,7 +2,8 @@
 
 #include "core/algorithm/solver/admm/anderson.hpp"
 #include "core/algorithm/solver/admm/penalized_system.hpp"
-#include "core/algorithm/solver/pgs.hpp"
+#include "core/algorithm/solver/method.hpp"
+#include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

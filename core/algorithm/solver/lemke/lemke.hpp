@@ -1,7 +1,8 @@
 #pragma once
 
 #include "core/algorithm/solver/lemke/pair_start.hpp"
-#include "core/algorithm/solver/pgs.hpp"
+#include "core/algorithm/solver/method.hpp"
+#include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

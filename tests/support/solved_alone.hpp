@@ -9,9 +9,9 @@
 
 namespace stiction::test {
 
-/// What a body makes of one environment on a block of one, dense or sparse as asked: no solver, no machine.
+/// What an algorithm makes of one environment on a block of one, dense or sparse as asked: no solver, no machine.
 template <class Method, Law kLaw, class Real, template <class> class SystemOf>
-Solution<Real> solved_by_body(const Environment<double>& environment, double tolerance, Index max_iterations) {
+Solution<Real> solved_alone(const Environment<double>& environment, double tolerance, Index max_iterations) {
   const ContactBatch<Real> batch = convert<Real>(batch_of({environment}, kLaw));
   const auto view = batch.view();
   const PlanData plan = make_plan(view);

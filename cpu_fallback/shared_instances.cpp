@@ -1,4 +1,4 @@
-#include "cpu_fallback/shared_bodies.hpp"
+#include "cpu_fallback/shared_instances.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

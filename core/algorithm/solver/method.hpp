@@ -1,0 +1,14 @@
+#pragma once
+
+#include "core/base/macros.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Options of an iteration, as numbers of the solve's precision.
+template <class Real>
+struct MethodParams {
+  Real omega;
+  bool is_rung = false;  ///< of the ladder: what cannot be treated well is tried all the same, from the answer there is
+};
+
+}  // namespace stiction::inline STICTION_ISA
