@@ -1,7 +1,7 @@
 #pragma once
 
 #include "cpu_fallback/bodies_job.hpp"
-#include "cpu_fallback/team_block.hpp"
+#include "cpu_fallback/threaded_team.hpp"
 
 /// A method of solving bodies (BodySweeps, BodyNewton) on one thread and on a team of them. Compiled once per
 /// instruction set.

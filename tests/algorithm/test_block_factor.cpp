@@ -6,9 +6,9 @@
 
 #include "core/plan/block_tables.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/preconditioner_room.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 #ifdef STICTION_TEST_HAS_EIGEN
 #include <Eigen/Sparse>

@@ -10,12 +10,12 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/certificate.hpp"
 #include "tests/support/factor_systems.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
 #include "tests/support/solved_alone.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// Interior points whose steps are found by conjugate gradients, as in environments that have no room for a matrix.
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "cpu_fallback/team_block.hpp"
+#include "cpu_fallback/threaded_team.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/multigrid_case.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

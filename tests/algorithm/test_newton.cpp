@@ -9,7 +9,7 @@
 #include "tests/support/oracle.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

@@ -13,7 +13,7 @@
 #include "core/plan/plan.hpp"
 #include "core/runtime/defects.hpp"
 #include "tests/support/random_structures.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// A plan made by however many lanes holds the integers of make_plan(), which tests/unit/test_plan.cpp holds to its
 /// word.

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "stiction/error.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/preconditioner_room.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

@@ -9,8 +9,8 @@
 #include "core/plan/body_plan.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
-#include "tests/support/jitter_block.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/jitter_team.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// One body environment on blocks of every width, by threads that race unless the body syncs: each must give the bits
 /// of the public solver.

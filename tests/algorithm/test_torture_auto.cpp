@@ -37,7 +37,7 @@ void expect_the_same_on_teams(const ContactBatch<double>& climbing, Law law, dou
   SCOPED_TRACE(std::to_string(lanes) + " lanes, " + to_string(law));
   const ContactBatch<Real> batch = convert<Real>(climbing);
   const SolverOptions options = chain(law, tolerance);
-  cuda::HostDevice device({lanes, 2, static_cast<std::uint64_t>(lanes)});
+  cuda::EmulatedDevice device({lanes, 2, static_cast<std::uint64_t>(lanes)});
   EXPECT_EQ(on_engine(device, batch, options, SizeClass::dense_block), solve_hashes(batch, options));
 }
 

@@ -9,8 +9,8 @@
 #include "core/plan/newton_plan.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
-#include "tests/support/jitter_block.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/jitter_team.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// Newton's method in body space on blocks of every width, by threads that race unless the body syncs, in memory of
 /// which nothing may be read before it is written.

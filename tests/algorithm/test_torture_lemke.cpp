@@ -6,10 +6,10 @@
 #include "bench/scenes/rng.hpp"
 #include "core/algorithm/solver/lemke/lemke.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// The scenes of torture_cases.hpp have friction, which Lemke refuses; these have every kind of row that it takes.
 namespace stiction::test {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/algorithm/warm_start/warm_start.hpp"
-#include "tests/support/jitter_block.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/jitter_team.hpp"
+#include "tests/support/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

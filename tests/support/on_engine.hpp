@@ -1,6 +1,6 @@
 #pragma once
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/device_batch.hpp"
 
@@ -8,7 +8,7 @@ namespace stiction::test {
 
 /// Hashes of what the GPU's engine answers on a host device; `finest` is the class of the smallest environments.
 template <class Real>
-std::vector<std::uint64_t> on_engine(cuda::HostDevice& device, const ContactBatch<Real>& batch,
+std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const ContactBatch<Real>& batch,
                                      const SolverOptions& options, SizeClass finest = SizeClass::bundle_four) {
   const Capacity need = Capacity::of(batch.view());
   cuda::Engine engine(device, finest);

@@ -6,9 +6,9 @@
 #include "core/algorithm/driver/solve_environment.hpp"
 #include "core/plan/plan.hpp"
 #include "stiction/solver.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/plan_views.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// One environment of a host batch solved by an algorithm, on the path that the plan chooses, without the machine
 /// around it.

@@ -9,9 +9,9 @@
 #include "core/algorithm/driver/solve_environment.hpp"
 #include "core/plan/plan.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jitter_block.hpp"
+#include "tests/support/jitter_team.hpp"
 #include "tests/support/plan_views.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// One environment solved by an algorithm on blocks of every width, by threads that race unless it syncs, and on every
 /// stride: each must give the bits of the public solver.

@@ -5,7 +5,7 @@
 
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/box_scenes.hpp"
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_bodies.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/body_methods.hpp"
@@ -125,7 +125,7 @@ TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
         for (const int lanes : {1, 3}) {
           // One lane takes turns with itself: once for each kind of program is enough.
           if (lanes == 1 && options.space.preconditioner < BodyPreconditioner::factor) continue;
-          cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{lanes, 2, 5}), true);
+          cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 2, 5}), true);
           auto out = room_for(batch);
           machine.solve(request_of(batch, plan, options, out, nullptr));
           expect_same(expected, out);
@@ -144,7 +144,7 @@ TEST(DeviceBodies, a_plan_for_newtons_method_serves_impulses_too) {
   newton.method = BodyMethod::newton;
   newton.iterations = 1;
   const BodyPlan plan = BodySolver(Device::cpu(), {}, newton).plan(batch.view());
-  cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5}), true);
+  cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5}), true);
   for (const bool first : {true, false}) {
     auto out = room_for(batch);
     machine.solve(request_of(batch, plan, newton, out, nullptr));
@@ -170,7 +170,7 @@ TEST(DeviceBodies, a_lane_of_its_own_gives_the_bits_of_a_team) {
         const auto expected = solve_bodies(batch, {}, options, Device::cpu(), std::span<const Real>(warm));
         const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
         for (const std::size_t shared_kib : {std::size_t{227}, std::size_t{100}, std::size_t{0}}) {
-          const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5, shared_kib << 10});
+          const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5, shared_kib << 10});
           cuda::DeviceBodies machine(device, true);
           auto out = room_for(batch);
           auto request = request_of(batch, plan, options, out, nullptr);
@@ -191,7 +191,7 @@ TEST(DeviceBodies, fast_memory_decides_how_many_classes_there_are) {
   const BodySolverOptions options = quick(Law::coulomb);
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   const auto launches = [&](std::size_t shared_bytes) {
-    const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 0, shared_bytes});
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 0, shared_bytes});
     cuda::DeviceBodies machine(device, true);
     auto out = room_for(batch);
     machine.solve(request_of(batch, plan, options, out, nullptr));
@@ -208,7 +208,7 @@ TEST(DeviceBodies, lanes_teams_and_order_change_nothing) {
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   for (const int lanes : {1, 3})
     for (const std::uint64_t seed : {0, 1}) {
-      cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{lanes, 1 + lanes, seed}),
+      cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 1 + lanes, seed}),
                                  true);
       auto out = room_for(batch);
       machine.solve(request_of(batch, plan, options, out, nullptr));
@@ -230,7 +230,7 @@ TEST(DeviceBodies, a_captured_solve_is_replayed_with_other_numbers) {
   const BodySolverOptions options = quick(Law::coulomb);
   const auto batch = mixed_batch<float>();
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
-  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, 9});
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 9});
   cuda::DeviceBodies machine(device, false);
   const cuda::Stream stream(*device);
   auto out = room_for(batch);
@@ -271,7 +271,7 @@ TEST(DeviceBodies, a_device_that_fails_leaves_nothing_behind) {
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   for (const cuda::DeviceCall call : {cuda::DeviceCall::allocate, cuda::DeviceCall::copy, cuda::DeviceCall::launch})
     for (int n = 0; n < 3; ++n) {
-      const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 0});
+      const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 0});
       {
         cuda::DeviceBodies machine(device, true);
         auto out = room_for(batch);

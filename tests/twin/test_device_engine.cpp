@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/engine.hpp"
 #include "stiction/error.hpp"
@@ -25,7 +25,7 @@ SolverOptions quick(SolverKind solver) {
 /// Every solver and the ladder in one precision; what is costly on all but the largest.
 template <class Real>
 void expect_the_cpus_bits_of_every_solver() {
-  cuda::HostDevice device({2, 3, 11});
+  cuda::EmulatedDevice device({2, 3, 11});
   for (const SolverKind solver : kEveryChoice) {
     const ContactBatch<Real> batch = batch_for<Real>(solver, ragged_batch(2, 7), 100);
     for (const Law law : kBothLaws) {
@@ -52,7 +52,7 @@ TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
   const auto expected = solve_hashes(batch, options);
   for (const int lanes : {1, 2, 3, 7})
     for (const std::uint64_t seed : {0, 1}) {
-      cuda::HostDevice device({lanes, 1 + lanes, seed});
+      cuda::EmulatedDevice device({lanes, 1 + lanes, seed});
       EXPECT_EQ(on_engine(device, batch, options), expected) << lanes << " lanes, seed " << seed;
     }
 }
@@ -63,7 +63,7 @@ TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
   const auto expected = solve_hashes(batch, options);
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
                                  SizeClass::dense_tile, SizeClass::bundle_six}) {
-    cuda::HostDevice device({2, 3, 4});
+    cuda::EmulatedDevice device({2, 3, 4});
     EXPECT_EQ(on_engine(device, batch, options, finest), expected) << static_cast<int>(finest);
   }
 }
@@ -71,7 +71,7 @@ TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
 TEST(DeviceEngine, room_that_graphs_use_is_not_taken_from_them) {
   const ContactBatch<float> small = convert<float>(ragged_batch(1, 1)), large = convert<float>(ragged_batch(4, 1));
   const SolverOptions options = quick(SolverKind::npgs);
-  cuda::HostDevice device;
+  cuda::EmulatedDevice device;
   cuda::Engine engine(device);
   engine.reserve(Capacity::of(small.view()), options.solver, Precision::f32);
   const cuda::Stream stream(device);
@@ -91,7 +91,7 @@ TEST(DeviceEngine, a_plan_is_made_again_once_graphs_may_have_written_over_it) {
                             two = convert<float>(scene_batch("mixed", 20, 2));
   const SolverOptions options = quick(SolverKind::npgs);
   const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
-  const auto device = std::make_shared<cuda::HostDevice>();
+  const auto device = std::make_shared<cuda::EmulatedDevice>();
   cuda::DeviceBackend backend(device);
   backend.reserve(room, options.solver);
   const cuda::Stream stream(*device);
@@ -130,7 +130,7 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
     room = larger(room, Capacity::of(batches.back().view()));
   }
   const SolverOptions options = quick(SolverKind::npgs);
-  cuda::HostDevice device({2, 3, 17});
+  cuda::EmulatedDevice device({2, 3, 17});
   cuda::Engine engine(device);
   engine.reserve(room, options.solver, Precision::f32);
   const cuda::Stream stream(device);
@@ -155,7 +155,7 @@ TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
   const SolverOptions options = quick(SolverKind::npgs);
   const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
   for (std::uint64_t seed = 1; seed < 9; ++seed) {
-    cuda::HostDevice device({1, 3, seed});
+    cuda::EmulatedDevice device({1, 3, seed});
     cuda::Engine engine(device);
     engine.reserve(room, options.solver, Precision::f32);
     const cuda::Stream first(device), second(device);
@@ -186,7 +186,7 @@ TEST(DeviceEngine, a_giant_among_many_changes_nobodys_bits) {
     batch.add(scenes::make("stack", 9, e, 1).system);
   }
   const SolverOptions options = quick(SolverKind::npgs);
-  cuda::HostDevice device({2, 3, 2});
+  cuda::EmulatedDevice device({2, 3, 2});
   const ContactBatch<float> single = convert<float>(batch);
   EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
 }
@@ -200,7 +200,7 @@ TEST(DeviceEngine, a_method_with_matrices_has_room_for_the_small_beside_the_gian
   }
   SolverOptions options = quick(SolverKind::ipm);
   options.max_iterations = 2;
-  cuda::HostDevice device({2, 3, 2});
+  cuda::EmulatedDevice device({2, 3, 2});
   const ContactBatch<float> single = convert<float>(batch);
   EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
   for (const EnvStatus& status : solve(single, options).status) EXPECT_EQ(status.iterations, 2);
@@ -211,7 +211,7 @@ TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
   const SolverOptions options = quick(SolverKind::npgs);
   Capacity room = Capacity::of(batch.view());
   room.env_rows = 30;
-  cuda::HostDevice device({2, 3, 2});
+  cuda::EmulatedDevice device({2, 3, 2});
   cuda::Engine engine(device);
   engine.reserve(room, options.solver, Precision::f32);
   const cuda::Stream stream(device);
@@ -243,7 +243,7 @@ TEST(DeviceEngine, a_broken_structure_is_flagged_where_it_is) {
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);
   const Capacity need = Capacity::of(batch.view());
-  cuda::HostDevice device({2, 3, 2});
+  cuda::EmulatedDevice device({2, 3, 2});
   cuda::Engine engine(device);
   engine.reserve(need, options.solver, Precision::f32);
   const cuda::Stream stream(device);

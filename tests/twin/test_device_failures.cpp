@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
@@ -52,7 +52,7 @@ TEST(DeviceStaging, a_batch_in_many_pieces_is_answered_as_a_whole) {
   Call call;
   const auto expected = solve_hashes(call.batch, call.options);
   for (const std::uint64_t seed : {0, 1, 2, 3}) {
-    const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, seed});
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
     cuda::DeviceBackend backend(device, kSmallPiece);
     backend.solve(call.request());
     EXPECT_EQ(env_hashes(call.batch, call.answer), expected) << seed;
@@ -84,7 +84,7 @@ TEST(DeviceStaging, rows_that_are_not_in_use_stay_the_callers) {
   padded.row_counts = entries.data();
   std::vector<double> lambda(static_cast<std::size_t>(view.row_count), -3.25);
   std::vector<EnvStatus> status(static_cast<std::size_t>(view.env_count));
-  const auto device = std::make_shared<cuda::HostDevice>();
+  const auto device = std::make_shared<cuda::EmulatedDevice>();
   cuda::DeviceBackend backend(device, 1);
   backend.solve(SolveRequest<double>{nullptr,
                                      padded,
@@ -106,13 +106,13 @@ class DeviceFailures : public ::testing::TestWithParam<cuda::DeviceCall> {};
 TEST_P(DeviceFailures, become_errors_and_leave_nothing_behind) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
-  const auto sound = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 9});
+  const auto sound = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 9});
   cuda::DeviceBackend(sound, kPiece).solve(fresh.request());
   const int calls = sound->calls(GetParam());
   int failures = 0;
   for (int n = 0; n < calls; ++n) {
     Call call;
-    const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 9});
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 9});
     device->fail_call(GetParam(), n);
     bool failed = false;
     try {
@@ -138,7 +138,7 @@ TEST_P(DeviceFailures, become_errors_and_leave_nothing_behind) {
 TEST_P(DeviceFailures, the_same_machine_goes_on_after_one) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
-  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 4});
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 4});
   cuda::DeviceBackend backend(device, kPiece);
   for (int n = 0; n < 12; ++n) {
     Call failing;
@@ -160,7 +160,7 @@ INSTANTIATE_TEST_SUITE_P(EveryCall, DeviceFailures,
                                            cuda::DeviceCall::synchronize, cuda::DeviceCall::create));
 
 TEST(DeviceCapture, what_waits_or_allocates_while_captured_is_an_error) {
-  cuda::HostDevice device;
+  cuda::EmulatedDevice device;
   const cuda::Stream stream(device), other(device);
   const cuda::Event event(device), outside(device);
   device.record(outside.get(), other.get());
@@ -179,7 +179,7 @@ TEST(DeviceOrder, a_stream_that_does_not_wait_may_run_first) {
   // With some seed the second stream's copy comes before the first one's: the host device finds such mistakes.
   bool seen_early = false, seen_late = false;
   for (std::uint64_t seed = 1; seed < 40; ++seed) {
-    cuda::HostDevice device({1, 1, seed});
+    cuda::EmulatedDevice device({1, 1, seed});
     const cuda::Stream first(device), second(device);
     int value = 1, target = 0, read = -1;
     device.copy(&target, &value, sizeof(int), cuda::CopyKind::on_device, first.get());

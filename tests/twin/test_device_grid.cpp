@@ -5,7 +5,7 @@
 
 #include "bench/scenes/body_scenes.hpp"
 #include "core/team/phases.hpp"
-#include "cuda/device/host_launch.hpp"
+#include "cuda/emulated/emulated_launch.hpp"
 #include "cuda/device_bodies.hpp"
 #include "tests/support/body_methods.hpp"
 #include "tests/support/every_solver.hpp"
@@ -85,7 +85,7 @@ Seen alone() {
 TEST(DeviceGrid, lanes_of_all_blocks_run_at_once_and_meet_at_one_barrier) {
   const Seen expected = alone();
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
-    cuda::HostDevice device({kLanes, kBlocks, seed});
+    cuda::EmulatedDevice device({kLanes, kBlocks, seed});
     const cuda::Stream stream(device);
     Seen seen;
     Index written[kWidth] = {};
@@ -95,7 +95,7 @@ TEST(DeviceGrid, lanes_of_all_blocks_run_at_once_and_meet_at_one_barrier) {
     shape.teams = 1;
     shape.lanes = cuda::kMostLanes;
     shape.whole_device = true;
-    device.launch(cuda::host_kernel<LookAround>("look_around"), shape, &args, stream.get());
+    device.launch(cuda::emulated_kernel<LookAround>("look_around"), shape, &args, stream.get());
     device.synchronize(stream.get());
     for (Index rank = 0; rank < kWidth; ++rank) {
       SCOPED_TRACE("lane " + std::to_string(rank) + ", seed " + std::to_string(seed));
@@ -136,7 +136,7 @@ template <class Real>
 void expect_the_cpus_bits_of_a_giant(SolverKind solver, Law law) {
   const ContactBatch<Real> batch = convert<Real>(giant_among_small(solver));
   ASSERT_GE(batch.view().env_rows(1), kWholeDeviceRows);
-  cuda::HostDevice device({kLanes, kBlocks, 5});
+  cuda::EmulatedDevice device({kLanes, kBlocks, 5});
   EXPECT_EQ(on_engine(device, batch, brief(solver, law)), solve_hashes(batch, brief(solver, law)));
 }
 
@@ -166,7 +166,7 @@ void expect_the_cpus_bits_of_a_pile(BodySolverOptions options) {
                          std::vector<Real>(static_cast<std::size_t>(6 * batch.body_count())),
                          std::vector<Real>(static_cast<std::size_t>(3 * batch.contact_count())),
                          std::vector<EnvStatus>(2)};
-  cuda::DeviceBodies machine(std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{kLanes, kBlocks, 5}), true);
+  cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{kLanes, kBlocks, 5}), true);
   machine.solve({plan.shared(),
                  batch.view(),
                  {out.impulse.data(), out.twist.data(), out.w.data(), out.status.data()},

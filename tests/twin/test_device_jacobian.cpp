@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/device_jacobian.hpp"
 #include "stiction/error.hpp"
@@ -99,7 +99,7 @@ void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer
 /// What JacobianSolver is made of, on a device of the test's.
 template <class Real>
 struct Machine {
-  Machine(const std::shared_ptr<cuda::HostDevice>& device, const JacobianCapacity& capacity, FactorUse use)
+  Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use)
       : backend(device), jacobian(device, capacity, use) {
     backend.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
                      Offset{capacity.env_rows} * capacity.env_rows, capacity.env_dofs, Precision::f64},
@@ -122,7 +122,7 @@ struct Machine {
 };
 
 template <class Real>
-void expect_the_cpus_bits(const Form& form, const cuda::HostDeviceOptions& options) {
+void expect_the_cpus_bits(const Form& form, const cuda::EmulatedDeviceOptions& options) {
   const auto batch = random_batch<Real>(options.seed + 1, form);
   const auto packed = batch.view();
   const auto expected = solve(packed, some_iterations<Real>(), Device::cpu(), {}, form.use);
@@ -130,7 +130,7 @@ void expect_the_cpus_bits(const Form& form, const cuda::HostDeviceOptions& optio
     SCOPED_TRACE(room == 0 ? "packed" : "padded");
     const RoomyJacobians<Real> arrays(packed, room, 5);
     const auto view = arrays.view(MemorySpace::cuda);
-    const auto device = std::make_shared<cuda::HostDevice>(options);
+    const auto device = std::make_shared<cuda::EmulatedDevice>(options);
     const cuda::Stream stream(*device);
     JacobianCapacity capacity = JacobianCapacity::of(packed, form.use);
     capacity.rows = view.row_count;
@@ -186,7 +186,7 @@ TEST(DeviceJacobian, a_bad_mass_stays_in_its_environment) {
     const auto bad = arrays.view(MemorySpace::host);
     const auto expected = solve(bad, some_iterations<double>(), Device::cpu(), {}, use);
     ASSERT_EQ(expected.contact.status[3].code, EnvCode::invalid_input);
-    const auto device = std::make_shared<cuda::HostDevice>();
+    const auto device = std::make_shared<cuda::EmulatedDevice>();
     Machine<double> machine(device, JacobianCapacity::of(bad, use), use);
     Answer<double> answer(bad);
     // What an earlier batch left in the matrices must not reach a flag.
@@ -208,7 +208,7 @@ std::vector<Offset> flagged(const JacobianBatch<double>& batch, const JacobianCa
   const auto expected = solve(packed, some_iterations<double>());
   const RoomyJacobians<double> arrays(packed, 0, 0);
   const auto view = arrays.view(MemorySpace::cuda);
-  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 5});
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5});
   Machine<double> machine(device, capacity, FactorUse::by_size);
   Answer<double> answer(view);
   machine.solve(view, answer.view(), StreamRef::default_stream());
@@ -261,7 +261,7 @@ void expect_broken(const Form& form, Index room, const std::vector<Offset>& brok
   capacity.cones = arrays.view(MemorySpace::cuda).cone_count;
   damage(arrays);
   const auto view = arrays.view(MemorySpace::cuda);
-  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 2, 3});
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 3});
   Machine<double> machine(device, capacity, FactorUse::by_size);
   Answer<double> answer(view);
   machine.solve(view, answer.view(), StreamRef::default_stream());
@@ -294,7 +294,7 @@ TEST(DeviceJacobian, broken_integers_are_found_where_they_are) {
 TEST(DeviceJacobian, a_captured_solve_is_replayed_with_other_numbers_and_counts) {
   for (const Index room : {0, 90}) {
     for (const std::uint64_t seed : {0, 6}) {
-      const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, seed});
+      const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
       const cuda::Stream stream(*device);
       RoomyJacobians<float> arrays(random_batch<float>(3, {}).view(), room, 200);
       // Where a batch is shorter the arrays keep their room.
@@ -344,18 +344,18 @@ TEST(DeviceJacobian, a_failing_device_leaves_nothing_behind) {
   const auto expected = solve(batch, some_iterations<float>());
   for (const auto call : {cuda::DeviceCall::allocate, cuda::DeviceCall::create, cuda::DeviceCall::copy,
                           cuda::DeviceCall::launch, cuda::DeviceCall::synchronize}) {
-    const auto run = [&](const std::shared_ptr<cuda::HostDevice>& device, Answer<float>& answer) {
+    const auto run = [&](const std::shared_ptr<cuda::EmulatedDevice>& device, Answer<float>& answer) {
       Machine<float> machine(device, JacobianCapacity::of(batch.view()), FactorUse::by_size);
       machine.solve(view, answer.view(), StreamRef::default_stream());
       device->synchronize(nullptr);
     };
-    const auto sound = std::make_shared<cuda::HostDevice>();
+    const auto sound = std::make_shared<cuda::EmulatedDevice>();
     Answer<float> fresh(view);
     run(sound, fresh);
     const int calls = sound->calls(call);
     int failures = 0;
     for (int n = 0; n < calls; ++n) {
-      const auto device = std::make_shared<cuda::HostDevice>();
+      const auto device = std::make_shared<cuda::EmulatedDevice>();
       device->fail_call(call, n);
       Answer<float> answer(view);
       try {

@@ -11,7 +11,7 @@
 #include "core/plan/islands.hpp"
 #include "core/plan/plan.hpp"
 #include "core/plan/structure_view.hpp"
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/random_structures.hpp"
@@ -80,7 +80,7 @@ void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanAr
 }
 
 /// Plans and solves nothing: no iteration is allowed.
-void plan_on(cuda::HostDevice& device, const ContactBatch<double>& batch, const char* what) {
+void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, const char* what) {
   SCOPED_TRACE(what);
   SolverOptions options;
   options.max_iterations = 0;
@@ -99,13 +99,13 @@ void plan_on(cuda::HostDevice& device, const ContactBatch<double>& batch, const 
 TEST(DevicePlan, integers_are_the_hosts_on_a_thousand_random_batches) {
   std::mt19937 random(5);
   for (int k = 0; k < 1000 && !::testing::Test::HasFailure(); ++k) {
-    cuda::HostDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
+    cuda::EmulatedDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
     plan_on(device, random_structures(random), ("batch " + std::to_string(k)).c_str());
   }
 }
 
 TEST(DevicePlan, integers_are_the_hosts_on_every_scene) {
-  cuda::HostDevice device({2, 3, 1});
+  cuda::EmulatedDevice device({2, 3, 1});
   plan_on(device, ragged_batch(8, 1), "ragged");
   plan_on(device, scene_batch("mixed", 300, 3), "mixed");
   plan_on(device, scene_batch("pile", 3, 3, 500), "pile");
@@ -116,7 +116,7 @@ TEST(DevicePlan, islands_are_the_hosts) {
   for (int k = 0; k < 200; ++k) {
     const ContactBatch<double> batch = random_structures(random);
     const Capacity need = Capacity::of(batch.view());
-    cuda::HostDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
+    cuda::EmulatedDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
     cuda::Engine engine(device);
     engine.reserve(need, SolverKind::pgs, Precision::f32);
     const Islands host = find_islands(batch.view());

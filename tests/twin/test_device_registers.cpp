@@ -5,7 +5,7 @@
 
 #include "core/algorithm/driver/register_chunk.hpp"
 #include "core/algorithm/solver/npgs.hpp"
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/device_batch.hpp"
@@ -167,7 +167,7 @@ TEST(DeviceRegisters, batches_of_small_environments_have_the_cpus_bits) {
         SolverOptions wanted = options(solver, limit == 90 ? 1e-6 : 0, limit);
         wanted.law = law;
         wanted.invalid = InvalidPolicy::isolate;
-        cuda::HostDevice device({2, 3, static_cast<std::uint64_t>(limit)});
+        cuda::EmulatedDevice device({2, 3, static_cast<std::uint64_t>(limit)});
         cuda::Engine engine(device);
         engine.reserve(need, solver, Precision::f32);
         const cuda::Stream stream(device);

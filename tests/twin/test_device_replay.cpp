@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <random>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #if defined(STICTION_TEST_HAS_IO)
@@ -61,7 +61,7 @@ TEST(DeviceReplay, one_graph_answers_whatever_batch_is_in_its_place) {
   options.max_iterations = 12;
   options.law = Law::coulomb;
   options.invalid = InvalidPolicy::isolate;
-  cuda::HostDevice device({number_from("STICTION_REPLAY_LANES", 1), 4, 3});
+  cuda::EmulatedDevice device({number_from("STICTION_REPLAY_LANES", 1), 4, 3});
   cuda::Engine engine(device);
   engine.reserve(room, options.solver, Precision::f32);
   const cuda::Stream stream(device);

@@ -4,7 +4,7 @@
 #include <set>
 #include <string>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "stiction/error.hpp"
 #include "stiction/trace.hpp"
@@ -45,7 +45,7 @@ TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
   for (const std::uint64_t seed : {0, 1, 2}) {
     Tracer tracer;
     const SolverOptions options = traced(&tracer);
-    auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{2, 3, seed});
+    auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
     cuda::DeviceBackend backend(device, 1 << 14);
     Solution<float> answer = room_for(batch);
     backend.solve(SolveRequest<float>{nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options,
@@ -119,7 +119,7 @@ TEST(DeviceTrace, ADeviceBatchsSpansComeWhenItIsWaitedFor) {
 TEST(DeviceTrace, NothingIsTimedInACaptureAndNothingIsMadeWithoutATracer) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(2, 7));
   Tracer tracer;
-  cuda::HostDevice device({2, 3, 5});
+  cuda::EmulatedDevice device({2, 3, 5});
   const Capacity room = Capacity::of(batch.view());
   cuda::Engine engine(device);
   engine.reserve(room, SolverKind::npgs, Precision::f32);
@@ -155,7 +155,7 @@ TEST(DeviceTrace, ACallThatFailsWhileTimingLeavesNothingBehind) {
   for (const cuda::DeviceCall call :
        {cuda::DeviceCall::create, cuda::DeviceCall::launch, cuda::DeviceCall::synchronize})
     for (int n = 0; n < 6; ++n) {
-      auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{1, 2, 3});
+      auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 3});
       Tracer tracer;
       {
         cuda::DeviceBackend backend(device, 1 << 14);

@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_warm_start.hpp"
 #include "stiction/error.hpp"
 #include "stiction/warm_start.hpp"
@@ -18,8 +18,8 @@ constexpr WarmStartCapacity kRoom{9, 150, 400};  // some environments do not fit
 /// Both stores, called alike.
 template <class Real>
 struct Twins {
-  explicit Twins(const cuda::HostDeviceOptions& options)
-      : device(std::make_shared<cuda::HostDevice>(options)),
+  explicit Twins(const cuda::EmulatedDeviceOptions& options)
+      : device(std::make_shared<cuda::EmulatedDevice>(options)),
         there(device, kRoom, false),
         here(make_cpu_warm_start<Real>(kRoom, 1)) {}
 
@@ -45,7 +45,7 @@ struct Twins {
     EXPECT_TRUE(same_bits(record, expected_record));
   }
 
-  std::shared_ptr<cuda::HostDevice> device;
+  std::shared_ptr<cuda::EmulatedDevice> device;
   cuda::DeviceWarmStart<Real> there;
   std::unique_ptr<WarmStartMachine<Real>> here;
   StreamRef stream = StreamRef::default_stream();
@@ -67,7 +67,7 @@ TEST(DeviceWarmStart, serves_and_records_what_the_cpu_does_on_any_lanes_and_team
 TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
   std::mt19937_64 random(7);
   auto life = random_life<float>(random, 9, 20);
-  const auto device = std::make_shared<cuda::HostDevice>(cuda::HostDeviceOptions{3, 2, 4});
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{3, 2, 4});
   cuda::DeviceWarmStart<float> there(device, kRoom, false);
   const auto here = make_cpu_warm_start<float>(kRoom, 1);
   const cuda::Stream own(*device);
@@ -87,7 +87,7 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
   view.cone_kind = kind.data();
   view.cone_row_offsets = cone_rows.data();
   view.space = MemorySpace::cuda;
-  std::shared_ptr<const cuda::HostDevice::Graph> graph;
+  std::shared_ptr<const cuda::EmulatedDevice::Graph> graph;
   device->begin_capture(own.get());
   there.recall({{}, view, id.data(), guess.data(), 0.01, 0.9, StepScaling::capped}, stream);
   there.remember({{}, view, id.data(), lambda.data(), status.data(), 0.01}, stream);
@@ -117,7 +117,7 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
 TEST(DeviceWarmStart, a_failing_device_leaves_nothing_behind) {
   for (const auto call : {cuda::DeviceCall::allocate, cuda::DeviceCall::create, cuda::DeviceCall::copy,
                           cuda::DeviceCall::launch, cuda::DeviceCall::synchronize}) {
-    const auto device = std::make_shared<cuda::HostDevice>();
+    const auto device = std::make_shared<cuda::EmulatedDevice>();
     int failures = 0;
     for (int n = 0; n < 20; ++n) {
       device->fail_call(call, n);

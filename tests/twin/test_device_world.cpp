@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "core/runtime/world_model.hpp"
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_world.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
@@ -17,16 +17,16 @@ namespace stiction::test {
 namespace {
 
 using cuda::DeviceCall;
-using cuda::HostDevice;
-using cuda::HostDeviceOptions;
+using cuda::EmulatedDevice;
+using cuda::EmulatedDeviceOptions;
 
 /// A world of a scene on a device of its own.
 struct OwnDevice {
-  OwnDevice(const std::string& name, Offset envs, const HostDeviceOptions& device_options)
+  OwnDevice(const std::string& name, Offset envs, const EmulatedDeviceOptions& device_options)
       : scene(scenes::make_world(name)),
         options{scene.stepping, {}, 0.01, 0.95},
         model(scene.description, options),
-        device(std::make_shared<HostDevice>(device_options)),
+        device(std::make_shared<EmulatedDevice>(device_options)),
         world(device, model.view(), envs, options) {}
 
   void put(const WorldState<double>& state, Offset envs) {
@@ -40,18 +40,18 @@ struct OwnDevice {
   scenes::WorldScene scene;
   WorldOptions options;
   WorldModel<double> model;
-  std::shared_ptr<HostDevice> device;
+  std::shared_ptr<EmulatedDevice> device;
   cuda::DeviceWorld<double> world;
 };
 
 struct Calls {
-  int launches = cuda::shared_host_device()->calls(DeviceCall::launch);
-  int copies = cuda::shared_host_device()->calls(DeviceCall::copy);
-  int allocations = cuda::shared_host_device()->calls(DeviceCall::allocate);
+  int launches = cuda::shared_emulated_device()->calls(DeviceCall::launch);
+  int copies = cuda::shared_emulated_device()->calls(DeviceCall::copy);
+  int allocations = cuda::shared_emulated_device()->calls(DeviceCall::allocate);
 };
 
 TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
-  const auto held = cuda::shared_host_device();  // counts for as long as somebody holds it
+  const auto held = cuda::shared_emulated_device();  // counts for as long as somebody holds it
   World<float> world = started<float>("walker", 6, {}, Device::emulated());
   run(world, 40);
   ASSERT_GT(world.contact_offsets().back(), 0);
@@ -77,7 +77,7 @@ TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
 }
 
 TEST(DeviceWorld, contacts_are_found_again_with_more_room_where_there_was_too_little) {
-  const auto held = cuda::shared_host_device();  // counts for as long as somebody holds it
+  const auto held = cuda::shared_emulated_device();  // counts for as long as somebody holds it
   World<double> world = started<double>("stack", 2, {}, Device::emulated());
   World<double> here = started<double>("stack", 2);
   constexpr int kSteps = 12;
@@ -97,8 +97,8 @@ TEST(DeviceWorld, contacts_are_found_again_with_more_room_where_there_was_too_li
 
 TEST(DeviceWorld, lanes_teams_and_their_order_do_not_reach_the_bits) {
   constexpr Offset kEnvs = 7;
-  for (const HostDeviceOptions& options :
-       {HostDeviceOptions{1, 1, 0}, HostDeviceOptions{2, 3, 1}, HostDeviceOptions{5, 2, 2}}) {
+  for (const EmulatedDeviceOptions& options :
+       {EmulatedDeviceOptions{1, 1, 0}, EmulatedDeviceOptions{2, 3, 1}, EmulatedDeviceOptions{5, 2, 2}}) {
     World<double> here = started<double>("pile", kEnvs);
     run(here, 30);
     // Both begin without memories.
@@ -181,7 +181,7 @@ TEST(DeviceWorld, a_device_that_fails_at_any_call_is_an_error_and_leaks_nothing)
   const WorldOptions options{scene.stepping, {}, 0.01, 0.95};
   const WorldModel<double> model(scene.description, options);
   for (const DeviceCall call : {DeviceCall::create, DeviceCall::allocate, DeviceCall::copy, DeviceCall::synchronize}) {
-    const auto device = std::make_shared<HostDevice>();
+    const auto device = std::make_shared<EmulatedDevice>();
     device->fail_call(call, 0);
     EXPECT_THROW(cuda::DeviceWorld<double>(device, model.view(), 2, options), Error);
     EXPECT_EQ(device->live_allocations(), 0U);

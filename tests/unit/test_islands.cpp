@@ -11,7 +11,7 @@
 
 #include "core/algorithm/plan/islands.hpp"
 #include "tests/support/random_structures.hpp"
-#include "tests/support/torture_block.hpp"
+#include "tests/support/stress_team.hpp"
 
 /// Islands found by the host and by bodies on blocks of several widths, against answers by hand and by brute force.
 namespace {

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/npgs.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_npgs_kernels() {
+SolverKernels emulated_npgs_kernels() {
   return solver_kernels<MakeHostKernel, Npgs>();
 }
 

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/apgd.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_apgd_kernels() {
+SolverKernels emulated_apgd_kernels() {
   return solver_kernels<MakeHostKernel, Apgd>();
 }
 

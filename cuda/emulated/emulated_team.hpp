@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/team/reduce.hpp"
-#include "cuda/device/host_pace.hpp"
+#include "cuda/emulated/emulated_pace.hpp"
 #include "cuda/device/kernel.hpp"
 
 namespace stiction::cuda {
@@ -29,8 +29,8 @@ class SleepingBarrier {
 };
 
 /// What the lanes of a host team share.
-struct HostTeamMemory {
-  explicit HostTeamMemory(int lanes) : width(lanes), barrier(lanes) {
+struct EmulatedTeamMemory {
+  explicit EmulatedTeamMemory(int lanes) : width(lanes), barrier(lanes) {
     for (auto& turn : slot) turn.resize(static_cast<std::size_t>(lanes) * kSlotBytes);
   }
   static constexpr std::size_t kSlotBytes = 64;
@@ -41,29 +41,29 @@ struct HostTeamMemory {
 };
 
 /// What the blocks of a host grid share besides what each has for its own lanes.
-struct HostGridMemory {
-  HostGridMemory(int blocks, int lanes) : width(blocks * lanes), barrier(width) {
+struct EmulatedGridMemory {
+  EmulatedGridMemory(int blocks, int lanes) : width(blocks * lanes), barrier(width) {
     for (int k = 0; k < blocks; ++k) block.emplace_back(lanes);
-    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(blocks) * HostTeamMemory::kSlotBytes);
+    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(blocks) * EmulatedTeamMemory::kSlotBytes);
   }
   int width;  ///< lanes of all blocks
   SleepingBarrier barrier;
-  std::deque<HostTeamMemory> block;
+  std::deque<EmulatedTeamMemory> block;
   std::vector<std::byte> slot[2];
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
 /// A team of the host device: threads that meet at a barrier and at nothing else. It offers what a Block promises and
 /// no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
-class HostTeam {
+class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;
 
   /// One block, whose lanes disagree about speed as `seed` says.
-  HostTeam(HostTeamMemory& memory, int rank, std::uint64_t seed = 0)
+  EmulatedTeam(EmulatedTeamMemory& memory, int rank, std::uint64_t seed = 0)
       : memory_(&memory), lane_(rank), pace_(seed, static_cast<std::uint64_t>(rank)) {}
   /// The whole grid.
-  HostTeam(HostGridMemory& grid, int rank, std::uint64_t seed)
+  EmulatedTeam(EmulatedGridMemory& grid, int rank, std::uint64_t seed)
       : grid_(&grid), pace_(seed, static_cast<std::uint64_t>(rank)) {
     const int lanes = grid.block.front().width;
     block_ = rank / lanes;
@@ -120,13 +120,13 @@ class HostTeam {
 
   template <class T>
   static void put(std::byte* slot, int lane, const T& value) {
-    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= HostTeamMemory::kSlotBytes);
-    std::memcpy(slot + static_cast<std::size_t>(lane) * HostTeamMemory::kSlotBytes, &value, sizeof(T));
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= EmulatedTeamMemory::kSlotBytes);
+    std::memcpy(slot + static_cast<std::size_t>(lane) * EmulatedTeamMemory::kSlotBytes, &value, sizeof(T));
   }
   template <class T>
   static T get(const std::byte* slot, int lane) {
     T value;
-    std::memcpy(&value, slot + static_cast<std::size_t>(lane) * HostTeamMemory::kSlotBytes, sizeof(T));
+    std::memcpy(&value, slot + static_cast<std::size_t>(lane) * EmulatedTeamMemory::kSlotBytes, sizeof(T));
     return value;
   }
 
@@ -156,8 +156,8 @@ class HostTeam {
     return join_slot(slot, static_cast<int>(grid_->block.size()), block_, value, join);
   }
 
-  HostTeamMemory* memory_ = nullptr;  ///< of this lane's block
-  HostGridMemory* grid_ = nullptr;    ///< null: the block is the team
+  EmulatedTeamMemory* memory_ = nullptr;  ///< of this lane's block
+  EmulatedGridMemory* grid_ = nullptr;    ///< null: the block is the team
   int block_ = 0;
   int lane_ = 0;
   int turn_ = 0;

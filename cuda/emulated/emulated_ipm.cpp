@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/ipm/ipm.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_ipm_kernels() {
+SolverKernels emulated_ipm_kernels() {
   return solver_kernels<MakeHostKernel, Ipm>();
 }
 

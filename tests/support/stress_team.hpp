@@ -3,21 +3,21 @@
 #include <thread>
 #include <vector>
 
-#include "cuda/device/host_team.hpp"
+#include "cuda/emulated/emulated_team.hpp"
 
 /// A GPU block on the CPU: the host device's team of real threads that meet at a barrier and at nothing else. It offers
 /// what the concept promises and no more (one barrier an exchange, as CudaTeam does), so that an algorithm with a
 /// missing sync races here too.
 namespace stiction::test {
 
-using TortureTeam = cuda::HostTeamMemory;
+using TortureTeam = cuda::EmulatedTeamMemory;
 
 /// With any number of rows in a lane's tile, which must not show.
 template <Index kTile>
-class TortureBlock : public cuda::HostTeam {
+class TortureBlock : public cuda::EmulatedTeam {
  public:
   static constexpr Index kRowTile = kTile;
-  using cuda::HostTeam::HostTeam;
+  using cuda::EmulatedTeam::EmulatedTeam;
 };
 
 /// Runs f(block) on each of `width` threads, on the block that make(team, rank) gives it.

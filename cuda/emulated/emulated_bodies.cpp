@@ -1,12 +1,12 @@
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-BodyKernels host_body_kernels() {
+BodyKernels emulated_body_kernels() {
   return body_kernels<MakeHostKernel>();
 }
 
-NewtonBodyKernels host_newton_body_kernels() {
+NewtonBodyKernels emulated_newton_body_kernels() {
   return newton_body_kernels<MakeHostKernel>();
 }
 

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/pgs.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_pgs_kernels() {
+SolverKernels emulated_pgs_kernels() {
   return solver_kernels<MakeHostKernel, Pgs>();
 }
 

@@ -2,11 +2,11 @@
 
 #include "core/algorithm/driver/shared_instances.hpp"
 #include "cuda/device/catalogue.hpp"
-#include "cuda/device/host_launch.hpp"
+#include "cuda/emulated/emulated_launch.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
-STICTION_SHARED_BODIES(extern, cuda::HostTeam)
+STICTION_SHARED_BODIES(extern, cuda::EmulatedTeam)
 STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, float, DenseSystem<float, cuda::kWarp>)
 STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, double, DenseSystem<double, cuda::kWarp>)
 
@@ -17,7 +17,7 @@ namespace stiction::cuda {
 struct MakeHostKernel {
   template <class Program>
   static KernelRef kernel(const char* name) {
-    return host_kernel<Program>(name);
+    return emulated_kernel<Program>(name);
   }
 };
 

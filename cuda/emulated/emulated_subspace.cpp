@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/subspace.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_subspace_kernels() {
+SolverKernels emulated_subspace_kernels() {
   return solver_kernels<MakeHostKernel, Subspace>();
 }
 

@@ -20,7 +20,7 @@ namespace stiction::cuda {
 enum class DeviceCall : unsigned char { allocate, copy, launch, synchronize, create };
 inline constexpr int kDeviceCalls = 5;
 
-struct HostDeviceOptions {
+struct EmulatedDeviceOptions {
   int lanes = 2;           ///< threads of a team, at most; a team that asks for fewer lanes gets fewer
   Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each; blocks of the
                            ///< team that is the whole device, which do run at once
@@ -31,10 +31,10 @@ struct HostDeviceOptions {
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
 /// before somebody waits, and then in any order that streams and events allow, drawn from a seed: a missing dependency
 /// shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be made to fail.
-class HostDevice final : public DeviceApi {
+class EmulatedDevice final : public DeviceApi {
  public:
-  explicit HostDevice(const HostDeviceOptions& options = {});
-  ~HostDevice() override;
+  explicit EmulatedDevice(const EmulatedDeviceOptions& options = {});
+  ~EmulatedDevice() override;
 
   [[nodiscard]] const DeviceFacts& facts() const override { return facts_; }
   [[nodiscard]] const KernelCatalogue& kernels() const override;
@@ -84,19 +84,19 @@ class HostDevice final : public DeviceApi {
     /// set when the step is done, if somebody times it
     std::shared_ptr<Stamp> stamp = nullptr;
   };
-  struct HostStream {
+  struct EmulatedStream {
     std::deque<Step> steps;
     Graph* capture = nullptr;
   };
-  struct HostEvent {
+  struct EmulatedEvent {
     std::uint64_t mark = 0;    ///< last recorded; 0: never
     Graph* capture = nullptr;  ///< the capture it was recorded in, if any
     EventUse use = EventUse::ordering;
     std::shared_ptr<Stamp> stamp = nullptr;  ///< of the last time it was recorded
   };
 
-  HostStream& stream_of(StreamHandle stream);
-  HostEvent& event_of(EventHandle event);
+  EmulatedStream& stream_of(StreamHandle stream);
+  EmulatedEvent& event_of(EventHandle event);
   void queue(StreamHandle stream, Step step);
   /// Runs one step of some stream, drawn from those that are free to go on.
   void run_one_step();
@@ -105,13 +105,13 @@ class HostDevice final : public DeviceApi {
   void count(DeviceCall call, const char* what);
   Offset pick(Offset count);
 
-  HostDeviceOptions options_;
+  EmulatedDeviceOptions options_;
   DeviceFacts facts_;
   mutable std::mutex mutex_;
   std::mt19937_64 random_;
   std::map<void*, std::size_t> memory_;
-  std::map<StreamHandle, std::unique_ptr<HostStream>> streams_;  ///< nullptr: the default stream
-  std::map<EventHandle, std::unique_ptr<HostEvent>> events_;
+  std::map<StreamHandle, std::unique_ptr<EmulatedStream>> streams_;  ///< nullptr: the default stream
+  std::map<EventHandle, std::unique_ptr<EmulatedEvent>> events_;
   std::map<Graph*, std::unique_ptr<Graph>> captures_;  ///< under way
   std::set<std::uint64_t> marks_;                      ///< set so far
   std::uint64_t last_mark_ = 0;
@@ -120,13 +120,13 @@ class HostDevice final : public DeviceApi {
 };
 
 /// The host device that Device::emulated() stands for: one for the process, as a GPU is, while anybody uses it.
-std::shared_ptr<HostDevice> shared_host_device();
+std::shared_ptr<EmulatedDevice> shared_emulated_device();
 
-class HostDevice::Graph {
+class EmulatedDevice::Graph {
  private:
-  friend class HostDevice;
-  HostStream* origin = nullptr;
-  std::vector<HostStream*> streams;         ///< that take part, the origin first
+  friend class EmulatedDevice;
+  EmulatedStream* origin = nullptr;
+  std::vector<EmulatedStream*> streams;         ///< that take part, the origin first
   std::vector<std::vector<Step>> branches;  ///< steps of each, marks counted within the graph
 };
 

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/jacobi.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_jacobi_kernels() {
+SolverKernels emulated_jacobi_kernels() {
   return solver_kernels<MakeHostKernel, Jacobi>();
 }
 

@@ -5,6 +5,6 @@
 namespace stiction::cuda {
 
 /// Every kernel, compiled for the host device.
-const KernelCatalogue& host_kernels();
+const KernelCatalogue& emulated_kernels();
 
 }  // namespace stiction::cuda

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/newton/newton.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_newton_kernels() {
+SolverKernels emulated_newton_kernels() {
   return solver_kernels<MakeHostKernel, Newton>();
 }
 

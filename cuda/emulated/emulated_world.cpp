@@ -1,8 +1,8 @@
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-WorldKernels host_world_kernels(Precision precision) {
+WorldKernels emulated_world_kernels(Precision precision) {
   return precision == Precision::f32 ? world_kernels<MakeHostKernel, float>() : world_kernels<MakeHostKernel, double>();
 }
 

@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/admm/admm.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_admm_kernels() {
+SolverKernels emulated_admm_kernels() {
   return solver_kernels<MakeHostKernel, Admm>();
 }
 

@@ -1,4 +1,4 @@
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/device_bodies.hpp"
 #include "cuda/device_jacobian.hpp"
@@ -10,7 +10,7 @@
 namespace stiction {
 
 std::unique_ptr<Backend> make_emulated_backend() {
-  return std::make_unique<cuda::DeviceBackend>(cuda::shared_host_device());
+  return std::make_unique<cuda::DeviceBackend>(cuda::shared_emulated_device());
 }
 
 DeviceReport emulated_report() {
@@ -18,13 +18,13 @@ DeviceReport emulated_report() {
 }
 
 std::unique_ptr<BodyMachine> make_emulated_bodies() {
-  return std::make_unique<cuda::DeviceBodies>(cuda::shared_host_device(), true);
+  return std::make_unique<cuda::DeviceBodies>(cuda::shared_emulated_device(), true);
 }
 
 template <class Real>
 std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>& model, Offset env_count,
                                                         const WorldOptions& options) {
-  return std::make_unique<cuda::DeviceWorld<Real>>(cuda::shared_host_device(), model, env_count, options);
+  return std::make_unique<cuda::DeviceWorld<Real>>(cuda::shared_emulated_device(), model, env_count, options);
 }
 
 template std::unique_ptr<WorldMachine<float>> make_emulated_world(const WorldModelView<float>&, Offset,
@@ -34,7 +34,7 @@ template std::unique_ptr<WorldMachine<double>> make_emulated_world(const WorldMo
 
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity) {
-  return std::make_unique<cuda::DeviceWarmStart<Real>>(cuda::shared_host_device(), capacity, true);
+  return std::make_unique<cuda::DeviceWarmStart<Real>>(cuda::shared_emulated_device(), capacity, true);
 }
 
 template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const WarmStartCapacity&);
@@ -42,7 +42,7 @@ template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(cons
 
 template <class Real>
 std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use) {
-  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_host_device(), capacity, use);
+  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_emulated_device(), capacity, use);
 }
 
 template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);

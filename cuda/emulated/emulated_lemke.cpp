@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/lemke/lemke.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_lemke_kernels() {
+SolverKernels emulated_lemke_kernels() {
   return solver_kernels<MakeHostKernel, Lemke>();
 }
 

@@ -4,12 +4,12 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
-#include "cuda/device/host_team.hpp"
+#include "cuda/emulated/emulated_team.hpp"
 
 namespace stiction::cuda {
 
 /// How the host device runs one launch.
-struct HostLaunch {
+struct EmulatedLaunch {
   Offset teams;               ///< that run, one after the other
   int lanes;                  ///< threads of a team, or of a block of the grid
   int blocks;                 ///< of the grid that is one team, at once; 0: no grid, each team is a block
@@ -19,8 +19,8 @@ struct HostLaunch {
 };
 
 /// What KernelRef::entry points at on the host device.
-struct HostKernel {
-  void (*run)(const HostLaunch& launch, const void* arguments);
+struct EmulatedKernel {
+  void (*run)(const EmulatedLaunch& launch, const void* arguments);
 };
 
 /// Runs f(rank) on `count` threads, rank 0 on the caller's.
@@ -35,24 +35,24 @@ void run_on_threads(int count, const F& f) {
 /// Lanes are threads that live through the whole launch and meet at each team's barriers, a grid's all at one. Fast
 /// memory is filled with what no program may rely on; a grid has none, as on a GPU.
 template <class Program>
-void run_program_on_host(const HostLaunch& launch, const void* arguments) {
+void run_program_on_host(const EmulatedLaunch& launch, const void* arguments) {
   typename Program::Args args;
   std::memcpy(&args, arguments, sizeof(args));
   const int lanes = Program::kSerial ? 1 : launch.lanes;
   if (launch.blocks > 0) {
-    HostGridMemory grid(launch.blocks, lanes);
+    EmulatedGridMemory grid(launch.blocks, lanes);
     run_on_threads(grid.width, [&](int rank) {
       const ScopedFpEnv fp_env;
-      HostTeam team(grid, rank, launch.seed);
+      EmulatedTeam team(grid, rank, launch.seed);
       Program::run(team, TeamId{0, 1, nullptr}, args);
     });
     return;
   }
-  HostTeamMemory memory(lanes);
+  EmulatedTeamMemory memory(lanes);
   std::vector<std::max_align_t> shared(launch.shared_bytes / sizeof(std::max_align_t) + 1);
   run_on_threads(lanes, [&](int rank) {
     const ScopedFpEnv fp_env;
-    HostTeam team(memory, rank, launch.seed);
+    EmulatedTeam team(memory, rank, launch.seed);
     for (const Offset index : launch.order) {
       if (rank == 0) std::memset(shared.data(), 0x5a, launch.shared_bytes);
       team.sync();
@@ -64,8 +64,8 @@ void run_program_on_host(const HostLaunch& launch, const void* arguments) {
 
 /// The program, compiled for the host device.
 template <class Program>
-KernelRef host_kernel(const char* name) {
-  static constexpr HostKernel kKernel{run_program_on_host<Program>};
+KernelRef emulated_kernel(const char* name) {
+  static constexpr EmulatedKernel kKernel{run_program_on_host<Program>};
   return {name, &kKernel, sizeof(typename Program::Args)};
 }
 

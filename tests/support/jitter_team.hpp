@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "core/team/team.hpp"
-#include "cuda/device/host_pace.hpp"
+#include "cuda/emulated/emulated_pace.hpp"
 
 namespace stiction::test {
 

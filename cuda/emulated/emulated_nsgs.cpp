@@ -1,9 +1,9 @@
 #include "core/algorithm/solver/nsgs.hpp"
-#include "cuda/device/host_make.hpp"
+#include "cuda/emulated/emulated_make.hpp"
 
 namespace stiction::cuda {
 
-SolverKernels host_nsgs_kernels() {
+SolverKernels emulated_nsgs_kernels() {
   return solver_kernels<MakeHostKernel, Nsgs>();
 }
 

@@ -1,4 +1,4 @@
-#include "cuda/device/host_device.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 
 #include <algorithm>
 #include <cstdlib>
@@ -8,8 +8,8 @@
 #include <string>
 
 #include "core/base/extents.hpp"
-#include "cuda/device/host_kernels.hpp"
-#include "cuda/device/host_launch.hpp"
+#include "cuda/emulated/emulated_kernels.hpp"
+#include "cuda/emulated/emulated_launch.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cuda {
@@ -24,29 +24,29 @@ constexpr std::size_t kAlignment = 256;
 
 }  // namespace
 
-std::shared_ptr<HostDevice> shared_host_device() {
+std::shared_ptr<EmulatedDevice> shared_emulated_device() {
   static std::mutex mutex;
-  static std::weak_ptr<HostDevice> shared;
+  static std::weak_ptr<EmulatedDevice> shared;
   const std::lock_guard lock(mutex);
-  std::shared_ptr<HostDevice> device = shared.lock();
-  if (device == nullptr) shared = device = std::make_shared<HostDevice>();
+  std::shared_ptr<EmulatedDevice> device = shared.lock();
+  if (device == nullptr) shared = device = std::make_shared<EmulatedDevice>();
   return device;
 }
 
-HostDevice::HostDevice(const HostDeviceOptions& options) : options_(options), random_(options.seed) {
+EmulatedDevice::EmulatedDevice(const EmulatedDeviceOptions& options) : options_(options), random_(options.seed) {
   facts_ = {"emulated by the CPU", 4, options.shared_bytes, options.shared_bytes + 1024};
-  streams_[nullptr] = std::make_unique<HostStream>();
+  streams_[nullptr] = std::make_unique<EmulatedStream>();
 }
 
-HostDevice::~HostDevice() {
+EmulatedDevice::~EmulatedDevice() {
   for (const auto& [memory, bytes] : memory_) std::free(memory);
 }
 
-const KernelCatalogue& HostDevice::kernels() const {
-  return host_kernels();
+const KernelCatalogue& EmulatedDevice::kernels() const {
+  return emulated_kernels();
 }
 
-void HostDevice::count(DeviceCall call, const char* what) {
+void EmulatedDevice::count(DeviceCall call, const char* what) {
   const int index = static_cast<int>(call);
   ++calls_[index];
   if (fail_at_[index] < 0 || fail_at_[index]-- > 0) return;
@@ -54,16 +54,16 @@ void HostDevice::count(DeviceCall call, const char* what) {
   throw Error(call == DeviceCall::allocate ? ErrorCode::out_of_memory : ErrorCode::device_failure, message);
 }
 
-void HostDevice::fail_call(DeviceCall call, int n) {
+void EmulatedDevice::fail_call(DeviceCall call, int n) {
   const std::lock_guard lock(mutex_);
   fail_at_[static_cast<int>(call)] = n;
 }
 
-Offset HostDevice::pick(Offset count) {
+Offset EmulatedDevice::pick(Offset count) {
   return options_.seed == 0 ? 0 : static_cast<Offset>(random_() % static_cast<std::uint64_t>(count));
 }
 
-void* HostDevice::allocate(std::size_t bytes) {
+void* EmulatedDevice::allocate(std::size_t bytes) {
   const std::lock_guard lock(mutex_);
   for (const auto& [handle, stream] : streams_)
     if (stream->capture != nullptr) fail("an allocation while a stream is captured");
@@ -78,54 +78,54 @@ void* HostDevice::allocate(std::size_t bytes) {
   return memory;
 }
 
-void HostDevice::release(void* memory) noexcept {
+void EmulatedDevice::release(void* memory) noexcept {
   const std::lock_guard lock(mutex_);
   if (memory_.erase(memory) > 0) std::free(memory);
 }
 
-StreamHandle HostDevice::create_stream() {
+StreamHandle EmulatedDevice::create_stream() {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::create, "making a stream");
-  auto stream = std::make_unique<HostStream>();
+  auto stream = std::make_unique<EmulatedStream>();
   StreamHandle handle = stream.get();
   streams_[handle] = std::move(stream);
   return handle;
 }
 
-void HostDevice::destroy_stream(StreamHandle stream) noexcept {
+void EmulatedDevice::destroy_stream(StreamHandle stream) noexcept {
   const std::lock_guard lock(mutex_);
   if (stream != nullptr) streams_.erase(stream);
 }
 
-EventHandle HostDevice::create_event(EventUse use) {
+EventHandle EmulatedDevice::create_event(EventUse use) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::create, "making an event");
-  auto event = std::make_unique<HostEvent>();
+  auto event = std::make_unique<EmulatedEvent>();
   event->use = use;
   EventHandle handle = event.get();
   events_[handle] = std::move(event);
   return handle;
 }
 
-void HostDevice::destroy_event(EventHandle event) noexcept {
+void EmulatedDevice::destroy_event(EventHandle event) noexcept {
   const std::lock_guard lock(mutex_);
   events_.erase(event);
 }
 
-HostDevice::HostStream& HostDevice::stream_of(StreamHandle stream) {
+EmulatedDevice::EmulatedStream& EmulatedDevice::stream_of(StreamHandle stream) {
   const auto found = streams_.find(stream);
   if (found == streams_.end()) fail("a stream that is not there");
   return *found->second;
 }
 
-HostDevice::HostEvent& HostDevice::event_of(EventHandle event) {
+EmulatedDevice::EmulatedEvent& EmulatedDevice::event_of(EventHandle event) {
   const auto found = events_.find(event);
   if (found == events_.end()) fail("an event that is not there");
   return *found->second;
 }
 
-void HostDevice::queue(StreamHandle stream, Step step) {
-  HostStream& target = stream_of(stream);
+void EmulatedDevice::queue(StreamHandle stream, Step step) {
+  EmulatedStream& target = stream_of(stream);
   if (target.capture == nullptr) {
     target.steps.push_back(std::move(step));
     return;
@@ -135,19 +135,19 @@ void HostDevice::queue(StreamHandle stream, Step step) {
   graph.branches[static_cast<std::size_t>(branch)].push_back(std::move(step));
 }
 
-void HostDevice::copy(void* target, const void* source, std::size_t bytes, CopyKind, StreamHandle stream) {
+void EmulatedDevice::copy(void* target, const void* source, std::size_t bytes, CopyKind, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::copy, "a copy");
   queue(stream, {[=] { std::memcpy(target, source, bytes); }});
 }
 
-void HostDevice::fill_zero(void* target, std::size_t bytes, StreamHandle stream) {
+void EmulatedDevice::fill_zero(void* target, std::size_t bytes, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::copy, "a fill");
   queue(stream, {[=] { std::memset(target, 0, bytes); }});
 }
 
-void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
+void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   const bool lanes_fit =
       shape.lanes >= 1 && shape.lanes <= kMostLanes && (shape.lanes % kWarp == 0 || kWarp % shape.lanes == 0);
@@ -156,7 +156,7 @@ void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const
          std::to_string(shape.teams) + " teams and " + std::to_string(shape.shared_bytes) + " bytes of shared memory");
   count(DeviceCall::launch, kernel.name);
   if (shape.teams == 0) return;
-  HostLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
+  EmulatedLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
                     smaller_of(shape.lanes, options_.lanes),
                     shape.whole_device ? static_cast<int>(options_.teams) : 0,
                     shape.whole_device && options_.seed != 0 ? random_() : 0,
@@ -169,23 +169,23 @@ void HostDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const
       std::swap(launch.order[static_cast<std::size_t>(k)], launch.order[static_cast<std::size_t>(pick(k + 1))]);
   std::vector<std::byte> bytes(kernel.argument_bytes);
   std::memcpy(bytes.data(), arguments, bytes.size());
-  const auto* entry = static_cast<const HostKernel*>(kernel.entry);
+  const auto* entry = static_cast<const EmulatedKernel*>(kernel.entry);
   queue(stream, {[entry, launch = std::move(launch), bytes = std::move(bytes)] { entry->run(launch, bytes.data()); }});
 }
 
-void HostDevice::record(EventHandle event, StreamHandle stream) {
+void EmulatedDevice::record(EventHandle event, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
-  HostEvent& target = event_of(event);
+  EmulatedEvent& target = event_of(event);
   target.mark = ++last_mark_;
   target.capture = stream_of(stream).capture;
   if (target.use == EventUse::timing) target.stamp = std::make_shared<Stamp>();
   queue(stream, {{}, target.mark, 0, target.stamp});
 }
 
-void HostDevice::wait(StreamHandle stream, EventHandle event) {
+void EmulatedDevice::wait(StreamHandle stream, EventHandle event) {
   const std::lock_guard lock(mutex_);
-  const HostEvent& source = event_of(event);
-  HostStream& target = stream_of(stream);
+  const EmulatedEvent& source = event_of(event);
+  EmulatedStream& target = stream_of(stream);
   if (source.mark == 0) return;
   if (source.capture == nullptr && target.capture != nullptr)
     fail("a captured stream waits for an event that was recorded outside the capture");
@@ -199,20 +199,20 @@ void HostDevice::wait(StreamHandle stream, EventHandle event) {
   queue(stream, {{}, 0, source.mark});
 }
 
-bool HostDevice::capturing(StreamHandle stream) {
+bool EmulatedDevice::capturing(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   return stream_of(stream).capture != nullptr;
 }
 
-void HostDevice::run_one_step() {
-  std::vector<HostStream*> ready;
+void EmulatedDevice::run_one_step() {
+  std::vector<EmulatedStream*> ready;
   for (const auto& [handle, candidate] : streams_)
     if (!candidate->steps.empty()) {
       const Step& step = candidate->steps.front();
       if (step.after == 0 || marks_.count(step.after) > 0) ready.push_back(candidate.get());
     }
   if (ready.empty()) fail("every stream waits for another");
-  HostStream& chosen = *ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
+  EmulatedStream& chosen = *ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
   const Step step = std::move(chosen.steps.front());
   chosen.steps.pop_front();
   if (step.work) step.work();
@@ -220,7 +220,7 @@ void HostDevice::run_one_step() {
   if (step.stamp) *step.stamp = std::chrono::steady_clock::now();
 }
 
-void HostDevice::begin_wait() {
+void EmulatedDevice::begin_wait() {
   try {
     count(DeviceCall::synchronize, "a synchronisation");
   } catch (...) {
@@ -233,33 +233,33 @@ void HostDevice::begin_wait() {
   }
 }
 
-void HostDevice::synchronize(StreamHandle stream) {
+void EmulatedDevice::synchronize(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
-  const HostStream& target = stream_of(stream);
+  const EmulatedStream& target = stream_of(stream);
   if (target.capture != nullptr) fail("a synchronisation of a stream that is being captured");
   begin_wait();
   while (!target.steps.empty()) run_one_step();
 }
 
-void HostDevice::await(EventHandle event) {
+void EmulatedDevice::await(EventHandle event) {
   const std::lock_guard lock(mutex_);
-  const HostEvent& target = event_of(event);
+  const EmulatedEvent& target = event_of(event);
   if (target.capture != nullptr) fail("a synchronisation with an event that is being captured");
   begin_wait();
   while (target.mark != 0 && marks_.count(target.mark) == 0) run_one_step();
 }
 
-std::optional<double> HostDevice::microseconds(EventHandle from, EventHandle to) {
+std::optional<double> EmulatedDevice::microseconds(EventHandle from, EventHandle to) {
   const std::lock_guard lock(mutex_);
-  const HostEvent &first = event_of(from), &second = event_of(to);
+  const EmulatedEvent &first = event_of(from), &second = event_of(to);
   if (!first.stamp || !second.stamp) fail("the time of an event that was never recorded, or not made for timing");
   if (!*first.stamp || !*second.stamp) return std::nullopt;
   return std::chrono::duration<double, std::micro>(**second.stamp - **first.stamp).count();
 }
 
-void HostDevice::begin_capture(StreamHandle stream) {
+void EmulatedDevice::begin_capture(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
-  HostStream& origin = stream_of(stream);
+  EmulatedStream& origin = stream_of(stream);
   if (origin.capture != nullptr) fail("a stream that is captured already");
   auto graph = std::make_unique<Graph>();
   graph->origin = &origin;
@@ -269,14 +269,14 @@ void HostDevice::begin_capture(StreamHandle stream) {
   captures_[origin.capture] = std::move(graph);
 }
 
-std::shared_ptr<const HostDevice::Graph> HostDevice::end_capture(StreamHandle stream) {
+std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::end_capture(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
-  HostStream& origin = stream_of(stream);
+  EmulatedStream& origin = stream_of(stream);
   if (origin.capture == nullptr || origin.capture->origin != &origin) fail("no capture began on this stream");
   Graph* const key = origin.capture;
   const std::shared_ptr<const Graph> graph = std::move(captures_.at(key));
   captures_.erase(key);
-  for (HostStream* member : graph->streams) member->capture = nullptr;
+  for (EmulatedStream* member : graph->streams) member->capture = nullptr;
   std::set<std::uint64_t> joined;
   for (const Step& step : graph->branches.front()) joined.insert(step.after);
   for (std::size_t k = 1; k < graph->branches.size(); ++k)
@@ -285,7 +285,7 @@ std::shared_ptr<const HostDevice::Graph> HostDevice::end_capture(StreamHandle st
   return graph;
 }
 
-void HostDevice::launch(const std::shared_ptr<const Graph>& graph, StreamHandle stream) {
+void EmulatedDevice::launch(const std::shared_ptr<const Graph>& graph, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::launch, "a graph");
   queue(stream, {[this, graph] {
