@@ -9,15 +9,15 @@ namespace stiction::inline STICTION_ISA {
 
 template <class Method, class Real>
 void solve_alone(const BodyJob<Real>& job, Offset env, Real* numbers, double* exact) {
-  SerialBlock block;
-  Method::solve(block, job, slice_bodies(job, env), numbers, exact);
+  SerialTeam team;
+  Method::solve(team, job, slice_bodies(job, env), numbers, exact);
 }
 
 template <class Method, class Real>
-void solve_together(const BodyJob<Real>& job, Offset env, Real* numbers, double* exact, cpu::ThreadTeam& team,
+void solve_together(const BodyJob<Real>& job, Offset env, Real* numbers, double* exact, cpu::ThreadTeam& threads,
                     Index rank) {
-  TeamBlock block(team, rank);
-  Method::solve(block, job, slice_bodies(job, env), numbers, exact);
+  ThreadedTeam team(threads, rank);
+  Method::solve(team, job, slice_bodies(job, env), numbers, exact);
 }
 
 }  // namespace stiction::inline STICTION_ISA

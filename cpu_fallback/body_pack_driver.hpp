@@ -117,7 +117,7 @@ class BodyPackRun {
     compose();
     const Index count = sweeps_to_go();
     SiMomentum<Packed> momentum = momentum_of_lanes();
-    run_sweeps(block_, env_, pack_, params_, count, momentum);
+    run_sweeps(team_, env_, pack_, params_, count, momentum);
     settle(count, momentum);
   }
   /// Of two packs in turns.
@@ -126,7 +126,7 @@ class BodyPackRun {
     b.compose();
     const Index count = smaller_of(a.sweeps_to_go(), b.sweeps_to_go());
     NumberPair<SiMomentum<Packed>> momentum{a.momentum_of_lanes(), b.momentum_of_lanes()};
-    run_sweeps(a.block_, EnvPair<PackEnv<Real, kWidth>>{a.env_, b.env_}, SystemPair<const Lanes>{a.pack_, b.pack_},
+    run_sweeps(a.team_, EnvPair<PackEnv<Real, kWidth>>{a.env_, b.env_}, SystemPair<const Lanes>{a.pack_, b.pack_},
                a.params_, count, momentum);
     a.settle(count, momentum.a);
     b.settle(count, momentum.b);
@@ -153,8 +153,8 @@ class BodyPackRun {
       if (!lane.busy || !is_due(lane)) continue;
       due |= 1U << l;
       const auto system = system_of(l);
-      if (!reach_last_substep(block_, lane.env, system, params_, lane.progress)) continue;
-      looks[l] = look_at_last(block_, system, params_, lane.progress);
+      if (!reach_last_substep(team_, lane.env, system, params_, lane.progress)) continue;
+      looks[l] = look_at_last(team_, system, params_, lane.progress);
       if (!looks[l].is_asked) continue;
       set_exact(l);
       asked.add(l, lane.env);
@@ -167,7 +167,7 @@ class BodyPackRun {
       const auto system = system_of(l);
       if (asked.env[l] != nullptr) {
         const double absolute = seen_residual(judged[l], params_.tolerance * lane.progress.scale);
-        lane.busy = !conclude_bodies(block_, lane.env, system, params_, looks[l], absolute, lane.progress);
+        lane.busy = !conclude_bodies(team_, lane.env, system, params_, looks[l], absolute, lane.progress);
         if (!lane.busy) continue;
       }
       lane.left = next_chunk(params_, lane.progress);
@@ -180,7 +180,7 @@ class BodyPackRun {
   bool enter(int l, Offset env) {
     Lane& lane = lanes_[l];
     lane.env = slice_bodies(job_, env);
-    lane.busy = lane.is_new = admit_bodies(block_, lane.env, params_, lane.progress);
+    lane.busy = lane.is_new = admit_bodies(team_, lane.env, params_, lane.progress);
     if (!lane.busy) return false;
     take_lane(pack_, lane.env, system_of(l), is_warm(lane.env, lane.progress.flags), l);
     rest_from(pack_, lane.env.kept, lane.env.bodies, room_.contacts, room_.bodies, l);
@@ -218,13 +218,13 @@ class BodyPackRun {
       Lane& lane = lanes_[l];
       if (!lane.is_new) continue;
       const std::uint32_t flags = is_set(bad, l) ? kFlagBadDiagonal : 0U;
-      lane.busy = lane.is_new = is_sound(block_, lane.env, params_, flags, lane.progress);
+      lane.busy = lane.is_new = is_sound(team_, lane.env, params_, flags, lane.progress);
       if (!lane.busy) {
         is_composed_ = false;
         continue;
       }
       set_out(lane.progress, largest[l]);
-      if (!(largest[l] > 0.0)) rest(block_, system_of(l));
+      if (!(largest[l] > 0.0)) rest(team_, system_of(l));
     }
   }
 
@@ -241,7 +241,7 @@ class BodyPackRun {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.is_new) continue;
-      if (!is_together) look_first(block_, lane.env, system_of(l), params_, lane.progress);
+      if (!is_together) look_first(team_, lane.env, system_of(l), params_, lane.progress);
       lane.substep = 0;
     }
     go_on([](const Lane& lane) { return lane.is_new; });
@@ -278,7 +278,7 @@ class BodyPackRun {
   }
 
   void keep_estimates(PackMask<Real, kWidth> due) {
-    const Packed estimate = estimate_residual(block_, env_, pack_);
+    const Packed estimate = estimate_residual(team_, env_, pack_);
     for (int l = 0; l < kWidth; ++l)
       if (due.v[l] != 0) lanes_[l].progress.estimate = estimate.v[l];
   }
@@ -323,7 +323,7 @@ class BodyPackRun {
   cpu::BodyRoom room_;
   Real* memory_;
   ExactRoom exact_;
-  SerialBlock block_;
+  SerialTeam team_;
   Lanes pack_;
   PackEnv<Real, kWidth> env_;
   Lane lanes_[kWidth];

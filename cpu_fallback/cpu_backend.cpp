@@ -111,13 +111,13 @@ class CpuBackend final : public Backend {
     std::vector<int> assigned(static_cast<std::size_t>(envs));
     constexpr Offset kRun = 64;
     cpu::parallel_for(threads, static_cast<int>((envs + kRun - 1) / kRun), [&](int run, int) {
-      SerialBlock block;
+      SerialTeam team;
       for (Offset env = run * kRun; env < envs && env < (run + 1) * kRun; ++env) {
         const auto e = static_cast<std::size_t>(env);
         EnvView<Real> view = slice(job, env);
         view.is_full = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;
-        begin_climb(block, view);
-        seen[e] = features(block, view);
+        begin_climb(team, view);
+        seen[e] = features(team, view);
         assigned[e] = first_rung(seen[e]);
       }
     });

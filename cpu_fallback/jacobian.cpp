@@ -20,19 +20,19 @@ Offset elements_of(const JacobianJob<Real>& job, Offset env) {
 }
 template <class Real>
 void assemble_one(const JacobianJob<Real>& job, Offset env, Real* scratch) {
-  SerialBlock block;
-  assemble_env<Rows<Real>>(block, job, env, scratch);
+  SerialTeam team;
+  assemble_env<Rows<Real>>(team, job, env, scratch);
 }
 template <class Real>
 void velocity_one(const JacobianJob<Real>& job, Offset env, Real* scratch) {
-  SerialBlock block;
+  SerialTeam team;
   // A factor of small blocks has no panels to speak of, and nothing else is worth a tile here.
   constexpr Index kSmall = 4;
   const Index mass_rows = mass_block(job.batch, job.batch.env_dofs(env));
   if (mass_rows < kSmall) {
-    velocity_env<OneRow<Real>>(block, job, env, scratch);
+    velocity_env<OneRow<Real>>(team, job, env, scratch);
   } else {
-    velocity_env<Rows<Real>>(block, job, env, scratch);
+    velocity_env<Rows<Real>>(team, job, env, scratch);
   }
 }
 

@@ -46,7 +46,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
   }
 
   ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef) override {
-    SerialBlock block;
+    SerialTeam team;
     arrays_.env_rows = std::numeric_limits<Index>::max();
     const auto envs = static_cast<std::size_t>(batch.env_count), rows = static_cast<std::size_t>(batch.row_count);
     arrays_.flags = at_least(flags_, envs);
@@ -55,7 +55,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.parts = parts_.data();
     Index largest = 0;
     for (Offset env = 0; env < batch.env_count; ++env) {
-      count_env(block, JacobianBatchJob<Real>{batch, arrays_}, env);
+      count_env(team, JacobianBatchJob<Real>{batch, arrays_}, env);
       largest = larger_of(largest, batch.env_rows(env));
     }
     arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
@@ -70,8 +70,8 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.Y = at_least(Y_, static_cast<std::size_t>(arrays_.factor_room));
     arrays_.b = at_least(b_, rows);
     const JacobianBatchJob<Real> job{batch, arrays_};
-    place_envs(block, job);
-    for (Offset env = 0; env < batch.env_count; ++env) write_rows(block, job, env);
+    place_envs(team, job);
+    for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {
       if ((own.flags[env] & kNotAssembled) == 0) kernels.assemble(own, env, scratch);

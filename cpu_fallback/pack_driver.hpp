@@ -130,10 +130,10 @@ class PackRun {
   }
 
   /// The next chunk of all lanes.
-  void advance() { stiction::advance<Method, kLaw>(block_, params_, next()); }
+  void advance() { stiction::advance<Method, kLaw>(team_, params_, next()); }
   /// Of two packs in turns.
   static void advance(PackRun& a, PackRun& b) {
-    stiction::advance<Method, kLaw>(a.block_, a.params_, a.next(), b.next());
+    stiction::advance<Method, kLaw>(a.team_, a.params_, a.next(), b.next());
   }
 
  private:
@@ -180,16 +180,16 @@ class PackRun {
       Guest& guest = guests_[l];
       guest.flags = entrants[k].flags | unsupported_flags<Method>(lanes_[l]);
       if (is_solvable(guest.flags)) {
-        guest.residual_scale = residual_scale(block_, guest.env);
+        guest.residual_scale = residual_scale(team_, guest.env);
         searches_.begin(l, guest.rule);
         taken.add(l);
       } else {
-        refuse(block_, guest.env, Method::kKind, guest.flags);
+        refuse(team_, guest.env, Method::kKind, guest.flags);
       }
     }
     begin_lanes<Method, kLaw>(pack_, room_, mask_of<Real, kWidth>(taken));
     taken.for_each([&](int l) {
-      start_method<Method, kLaw>(block_, guests_[l].env, lanes_[l]);
+      start_method<Method, kLaw>(team_, guests_[l].env, lanes_[l]);
       busy_.add(l);
     });
     ask_ahead();
@@ -213,7 +213,7 @@ class PackRun {
     asked.for_each([&](int l) {
       const Guest& guest = guests_[l];
       EnvProgress<Real> progress = searches_.of(l, guest.flags);
-      const bool is_done = settle_judged<Method>(block_, guest.env, lanes_[l], guest.rule, look_of(looks, l), judged[l],
+      const bool is_done = settle_judged<Method>(team_, guest.env, lanes_[l], guest.rule, look_of(looks, l), judged[l],
                                                  guest.residual_scale, progress);
       searches_.search.verified.v[l] = progress.verified;
       if (is_done) leave(l);
@@ -230,7 +230,7 @@ class PackRun {
   const cpu::Job<Real>& job_;
   EnvQueue& queue_;
   MethodParams<Real> params_;
-  SerialBlock block_;
+  SerialTeam team_;
   DenseSystem<Lanes> pack_;
   std::array<Lane<Real>, kWidth> lanes_;
   LaneRoom<Real, kWidth> room_;
@@ -291,18 +291,18 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const MethodParams<Real> params{job.omega, job.is_rung()};
   const EnvView<Real> view = slice_to_load(job, env);
   const MethodRoom room = Method::room().up_to(job.direct_rows);
-  SerialBlock block;
+  SerialTeam team;
   if (job.plan.path[env] == EnvPath::empty) {
-    answer_empty(block, view, Method::kKind);
+    answer_empty(team, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
     DenseSystem<Real> system(view.counts, room, scratch);
-    solve_environment<Method, kLaw>(block, view, system, params, rule);
+    solve_environment<Method, kLaw>(team, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
     FactorSystem<Real> system(view, room, scratch);
-    solve_environment<Method, kLaw>(block, view, system, params, rule);
+    solve_environment<Method, kLaw>(team, view, system, params, rule);
   } else {
     SparseSystem<Real> system(view, room, scratch);
-    solve_environment<Method, kLaw>(block, view, system, params, rule);
+    solve_environment<Method, kLaw>(team, view, system, params, rule);
   }
 }
 

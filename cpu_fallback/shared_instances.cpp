@@ -4,10 +4,10 @@ namespace stiction::inline STICTION_ISA {
 
 // Packs load their lanes themselves.
 #if defined(STICTION_PACKS_ALONE)
-template Judgement final_residual(SerialBlock&, const EnvView<float>&, const StoredRows<float>&);
-template Judgement final_residual(SerialBlock&, const EnvView<double>&, const StoredRows<double>&);
+template Judgement final_residual(SerialTeam&, const EnvView<float>&, const StoredRows<float>&);
+template Judgement final_residual(SerialTeam&, const EnvView<double>&, const StoredRows<double>&);
 #else
-STICTION_SHARED_BODIES(, SerialBlock)
+STICTION_SHARED_BODIES(, SerialTeam)
 #endif
 
 }  // namespace stiction::inline STICTION_ISA

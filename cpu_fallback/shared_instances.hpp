@@ -5,6 +5,6 @@
 
 namespace stiction::inline STICTION_ISA {
 
-STICTION_SHARED_BODIES(extern, SerialBlock)
+STICTION_SHARED_BODIES(extern, SerialTeam)
 
 }  // namespace stiction::inline STICTION_ISA

@@ -8,13 +8,13 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// A Block whose lanes are CPU threads: one large environment on several cores.
-class TeamBlock {
+/// A Team whose lanes are CPU threads: one large environment on several cores.
+class ThreadedTeam {
  public:
   /// Long runs of neighbours, so that threads do not write to each other's cache lines.
   static constexpr Index kRowTile = 128;
 
-  TeamBlock(cpu::ThreadTeam& team, Index rank) : team_(&team), rank_(rank) {}
+  ThreadedTeam(cpu::ThreadTeam& team, Index rank) : team_(&team), rank_(rank) {}
 
   [[nodiscard]] Index rank() const { return rank_; }
   [[nodiscard]] Index size() const { return team_->width(); }

@@ -26,20 +26,20 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
   void recall(const RecallJob<Real>& request, StreamRef) override {
     RecallJob<Real> job = request;
     job.memory = memory_;
-    for_each_env(job.batch.env_count, [&](SerialBlock& block, Offset env) { recall_env(block, job, env); });
+    for_each_env(job.batch.env_count, [&](SerialTeam& team, Offset env) { recall_env(team, job, env); });
   }
   void remember(const RememberJob<Real>& request, StreamRef) override {
     RememberJob<Real> job = request;
     job.memory = memory_;
-    for_each_env(memory_.env_capacity, [&](SerialBlock& block, Offset env) { remember_env(block, job, env); });
+    for_each_env(memory_.env_capacity, [&](SerialTeam& team, Offset env) { remember_env(team, job, env); });
   }
   void reset(std::span<const Offset> envs, StreamRef) override {
-    SerialBlock block;
-    for (const Offset env : envs) forget_env(block, memory_, env, kWarmStartReset);
+    SerialTeam team;
+    for (const Offset env : envs) forget_env(team, memory_, env, kWarmStartReset);
   }
   void reset_where(const std::uint8_t* mask, StreamRef) override {
-    SerialBlock block;
-    for (Offset env = 0; env < memory_.env_capacity; ++env) forget_masked(block, ForgetJob<Real>{memory_, mask}, env);
+    SerialTeam team;
+    for (Offset env = 0; env < memory_.env_capacity; ++env) forget_masked(team, ForgetJob<Real>{memory_, mask}, env);
   }
   void records(std::span<WarmStartRecord> out, StreamRef) override {
     std::copy_n(record_.begin(), out.size(), out.begin());
@@ -53,9 +53,9 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
   void for_each_env(Offset count, F&& work) {
     const Offset runs = (count + kRun - 1) / kRun;
     cpu::parallel_for(threads_, static_cast<int>(runs), [&](int run, int) {
-      SerialBlock block;
+      SerialTeam team;
       const Offset end = smaller_of(count, (run + 1) * kRun);
-      for (Offset env = run * kRun; env < end; ++env) work(block, env);
+      for (Offset env = run * kRun; env < end; ++env) work(team, env);
     });
   }
 

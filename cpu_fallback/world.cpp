@@ -11,25 +11,25 @@ std::size_t room_bytes(const WorldModelView<Real>& model) {
 }
 template <class Real>
 Index find_one(const WorldJob<Real>& job, Offset env, void* room) {
-  SerialBlock block;
-  prepare_world(block, job, env);
-  return find_contacts(block, job, env, DetectRoom<Real>(job.model, room));
+  SerialTeam team;
+  prepare_world(team, job, env);
+  return find_contacts(team, job, env, DetectRoom<Real>(job.model, room));
 }
 template <class Real>
 void list_one(const WorldJob<Real>& job, Offset env, void* room, FoundContact<Real>* out) {
-  SerialBlock block;
-  list_contacts(block, job, env, DetectRoom<Real>(job.model, room), out);
+  SerialTeam team;
+  list_contacts(team, job, env, DetectRoom<Real>(job.model, room), out);
 }
 template <class Real>
 void hand_over_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
                    const FoundContact<Real>* found) {
-  SerialBlock block;
-  hand_over(block, job.model, sink, env, found);
+  SerialTeam team;
+  hand_over(team, job.model, sink, env, found);
 }
 template <class Real>
 void integrate_one(const WorldJob<Real>& job, Offset env) {
-  SerialBlock block;
-  integrate_world(block, job, env);
+  SerialTeam team;
+  integrate_world(team, job, env);
 }
 template <class Real>
 WorldMotion motion_one(const WorldJob<Real>& job, Offset env) {

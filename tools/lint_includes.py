@@ -18,7 +18,7 @@ SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
 SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
-# What an algorithm or a Block may take from the standard library: types and compile-time facts, no arithmetic.
+# What an algorithm or a Team may take from the standard library: types and compile-time facts, no arithmetic.
 STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type_traits", "utility"}
 
 PUBLIC = "core/include/stiction"
@@ -97,14 +97,14 @@ WORDS = [
      "which compiler is reading is asked in core/include/stiction/config.hpp and core/base only"),
     (r"threadIdx|blockIdx|blockDim|gridDim|__syncthreads|__syncwarp|__shfl\w*|__ballot\w*|\batomic\w*|std::atomic|"
      r"\bclock(64)?\s*\(", ["core/algorithm", "core/base", "core/job", "core/plan"], [],
-     "an algorithm is written in phases over a Block and never sees a thread, an atomic or a clock"),
+     "an algorithm is written in phases over a Team and never sees a thread, an atomic or a clock"),
     (r"std::(f?min|f?max|clamp|sqrt|fma|abs|fabs|pow|hypot|reduce|accumulate)\b|\b(fminf?|fmaxf?|rsqrtf?|hypotf?|powf?|"
      r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/algorithm", "core/team"], [],
      "every rounding and selection goes through core/base/real.hpp"),
     (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/job", "core/runtime", "core/machine", "core/plan", "cuda", "cpu_fallback"], [],
      "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
     (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api"], [],
-     "a machine holds a Block, memory and launches; arithmetic belongs in core/algorithm"),
+     "a machine holds a Team, memory and launches; arithmetic belongs in core/algorithm"),
     (r"\blong double\b|_Float16|__float128", ["core/algorithm", "core/base", "core/job", "core/team", "cuda", "cpu_fallback"], [],
      "float and double are the two precisions whose bits are promised"),
 ]

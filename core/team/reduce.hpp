@@ -17,23 +17,23 @@ STICTION_HD T fold_leaves(T* leaf) {
 
 /// The sum of leaf(l), l = 0..31, where leaf(l) is computed by one lane alone. The result is on every lane and depends
 /// neither on the number of lanes nor on the machine.
-template <class T, Block B, class F>
-STICTION_HD T sum_leaves(B& block, F&& leaf) {
-  if (block.size() == 1) {
+template <class T, Team TeamT, class F>
+STICTION_HD T sum_leaves(TeamT& team, F&& leaf) {
+  if (team.size() == 1) {
     T local[kReduceLeaves];
     for (Index l = 0; l < kReduceLeaves; ++l) local[l] = leaf(l);
     return fold_leaves(local);
   }
-  T* shared = block.template leaves<T>();
-  for (Index l = block.rank(); l < kReduceLeaves; l += block.size()) shared[l] = leaf(l);
-  block.sync();
-  return block.broadcast([&] { return fold_leaves(shared); });
+  T* shared = team.template leaves<T>();
+  for (Index l = team.rank(); l < kReduceLeaves; l += team.size()) shared[l] = leaf(l);
+  team.sync();
+  return team.broadcast([&] { return fold_leaves(shared); });
 }
 
 /// The sum of n numbers, on every lane.
-template <class T, Block B>
-STICTION_HD_OUTLINE T sum_values(B& block, const T* values, Index n) {
-  return sum_leaves<T>(block, [&](Index leaf) {
+template <class T, Team TeamT>
+STICTION_HD_OUTLINE T sum_values(TeamT& team, const T* values, Index n) {
+  return sum_leaves<T>(team, [&](Index leaf) {
     T sum(0);
     for (Index i = leaf; i < n; i += kReduceLeaves) sum = sum + values[i];
     return sum;
@@ -41,11 +41,11 @@ STICTION_HD_OUTLINE T sum_values(B& block, const T* values, Index n) {
 }
 
 /// The largest of zero and f(i), i in [0, n); on every lane.
-template <class T, Block B, class F>
-STICTION_HD T max_over(B& block, Index n, F&& f) {
+template <class T, Team TeamT, class F>
+STICTION_HD T max_over(TeamT& team, Index n, F&& f) {
   T largest = T(0);
-  for (Index i = block.rank(); i < n; i += block.size()) largest = max_(f(i), largest);
-  return block.max(largest);
+  for (Index i = team.rank(); i < n; i += team.size()) largest = max_(f(i), largest);
+  return team.max(largest);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -15,15 +15,15 @@ STICTION_HD Index part_begin(Index n, Index part, Index parts) {
 
 /// values[i] becomes the sum of all values before it. Returns the sum of all n, on every lane; `parts` has room for
 /// kScanParts.
-template <Block B, class Integer>
-STICTION_HD_OUTLINE Integer exclusive_scan(B& block, Integer* values, Index n, Integer* parts) {
-  for_each(block, kScanParts, [&](Index part) {
+template <Team TeamT, class Integer>
+STICTION_HD_OUTLINE Integer exclusive_scan(TeamT& team, Integer* values, Index n, Integer* parts) {
+  for_each(team, kScanParts, [&](Index part) {
     const Index end = part_begin(n, part + 1, kScanParts);
     Integer sum = 0;
     for (Index i = part_begin(n, part, kScanParts); i < end; ++i) sum += values[i];
     parts[part] = sum;
   });
-  const Integer total = block.broadcast([&] {
+  const Integer total = team.broadcast([&] {
     Integer sum = 0;
     for (Index part = 0; part < kScanParts; ++part) {
       const Integer value = parts[part];
@@ -32,7 +32,7 @@ STICTION_HD_OUTLINE Integer exclusive_scan(B& block, Integer* values, Index n, I
     }
     return sum;
   });
-  for_each(block, kScanParts, [&](Index part) {
+  for_each(team, kScanParts, [&](Index part) {
     const Index end = part_begin(n, part + 1, kScanParts);
     Integer sum = parts[part];
     for (Index i = part_begin(n, part, kScanParts); i < end; ++i) {

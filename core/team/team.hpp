@@ -8,7 +8,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Block (phases.hpp): it
+/// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Team (phases.hpp): it
 /// never sees a thread, a warp or a barrier, so one text runs on a GPU thread, a GPU block, a CPU core and, in the
 /// tests, on real threads made to disagree about speed.
 ///
@@ -20,19 +20,19 @@ namespace stiction::inline STICTION_ISA {
 ///   kRowTile         rows a lane takes at once in a matrix product; speed only
 ///   leaves<T>()      32 values of T shared by the lanes, for sums over a fixed tree (reduce.hpp)
 template <class B>
-concept Block = requires(B& block, double v, double (*evaluate)()) {
-  { block.rank() } -> std::convertible_to<Index>;
-  { block.size() } -> std::convertible_to<Index>;
-  block.sync();
-  { block.broadcast(evaluate) } -> std::convertible_to<double>;
-  { block.combine(std::uint32_t{}) } -> std::convertible_to<std::uint32_t>;
-  { block.max(v) } -> std::convertible_to<double>;
+concept Team = requires(B& team, double v, double (*evaluate)()) {
+  { team.rank() } -> std::convertible_to<Index>;
+  { team.size() } -> std::convertible_to<Index>;
+  team.sync();
+  { team.broadcast(evaluate) } -> std::convertible_to<double>;
+  { team.combine(std::uint32_t{}) } -> std::convertible_to<std::uint32_t>;
+  { team.max(v) } -> std::convertible_to<double>;
   { B::kRowTile } -> std::convertible_to<Index>;
-  { block.template leaves<double>() } -> std::convertible_to<double*>;
+  { team.template leaves<double>() } -> std::convertible_to<double*>;
 };
 
-/// A block of one: a CPU core (whose Real may be a Pack) or a single GPU thread.
-struct SerialBlock {
+/// A team of one: a CPU core (whose Real may be a Pack) or a single GPU thread.
+struct SerialTeam {
   static constexpr Index kRowTile = 8;
   static STICTION_HD constexpr Index rank() { return 0; }
   static STICTION_HD constexpr Index size() { return 1; }

@@ -31,10 +31,10 @@ inline constexpr int kMostLanes = 256;  ///< of a team within one block
 ///     using Args = ...;                                                  // trivially copyable, at most 4 kB
 ///     static constexpr bool kSerial = ...;                               // lanes == 1 always
 ///     static constexpr int kLanes = ...;                                 // if there: lanes of every team, one a block
-///     template <class Team> static STICTION_HD void run(Team& team, const TeamId& id, const Args& args);
+///     template <Team TeamT> static STICTION_HD void run(TeamT& team, const TeamId& id, const Args& args);
 ///   };
 ///
-/// whose run() is called once by every lane of every team, `team` being a Block (core/team/team.hpp) that also has
+/// whose run() is called once by every lane of every team, `team` being a Team (core/team/team.hpp) that also has
 /// `fetch(counter, count = 1)`, the counter's value before it grew by count, and `total(integer)`, the sum over the
 /// lanes; both the same on every lane.
 struct TeamId {

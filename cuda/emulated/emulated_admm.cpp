@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_admm_kernels() {
-  return solver_kernels<MakeHostKernel, Admm>();
+  return solver_kernels<MakeEmulatedKernel, Admm>();
 }
 
 }  // namespace stiction::cuda

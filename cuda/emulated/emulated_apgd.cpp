@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_apgd_kernels() {
-  return solver_kernels<MakeHostKernel, Apgd>();
+  return solver_kernels<MakeEmulatedKernel, Apgd>();
 }
 
 }  // namespace stiction::cuda

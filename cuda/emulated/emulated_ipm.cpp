@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_ipm_kernels() {
-  return solver_kernels<MakeHostKernel, Ipm>();
+  return solver_kernels<MakeEmulatedKernel, Ipm>();
 }
 
 }  // namespace stiction::cuda

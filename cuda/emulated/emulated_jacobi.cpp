@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_jacobi_kernels() {
-  return solver_kernels<MakeHostKernel, Jacobi>();
+  return solver_kernels<MakeEmulatedKernel, Jacobi>();
 }
 
 }  // namespace stiction::cuda

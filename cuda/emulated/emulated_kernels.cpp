@@ -20,15 +20,17 @@ NewtonBodyKernels emulated_newton_body_kernels();
 
 const KernelCatalogue& emulated_kernels() {
   static const KernelCatalogue catalogue{
-      {emulated_pgs_kernels(), emulated_npgs_kernels(), emulated_jacobi_kernels(), emulated_apgd_kernels(), emulated_nsgs_kernels(),
-       emulated_admm_kernels(), emulated_newton_kernels(), emulated_lemke_kernels(), emulated_ipm_kernels(), emulated_subspace_kernels()},
-      {emulated_kernel<AnswerSettled<float>>("answer_settled"), emulated_kernel<AnswerSettled<double>>("answer_settled")},
+      {emulated_pgs_kernels(), emulated_npgs_kernels(), emulated_jacobi_kernels(), emulated_apgd_kernels(),
+       emulated_nsgs_kernels(), emulated_admm_kernels(), emulated_newton_kernels(), emulated_lemke_kernels(),
+       emulated_ipm_kernels(), emulated_subspace_kernels()},
+      {emulated_kernel<AnswerSettled<float>>("answer_settled"),
+       emulated_kernel<AnswerSettled<double>>("answer_settled")},
       {emulated_kernel<ChooseEnvironments<float>>("choose"), emulated_kernel<ChooseEnvironments<double>>("choose")},
-      plan_kernels<MakeHostKernel>(),
-      {warm_start_kernels<MakeHostKernel, float>(), warm_start_kernels<MakeHostKernel, double>()},
+      plan_kernels<MakeEmulatedKernel>(),
+      {warm_start_kernels<MakeEmulatedKernel, float>(), warm_start_kernels<MakeEmulatedKernel, double>()},
       emulated_body_kernels(),
       emulated_newton_body_kernels(),
-      {jacobian_kernels<MakeHostKernel, float>(), jacobian_kernels<MakeHostKernel, double>()},
+      {jacobian_kernels<MakeEmulatedKernel, float>(), jacobian_kernels<MakeEmulatedKernel, double>()},
       {emulated_world_kernels(Precision::f32), emulated_world_kernels(Precision::f64)}};
   return catalogue;
 }

@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_lemke_kernels() {
-  return solver_kernels<MakeHostKernel, Lemke>();
+  return solver_kernels<MakeEmulatedKernel, Lemke>();
 }
 
 }  // namespace stiction::cuda

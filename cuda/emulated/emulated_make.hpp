@@ -7,14 +7,14 @@
 namespace stiction::inline STICTION_ISA {
 
 STICTION_SHARED_BODIES(extern, cuda::EmulatedTeam)
-STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, float, DenseSystem<float, cuda::kWarp>)
-STICTION_SHARED_WITH_SYSTEM(extern, SerialBlock, double, DenseSystem<double, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(extern, SerialTeam, float, DenseSystem<float, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(extern, SerialTeam, double, DenseSystem<double, cuda::kWarp>)
 
 }  // namespace stiction::inline STICTION_ISA
 
 namespace stiction::cuda {
 
-struct MakeHostKernel {
+struct MakeEmulatedKernel {
   template <class Program>
   static KernelRef kernel(const char* name) {
     return emulated_kernel<Program>(name);

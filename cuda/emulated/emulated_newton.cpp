@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_newton_kernels() {
-  return solver_kernels<MakeHostKernel, Newton>();
+  return solver_kernels<MakeEmulatedKernel, Newton>();
 }
 
 }  // namespace stiction::cuda

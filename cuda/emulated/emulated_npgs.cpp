@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_npgs_kernels() {
-  return solver_kernels<MakeHostKernel, Npgs>();
+  return solver_kernels<MakeEmulatedKernel, Npgs>();
 }
 
 }  // namespace stiction::cuda

@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_nsgs_kernels() {
-  return solver_kernels<MakeHostKernel, Nsgs>();
+  return solver_kernels<MakeEmulatedKernel, Nsgs>();
 }
 
 }  // namespace stiction::cuda

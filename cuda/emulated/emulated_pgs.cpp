@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_pgs_kernels() {
-  return solver_kernels<MakeHostKernel, Pgs>();
+  return solver_kernels<MakeEmulatedKernel, Pgs>();
 }
 
 }  // namespace stiction::cuda

@@ -4,7 +4,7 @@
 namespace stiction::inline STICTION_ISA {
 
 STICTION_SHARED_BODIES(, cuda::EmulatedTeam)
-STICTION_SHARED_WITH_SYSTEM(, SerialBlock, float, DenseSystem<float, cuda::kWarp>)
-STICTION_SHARED_WITH_SYSTEM(, SerialBlock, double, DenseSystem<double, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(, SerialTeam, float, DenseSystem<float, cuda::kWarp>)
+STICTION_SHARED_WITH_SYSTEM(, SerialTeam, double, DenseSystem<double, cuda::kWarp>)
 
 }  // namespace stiction::inline STICTION_ISA

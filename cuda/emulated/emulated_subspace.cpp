@@ -4,7 +4,7 @@
 namespace stiction::cuda {
 
 SolverKernels emulated_subspace_kernels() {
-  return solver_kernels<MakeHostKernel, Subspace>();
+  return solver_kernels<MakeEmulatedKernel, Subspace>();
 }
 
 }  // namespace stiction::cuda

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "core/team/reduce.hpp"
-#include "cuda/emulated/emulated_pace.hpp"
 #include "cuda/device/kernel.hpp"
+#include "cuda/emulated/emulated_pace.hpp"
 
 namespace stiction::cuda {
 
@@ -53,7 +53,7 @@ struct EmulatedGridMemory {
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
-/// A team of the host device: threads that meet at a barrier and at nothing else. It offers what a Block promises and
+/// A team of the host device: threads that meet at a barrier and at nothing else. It offers what a Team promises and
 /// no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
 class EmulatedTeam {
  public:

@@ -3,7 +3,8 @@
 namespace stiction::cuda {
 
 WorldKernels emulated_world_kernels(Precision precision) {
-  return precision == Precision::f32 ? world_kernels<MakeHostKernel, float>() : world_kernels<MakeHostKernel, double>();
+  return precision == Precision::f32 ? world_kernels<MakeEmulatedKernel, float>()
+                                     : world_kernels<MakeEmulatedKernel, double>();
 }
 
 }  // namespace stiction::cuda

@@ -13,8 +13,8 @@ struct SolveBodies {
   using Args = cuda::BodiesArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     std::byte* const memory = args.workspace + id.index * args.slot_bytes;
     Real* const numbers = reinterpret_cast<Real*>(memory);
     for (;;) {

@@ -29,8 +29,8 @@ struct SolveBodyBundles {
   /// Slots that are free before new environments are taken: while one lane loads, all others wait.
   static constexpr Index kIntake = 8;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     Head& head = *static_cast<Head*>(id.shared);
     const SiParams params = si_params(args.job.stepping, args.job.options);
     std::uint32_t busy = 0;
@@ -69,8 +69,8 @@ struct SolveBodyBundles {
   }
 
   /// f(index, bit) for the slots of a mask, shared out; the mask of those for which it was true, on every lane.
-  template <class Team, class F>
-  static STICTION_HD std::uint32_t slots_where(Team& team, std::uint32_t mask, F&& f) {
+  template <Team TeamT, class F>
+  static STICTION_HD std::uint32_t slots_where(TeamT& team, std::uint32_t mask, F&& f) {
     std::uint32_t mine = 0;
     for (Index index = team.rank(); index < kSlots; index += team.size()) {
       const std::uint32_t bit = std::uint32_t{1} << index;
@@ -82,13 +82,13 @@ struct SolveBodyBundles {
   /// f(block, environment, system, params, progress) for what a slot holds.
   template <class F>
   static STICTION_HD bool on_slot(const Args& args, const SiParams& params, Head& head, Index index, F&& f) {
-    SerialBlock block;
+    SerialTeam team;
     typename Head::Slot& slot = head.slot[index];
     const BodyEnv<Real> env = slice_bodies(args.job, slot.env);
     Real* const numbers = reinterpret_cast<Real*>(&head + 1);
     double* const exact = reinterpret_cast<double*>(numbers + kSlots * args.slot_elements);
     const System system(env.kept, env.bodies, params, numbers + index, exact + index);
-    return f(block, env, system, params, slot.progress);
+    return f(team, env, system, params, slot.progress);
   }
 };
 

@@ -29,8 +29,8 @@ struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset index = id.index; index < args.job.batch.env_count; index += id.count) {
       const EnvPath path = args.plan.path[index];
       SizeClass own = SizeClass::settled;
@@ -46,8 +46,8 @@ struct ChooseEnvironments {
 
  private:
   /// The rung that an environment stands on now, on every lane.
-  template <class Team>
-  static STICTION_HD int assign(Team& team, const Args& args, Offset index) {
+  template <Team TeamT>
+  static STICTION_HD int assign(TeamT& team, const Args& args, Offset index) {
     std::uint8_t& assigned = args.assigned[index];
     const EnvView<Real> env = slice(args.job, index);
     int rung = assigned;

@@ -29,8 +29,8 @@ struct CountJacobians {
   using Args = cuda::JacobianArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.job.batch.env_count; env += id.count) count_env(team, args.job, env);
   }
 };
@@ -41,8 +41,8 @@ struct PlaceJacobians {
   using Args = cuda::JacobianArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     if (id.index == 0) place_envs(team, args.job);
   }
 };
@@ -53,8 +53,8 @@ struct WriteJacobians {
   using Args = cuda::JacobianArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.job.batch.env_count; env += id.count)
       write_env(team, args.job, env, scratch_of(args, id));
   }
@@ -65,8 +65,8 @@ struct MoveJacobians {
   using Args = cuda::JacobianArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.job.batch.env_count; env += id.count)
       move_env(team, args.job, env, scratch_of(args, id));
   }

@@ -41,15 +41,15 @@ struct InspectEnvironments {
   using Args = cuda::PlanArgs;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const ContactBatchView<float> batch = with_totals(args.batch);
     for (Offset env = id.index; env < batch.env_count; env += id.count) inspect(team, args, batch, env);
   }
 
  private:
-  template <class Team>
-  static STICTION_HD void inspect(Team& team, const Args& args, const ContactBatchView<float>& batch, Offset env) {
+  template <Team TeamT>
+  static STICTION_HD void inspect(TeamT& team, const Args& args, const ContactBatchView<float>& batch, Offset env) {
     const bool sound = structure_is_sound(team, batch, env);
     StructureView s{};
     if (sound) s = structure_of(batch, env);
@@ -81,8 +81,8 @@ struct SortEnvironments {
   using Args = cuda::PlanArgs;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     if (id.index != 0) return;
     const cuda::PlanArrays& plan = args.plan;
     count_sort(
@@ -97,8 +97,8 @@ struct ColorEnvironments {
   using Args = cuda::PlanArgs;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const ContactBatchView<float> batch = with_totals(args.batch);
     const cuda::PlanArrays& plan = args.plan;
     const Offset end = plan.class_begin[static_cast<int>(SizeClass::sparse_block) + 1];
@@ -116,8 +116,8 @@ struct FindIslands {
   using Args = cuda::IslandArgs;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const ContactBatchView<float> batch = with_totals(args.batch);
     for (Offset env = id.index; env < batch.env_count; env += id.count) {
       Index found = 0;

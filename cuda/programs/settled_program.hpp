@@ -27,8 +27,8 @@ struct AnswerSettled {
   using Args = cuda::SettledArgs<Real>;
   static constexpr bool kSerial = true;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const int settled = static_cast<int>(SizeClass::settled);
     const Offset end = args.queue.class_begin[settled + 1];
     for (Offset position = args.queue.class_begin[settled] + id.index; position < end; position += id.count) {

@@ -41,8 +41,8 @@ struct SolveBundles {
   static constexpr bool kSerial = false;
   static constexpr int kLanes = cuda::kBundle;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     Head& head = *static_cast<Head*>(id.shared);
     const int size_class = static_cast<int>(args.size_class);
     const Offset begin = args.queue.class_begin[size_class];
@@ -92,38 +92,38 @@ struct SolveBundles {
 
   /// Loads an environment; whether there is anything left to do.
   static STICTION_HD unsigned char load(const Args& args, Real* workspace, Index index, typename Head::Slot& slot) {
-    SerialBlock block;
+    SerialTeam team;
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
     slot.progress = EnvProgress<Real>{};
-    slot.progress.flags = prepare<Method, kLaw>(block, env, system);
+    slot.progress.flags = prepare<Method, kLaw>(team, env, system);
     if (!is_solvable(slot.progress.flags)) {
-      refuse(block, env, Method::kKind, slot.progress.flags);
+      refuse(team, env, Method::kKind, slot.progress.flags);
       return 0;
     }
     if constexpr (kHasWindows<Method, Real>) slot.window = static_cast<unsigned char>(window_of(system));
-    return settle<Method>(block, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
+    return settle<Method>(team, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
   }
 
   /// One chunk; whether there is anything left to do.
   static STICTION_HD unsigned char go_on(const Args& args, Real* workspace, Index index, typename Head::Slot& slot) {
-    SerialBlock block;
+    SerialTeam team;
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
     const StopRule rule = stop_rule(args.job, slot.env);
     const MethodParams<Real> params{args.job.omega, args.job.is_rung()};
     if constexpr (kHasWindows<Method, Real>) {
-      advance_chunk<Method, kLaw>(block, system, params, rule, slot.progress, slot.window);
+      advance_chunk<Method, kLaw>(team, system, params, rule, slot.progress, slot.window);
     } else {
-      advance_chunk<Method, kLaw>(block, system, params, rule, slot.progress);
+      advance_chunk<Method, kLaw>(team, system, params, rule, slot.progress);
     }
-    return settle<Method>(block, env, system, rule, slot.progress) ? 0 : 1;
+    return settle<Method>(team, env, system, rule, slot.progress) ? 0 : 1;
   }
 
   /// Moves the unfinished to the front if that frees a warp, or lanes for new environments; returns how many are to be
   /// looked at from now on.
-  template <class Team>
-  static STICTION_HD Index compact(Team& team, Head& head, Index active, bool more) {
+  template <Team TeamT>
+  static STICTION_HD Index compact(TeamT& team, Head& head, Index active, bool more) {
     Index mine = 0;
     for (Index k = team.rank(); k < active; k += team.size()) mine += head.busy[head.order[k]];
     const Index unfinished = team.total(mine);

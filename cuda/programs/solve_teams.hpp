@@ -17,8 +17,8 @@ struct SolveTeams {
   using Args = cuda::SolveArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const int size_class = static_cast<int>(args.size_class);
     const Offset begin = args.queue.class_begin[size_class];
     const Offset end = args.queue.class_begin[size_class + 1];

@@ -11,8 +11,8 @@ struct RecallEnvironments {
   using Args = RecallJob<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& job) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
     for (Offset env = id.index; env < job.batch.env_count; env += id.count) recall_env(team, job, env);
   }
 };
@@ -22,8 +22,8 @@ struct RememberEnvironments {
   using Args = RememberJob<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& job) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
     for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) remember_env(team, job, env);
   }
 };
@@ -33,8 +33,8 @@ struct ForgetEnvironments {
   using Args = ForgetJob<Real>;
   static constexpr bool kSerial = true;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& job) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
     for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) forget_masked(team, job, env);
   }
 };

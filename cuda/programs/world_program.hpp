@@ -44,8 +44,8 @@ struct FindWorldContacts {
   using Args = cuda::WorldFindArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const DetectRoom<Real> room(args.job.model, args.room + id.index * args.room_bytes);
     for (Offset env = id.index; env < args.env_count; env += id.count) {
       prepare_world(team, args.job, env);
@@ -61,8 +61,8 @@ struct HandOverWorldContacts {
   using Args = cuda::WorldHandOverArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.env_count; env += id.count)
       hand_over(team, args.model, args.sink, env, args.found + env * args.most);
   }
@@ -73,8 +73,8 @@ struct IntegrateWorlds {
   using Args = cuda::WorldArgs<Real>;
   static constexpr bool kSerial = false;
 
-  template <class Team>
-  static STICTION_HD void run(Team& team, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.env_count; env += id.count) integrate_world(team, args.job, env);
   }
 };
@@ -85,8 +85,8 @@ struct MeasureWorlds {
   using Args = cuda::WorldArgs<Real>;
   static constexpr bool kSerial = true;
 
-  template <class Team>
-  static STICTION_HD void run(Team&, const cuda::TeamId& id, const Args& args) {
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT&, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.env_count; env += id.count) args.motion[env] = motion_of(args.job, env);
   }
 };

@@ -125,13 +125,13 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
   const DeviceGuard device(ordinal_);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
   const std::size_t team_bytes = kTeamBytes + round_up(shape.shared_bytes);
-  int block = larger_of(shape.lanes, kTeamBlock);
+  int block = larger_of(shape.lanes, kTeamLanes);
   const auto shared_of = [&](int threads) {
     return program.serial || shape.whole_device ? 0 : static_cast<std::size_t>(threads / shape.lanes) * team_bytes;
   };
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
-  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(block) > facts_.resident_shared_bytes) block /= 2;
-  const std::size_t shared = shared_of(block);
+  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(team) > facts_.resident_shared_bytes) block /= 2;
+  const std::size_t shared = shared_of(team);
   const Offset teams_per_block = program.serial ? block : block / shape.lanes;
   const Offset resident = Offset{facts_.processors} * resident_blocks(program, block, shared);
   const Offset blocks =

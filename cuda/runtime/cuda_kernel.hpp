@@ -23,6 +23,6 @@ inline constexpr std::size_t kTeamBytes = 768;
 inline constexpr std::size_t kGridBytes = 262912;
 
 /// Threads of a block whose teams are smaller.
-inline constexpr int kTeamBlock = 128;
+inline constexpr int kTeamLanes = 128;
 
 }  // namespace stiction::cuda

@@ -26,7 +26,7 @@ template <class Program>
 __global__ void __launch_bounds__(most_threads<Program>())
     run_teams(const __grid_constant__ typename Program::Args args, const __grid_constant__ cuda::CudaShape shape) {
   if constexpr (Program::kSerial) {
-    SerialBlock team;
+    SerialTeam team;
     const Offset index = Offset{blockIdx.x} * blockDim.x + threadIdx.x;
     const Offset count = Offset{gridDim.x} * blockDim.x;
     Program::run(team, cuda::TeamId{index, count, nullptr}, args);

@@ -20,18 +20,18 @@ TEST(Anderson, TheWeightsAreThoseOfTheLeastSquaresProblem) {
   // f = 2 a - 3 b exactly, in four dimensions.
   const std::vector<std::vector<double>> steps{{1, 0, 2, 1}, {0, 1, 1, -1}};
   const std::vector<double> f{2, -3, 1, 5};
-  SerialBlock block;
-  const AndersonWeights two = anderson(block, 4, f.data(), 2, [&](Index j) { return steps[std::size_t(j)].data(); });
+  SerialTeam team;
+  const AndersonWeights two = anderson(team, 4, f.data(), 2, [&](Index j) { return steps[std::size_t(j)].data(); });
   EXPECT_NEAR(two.gamma[0], 2, 1e-8);
   EXPECT_NEAR(two.gamma[1], -3, 1e-8);
   // One step alone: a'f / a'a = 9 / 6.
-  EXPECT_NEAR(anderson(block, 4, f.data(), 1, [&](Index) { return steps[0].data(); }).gamma[0], 1.5, 1e-8);
+  EXPECT_NEAR(anderson(team, 4, f.data(), 1, [&](Index) { return steps[0].data(); }).gamma[0], 1.5, 1e-8);
   // A step remembered twice is shared out, not divided by zero.
-  const AndersonWeights twice = anderson(block, 4, f.data(), 2, [&](Index) { return steps[0].data(); });
+  const AndersonWeights twice = anderson(team, 4, f.data(), 2, [&](Index) { return steps[0].data(); });
   EXPECT_NEAR(twice.gamma[0] + twice.gamma[1], 1.5, 1e-8);
   // Steps of no length say nothing.
   const std::vector<double> nothing(4, 0.0);
-  EXPECT_EQ(anderson(block, 4, f.data(), 1, [&](Index) { return nothing.data(); }).gamma[0], 0.0);
+  EXPECT_EQ(anderson(team, 4, f.data(), 1, [&](Index) { return nothing.data(); }).gamma[0], 0.0);
 }
 
 TEST(Admm, SmallSystemsHaveTheAnswersWorkedOutByHand) {

@@ -67,7 +67,7 @@ struct Loaded {
                    w_.data(), &status_, Offset{0})),
         memory_(static_cast<std::size_t>(elements(room)), static_cast<Real>(__builtin_nan(""))),
         system(env_, room, memory_.data()) {
-    EXPECT_TRUE(is_solvable(load_system(block, env_, system, load_rules<Admm>(batch_.law(), system))));
+    EXPECT_TRUE(is_solvable(load_system(team, env_, system, load_rules<Admm>(batch_.law(), system))));
   }
 
  private:
@@ -86,7 +86,7 @@ struct Loaded {
   std::vector<Real> memory_;
 
  public:
-  SerialBlock block;
+  SerialTeam team;
   SystemOf<Real> system;
 };
 
@@ -112,7 +112,7 @@ void expect_solves(const ContactBatch<double>& batch, const Environment<double>&
                    double bound) {
   Loaded<Real, SystemOf> loaded(batch, room);
   auto& s = loaded.system;
-  SerialBlock& block = loaded.block;
+  SerialTeam& team = loaded.team;
   const AdmmState a = AdmmState::of(s);
   const auto n = static_cast<std::size_t>(s.n);
   std::vector<Index> cone_of;
@@ -148,13 +148,13 @@ void expect_solves(const ContactBatch<double>& batch, const Environment<double>&
     const std::vector<Extended> expected = eliminated(penalized, q);
     if (a.form == AdmmForm::gradients)
       for (std::size_t i = 0; i < n; ++i) a.answer[i] = 0.0;
-    fill_scaled(block, s, a);
-    factor_penalized(block, s, a, rho);
+    fill_scaled(team, s, a);
+    factor_penalized(team, s, a, rho);
     // Conjugate gradients come nearer with every call.
     const int calls = a.form == AdmmForm::gradients ? 14 : 1;
     for (int call = 0; call < calls; ++call) {
       for (std::size_t i = 0; i < n; ++i) a.v[i] = static_cast<double>(q[i]);
-      solve_penalized(block, s, a, rho);
+      solve_penalized(team, s, a, rho);
     }
     Extended largest = 0, worst = 0;
     for (std::size_t i = 0; i < n; ++i) {

@@ -176,9 +176,9 @@ TEST(BlockFactor, lanes_change_no_bit) {
     for (const Index lanes : {1, 3, 32}) {
       std::fill(room.memory.begin(), room.memory.end(), -77.0);
       std::vector<double> there(r.size());
-      run_block(
-          lanes, [](TortureTeam& team, Index rank) { return JitterBlock(TortureBlock<4>(team, rank), 9); },
-          [&](auto& block) { room.use(block, [&](const auto& ldl) { ldl.apply(block, r.data(), there.data()); }); });
+      run_stressed(
+          lanes, [](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<4>(team, rank), 9); },
+          [&](auto& team) { room.use(team, [&](const auto& ldl) { ldl.apply(team, r.data(), there.data()); }); });
       EXPECT_EQ(room.memory, factor) << lanes;
       EXPECT_EQ(there, z) << lanes;
     }

@@ -43,9 +43,9 @@ TEST(DenseFactor, solves_what_it_factored) {
     std::vector<double> k = symmetric(n, n, 0.1, 7), b(static_cast<std::size_t>(n));
     for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(static_cast<double>(i) + 1.0);
     std::vector<double> factor = k, x = b;
-    SerialBlock block;
-    EXPECT_EQ(factor_ldl(block, DenseMatrix{factor.data(), n}, 0.0), 0);
-    solve_ldl(block, DenseMatrix{factor.data(), n}, x.data());
+    SerialTeam team;
+    EXPECT_EQ(factor_ldl(team, DenseMatrix{factor.data(), n}, 0.0), 0);
+    solve_ldl(team, DenseMatrix{factor.data(), n}, x.data());
     EXPECT_LT(worst_residual(k, x, b), 1e-11) << n;
   }
 }
@@ -57,9 +57,9 @@ TEST(DenseFactor, a_consistent_semidefinite_system_is_solved_without_its_null_sp
   for (std::size_t i = 0; i < b.size(); ++i)
     for (std::size_t j = 0; j < b.size(); ++j) b[i] += k[i + b.size() * j] * std::cos(static_cast<double>(j));
   std::vector<double> factor = k, x = b;
-  SerialBlock block;
-  EXPECT_EQ(factor_ldl(block, DenseMatrix{factor.data(), n}, 1e-9), n - rank);
-  solve_ldl(block, DenseMatrix{factor.data(), n}, x.data());
+  SerialTeam team;
+  EXPECT_EQ(factor_ldl(team, DenseMatrix{factor.data(), n}, 1e-9), n - rank);
+  solve_ldl(team, DenseMatrix{factor.data(), n}, x.data());
   EXPECT_LT(worst_residual(k, x, b), 1e-9);
 }
 
@@ -68,14 +68,14 @@ TEST(DenseFactor, the_number_of_lanes_changes_no_bit) {
   const std::vector<double> k = symmetric(n, n, 0.1, 11);
   const std::vector<double> b(n, 1.0);
   std::vector<double> factor = k, x = b;
-  SerialBlock serial;
+  SerialTeam serial;
   factor_ldl(serial, DenseMatrix{factor.data(), n}, 0.0);
   solve_ldl(serial, DenseMatrix{factor.data(), n}, x.data());
   for (const int lanes : {2, 3, 8}) {
     std::vector<double> factor_there = k, x_there = b;
-    run_block<4>(lanes, [&](auto& block) {
-      factor_ldl(block, DenseMatrix{factor_there.data(), n}, 0.0);
-      solve_ldl(block, DenseMatrix{factor_there.data(), n}, x_there.data());
+    run_stressed<4>(lanes, [&](auto& team) {
+      factor_ldl(team, DenseMatrix{factor_there.data(), n}, 0.0);
+      solve_ldl(team, DenseMatrix{factor_there.data(), n}, x_there.data());
     });
     EXPECT_EQ(factor_there, factor) << lanes;
     EXPECT_EQ(x_there, x) << lanes;

@@ -33,16 +33,16 @@ struct Factored {
   Index replaced;
 };
 template <class B>
-void factor_and_solve(B& block, Factored& f) {
+void factor_and_solve(B& team, Factored& f) {
   const DenseMatrix K{f.factor.data(), static_cast<Index>(f.x.size())};
-  const Index replaced = factor_lu(block, K, f.pivots.data());
-  solve_lu(block, K, f.pivots.data(), f.x.data());
-  single(block, [&] { f.replaced = replaced; });
+  const Index replaced = factor_lu(team, K, f.pivots.data());
+  solve_lu(team, K, f.pivots.data(), f.x.data());
+  single(team, [&] { f.replaced = replaced; });
 }
 Factored solved(const std::vector<double>& k, const std::vector<double>& b) {
   Factored f{k, std::vector<double>(b.size()), b, -1};
-  SerialBlock block;
-  factor_and_solve(block, f);
+  SerialTeam team;
+  factor_and_solve(team, f);
   return f;
 }
 
@@ -86,7 +86,7 @@ TEST(DenseLu, the_number_of_lanes_changes_no_bit) {
   const Factored serial = solved(k, b);
   for (const Index lanes : {2, 3, 8, 33}) {
     Factored there{k, std::vector<double>(b.size()), b, -1};
-    run_block<4>(lanes, [&](auto& block) { factor_and_solve(block, there); });
+    run_stressed<4>(lanes, [&](auto& team) { factor_and_solve(team, there); });
     EXPECT_EQ(there.factor, serial.factor) << lanes;
     EXPECT_EQ(there.pivots, serial.pivots) << lanes;
     EXPECT_EQ(there.x, serial.x) << lanes;

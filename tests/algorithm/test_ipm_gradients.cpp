@@ -183,17 +183,16 @@ Solution<Real> on_team(const Environment<double>& environment, Index width) {
   std::vector<Real> memory(static_cast<std::size_t>(SparseSystem<Real>::elements(
                                env.n, env.cone_count, view.nonzero_count, WithoutMatrices::room())),
                            static_cast<Real>(__builtin_nan("")));
-  const auto solve_on = [&](auto& block) {
+  const auto solve_on = [&](auto& team) {
     SparseSystem<Real> system(env, WithoutMatrices::room(), memory.data());
-    solve_environment<WithoutMatrices, kLaw>(block, env, system, MethodParams<Real>{Real(1)}, StopRule{1e-9, 2, 0});
+    solve_environment<WithoutMatrices, kLaw>(team, env, system, MethodParams<Real>{Real(1)}, StopRule{1e-9, 2, 0});
   };
   if (width == 0) {
-    SerialBlock block;
-    solve_on(block);
+    SerialTeam team;
+    solve_on(team);
   } else {
-    run_block(
-        width,
-        [](TortureTeam& team, Index rank) { return JitterBlock<TortureBlock<8>>(TortureBlock<8>(team, rank), 42); },
+    run_stressed(
+        width, [](TortureTeam& team, Index rank) { return JitterTeam<StressTeam<8>>(StressTeam<8>(team, rank), 42); },
         solve_on);
   }
   return solution;

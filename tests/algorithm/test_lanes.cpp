@@ -117,10 +117,10 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
   const auto& s = lanes.lanes[static_cast<std::size_t>(lane)];
   std::vector<Index> place(static_cast<std::size_t>(s.n), -1);  // row of `one` in each row of the lane
   std::vector<Index> cone_place(static_cast<std::size_t>(s.cones), -1);
-  SerialBlock block;
-  for_each_place(block, lanes.envs[e], s, [&](Index cone, ConePlace there) {
+  SerialTeam team;
+  for_each_place(team, lanes.envs[e], s, [&](Index cone, ConePlace there) {
     ConePlace here{0, 0};
-    for_each_place(block, alone.env, one, [&](Index other, ConePlace at) {
+    for_each_place(team, alone.env, one, [&](Index other, ConePlace at) {
       if (other == cone) here = at;
     });
     cone_place[static_cast<std::size_t>(there.cone)] = here.cone;
@@ -233,9 +233,9 @@ void fill(Lanes<Real, W>& lanes, std::size_t first) {
   std::vector<std::pair<std::size_t, int>> entering;
   for (int l = 0; l < W; ++l) entering.emplace_back(first + static_cast<std::size_t>(l), l);
   lanes.enter(entering);
-  SerialBlock block;
+  SerialTeam team;
   for (int l = 0; l < W; ++l)
-    start_method<Npgs, kLaw>(block, lanes.envs[first + static_cast<std::size_t>(l)],
+    start_method<Npgs, kLaw>(team, lanes.envs[first + static_cast<std::size_t>(l)],
                              lanes.lanes[static_cast<std::size_t>(l)]);
 }
 
@@ -247,11 +247,10 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
     const std::vector<Environment<double>> all = guests(alike);
     Lanes<Real, kWidth> lanes(all);
     fill(lanes, 0);
-    SerialBlock block;
+    SerialTeam team;
     const MethodParams<Real> params{Real(1), false};
     using Together = DenseSystem<Pack<Real, kWidth>>;
-    advance<Npgs, kLaw>(block, params,
-                        Advancing<Together>{*lanes.pack, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100)});
+    advance<Npgs, kLaw>(team, params, Advancing<Together>{*lanes.pack, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100)});
     std::array<const EnvView<Real>*, kWidth> views;
     for (int l = 0; l < kWidth; ++l) views[static_cast<std::size_t>(l)] = &lanes.envs[static_cast<std::size_t>(l)];
     // The last lane alone, then all: what was not asked for is not published.
@@ -270,9 +269,9 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
           continue;
         }
         const std::vector<Real> lambda(env.lambda, env.lambda + env.n), w(env.w, env.w + env.n);
-        publish(block, env, lanes.lanes[static_cast<std::size_t>(l)]);
+        publish(team, env, lanes.lanes[static_cast<std::size_t>(l)]);
         env.is_full = false;  // the long way
-        const Judgement alone = final_residual(block, env);
+        const Judgement alone = final_residual(team, env);
         unsolved += alone.residual > 0.0 ? 1 : 0;
         EXPECT_EQ(judged[static_cast<std::size_t>(l)].residual, alone.residual);
         EXPECT_EQ(judged[static_cast<std::size_t>(l)].blur, alone.blur);
@@ -360,7 +359,7 @@ TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
   constexpr int kWidth = TypeParam::kWidth;
   using Packed = Pack<Real, kWidth>;
   using Together = DenseSystem<Packed>;
-  SerialBlock block;
+  SerialTeam team;
   const MethodParams<Real> params{Real(1), false};
   for (const bool alike : {true, false}) {
     const std::vector<Environment<double>> all = guests(alike);
@@ -375,9 +374,9 @@ TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
         left.v[kWidth - 1] = static_cast<Real>(6 - kChunk * done);
         return Advancing<Together>{*lanes.pack, Packed(static_cast<Real>(kChunk * done % kRefreshInterval)), left};
       };
-      advance<Npgs, kLaw>(block, params, next(a_alone, chunk + 1));
-      advance<Npgs, kLaw>(block, params, next(b_alone, chunk));
-      advance<Npgs, kLaw>(block, params, next(a, chunk + 1), next(b, chunk));
+      advance<Npgs, kLaw>(team, params, next(a_alone, chunk + 1));
+      advance<Npgs, kLaw>(team, params, next(b_alone, chunk));
+      advance<Npgs, kLaw>(team, params, next(a, chunk + 1), next(b, chunk));
       for (const auto& [turns, alone] : {std::pair(&a, &a_alone), std::pair(&b, &b_alone)})
         for (int l = 0; l < kWidth; ++l) {
           SCOPED_TRACE(testing::Message() << "alike " << alike << ", chunk " << chunk << ", lane " << l);

@@ -1,3 +1,4 @@
+#include "core/algorithm/solver/pgs.hpp"
 #include "core/algorithm/sweep/local_solve.hpp"
 
 #include <gtest/gtest.h>
@@ -47,7 +48,7 @@ TEST(LocalSolve, ABoxRowStopsAtItsBounds) {
 
 TEST(LocalSolve, CoulombsStepSolvesTheNormalAloneAndCorrectsTheTangentForIt) {
   // Normal 1, coupling -1/2 to the first tangent: x_n = 1 moves the tangent's motion from 0 to -1/2 * mu, and the
-  // tangent answers towards +. Block [1 -.5; -.5 1] with mu = 1, so rows are not rescaled.
+  // tangent answers towards +. Team [1 -.5; -.5 1] with mu = 1, so rows are not rescaled.
   auto env = system({friction(2)}, {1, -0.5, -0.5, 1}, {-1, 0});
   env.mu = {0, 1};
   Prepared<Pgs, Law::coulomb, Dense> p(env);

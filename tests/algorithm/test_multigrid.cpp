@@ -48,8 +48,8 @@ std::string name(const MultigridOptions& options) {
 
 Vector cycle(const Multigrid& grids, const Vector& r) {
   Vector z(r.size());
-  SerialBlock block;
-  grids.apply(block, r.data(), z.data());
+  SerialTeam team;
+  grids.apply(team, r.data(), z.data());
   return z;
 }
 
@@ -68,8 +68,8 @@ void with_every_kind(Index n, Index least_levels, F&& f) {
   for (const MultigridOptions& options : kMultigridKinds) {
     SCOPED_TRACE(name(options));
     MultigridCase one(mixed_scene(n), 1e-3, options);
-    SerialBlock block;
-    const Multigrid grids = one.prepared(block);
+    SerialTeam team;
+    const Multigrid grids = one.prepared(team);
     ASSERT_GE(grids.plan.levels(), least_levels);
     f(one, grids);
   }
@@ -119,14 +119,14 @@ TEST(Multigrid, few_bodies_and_uncoupled_ones_are_solved_exactly) {
     pairs.add_box({3.0 * i, 0.25, 21.5});
   }
   MultigridCase one(few, 1e-2, {});
-  SerialBlock block;
+  SerialTeam team;
   const Vector b = random_vector(static_cast<Index>(one.size()), 5);
   const Vector exact = Eigen::LLT<Dense>(to_eigen(one.H())).solve(b);
-  const Vector x = cycle(one.prepared(block), b);
+  const Vector x = cycle(one.prepared(team), b);
   EXPECT_LE((x - exact).norm(), 1e-10 * exact.norm());
 
   MultigridCase two(pairs, 1e-2, {Prolongation::plain, Cycle::v});
-  const Multigrid grids = two.prepared(block);
+  const Multigrid grids = two.prepared(team);
   ASSERT_EQ(grids.plan.levels(), 2);
   EXPECT_EQ(grids.plan.dense_bodies(), 0);
   // Each pair is an aggregate, and coarse bodies that nothing couples: what is left is the same for all pairs.
@@ -137,15 +137,15 @@ TEST(Multigrid, few_bodies_and_uncoupled_ones_are_solved_exactly) {
 }
 
 TEST(Multigrid, nothing_and_a_single_body_are_no_special_cases) {
-  SerialBlock block;
+  SerialTeam team;
   MultigridCase nothing(StackedBoxes(), 1.0, {});
-  cycle(nothing.prepared(block), Vector());
+  cycle(nothing.prepared(team), Vector());
   StackedBoxes scene;
   scene.add_box({0, 0, 0.5});
   MultigridCase one(scene, 1e-3, {});
   const Vector b = random_vector(6, 1);
   const Vector exact = Eigen::LLT<Dense>(to_eigen(one.H())).solve(b);
-  EXPECT_LE((cycle(one.prepared(block), b) - exact).norm(), 1e-12 * exact.norm());
+  EXPECT_LE((cycle(one.prepared(team), b) - exact).norm(), 1e-12 * exact.norm());
 }
 
 TEST(Multigrid, coarse_matrices_are_galerkin_products) {
@@ -195,32 +195,32 @@ double rigid_error(const Multigrid& grids, const std::vector<double>& positions)
 
 TEST(Multigrid, rigid_prolongations_reproduce_the_six_motions_of_the_whole) {
   const StackedBoxes scene = StackedBoxes::wall(26);
-  SerialBlock block;
+  SerialTeam team;
   MultigridCase one(scene, 1e-3, {Prolongation::plain, Cycle::v});
-  EXPECT_LE(rigid_error(one.prepared(block), scene.positions()), 1e-15);
+  EXPECT_LE(rigid_error(one.prepared(team), scene.positions()), 1e-15);
 }
 
 TEST(Multigrid, smoothed_prolongations_do_where_those_cost_no_force) {
   StackedBoxes scene = StackedBoxes::wall(26);
   scene.lift_off_the_ground();
-  SerialBlock block;
+  SerialTeam team;
   MultigridCase free(scene.matrix(1e-3, 0.0), scene.positions(), {});
-  EXPECT_LE(rigid_error(free.prepared(block), scene.positions()), 1e-12);
+  EXPECT_LE(rigid_error(free.prepared(team), scene.positions()), 1e-12);
   // With mass they cost a force, and the error shows.
   MultigridCase heavy(scene.matrix(1e-3, 100.0), scene.positions(), {});
-  EXPECT_GE(rigid_error(heavy.prepared(block), scene.positions()), 1e-6);
+  EXPECT_GE(rigid_error(heavy.prepared(team), scene.positions()), 1e-6);
 }
 
 TEST(Multigrid, the_power_method_comes_close_to_the_largest_eigenvalue) {
-  SerialBlock block;
+  SerialTeam team;
   MultigridCase one(StackedBoxes::wall(18), 1e-3, {});
-  const Multigrid grids = one.prepared(block);
+  const Multigrid grids = one.prepared(team);
   const GridLevel level = grids.level(1);
   const Dense H = to_eigen(level.smoother.H);
   Dense D = Dense::Zero(H.rows(), H.cols());
   for (Index i = 0; i < H.rows(); i += 6) D.block(i, i, 6, 6) = H.block(i, i, 6, 6);
   Vector y(H.rows()), h(H.rows());
-  const double found = largest_eigenvalue(block, level.smoother, y.data(), h.data());
+  const double found = largest_eigenvalue(team, level.smoother, y.data(), h.data());
   // a D - H is positive definite for an a above the largest eigenvalue of D^-1 H, and not for one below.
   EXPECT_FALSE(is_positive_definite(found * (1.0 - 1e-12) * D - H));
   EXPECT_TRUE(is_positive_definite(kPowerMargin * found * D - H));
@@ -228,10 +228,10 @@ TEST(Multigrid, the_power_method_comes_close_to_the_largest_eigenvalue) {
 
 Index iterations_on(const StackedBoxes& scene) {
   MultigridCase one(scene, 1e-3, {});
-  SerialBlock block;
+  SerialTeam team;
   const Vector b = random_vector(static_cast<Index>(one.size()), 17);
   std::vector<double> x;
-  const GradientOutcome outcome = iterate(one.H(), one.prepared(block), {b.begin(), b.end()}, 1e-6, 1000, x);
+  const GradientOutcome outcome = iterate(one.H(), one.prepared(team), {b.begin(), b.end()}, 1e-6, 1000, x);
   EXPECT_TRUE(outcome.is_met);
   const Vector error = to_eigen(one.H()) * Eigen::Map<const Vector>(x.data(), b.size()) - b;
   // The tolerance is of another norm; 100 is more than the two differ by.
@@ -259,7 +259,7 @@ TEST(Multigrid, the_number_of_lanes_changes_no_bit) {
     const StackedBoxes scene = mixed_scene(13);
     MultigridCase serial(scene, 1e-3, options);
     const Vector r = random_vector(static_cast<Index>(serial.size()), 3);
-    SerialBlock alone;
+    SerialTeam alone;
     const Vector expected = cycle(serial.prepared(alone), r);
     const auto expect_same = [&](const MultigridCase& other, const Vector& z, const std::string& who) {
       EXPECT_EQ(std::memcmp(z.data(), expected.data(), sizeof(double) * serial.size()), 0)
@@ -270,14 +270,14 @@ TEST(Multigrid, the_number_of_lanes_changes_no_bit) {
     for (const Index lanes : {1, 3, 32}) {
       MultigridCase there(scene, 1e-3, options);
       Vector z(r.size());
-      run_block<4>(lanes, [&](auto& block) { there.prepared(block).apply(block, r.data(), z.data()); });
+      run_stressed<4>(lanes, [&](auto& team) { there.prepared(team).apply(team, r.data(), z.data()); });
       expect_same(there, z, std::to_string(lanes) + " lanes");
     }
     MultigridCase team_case(scene, 1e-3, options);
     Vector z(r.size());
-    cpu::run_team(3, [&](cpu::ThreadTeam& team, Index rank) {
-      TeamBlock block(team, rank);
-      team_case.prepared(block).apply(block, r.data(), z.data());
+    cpu::run_team(3, [&](cpu::ThreadTeam& threads, Index rank) {
+      ThreadedTeam team(threads, rank);
+      team_case.prepared(team).apply(team, r.data(), z.data());
     });
     expect_same(team_case, z, "a team of threads");
   }

@@ -73,10 +73,10 @@ void measure(const std::string& name, const StackedBoxes& scene, double R) {
   std::normal_distribution<double> normal;
   std::vector<double> b(6 * static_cast<std::size_t>(scene.bodies())), x, factors(6 * b.size());
   for (double& entry : b) entry = normal(random);
-  SerialBlock block;
+  SerialTeam team;
   OwnedBlocks H = scene.matrix(R);
   const BlockDiagonal diagonal{scene.bodies(), factors.data()};
-  diagonal.prepare(block, H.view());
+  diagonal.prepare(team, H.view());
   const Index alone = iterate(H.view(), diagonal, b, kTolerance, kMost, x).iterations;
   const Index alone_elsewhere = block_jacobi_elsewhere(H.view(), b);
   expect_near(alone, alone_elsewhere, name + ", block Jacobi");
@@ -84,7 +84,7 @@ void measure(const std::string& name, const StackedBoxes& scene, double R) {
   double complexity[2] = {};
   for (const MultigridOptions& options : kMultigridKinds) {
     MultigridCase one(scene, R, options);
-    const Multigrid grids = one.prepared(block);
+    const Multigrid grids = one.prepared(team);
     const GradientOutcome outcome = iterate(one.H(), grids, b, kTolerance, kMost, x);
     std::printf(" %d", outcome.iterations);
     EXPECT_TRUE(outcome.is_met) << name;

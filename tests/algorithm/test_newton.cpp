@@ -28,13 +28,13 @@ struct Iterated {
     auto& s = prepared.system();
     EXPECT_TRUE(is_solvable(prepared.flags)) << prepared.flags;
     while (iterations < limit && s.scalar[kOutcome] == double(kRunning)) {
-      Newton::iterate<kLaw>(prepared.block, s, Params{1.0});
-      record<Newton, kLaw>(prepared.block, s, true);
+      Newton::iterate<kLaw>(prepared.team, s, Params{1.0});
+      record<Newton, kLaw>(prepared.team, s, true);
       residuals.push_back(s.scalar[kLastResidual]);
       ++iterations;
     }
-    publish(prepared.block, prepared.env, s);
-    absolute = final_residual(prepared.block, prepared.env).residual;
+    publish(prepared.team, prepared.env, s);
+    absolute = final_residual(prepared.team, prepared.env).residual;
   }
   double absolute = 0.0;
 
@@ -191,8 +191,8 @@ template <Law kLaw, template <class> class SystemOf>
 std::vector<double> on_a_team(const Environment<double>& env, Index width) {
   Prepared<Newton, kLaw, SystemOf> prepared(env);
   auto& s = prepared.system();
-  run_block<2>(width, [&](auto& block) {
-    for (int k = 0; k < 4; ++k) Newton::iterate<kLaw>(block, s, Params{1.0});
+  run_stressed<2>(width, [&](auto& team) {
+    for (int k = 0; k < 4; ++k) Newton::iterate<kLaw>(team, s, Params{1.0});
   });
   std::vector<double> x;
   for (Index i = 0; i < s.n; ++i) x.push_back(s.x[i]);

@@ -22,12 +22,12 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// Runs f(block) on a block of so many lanes.
+/// Runs f(team) on a block of so many lanes.
 template <class F>
 void on_lanes(Index lanes, F&& f) {
-  if (lanes > 1) return run_block<1>(lanes, f);
-  SerialBlock block;
-  f(block);
+  if (lanes > 1) return run_stressed<1>(lanes, f);
+  SerialTeam team;
+  f(team);
 }
 
 /// Environments planned one by one into arrays as a device has them: room for every cone in each.
@@ -52,7 +52,7 @@ struct BodyPlan {
                               vertex_offsets.data() + cone + env,
                               color_offsets.data() + cone + env,
                               &color_count[at(env)]};
-      on_lanes(lanes, [&](auto& block) { plan_environment(block, s, target, scratch.data()); });
+      on_lanes(lanes, [&](auto& team) { plan_environment(team, s, target, scratch.data()); });
     }
   }
 
@@ -95,9 +95,9 @@ void expect_plan(const ContactBatchView<double>& batch, Index lanes, int& sparse
 bool all_sound(const ContactBatchView<double>& batch, Index lanes = 1) {
   bool sound = true;
   for (Offset env = 0; env < batch.env_count; ++env)
-    on_lanes(lanes, [&](auto& block) {
-      const bool answer = structure_is_sound(block, batch, env);
-      single(block, [&] { sound = sound && answer; });
+    on_lanes(lanes, [&](auto& team) {
+      const bool answer = structure_is_sound(team, batch, env);
+      single(team, [&] { sound = sound && answer; });
     });
   return sound;
 }
@@ -276,9 +276,9 @@ TEST(PlanBody, DamageIsFoundInTheEnvironmentThatHasIt) {
     const ContactBatchView<double> batch = integers.view();
     std::set<Offset> expected, actual;
     for (const Defect& defect : validate_structure(batch, 1000000)) expected.insert(defect.env);
-    SerialBlock block;
+    SerialTeam team;
     for (Offset env = 0; env < batch.env_count; ++env)
-      if (!structure_is_sound(block, batch, env)) actual.insert(env);
+      if (!structure_is_sound(team, batch, env)) actual.insert(env);
     EXPECT_EQ(actual, expected) << "batch " << round;
     found += static_cast<int>(expected.size());
   }
@@ -295,9 +295,9 @@ TEST(Scan, SumsWhatIsBeforeEachValue) {
       std::vector<Index> expected(values);
       std::exclusive_scan(expected.begin(), expected.end(), expected.begin(), 0);
       const Index sum = std::accumulate(values.begin(), values.end(), 0);
-      on_lanes(lanes, [&](auto& block) {
-        const Index total = exclusive_scan(block, values.data(), count, parts.data());
-        single(block, [&] { EXPECT_EQ(total, sum); });
+      on_lanes(lanes, [&](auto& team) {
+        const Index total = exclusive_scan(team, values.data(), count, parts.data());
+        single(team, [&] { EXPECT_EQ(total, sum); });
       });
       EXPECT_EQ(values, expected);
     }

@@ -71,11 +71,10 @@ TEST(Preconditioners, lanes_change_no_bit) {
         for (const Index lanes : {3, 32}) {
           std::fill(room.memory.begin(), room.memory.end(), -77.0);
           std::vector<double> there(r.size());
-          run_block(
-              lanes, [](TortureTeam& team, Index rank) { return JitterBlock(TortureBlock<4>(team, rank), 9); },
-              [&](auto& block) {
-                room.use(block,
-                         [&](const auto& preconditioner) { preconditioner.apply(block, r.data(), there.data()); });
+          run_stressed(
+              lanes, [](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<4>(team, rank), 9); },
+              [&](auto& team) {
+                room.use(team, [&](const auto& preconditioner) { preconditioner.apply(team, r.data(), there.data()); });
               });
           EXPECT_EQ(there, z) << name_of(kind) << " on " << lanes;
           EXPECT_EQ(room.memory, prepared) << name_of(kind) << " on " << lanes;
@@ -108,8 +107,8 @@ BlockSystem spread(const std::vector<std::vector<double>>& small) {
 }
 
 double shift_of(PreconditionerRoom& room) {
-  SerialBlock block;
-  return IncompleteCholesky{room.factor(), room.memory.data()}.prepare(block, room.system.matrix());
+  SerialTeam team;
+  return IncompleteCholesky{room.factor(), room.memory.data()}.prepare(team, room.system.matrix());
 }
 
 TEST(IncompleteCholesky, is_the_factorisation_itself_where_that_has_no_fill) {

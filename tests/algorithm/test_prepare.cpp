@@ -1,4 +1,5 @@
 #include "core/algorithm/load/load_system.hpp"
+#include "core/algorithm/solver/pgs.hpp"
 
 #include <gtest/gtest.h>
 
@@ -76,7 +77,7 @@ TEST(Prepare, DenseAndSparseFormsHoldTheSameNumbersOfEveryCone) {
     SparsePgs sparse(env);
     auto& d = dense.system();
     auto& s = sparse.system();
-    for_each_place(dense.block, dense.env, d, [&](Index cone, ConePlace place) {
+    for_each_place(dense.team, dense.env, d, [&](Index cone, ConePlace place) {
       const Index row = dense.env.cone_row(cone);
       EXPECT_EQ(d.trace[place.cone], s.trace[cone]);
       EXPECT_EQ(d.inv_n[place.cone], s.inv_n[cone]);
@@ -231,8 +232,8 @@ TEST(Prepare, AsymmetryIsMeasuredRelativeToTheLargestEntryOnBothForms) {
   const auto env = system({unilateral(), unilateral()}, {2, 1, 1.5, 2}, {-1, -1});
   DensePgs dense(env);
   SparsePgs sparse(env);
-  EXPECT_EQ(asymmetry(dense.block, dense.system()), 0.25);
-  EXPECT_EQ(asymmetry(sparse.block, sparse.system()), 0.25);
+  EXPECT_EQ(asymmetry(dense.team, dense.system()), 0.25);
+  EXPECT_EQ(asymmetry(sparse.team, sparse.system()), 0.25);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 #include "core/algorithm/residual/final_residual.hpp"
+#include "core/algorithm/solver/pgs.hpp"
 
 #include <gtest/gtest.h>
 
@@ -21,7 +22,7 @@ double body_residual(const Environment<double>& env, const std::vector<double>& 
                      std::vector<double>* w = nullptr) {
   Prepared<Pgs, kLaw, Dense> p(env);
   for (std::size_t i = 0; i < lambda.size(); ++i) p.env.lambda[i] = lambda[i];
-  const double result = final_residual(p.block, p.env).residual;
+  const double result = final_residual(p.team, p.env).residual;
   if (w != nullptr) w->assign(p.env.w, p.env.w + p.env.n);
   return result;
 }
@@ -89,9 +90,9 @@ TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
 
 TEST(ResidualBody, ItsScaleIsTheLargestRightHandSide) {
   Prepared<Pgs, Law::convex, Dense> p(system({free_row(), free_row()}, {1, 0, 0, 1}, {-3, 2}));
-  EXPECT_EQ(residual_scale(p.block, p.env), 3.0);
+  EXPECT_EQ(residual_scale(p.team, p.env), 3.0);
   Prepared<Pgs, Law::convex, Dense> still(system({free_row()}, {1}, {0}));
-  EXPECT_EQ(residual_scale(still.block, still.env), 1e-300);
+  EXPECT_EQ(residual_scale(still.team, still.env), 1e-300);
 }
 
 }  // namespace

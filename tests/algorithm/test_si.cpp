@@ -12,7 +12,7 @@
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/stress_team.hpp"
 
-/// One body environment on blocks of every width, by threads that race unless the body syncs: each must give the bits
+/// One body environment on teams of every width, by threads that race unless the body syncs: each must give the bits
 /// of the public solver.
 namespace stiction::test {
 
@@ -54,9 +54,9 @@ class SiCase {
     std::vector<Real> memory = unwritten<Real>(System::elements(kept(), bodies(), options_.momentum));
     std::vector<double> exact = unwritten<double>(System::exact_elements(bodies()));
     Answer answer(*this);
-    run_block(width, make, [&](auto& block) {
+    run_stressed(width, make, [&](auto& team) {
       const System system(answer.env.kept, answer.env.bodies, answer.params, memory.data(), exact.data());
-      solve_bodies(block, answer.env, system, answer.params);
+      solve_bodies(team, answer.env, system, answer.params);
     });
     answer.expect_same("width " + std::to_string(width));
   }
@@ -68,20 +68,19 @@ class SiCase {
     std::vector<Real> memory = unwritten<Real>(kStride * System::elements(kept(), bodies(), options_.momentum));
     std::vector<double> exact = unwritten<double>(kStride * System::exact_elements(bodies()));
     Answer answer(*this);
-    SerialBlock block;
+    SerialTeam team;
     const System system(answer.env.kept, answer.env.bodies, answer.params, memory.data() + 1, exact.data() + 1);
-    solve_bodies(block, answer.env, system, answer.params);
+    solve_bodies(team, answer.env, system, answer.params);
     answer.expect_same("stride 3");
     EXPECT_TRUE(others_are_unwritten(memory, kStride, 1) && others_are_unwritten(exact, kStride, 1));
   }
 
   void expect_same_on_all_blocks() const {
     for (const Index width : {1, 2, 3, 8, 33})
-      expect_same(width, [](TortureTeam& team, Index rank) { return TortureBlock<1>(team, rank); });
+      expect_same(width, [](TortureTeam& team, Index rank) { return StressTeam<1>(team, rank); });
     for (const Index width : {2, 5})
-      expect_same(width, [](TortureTeam& team, Index rank) {
-        return JitterBlock<TortureBlock<4>>(TortureBlock<4>(team, rank), 7);
-      });
+      expect_same(
+          width, [](TortureTeam& team, Index rank) { return JitterTeam<StressTeam<4>>(StressTeam<4>(team, rank), 7); });
     expect_same_with_a_stride();
   }
 

@@ -10,11 +10,10 @@ namespace stiction::test {
 TEST(torture, a_block_gives_every_lane_the_first_lanes_value) {
   for (const Index width : kWidths) {
     std::vector<double> seen(static_cast<std::size_t>(width));
-    run_block(width, kTorture<1>, [&](auto& block) {
+    run_stressed(width, kTorture<1>, [&](auto& team) {
       double sum = 0.0;
-      for (int round = 0; round < 50; ++round)
-        sum += block.broadcast([&] { return 1.0 + round + 100.0 * block.rank(); });
-      seen[static_cast<std::size_t>(block.rank())] = sum;
+      for (int round = 0; round < 50; ++round) sum += team.broadcast([&] { return 1.0 + round + 100.0 * team.rank(); });
+      seen[static_cast<std::size_t>(team.rank())] = sum;
     });
     for (const double sum : seen) EXPECT_EQ(sum, 50.0 + 49.0 * 25.0) << "width " << width;
   }
@@ -23,14 +22,14 @@ TEST(torture, a_block_gives_every_lane_the_first_lanes_value) {
 TEST(torture, maxima_flags_and_sums_are_on_every_lane_whatever_the_width) {
   const std::vector<float> values{0.1F, 7.5F, 3.3F, 1e-3F, 2.2F, 7.25F, 0.7F};
   const auto term = [&](Index leaf) { return values[static_cast<std::size_t>(leaf) % values.size()]; };
-  SerialBlock serial;
+  SerialTeam serial;
   const float expected = sum_leaves<float>(serial, term);
   for (const Index width : kWidths) {
-    run_block(width, kTorture<8>, [&](auto& block) {
-      const auto own = values[static_cast<std::size_t>(block.rank()) % values.size()];
-      EXPECT_EQ(block.max(own), width == 1 ? 0.1F : 7.5F);
-      EXPECT_EQ(block.combine(1U << (block.rank() % 32)), width >= 32 ? 0xffffffffU : (1U << width) - 1U);
-      EXPECT_EQ(sum_leaves<float>(block, term), expected);
+    run_stressed(width, kTorture<8>, [&](auto& team) {
+      const auto own = values[static_cast<std::size_t>(team.rank()) % values.size()];
+      EXPECT_EQ(team.max(own), width == 1 ? 0.1F : 7.5F);
+      EXPECT_EQ(team.combine(1U << (team.rank() % 32)), width >= 32 ? 0xffffffffU : (1U << width) - 1U);
+      EXPECT_EQ(sum_leaves<float>(team, term), expected);
     });
   }
 }

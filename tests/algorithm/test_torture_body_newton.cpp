@@ -12,7 +12,7 @@
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/stress_team.hpp"
 
-/// Newton's method in body space on blocks of every width, by threads that race unless the body syncs, in memory of
+/// Newton's method in body space on teams of every width, by threads that race unless the body syncs, in memory of
 /// which nothing may be read before it is written.
 namespace stiction::test {
 
@@ -48,10 +48,10 @@ class NewtonCase {
     std::vector<double> memory = unwritten(System::elements(env.kept, env.bodies, true));
     std::vector<double> exact = unwritten(System::exact_elements(env.bodies));
     std::vector<double> space = unwritten(newton_doubles(env.kept, env.newton_stream, options_.space));
-    run_block(width, make, [&](auto& block) {
+    run_stressed(width, make, [&](auto& team) {
       const System system(env.kept, env.bodies, params, memory.data(), exact.data());
       const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, space.data());
-      solve_bodies_newton(block, env, system, params, options_.space, room);
+      solve_bodies_newton(team, env, system, params, options_.space, room);
     });
     const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {
       return same_bits(std::span<const double>(a), std::span<const double>(b));
@@ -67,9 +67,9 @@ class NewtonCase {
 
   void expect_same_on_all_blocks() const {
     for (const Index width : {1, 3, 33})
-      expect_same(width, [](TortureTeam& team, Index rank) { return TortureBlock<1>(team, rank); });
-    expect_same(
-        5, [](TortureTeam& team, Index rank) { return JitterBlock<TortureBlock<4>>(TortureBlock<4>(team, rank), 7); });
+      expect_same(width, [](TortureTeam& team, Index rank) { return StressTeam<1>(team, rank); });
+    expect_same(5,
+                [](TortureTeam& team, Index rank) { return JitterTeam<StressTeam<4>>(StressTeam<4>(team, rank), 7); });
   }
 
  private:
@@ -100,7 +100,7 @@ TEST(TortureBodyNewton, blocks_of_every_width_give_the_same_bits_in_sub_steps) {
 TEST(TortureBodyNewton, a_hierarchy_of_two_levels_gives_the_same_bits) {
   const BodyEnvironment<double> tower = box_bodies(box_tower(70), 0.5);
   NewtonCase<Law::convex>(tower, BodyPreconditioner::multigrid, 1).expect_same(3, [](TortureTeam& team, Index rank) {
-    return TortureBlock<1>(team, rank);
+    return StressTeam<1>(team, rank);
   });
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr Index kLanes[] = {1, 2, 3, 8, 33};
 
-/// The factor form of one environment, solved through the public interface and by bodies on blocks of every width.
+/// The factor form of one environment, solved through the public interface and by bodies on teams of every width.
 template <class Method, Law kLaw, class Real>
 void torture_factor() {
   JacobianBatch<double> jacobian(kLaw);
@@ -35,9 +35,9 @@ void torture_factor() {
     std::vector<Real> memory(
         static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::room())),
         static_cast<Real>(__builtin_nan("")));
-    run_block(width, kTorture<1>, [&](auto& block) {
+    run_stressed(width, kTorture<1>, [&](auto& team) {
       FactorSystem<Real> system(env, Method::room(), memory.data());
-      solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{Real(o.omega)},
+      solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{Real(o.omega)},
                                       StopRule{o.tolerance, o.max_iterations, o.stall_window});
     });
     EXPECT_TRUE(same_bits(expected, solution)) << to_string(Method::kKind) << ", width " << width;
@@ -80,10 +80,10 @@ void expect_same_form(const JacobianBatchView<double>& view) {
       job.lambda = lambda.data();
       job.velocity = moved.data();
       std::vector<double> scratch(static_cast<std::size_t>(jacobian_elements<Tile>(view, 0)), __builtin_nan(""));
-      run_block(width, kTorture<8>, [&](auto& block) {
-        assemble_env<Tile>(block, job, 0, scratch.data());
-        block.sync();
-        velocity_env<Tile>(block, job, 0, scratch.data());
+      run_stressed(width, kTorture<8>, [&](auto& team) {
+        assemble_env<Tile>(team, job, 0, scratch.data());
+        team.sync();
+        velocity_env<Tile>(team, job, 0, scratch.data());
       });
       const auto& expected = as_factor ? factor.arrays().factor : matrix.arrays().A;
       EXPECT_TRUE(same_bits(std::span<const double>(expected), std::span<const double>(result))) << width;

@@ -14,11 +14,11 @@ namespace {
 
 constexpr Index kWidths[] = {1, 2, 3, 8, 33};
 
-/// Runs f(block) on lanes that disagree about speed.
+/// Runs f(team) on lanes that disagree about speed.
 template <class F>
 void run_dawdling(Index width, std::uint64_t seed, F&& f) {
-  run_block(
-      width, [seed](TortureTeam& team, Index rank) { return JitterBlock(TortureBlock<1>(team, rank), seed); }, f);
+  run_stressed(
+      width, [seed](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<1>(team, rank), seed); }, f);
 }
 
 TEST(sort, is_what_the_standard_library_makes_of_every_length_and_order) {
@@ -32,8 +32,8 @@ TEST(sort, is_what_the_standard_library_makes_of_every_length_and_order) {
       if (trial == 2) std::sort(values.rbegin(), values.rend());
       std::vector<std::uint64_t> expected = values;
       std::sort(expected.begin(), expected.end());
-      SerialBlock block;
-      sort_network(block, n, values.data(), ascending);
+      SerialTeam team;
+      sort_network(team, n, values.data(), ascending);
       ASSERT_EQ(values, expected) << "length " << n;
     }
   }
@@ -46,8 +46,8 @@ TEST(sort, sorts_every_sequence_of_zeros_and_ones_up_to_length_14) {
     for (std::uint32_t pattern = 0; pattern < (1U << n); ++pattern) {
       std::vector<std::uint32_t> values(static_cast<std::size_t>(n));
       for (Index i = 0; i < n; ++i) values[static_cast<std::size_t>(i)] = (pattern >> i) & 1U;
-      SerialBlock block;
-      sort_network(block, n, values.data(), [](std::uint32_t a, std::uint32_t b) { return a < b; });
+      SerialTeam team;
+      sort_network(team, n, values.data(), [](std::uint32_t a, std::uint32_t b) { return a < b; });
       ASSERT_TRUE(std::is_sorted(values.begin(), values.end())) << "length " << n << ", pattern " << pattern;
     }
   }
@@ -61,8 +61,8 @@ TEST(sort, does_not_depend_on_how_many_lanes_there_are) {
       for (auto& value : values) value = random();
       std::vector<std::uint64_t> expected = values;
       std::sort(expected.begin(), expected.end());
-      run_dawdling(width, 5, [&](auto& block) {
-        sort_network(block, n, values.data(), [](std::uint64_t a, std::uint64_t b) { return a < b; });
+      run_dawdling(width, 5, [&](auto& team) {
+        sort_network(team, n, values.data(), [](std::uint64_t a, std::uint64_t b) { return a < b; });
       });
       EXPECT_EQ(values, expected) << "width " << width << ", length " << n;
     }
@@ -133,18 +133,18 @@ TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
   const Cones before(3, 120);
   const Cones now(4, 140);
   const std::vector<EnvStatus> status(2);
-  const auto step = [&](auto& block, Memory& memory, std::vector<float>& guess) {
+  const auto step = [&](auto& team, Memory& memory, std::vector<float>& guess) {
     remember_env(
-        block,
+        team,
         RememberJob<float>{memory.view(), before.view(), before.id.data(), before.lambda.data(), status.data(), 0.01},
         Offset{1});
-    recall_env(block,
+    recall_env(team,
                RecallJob<float>{memory.view(), now.view(), now.id.data(), guess.data(), 0.02, 0.9, StepScaling::capped},
                Offset{1});
   };
   Memory expected;
   std::vector<float> expected_guess(static_cast<std::size_t>(now.env_row[2]), 77.0F);
-  SerialBlock serial;
+  SerialTeam serial;
   step(serial, expected, expected_guess);
   EXPECT_GT(expected.record[1].hits, 10);
   EXPECT_GT(expected.record[1].misses, 10);
@@ -153,7 +153,7 @@ TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
   for (const Index width : kWidths) {
     Memory memory;
     std::vector<float> guess(expected_guess.size(), 77.0F);
-    run_dawdling(width, 11, [&](auto& block) { step(block, memory, guess); });
+    run_dawdling(width, 11, [&](auto& team) { step(team, memory, guess); });
     EXPECT_TRUE(same_bytes(guess, expected_guess)) << "width " << width;
     EXPECT_TRUE(same_bytes(memory.slot, expected.slot)) << "width " << width;
     EXPECT_TRUE(same_bytes(memory.record, expected.record)) << "width " << width;

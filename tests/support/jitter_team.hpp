@@ -8,14 +8,14 @@
 
 namespace stiction::test {
 
-/// Any Block whose lanes disagree about speed: before and after each phase a lane goes on at once, yields or sleeps, as
+/// Any Team whose lanes disagree about speed: before and after each phase a lane goes on at once, yields or sleeps, as
 /// its own pseudo-random sequence says.
-template <Block Inner>
-class JitterBlock {
+template <Team Inner>
+class JitterTeam {
  public:
   static constexpr Index kRowTile = Inner::kRowTile;
 
-  JitterBlock(Inner inner, std::uint64_t seed)
+  JitterTeam(Inner inner, std::uint64_t seed)
       : inner_(std::move(inner)), pace_(seed, static_cast<std::uint64_t>(inner_.rank())) {}
 
   [[nodiscard]] Index rank() const { return inner_.rank(); }

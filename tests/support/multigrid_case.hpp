@@ -27,10 +27,10 @@ class MultigridCase {
   MultigridCase& operator=(const MultigridCase&) = delete;
 
   /// The hierarchy of one lane, prepared by the whole block.
-  template <Block B>
-  Multigrid prepared(B& block) {
+  template <Team TeamT>
+  Multigrid prepared(TeamT& team) {
     Multigrid mine = grids_;
-    mine.prepare(block, H_.view(), positions_.data());
+    mine.prepare(team, H_.view(), positions_.data());
     return mine;
   }
 
@@ -57,8 +57,8 @@ GradientOutcome iterate(const BlockMatrix& H, const Preconditioner& precondition
                         double tolerance, Index most, std::vector<double>& x) {
   x.assign(b.size(), 0.0);
   std::vector<double> memory(b.size() * kGradientVectors);
-  SerialBlock block;
-  return solve_gradients(block, H, {H.unknowns(), b.data(), x.data(), memory.data(), tolerance, most}, preconditioner);
+  SerialTeam team;
+  return solve_gradients(team, H, {H.unknowns(), b.data(), x.data(), memory.data(), tolerance, most}, preconditioner);
 }
 
 }  // namespace stiction::test

@@ -71,11 +71,11 @@ struct PreconditionerRoom {
   }
 
   /// Prepares the preconditioner and calls f(preconditioner), on every lane.
-  template <Block B, class F>
-  void use(B& block, F&& f) {
+  template <Team TeamT, class F>
+  void use(TeamT& team, F&& f) {
     const BlockMatrix H = system.matrix();
     const auto prepared = [&](auto preconditioner) {
-      preconditioner.prepare(block, H);
+      preconditioner.prepare(team, H);
       f(preconditioner);
     };
     switch (kind) {
@@ -95,18 +95,18 @@ struct PreconditionerRoom {
   /// M^-1 r.
   std::vector<double> apply(const std::vector<double>& r) {
     std::vector<double> z(r.size(), -77.0);
-    SerialBlock block;
-    use(block, [&](const auto& preconditioner) { preconditioner.apply(block, r.data(), z.data()); });
+    SerialTeam team;
+    use(team, [&](const auto& preconditioner) { preconditioner.apply(team, r.data(), z.data()); });
     return z;
   }
 
   GradientOutcome solve(const std::vector<double>& b, std::vector<double>& x, double tolerance, Index most) {
     std::vector<double> vectors(b.size() * kGradientVectors);
     x.assign(b.size(), 0.0);
-    SerialBlock block;
+    SerialTeam team;
     GradientOutcome outcome;
-    use(block, [&](const auto& preconditioner) {
-      outcome = solve_gradients(block, system.matrix(),
+    use(team, [&](const auto& preconditioner) {
+      outcome = solve_gradients(team, system.matrix(),
                                 {system.matrix().unknowns(), b.data(), x.data(), vectors.data(), tolerance, most},
                                 preconditioner);
     });

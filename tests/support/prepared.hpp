@@ -26,7 +26,7 @@ class Prepared {
     env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(), lambda_.data(), w_.data(),
                 &status, Offset{0});
     memory_.resize(static_cast<std::size_t>(size()));
-    flags = prepare<Method, kLaw>(block, env, system());
+    flags = prepare<Method, kLaw>(team, env, system());
   }
   Prepared(const Prepared&) = delete;
   Prepared& operator=(const Prepared&) = delete;
@@ -36,7 +36,7 @@ class Prepared {
     return *system_;
   }
 
-  SerialBlock block;
+  SerialTeam team;
   EnvView<Real> env;
   EnvStatus status{};
   std::uint32_t flags = 0;

@@ -29,9 +29,9 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
     return memory.data();
   };
   const auto solve_with = [&](const auto& loaded) {
-    run([&](auto& block) {
+    run([&](auto& team) {
       auto system = loaded;
-      solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{static_cast<Real>(options.omega)}, rule);
+      solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{static_cast<Real>(options.omega)}, rule);
     });
   };
   constexpr MethodRoom kRoom = Method::room();
@@ -48,7 +48,7 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
           FactorSystem<Real>(env, kRoom, room(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, kRoom))));
       break;
     case EnvPath::empty:
-      run([&](auto& block) { answer_empty(block, env, Method::kKind); });
+      run([&](auto& team) { answer_empty(team, env, Method::kKind); });
   }
 }
 
@@ -59,8 +59,8 @@ Solution<Real> solve_alone(const ContactBatch<Real>& batch, const SolverOptions&
   Solution<Real> all{std::vector<Real>(rows), std::vector<Real>(rows),
                      std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
   solve_one<Method, kLaw>(batch, options, environment, all, [](const auto& program) {
-    SerialBlock block;
-    program(block);
+    SerialTeam team;
+    program(team);
   });
   const std::vector<Offset>& offsets = batch.arrays().env_row_offsets;
   const Offset first = offsets[static_cast<std::size_t>(environment)];
@@ -77,11 +77,11 @@ void solve_on_lanes(const ContactBatch<Real>& batch, const SolverOptions& option
   solve_one<Method, kLaw>(batch, options, 0, solution, [&](const auto& program) {
     if (jitter) {
       const auto make = [](TortureTeam& team, Index rank) {
-        return JitterBlock<TortureBlock<1>>(TortureBlock<1>(team, rank), 42);
+        return JitterTeam<StressTeam<1>>(StressTeam<1>(team, rank), 42);
       };
-      run_block(width, make, program);
+      run_stressed(width, make, program);
     } else {
-      run_block<1>(width, program);
+      run_stressed<1>(width, program);
     }
   });
 }

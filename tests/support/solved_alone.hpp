@@ -9,7 +9,7 @@
 
 namespace stiction::test {
 
-/// What an algorithm makes of one environment on a block of one, dense or sparse as asked: no solver, no machine.
+/// What an algorithm makes of one environment on a team of one, dense or sparse as asked: no solver, no machine.
 template <class Method, Law kLaw, class Real, template <class> class SystemOf>
 Solution<Real> solved_alone(const Environment<double>& environment, double tolerance, Index max_iterations) {
   const ContactBatch<Real> batch = convert<Real>(batch_of({environment}, kLaw));
@@ -23,8 +23,8 @@ Solution<Real> solved_alone(const Environment<double>& environment, double toler
   const auto solve_on = [&](Offset elements, const auto& make) {
     std::vector<Real> memory(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
     System system = make(memory.data());
-    SerialBlock block;
-    solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{Real(1)},
+    SerialTeam team;
+    solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{Real(1)},
                                     StopRule{tolerance, max_iterations, 0});
   };
   if constexpr (System::kMaintainsMotion) {

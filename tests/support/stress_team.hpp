@@ -14,30 +14,30 @@ using TortureTeam = cuda::EmulatedTeamMemory;
 
 /// With any number of rows in a lane's tile, which must not show.
 template <Index kTile>
-class TortureBlock : public cuda::EmulatedTeam {
+class StressTeam : public cuda::EmulatedTeam {
  public:
   static constexpr Index kRowTile = kTile;
   using cuda::EmulatedTeam::EmulatedTeam;
 };
 
-/// Runs f(block) on each of `width` threads, on the block that make(team, rank) gives it.
+/// Runs f(team) on each of `width` threads, on the team that make(shared, rank) gives it.
 template <class Make, class F>
-void run_block(Index width, Make&& make, F&& f) {
-  TortureTeam team(width);
+void run_stressed(Index width, Make&& make, F&& f) {
+  TortureTeam shared(width);
   std::vector<std::thread> threads;
   for (Index rank = 0; rank < width; ++rank)
     threads.emplace_back([&, rank] {
-      auto block = make(team, rank);
-      f(block);
+      auto team = make(shared, rank);
+      f(team);
     });
   for (std::thread& thread : threads) thread.join();
 }
 
-/// Runs f(block) on a TortureBlock of `width` threads.
+/// Runs f(team) on a StressTeam of `width` threads.
 template <Index kTile, class F>
-void run_block(Index width, F&& f) {
-  run_block(
-      width, [](TortureTeam& team, Index rank) { return TortureBlock<kTile>(team, rank); }, f);
+void run_stressed(Index width, F&& f) {
+  run_stressed(
+      width, [](TortureTeam& shared, Index rank) { return StressTeam<kTile>(shared, rank); }, f);
 }
 
 }  // namespace stiction::test

@@ -13,7 +13,7 @@
 #include "tests/support/plan_views.hpp"
 #include "tests/support/stress_team.hpp"
 
-/// One environment solved by an algorithm on blocks of every width, by threads that race unless it syncs, and on every
+/// One environment solved by an algorithm on teams of every width, by threads that race unless it syncs, and on every
 /// stride: each must give the bits of the public solver.
 namespace stiction::test {
 
@@ -72,9 +72,9 @@ class TortureCase {
     const EnvView<Real> env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
     const StopRule rule{options_.tolerance, options_.max_iterations, options_.stall_window};
-    run_block(width, make, [&](auto& block) {
+    run_stressed(width, make, [&](auto& team) {
       auto system = make_system(env, memory.data());
-      solve_environment<Method, kLaw>(block, env, system, MethodParams<Real>{Real(options_.omega)}, rule);
+      solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{Real(options_.omega)}, rule);
     });
     EXPECT_TRUE(same_bits(expected_, solution)) << label << ", width " << width;
   }
@@ -87,9 +87,9 @@ class TortureCase {
 };
 
 template <Index kTile>
-inline const auto kTorture = [](TortureTeam& team, Index rank) { return TortureBlock<kTile>(team, rank); };
+inline const auto kTorture = [](TortureTeam& team, Index rank) { return StressTeam<kTile>(team, rank); };
 inline const auto kJitter = [](TortureTeam& team, Index rank) {
-  return JitterBlock<TortureBlock<1>>(TortureBlock<1>(team, rank), 42);
+  return JitterTeam<StressTeam<1>>(StressTeam<1>(team, rank), 42);
 };
 
 template <class Method, Law kLaw, class Real>

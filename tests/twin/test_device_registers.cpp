@@ -87,8 +87,8 @@ void expect_equal_chunks(int count) {
   const MethodParams<float> params{1.1F};
   EnvProgress<float> progress, progress_windowed;
   while (progress.iterations < rule.max_iterations) {
-    advance_chunk<Method, kLaw>(plain.block, plain.system(), params, rule, progress);
-    advance_chunk<Method, kLaw>(windowed.block, windowed.system(), params, rule, progress_windowed, window);
+    advance_chunk<Method, kLaw>(plain.team, plain.system(), params, rule, progress);
+    advance_chunk<Method, kLaw>(windowed.team, windowed.system(), params, rule, progress_windowed, window);
     ASSERT_EQ(progress.iterations, progress_windowed.iterations);
     ASSERT_EQ(state_of(plain.system(), Method::room().vectors), state_of(windowed.system(), Method::room().vectors))
         << count << " contacts, " << progress.iterations << " iterations";
@@ -114,7 +114,7 @@ std::vector<std::uint32_t> one_chunk_without_lower_half(Index max_iterations, bo
     for (Index j = 0; j < s.n; ++j)
       for (Index i = j + 1; i < s.n; ++i) s.A[i + s.n * j] = 0.25F;
   EnvProgress<float> progress;
-  advance_chunk<Npgs, Law::coulomb>(ready.block, s, MethodParams<float>{1.0F}, StopRule{0.0, max_iterations, 0},
+  advance_chunk<Npgs, Law::coulomb>(ready.team, s, MethodParams<float>{1.0F}, StopRule{0.0, max_iterations, 0},
                                     progress, window);
   std::vector<std::uint32_t> x;
   for (Index i = 0; i < s.n; ++i) x.push_back(bits_of(s.x[i]));

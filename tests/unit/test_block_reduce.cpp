@@ -34,8 +34,8 @@ struct SequentialLane {
     return memory;
   }
 };
-static_assert(Block<SequentialLane>);
-static_assert(Block<SerialBlock>);
+static_assert(Team<SequentialLane>);
+static_assert(Team<SerialTeam>);
 
 TEST(BlockReduce, LeavesAreFoldedOverATreeOfFixedShape) {
   // 1e16 + 1 = 1e16 in double: the order shows. Leaf 0 and leaf 16 meet first.
@@ -60,7 +60,7 @@ TEST(BlockReduce, TheSumHasTheSameBitsForEveryNumberOfLanes) {
     for (std::size_t i = static_cast<std::size_t>(l); i < terms.size(); i += kReduceLeaves) sum += terms[i];
     return sum;
   };
-  SerialBlock serial;
+  SerialTeam serial;
   const double expected = sum_leaves<double>(serial, leaf);
   for (const Index size : {2, 3, 8, 16, 32, 33}) {
     // Lanes one after the other on shared leaves; the fold destroys them, so the last lane's answer counts, and what
@@ -80,7 +80,7 @@ TEST(BlockReduce, TheSumHasTheSameBitsForEveryNumberOfLanes) {
 }
 
 TEST(BlockReduce, TheLargestOfNothingIsZero) {
-  SerialBlock serial;
+  SerialTeam serial;
   EXPECT_EQ(max_over<double>(serial, 0, [](Index) { return 5.0; }), 0.0);
   EXPECT_EQ(max_over<double>(serial, 3, [](Index i) { return static_cast<double>(i) - 10.0; }), 0.0);
   EXPECT_EQ(max_over<double>(serial, 4, [](Index i) { return static_cast<double>(i % 3); }), 2.0);

@@ -100,7 +100,7 @@ TEST(ChapterBarriers, TheEliminatedStepOfTheLibraryIsTheStepOfTheWholeSystem) {
     Prepared<Ipm, Law::convex, Dense> prepared(random_lcp(rng, 6, 6, 0.1).env());
     auto& s = prepared.system();
     const IpmSpace p(s);
-    ASSERT_EQ(start_interior(prepared.block, s, p), 6);
+    ASSERT_EQ(start_interior(prepared.team, s, p), 6);
     // In the solver's units, which differ from the caller's by powers of two.
     Lcp lcp{std::vector<double>(p.A.data, p.A.data + 36), std::vector<double>(6)};
     for (Index i = 0; i < 6; ++i) lcp.b[static_cast<std::size_t>(i)] = s.b[i];
@@ -112,9 +112,9 @@ TEST(ChapterBarriers, TheEliminatedStepOfTheLibraryIsTheStepOfTheWholeSystem) {
       infeasible = std::max(infeasible, std::abs(w[i] - motion[i]));
     }
     EXPECT_GT(infeasible, 1e-3) << "a feasible start would not tell the two apart";
-    scale_cones(prepared.block, s, p);
-    factor_step(prepared.block, s, p);
-    predict(prepared.block, s, p, complementarity(prepared.block, s, p));
+    scale_cones(prepared.team, s, p);
+    factor_step(prepared.team, s, p);
+    predict(prepared.team, s, p, complementarity(prepared.team, s, p));
     const auto right = newton_step(lcp, Step::right, x, w, 0), printed = newton_step(lcp, Step::printed, x, w, 0);
     double size = 0, error = 0, other = 0;
     for (std::size_t i = 0; i < 6; ++i) {
@@ -166,7 +166,7 @@ TEST(ChapterBarriers, TheFirstDualOfAConeIsTheGradientOfHalfTheBarrier) {
   Prepared<Ipm, Law::convex, Dense> prepared(env);
   auto& s = prepared.system();
   const IpmSpace p(s);
-  ASSERT_EQ(start_interior(prepared.block, s, p), 1) << "one barrier term for a cone";
+  ASSERT_EQ(start_interior(prepared.team, s, p), 1) << "one barrier term for a cone";
   const Point x{p.x[0], p.x[1], p.x[2]}, z{p.z[0], p.z[1], p.z[2]};
   EXPECT_GT(x[0], std::hypot(x[1], x[2])) << "inside, x_0 > 0";
   double gap = 0;
@@ -177,8 +177,8 @@ TEST(ChapterBarriers, TheFirstDualOfAConeIsTheGradientOfHalfTheBarrier) {
     EXPECT_NEAR(z[k], -gap * static_cast<double>(slope(x, axis)), 1e-9) << k;
   }
   EXPECT_NEAR(static_cast<double>(slope(x, x)), -1, 1e-9) << "degree 1; of the whole logarithm 2";
-  scale_cones(prepared.block, s, p);
-  EXPECT_NEAR(complementarity(prepared.block, s, p), gap, 1e-12 * gap);
+  scale_cones(prepared.team, s, p);
+  EXPECT_NEAR(complementarity(prepared.team, s, p), gap, 1e-12 * gap);
 }
 
 // (l) hess = -2 J / d + 4 (J x)(J x)' / d^2, half of it here: W^-2 of a pair x, z = -grad is the Hessian at x.

@@ -151,11 +151,11 @@ TEST(ChapterCones, AnEightSidedPyramidLosesTenPercentOfTheDisk) {
 // (h) lambda in K, w in its dual K*: n >= norm(mu t); for Coulomb's law w + (norm(mu w_t), 0) is. Printed the other way
 // round. A unit mass slides at 1 m/s, mu = 0.5, g dt = 0.0981; without de Saxce's term it takes off.
 TEST(ChapterCones, PairedWithTheDualConeASlidingBlockLiftsOffUnlessDeSaxcesTermIsAdded) {
-  const auto block = contact({1, 1, 1}, {-0.0981, 1, 0}, 0.5);
+  const auto team = contact({1, 1, 1}, {-0.0981, 1, 0}, 0.5);
   for (const SolverKind solver : kEverySolver) {
     if (solver == SolverKind::lemke) continue;  // has no cones
     SCOPED_TRACE(to_string(solver));
-    const auto convex = solve(batch_of({block}, Law::convex), options(solver, 1e-11, 20000));
+    const auto convex = solve(batch_of({team}, Law::convex), options(solver, 1e-11, 20000));
     const double reaction = std::abs(convex.lambda[1]), slip = std::abs(convex.w[1]);
     EXPECT_NEAR(convex.lambda[0], 0.478, 5e-4);
     EXPECT_NEAR(convex.w[0], 0.380, 5e-4);
@@ -163,7 +163,7 @@ TEST(ChapterCones, PairedWithTheDualConeASlidingBlockLiftsOffUnlessDeSaxcesTermI
     EXPECT_NEAR(convex.w[0], kMu * slip, 1e-9) << "w in K*: it lifts off at mu norm(w_t)";
     EXPECT_GT(slip, kMu * convex.w[0] + 0.5) << "w is not in K, as printed";
     EXPECT_GT(kMu * slip, 0.3) << "nor is that Coulomb's law, with w_n = 0";
-    const auto coulomb = solve(batch_of({block}, Law::coulomb), options(solver, 1e-11, 20000));
+    const auto coulomb = solve(batch_of({team}, Law::coulomb), options(solver, 1e-11, 20000));
     EXPECT_NEAR(coulomb.lambda[0], 0.0981, 1e-8);
     EXPECT_NEAR(coulomb.lambda[1], -0.04905, 1e-8);
     EXPECT_NEAR(coulomb.w[0], 0, 1e-8);

@@ -42,15 +42,15 @@ Islands islands_by_body(const ContactBatchView<double>& batch, Index lanes) {
     const StructureView s = structure_of(batch, env);
     std::vector<Index> scratch(at(islands_scratch_elements(s.rows, s.cones, s.entry_span())), 0x7eadbeef);
     Index* const island = islands.island.data() + batch.env_cone_offsets[env];
-    const auto number = [&](auto& block) {
-      const Index count = number_islands(block, s, island, scratch.data());
-      single(block, [&] { islands.count[at(env)] = count; });
+    const auto number = [&](auto& team) {
+      const Index count = number_islands(team, s, island, scratch.data());
+      single(team, [&] { islands.count[at(env)] = count; });
     };
     if (lanes > 1) {
-      run_block<1>(lanes, number);
+      run_stressed<1>(lanes, number);
     } else {
-      SerialBlock block;
-      number(block);
+      SerialTeam team;
+      number(team);
     }
   }
   return islands;

@@ -56,10 +56,10 @@ STICTION_HD Real nothing_if_finite(const Real* values, Index count) {
 }
 
 /// Writes inv_inertia and twist_change of one environment.
-template <Block B, class Real>
-STICTION_HD void prepare_world(B& block, const WorldJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset env) {
   const WorldModelView<Real>& model = job.model;
-  for_each(block, model.bodies, [&](Index body) {
+  for_each(team, model.bodies, [&](Index body) {
     const Offset place = env * model.bodies + body;
     const WorldBodyData<Real>& data = model.body[body];
     const Axes3<Real> axes = axes_of(load_quaternion(job.orientation + 4 * place));
@@ -143,11 +143,11 @@ STICTION_HD void drop_leaving(const WorldJob<Real>& job, Offset env, const World
 }
 
 /// Fills the room; returns how many contacts there are.
-template <Block B, class Real>
-STICTION_HD Index find_contacts(B& block, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room) {
+template <Team TeamT, class Real>
+STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room) {
   const WorldModelView<Real>& model = job.model;
-  for_each(block, model.shapes, [&](Index shape) { room.shape[shape] = place_shape(job, env, shape); });
-  for_each(block, model.pairs, [&](Index p) {
+  for_each(team, model.shapes, [&](Index shape) { room.shape[shape] = place_shape(job, env, shape); });
+  for_each(team, model.pairs, [&](Index p) {
     const WorldPair<Real>& pair = model.pair[p];
     const MovingShape<Real>& a = room.shape[pair.shape_a];
     const MovingShape<Real>& b = room.shape[pair.shape_b];
@@ -158,7 +158,7 @@ STICTION_HD Index find_contacts(B& block, const WorldJob<Real>& job, Offset env,
     found = touch(a.placed, b.placed, margin);
     drop_leaving(job, env, pair, found);
   });
-  return block.broadcast([&] {
+  return team.broadcast([&] {
     Index count = 0;
     for (Index p = 0; p < model.pairs; ++p) {
       room.first[p] = count;
@@ -169,8 +169,8 @@ STICTION_HD Index find_contacts(B& block, const WorldJob<Real>& job, Offset env,
 }
 
 /// Writes them in order of pair and feature.
-template <Block B, class Real>
-STICTION_HD void list_contacts(B& block, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room,
+template <Team TeamT, class Real>
+STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room,
                                FoundContact<Real>* out) {
   const auto put_arm = [&](Real(&arm)[3], Index body, const Vector3<Real>& point) {
     const Vector3<Real> centre = body < 0 ? Vector3<Real>{Real(0), Real(0), Real(0)}
@@ -179,7 +179,7 @@ STICTION_HD void list_contacts(B& block, const WorldJob<Real>& job, Offset env, 
     arm[1] = canonical_zero(point.y - centre.y);
     arm[2] = canonical_zero(point.z - centre.z);
   };
-  for_each(block, job.model.pairs, [&](Index p) {
+  for_each(team, job.model.pairs, [&](Index p) {
     for (Index k = 0; k < room.manifold[p].count; ++k) {
       const ContactCandidate<Real>& point = room.manifold[p].at[k];
       FoundContact<Real>& contact = out[room.first[p] + k];
@@ -196,8 +196,8 @@ STICTION_HD void list_contacts(B& block, const WorldJob<Real>& job, Offset env, 
 }
 
 /// Moves one environment's found contacts into the batch, each with the impulse its namesake ended the last step with.
-template <Block B, class Real>
-STICTION_HD void hand_over(B& block, const WorldModelView<Real>& model, const ContactSink<Real>& sink, Offset env,
+template <Team TeamT, class Real>
+STICTION_HD void hand_over(TeamT& team, const WorldModelView<Real>& model, const ContactSink<Real>& sink, Offset env,
                            const FoundContact<Real>* found) {
   const WorldContacts<Real>& now = sink.now;
   const WorldContacts<Real>& last = sink.last;
@@ -205,7 +205,7 @@ STICTION_HD void hand_over(B& block, const WorldModelView<Real>& model, const Co
   const Offset begin = now.offsets[env];
   const Offset first = remembers ? last.offsets[env] : 0;
   const Index remembered = remembers ? static_cast<Index>(last.offsets[env + 1] - first) : 0;
-  for_each(block, static_cast<Index>(now.offsets[env + 1] - begin), [&](Index k) {
+  for_each(team, static_cast<Index>(now.offsets[env + 1] - begin), [&](Index k) {
     const Offset c = begin + k;
     const FoundContact<Real>& contact = found[k];
     const WorldPair<Real>& pair = model.pair[contact.pair];

@@ -15,12 +15,12 @@ STICTION_HD void store3(Real* p, const Vector3<Real>& a) {
 /// Carries positions and orientations on with the twists that were solved for. A body that is not alike about its axes
 /// keeps its angular momentum instead of its spin, which is the gyroscopic term: it turns with the spin it has half
 /// way, and ends with the spin its momentum is in the axes it ends with.
-template <Block B, class Real>
-STICTION_HD void integrate_world(B& block, const WorldJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void integrate_world(TeamT& team, const WorldJob<Real>& job, Offset env) {
   const WorldModelView<Real>& model = job.model;
   const EnvCode code = job.status[env].code;
   if (code == EnvCode::invalid_input || code == EnvCode::unsupported) return;
-  for_each(block, model.bodies, [&](Index body) {
+  for_each(team, model.bodies, [&](Index body) {
     const Offset place = env * model.bodies + body;
     const WorldBodyData<Real>& data = model.body[body];
     const Twist<Real> solved = twist_of(job.solved_twist + 6 * place);

@@ -20,39 +20,39 @@ struct EnvProgress : Search<Real> {
   std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
 };
 
-template <Block B, class Real>
-STICTION_HD void write_status(B& block, const EnvView<Real>& env, EnvCode code, SolverKind solver, std::uint32_t flags,
-                              Index iterations, double relative, double absolute) {
-  single(block, [&] {
+template <Team TeamT, class Real>
+STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode code, SolverKind solver,
+                              std::uint32_t flags, Index iterations, double relative, double absolute) {
+  single(team, [&] {
     *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}};
   });
 }
 
 /// The safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since w = b
 /// could carry the very NaN; for an unsupported system w = b.
-template <Block B, class Real>
-STICTION_HD_OUTLINE void refuse(B& block, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void refuse(TeamT& team, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
   const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom | kFlagUnsupportedCone)) == 0;
-  for_each(block, env.n, [&](Index i) {
+  for_each(team, env.n, [&](Index i) {
     env.lambda[i] = 0;
     if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);
   });
   const double infinite = __builtin_huge_val();
-  write_status(block, env, unsupported ? EnvCode::unsupported : EnvCode::invalid_input, solver, flags, 0, infinite,
+  write_status(team, env, unsupported ? EnvCode::unsupported : EnvCode::invalid_input, solver, flags, 0, infinite,
                infinite);
 }
 
 /// An environment without rows is solved by saying so.
-template <Block B, class Real>
-STICTION_HD void answer_empty(B& block, const EnvView<Real>& env, SolverKind solver) {
-  write_status(block, env, EnvCode::solved, solver, env.flags, 0, 0.0, 0.0);
+template <Team TeamT, class Real>
+STICTION_HD void answer_empty(TeamT& team, const EnvView<Real>& env, SolverKind solver) {
+  write_status(team, env, EnvCode::solved, solver, env.flags, 0, 0.0, 0.0);
 }
 
 /// The best iterate back in the batch's units and order.
-template <Block B, class Real, class System>
-STICTION_HD_SHARED void publish(B& block, const EnvView<Real>& env, const System& s) {
+template <Team TeamT, class Real, class System>
+STICTION_HD_SHARED void publish(TeamT& team, const EnvView<Real>& env, const System& s) {
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
@@ -108,8 +108,8 @@ STICTION_HD bool is_collapsed(double relative) {
 
 /// True when the environment is finished with an answer of that residual, and then its status is written. `best`: the
 /// estimate that was judged.
-template <class Method, Block B, class Real>
-STICTION_HD bool conclude(B& block, const EnvView<Real>& env, const StopRule& rule, const Look& look, Real best,
+template <class Method, Team TeamT, class Real>
+STICTION_HD bool conclude(TeamT& team, const EnvView<Real>& env, const StopRule& rule, const Look& look, Real best,
                           double absolute, double scale, EnvProgress<Real>& progress) {
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
@@ -119,45 +119,45 @@ STICTION_HD bool conclude(B& block, const EnvView<Real>& env, const StopRule& ru
                        : look.broken                  ? EnvCode::numerical
                        : look.stalled || look.stopped ? EnvCode::stalled
                                                       : EnvCode::max_iterations;
-  write_status(block, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
+  write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
   return true;
 }
 
 /// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
 /// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
 /// and the very bits of lambda that are returned.
-template <class Method, Block B, class Real, class System>
-STICTION_HD_OUTLINE bool answer(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+template <class Method, Team TeamT, class Real, class System>
+STICTION_HD_OUTLINE bool answer(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule,
                                 const Look& look, EnvProgress<Real>& progress) {
   const Real best = s.scalar[kBestResidual];
-  publish(block, env, s);
-  const double scale = residual_scale(block, env);
+  publish(team, env, s);
+  const double scale = residual_scale(team, env);
   const double allowed = rule.tolerance * scale;
-  const auto judge = [&] { return seen_residual(final_residual(block, env, residual_rows(block, env, s)), allowed); };
+  const auto judge = [&] { return seen_residual(final_residual(team, env, residual_rows(team, env, s)), allowed); };
   double absolute = judge();
   if (look.ended && is_collapsed(div_(absolute, scale))) {
     // Not one iterate had an answer of any use in the batch's units: zero always does.
-    for_each(block, env.n, [&](Index i) { env.lambda[i] = 0; });
+    for_each(team, env.n, [&](Index i) { env.lambda[i] = 0; });
     const double of_nothing = judge();
     if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
-      publish(block, env, s);
+      publish(team, env, s);
       absolute = judge();
     } else {
       absolute = of_nothing;
     }
   }
-  return conclude<Method>(block, env, rule, look, best, absolute, scale, progress);
+  return conclude<Method>(team, env, rule, look, best, absolute, scale, progress);
 }
 
 /// Looks at an environment between chunks: true when it is finished.
-template <class Method, Block B, class Real, class System>
-STICTION_HD bool settle(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule,
+template <class Method, Team TeamT, class Real, class System>
+STICTION_HD bool settle(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule,
                         EnvProgress<Real>& progress) {
   const Look look = look_at<Real>(s, rule, progress);
   if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
   // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
-  block.sync();
-  return (look.nominated || look.ended) && answer<Method>(block, env, s, rule, look, progress);
+  team.sync();
+  return (look.nominated || look.ended) && answer<Method>(team, env, s, rule, look, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

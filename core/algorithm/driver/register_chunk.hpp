@@ -34,19 +34,19 @@ STICTION_HD_OUTLINE Index window_of(const DenseSystem<Real, kStride>& s) {
 /// kChunk iterations of a system that fits into a window of kCones.
 template <class Method, Law kLaw, Index kCones, class Real, int kStride>
 STICTION_HD void iterate_in_window(DenseSystem<Real, kStride>& s, const MethodParams<Real>& params) {
-  SerialBlock block;
+  SerialTeam team;
   RegisterSystem<Real, kCones, kStride> window(s);
-  for (Index k = 0; k < kChunk; ++k) Method::template iterate<kLaw>(block, window, params);
+  for (Index k = 0; k < kChunk; ++k) Method::template iterate<kLaw>(team, window, params);
   window.store(s);
 }
 
 /// The next chunk of an environment for which window_of() returned `window`. A chunk that is cut short is recorded in
 /// its middle, which the dense system is for.
 template <class Method, Law kLaw, class Real, int kStride>
-STICTION_HD void advance_chunk(SerialBlock& block, DenseSystem<Real, kStride>& s, const MethodParams<Real>& params,
+STICTION_HD void advance_chunk(SerialTeam& team, DenseSystem<Real, kStride>& s, const MethodParams<Real>& params,
                                const StopRule& rule, EnvProgress<Real>& progress, Index window) {
   if (window == 0 || rule.max_iterations - progress.iterations < kChunk) {
-    advance_chunk<Method, kLaw>(block, s, params, rule, progress);
+    advance_chunk<Method, kLaw>(team, s, params, rule, progress);
     return;
   }
   if (window == kSmallWindow) {
@@ -54,7 +54,7 @@ STICTION_HD void advance_chunk(SerialBlock& block, DenseSystem<Real, kStride>& s
   } else {
     iterate_in_window<Method, kLaw, kLargeWindow>(s, params);
   }
-  end_chunk<Method, kLaw>(block, s, static_cast<Real>(progress.iterations % kRefreshInterval), true);
+  end_chunk<Method, kLaw>(team, s, static_cast<Real>(progress.iterations % kRefreshInterval), true);
   progress.iterations += kChunk;
 }
 

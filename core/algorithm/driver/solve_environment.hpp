@@ -25,13 +25,13 @@ STICTION_HD constexpr Index chunk_of() {
 
 /// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
 /// the lanes of `due`, and whatever else the method does there.
-template <class Method, Law kLaw, Block B, class System>
-STICTION_HD void end_chunk(B& block, System& s, typename System::Real phase, Mask<typename System::Real> due) {
+template <class Method, Law kLaw, Team TeamT, class System>
+STICTION_HD void end_chunk(TeamT& team, System& s, typename System::Real phase, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
-  if (any(stale)) Method::refresh(block, s, stale);
-  if (any(due)) record<Method, kLaw>(block, s, due);
-  if constexpr (requires { Method::template leap<kLaw>(block, s, due); }) Method::template leap<kLaw>(block, s, due);
+  if (any(stale)) Method::refresh(team, s, stale);
+  if (any(due)) record<Method, kLaw>(team, s, due);
+  if constexpr (requires { Method::template leap<kLaw>(team, s, due); }) Method::template leap<kLaw>(team, s, due);
 }
 
 /// A system on its way through a chunk. Lanes may differ in `phase`, their iterations so far modulo the refresh
@@ -45,20 +45,20 @@ struct Advancing {
 };
 
 /// One chunk of iterations of one system, or of two in turns.
-template <class Method, Law kLaw, Block B, class Real, class... Systems>
-STICTION_HD void advance(B& block, const MethodParams<Real>& params, Advancing<Systems>... each) {
+template <class Method, Law kLaw, Team TeamT, class Real, class... Systems>
+STICTION_HD void advance(TeamT& team, const MethodParams<Real>& params, Advancing<Systems>... each) {
   const auto count_down = [&](auto& one, bool is_last) {
     using Lanes = std::remove_reference_t<decltype(one.left)>;
     one.left = one.left - Lanes(1);
     if (is_last) {
-      end_chunk<Method, kLaw>(block, one.s, one.phase, one.left >= Lanes(0));
+      end_chunk<Method, kLaw>(team, one.s, one.phase, one.left >= Lanes(0));
     } else if (const auto due = one.left == Lanes(0); any(due)) {
-      record<Method, kLaw>(block, one.s, due);
+      record<Method, kLaw>(team, one.s, due);
     }
   };
   auto&& systems = together(each.s...);
   for (Index k = 1; k <= chunk_of<Method>(); ++k) {
-    Method::template iterate<kLaw>(block, systems, params);
+    Method::template iterate<kLaw>(team, systems, params);
     (count_down(each, k == chunk_of<Method>()), ...);
   }
 }
@@ -74,34 +74,34 @@ STICTION_HD Advancing<System> next_chunk(System& s, const Limits<Tolerance, Coun
 }
 
 /// The next chunk of one environment, of which `progress` says how far it is.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void advance_chunk(B& block, System& s, const MethodParams<Real>& params, const StopRule& rule,
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD void advance_chunk(TeamT& team, System& s, const MethodParams<Real>& params, const StopRule& rule,
                                EnvProgress<Real>& progress) {
-  advance<Method, kLaw>(block, params, next_chunk<Method>(s, rule, progress));
+  advance<Method, kLaw>(team, params, next_chunk<Method>(s, rule, progress));
 }
 
 /// One environment whose system is loaded, `flags` being what load_system() returned.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void solve_loaded(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD void solve_loaded(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                               const StopRule& rule, std::uint32_t flags) {
   if (!is_solvable(flags)) {
-    refuse(block, env, Method::kKind, flags);
+    refuse(team, env, Method::kKind, flags);
     return;
   }
-  begin_method<Method, kLaw>(block, env, s);
+  begin_method<Method, kLaw>(team, env, s);
   EnvProgress<Real> progress;
   progress.flags = flags;
-  while (!settle<Method>(block, env, s, rule, progress)) advance_chunk<Method, kLaw>(block, s, params, rule, progress);
+  while (!settle<Method>(team, env, s, rule, progress)) advance_chunk<Method, kLaw>(team, s, params, rule, progress);
 }
 
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void solve_environment(B& block, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD void solve_environment(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
   LoadRules rules = load_rules<Method>(kLaw, s);
   if (params.is_rung) rules.needs_symmetry = false;
-  const std::uint32_t flags = load_system(block, env, s, rules) | unsupported_flags<Method>(s);
-  solve_loaded<Method, kLaw>(block, env, s, params, rule, flags);
+  const std::uint32_t flags = load_system(team, env, s, rules) | unsupported_flags<Method>(s);
+  solve_loaded<Method, kLaw>(team, env, s, params, rule, flags);
 }
 
 }  // namespace stiction::inline STICTION_ISA

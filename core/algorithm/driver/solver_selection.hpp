@@ -18,14 +18,14 @@ struct EnvFeatures {
   Law law = Law::convex;
 };
 
-template <Block B, class Real>
-STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) {
   // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a block has.
   double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
   Index friction_cones = 0;
   for (Index cone = 0; cone < env.cone_count; ++cone)
     if (env.kind[cone] == ConeKind::friction) ++friction_cones;
-  for (Index cone = block.rank(); cone < env.cone_count; cone += block.size()) {
+  for (Index cone = team.rank(); cone < env.cone_count; cone += team.size()) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     const Index normal = env.row_of(first, size, 0);
@@ -51,17 +51,17 @@ STICTION_HD_OUTLINE EnvFeatures features(B& block, const EnvView<Real>& env) {
   EnvFeatures seen;
   seen.rows = env.n;
   seen.friction_cones = friction_cones;
-  seen.spread = block.max(largest) * block.max(inverse);
-  seen.is_pivots = block.max(flat) != 0.0;
-  seen.is_compliant = block.max(rigid) == 0.0;
+  seen.spread = team.max(largest) * team.max(inverse);
+  seen.is_pivots = team.max(flat) != 0.0;
+  seen.is_compliant = team.max(rigid) == 0.0;
   seen.law = env.law;
   return seen;
 }
 
 /// The first guess becomes the answer so far, from which every rung starts.
-template <Block B, class Real>
-STICTION_HD void begin_climb(B& block, const EnvView<Real>& env) {
-  for_each(block, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
+template <Team TeamT, class Real>
+STICTION_HD void begin_climb(TeamT& team, const EnvView<Real>& env) {
+  for_each(team, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
 }
 
 /// Whether a solver can treat such an environment at all.

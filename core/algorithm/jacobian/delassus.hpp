@@ -121,9 +121,9 @@ STICTION_HD void load_rows(const JacobianEnv<Tile>& env, Index tile) {
 }
 
 /// L^-1 J'. Rows of J are independent; a lane takes a tile of them at once.
-template <class Tile, Block B>
-STICTION_HD void solve_rows(B& block, const JacobianEnv<Tile>& env) {
-  for_each(block, env.tiles(), [&](Index tile) {
+template <class Tile, Team TeamT>
+STICTION_HD void solve_rows(TeamT& team, const JacobianEnv<Tile>& env) {
+  for_each(team, env.tiles(), [&](Index tile) {
     load_rows(env, tile);
     substitute(env.L, env.tile(tile), env.step(), env.columns(tile));
   });
@@ -179,12 +179,12 @@ STICTION_HD void multiply_tiles(const JacobianEnv<Tile>& env, Index left, Index 
 }
 
 /// A = Y Y': one triangle of tiles, each computed once.
-template <class Tile, Block B>
-STICTION_HD void multiply_rows(B& block, const JacobianEnv<Tile>& env, typename Tile::Real* A) {
+template <class Tile, Team TeamT>
+STICTION_HD void multiply_rows(TeamT& team, const JacobianEnv<Tile>& env, typename Tile::Real* A) {
   const Index tiles = env.tiles();
   // The triangle folded into a rectangle: row T - 1 - q and, behind it, the row of the length that is left.
   const Index width = tiles % 2 == 0 ? tiles + 1 : tiles;
-  for_each(block, (tiles + 1) / 2 * width, [&](Index at) {
+  for_each(team, (tiles + 1) / 2 * width, [&](Index at) {
     const Index q = at / width, place = at % width;
     const bool longer = place < tiles - q;
     const Index left = longer ? tiles - 1 - q : (tiles % 2 == 0 ? q : q - 1);
@@ -194,9 +194,9 @@ STICTION_HD void multiply_rows(B& block, const JacobianEnv<Tile>& env, typename 
 }
 
 /// Y, row by row.
-template <class Tile, Block B>
-STICTION_HD void write_factor(B& block, const JacobianEnv<Tile>& env, typename Tile::Real* Y) {
-  for_each(block, env.tiles(), [&](Index tile) {
+template <class Tile, Team TeamT>
+STICTION_HD void write_factor(TeamT& team, const JacobianEnv<Tile>& env, typename Tile::Real* Y) {
+  for_each(team, env.tiles(), [&](Index tile) {
     const typename Tile::Real* const x = env.tile(tile);
     for (Index r = 0; r < env.tile_rows(tile); ++r) {
       typename Tile::Real* const row = Y + static_cast<Offset>(tile * Tile::kRows + r) * env.dofs;
@@ -207,8 +207,8 @@ STICTION_HD void write_factor(B& block, const JacobianEnv<Tile>& env, typename T
 
 /// A, or Y where the environment is kept as a factor, and b of one environment. What cannot be assembled is flagged and
 /// left zero.
-template <class Tile, Block B>
-STICTION_HD void assemble_env(B& block, const JacobianJob<typename Tile::Real>& job, Offset index,
+template <class Tile, Team TeamT>
+STICTION_HD void assemble_env(TeamT& team, const JacobianJob<typename Tile::Real>& job, Offset index,
                               typename Tile::Real* scratch) {
   using Real = typename Tile::Real;
   const JacobianEnv<Tile> env = slice<Tile>(job.batch, index, scratch);
@@ -216,38 +216,38 @@ STICTION_HD void assemble_env(B& block, const JacobianJob<typename Tile::Real>& 
   Real* const b = job.b + job.rows[index];
   const bool as_factor = job.factor[index + 1] > job.factor[index];
   Real* const entries = as_factor ? job.Y + job.factor[index] : job.A + job.matrix[index];
-  if (!factor_mass(block, env.L, env.M, job.batch.mass_form)) {
+  if (!factor_mass(team, env.L, env.M, job.batch.mass_form)) {
     const Index width = as_factor ? env.dofs : n;
-    single(block, [&] { job.flags[index] |= kFlagBadMass; });
-    for_each(block, n, [&](Index i) {
+    single(team, [&] { job.flags[index] |= kFlagBadMass; });
+    for_each(team, n, [&](Index i) {
       b[i] = 0;
       for (Index k = 0; k < width; ++k) entries[static_cast<Offset>(i) * width + k] = 0;
     });
     return;
   }
-  solve_rows(block, env);
-  for_each(block, n, [&](Index i) {
+  solve_rows(team, env);
+  for_each(team, n, [&](Index i) {
     Real motion(0);
     env.for_each_entry(i, [&](Index k, Real value) { motion = fma_(value, env.v_free[k], motion); });
     b[i] = env.batch->target == nullptr ? motion : motion - env.batch->target[env.first_row + i];
   });
   if (as_factor) {
-    write_factor(block, env, entries);
+    write_factor(team, env, entries);
   } else {
-    multiply_rows(block, env, entries);
+    multiply_rows(team, env, entries);
   }
 }
 
 /// motion = J' lambda, summed over the rows in order.
-template <class Tile, Block B>
-STICTION_HD void pull_reactions(B& block, const JacobianEnv<Tile>& env, const typename Tile::Real* lambda,
+template <class Tile, Team TeamT>
+STICTION_HD void pull_reactions(TeamT& team, const JacobianEnv<Tile>& env, const typename Tile::Real* lambda,
                                 typename Tile::Real* motion) {
   using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;
   if (env.batch->column == nullptr) {
     const Offset* const begin = env.batch->row_offsets + env.first_row;
     const Index vectors = env.dofs / Tile::kLanes, rest = env.dofs - vectors * Tile::kLanes;
-    for_each(block, vectors, [&](Index vector) {
+    for_each(team, vectors, [&](Index vector) {
       const Index first = vector * Tile::kLanes;
       Wide sum(0);
       for (Index i = 0; i < env.n; ++i) {
@@ -257,7 +257,7 @@ STICTION_HD void pull_reactions(B& block, const JacobianEnv<Tile>& env, const ty
       }
       store_lanes(motion + first, sum);
     });
-    for_each(block, rest, [&](Index k) {
+    for_each(team, rest, [&](Index k) {
       const Index last = vectors * Tile::kLanes + k;
       Real sum(0);
       for (Index i = 0; i < env.n; ++i) sum = fma_(env.batch->J[begin[i] + last], lambda[i], sum);
@@ -265,7 +265,7 @@ STICTION_HD void pull_reactions(B& block, const JacobianEnv<Tile>& env, const ty
     });
     return;
   }
-  single(block, [&] {
+  single(team, [&] {
     for (Index k = 0; k < env.dofs; ++k) motion[k] = 0;
     for (Index i = 0; i < env.n; ++i)
       env.for_each_entry(i, [&](Index k, Real value) { motion[k] = fma_(value, lambda[i], motion[k]); });
@@ -274,22 +274,22 @@ STICTION_HD void pull_reactions(B& block, const JacobianEnv<Tile>& env, const ty
 
 /// v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew: that costs less than a sweep, and no
 /// factor has to be kept from assembling to the end of a solve.
-template <class Tile, Block B>
-STICTION_HD void velocity_env(B& block, const JacobianJob<typename Tile::Real>& job, Offset index,
+template <class Tile, Team TeamT>
+STICTION_HD void velocity_env(TeamT& team, const JacobianJob<typename Tile::Real>& job, Offset index,
                               typename Tile::Real* scratch) {
   using Real = typename Tile::Real;
   const JacobianEnv<Tile> env = slice<Tile>(job.batch, index, scratch);
   const Real* const lambda = job.lambda + job.rows[index];
   Real* const velocity = job.velocity + job.batch.env_dof_offsets[index];
-  const Real largest = max_over<Real>(block, env.n, [&](Index i) { return abs_(lambda[i]); });
-  const bool moved = largest > Real(0) && factor_mass(block, env.L, env.M, job.batch.mass_form);
+  const Real largest = max_over<Real>(team, env.n, [&](Index i) { return abs_(lambda[i]); });
+  const bool moved = largest > Real(0) && factor_mass(team, env.L, env.M, job.batch.mass_form);
   Real* const motion = env.rows;
   Real* const change = env.rows + env.dofs;
   if (moved) {
-    pull_reactions(block, env, lambda, motion);
-    solve_mass(block, env.L, motion, change);
+    pull_reactions(team, env, lambda, motion);
+    solve_mass(team, env.L, motion, change);
   }
-  for_each(block, env.dofs,
+  for_each(team, env.dofs,
            [&](Index k) { velocity[k] = canonical_zero(moved ? env.v_free[k] + change[k] : env.v_free[k]); });
 }
 

@@ -37,8 +37,8 @@ STICTION_HD JacobianExtent extent_of(const JacobianBatchView<Real>& batch, Offse
 
 /// Whether M and J of an environment lie where the batch has something, and J names its degrees of freedom only. The
 /// answer is on every lane.
-template <Block B, class Real>
-STICTION_HD_OUTLINE bool jacobian_is_sound(B& block, const JacobianBatchView<Real>& batch, Offset env,
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE bool jacobian_is_sound(TeamT& team, const JacobianBatchView<Real>& batch, Offset env,
                                            const JacobianExtent& extent) {
   if (extent.rows < 0 || extent.dofs < 0) return false;
   const Offset mass_rows = mass_block(batch, static_cast<Index>(extent.dofs));
@@ -46,7 +46,7 @@ STICTION_HD_OUTLINE bool jacobian_is_sound(B& block, const JacobianBatchView<Rea
   if (extent.dofs % mass_rows != 0 || mass < extent.dofs * mass_rows) return false;
   const Offset first = batch.env_row_offsets[env];
   std::uint32_t broken = 0;
-  for_each(block, static_cast<Index>(extent.rows), [&](Index i) {
+  for_each(team, static_cast<Index>(extent.rows), [&](Index i) {
     const Offset count = used_part(batch.row_offsets, nullptr, first + i, batch.entry_count);
     bool sound = count >= (batch.column == nullptr ? extent.dofs : 0);
     for (Offset k = 0; batch.column != nullptr && k < count; ++k) {
@@ -55,17 +55,17 @@ STICTION_HD_OUTLINE bool jacobian_is_sound(B& block, const JacobianBatchView<Rea
     }
     broken |= static_cast<std::uint32_t>(!sound);
   });
-  return block.combine(broken) == 0;
+  return team.combine(broken) == 0;
 }
 
 /// Flags of an environment and the entries of its A and of its Y.
-template <Block B, class Real>
-STICTION_HD void count_env(B& block, const JacobianBatchJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offset env) {
   const JacobianArrays<Real>& to = job.to;
   const JacobianExtent extent = extent_of(job.batch, env);
-  const bool sound = jacobian_is_sound(block, job.batch, env, extent);
+  const bool sound = jacobian_is_sound(team, job.batch, env, extent);
   const bool fits = extent.rows <= to.env_rows && extent.dofs <= to.env_dofs;
-  single(block, [&] {
+  single(team, [&] {
     std::uint32_t flags = job.batch.env_flags == nullptr ? 0U : job.batch.env_flags[env];
     if (!sound)
       flags |= kFlagBadStructure;
@@ -81,13 +81,13 @@ STICTION_HD void count_env(B& block, const JacobianBatchJob<Real>& job, Offset e
 
 /// Where the entries of all environments begin, from how many each has. What ends beyond the room gets none, nor does
 /// any that comes behind.
-template <Block B>
-STICTION_HD void place_entries(B& block, Offset* entries, Index envs, Offset room, std::uint32_t* flags,
+template <Team TeamT>
+STICTION_HD void place_entries(TeamT& team, Offset* entries, Index envs, Offset room, std::uint32_t* flags,
                                Offset* parts) {
-  const Offset total = exclusive_scan(block, entries, envs, parts);
-  single(block, [&] { entries[envs] = total; });
+  const Offset total = exclusive_scan(team, entries, envs, parts);
+  single(team, [&] { entries[envs] = total; });
   if (total <= room) return;
-  const Offset last = block.broadcast([&] {
+  const Offset last = team.broadcast([&] {
     Index below = 0, above = envs;  // the last place within the room is in [below, above)
     while (above - below > 1) {
       const Index middle = below + (above - below) / 2;
@@ -95,28 +95,28 @@ STICTION_HD void place_entries(B& block, Offset* entries, Index envs, Offset roo
     }
     return entries[below];
   });
-  for_each(block, envs, [&](Index env) {
+  for_each(team, envs, [&](Index env) {
     if (entries[env + 1] > entries[env] && entries[env + 1] > room) flags[env] |= kFlagNoRoom;
   });
-  for_each(block, envs + 1, [&](Index env) {
+  for_each(team, envs + 1, [&](Index env) {
     if (entries[env] > last) entries[env] = last;
   });
 }
 
 /// The places of all environments, and the end of each one's rows in the contact batch: that is where the next one with
 /// rows begins, which may be too broken to say so. One team's work.
-template <Block B, class Real>
-STICTION_HD void place_envs(B& block, const JacobianBatchJob<Real>& job) {
+template <Team TeamT, class Real>
+STICTION_HD void place_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   const JacobianBatchView<Real>& batch = job.batch;
   const JacobianArrays<Real>& to = job.to;
   const auto envs = static_cast<Index>(batch.env_count);
-  place_entries(block, to.matrix, envs, to.matrix_room, to.flags, to.parts);
-  place_entries(block, to.factor, envs, to.factor_room, to.flags, to.parts);
-  for_each(block, envs, [&](Index env) {
+  place_entries(team, to.matrix, envs, to.matrix_room, to.flags, to.parts);
+  place_entries(team, to.factor, envs, to.factor_room, to.flags, to.parts);
+  for_each(team, envs, [&](Index env) {
     if (used_part(batch.env_row_offsets, nullptr, env, batch.row_count) > 0)
       to.row_offsets[batch.env_row_offsets[env + 1]] = to.matrix[env + 1];
   });
-  single(block, [&] {
+  single(team, [&] {
     // Without counts the rows end where the last environment does, and the totals are the room of the arrays.
     const Offset end = batch.env_row_offsets[envs];
     const bool ends_early = batch.env_row_counts == nullptr && end >= 0 && end < batch.row_count;
@@ -126,15 +126,15 @@ STICTION_HD void place_envs(B& block, const JacobianBatchJob<Real>& job) {
 }
 
 /// Where the entries of an environment's rows are, and b of what is not assembled.
-template <Block B, class Real>
-STICTION_HD void write_rows(B& block, const JacobianBatchJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void write_rows(TeamT& team, const JacobianBatchJob<Real>& job, Offset env) {
   const JacobianArrays<Real>& to = job.to;
   const Offset first = job.batch.env_row_offsets[env];
   const Offset room = used_part(job.batch.env_row_offsets, nullptr, env, job.batch.row_count);
   const Offset rows = extent_of(job.batch, env).rows;
   const bool stored = to.matrix[env + 1] > to.matrix[env];
   const bool assembled = (to.flags[env] & kNotAssembled) == 0;
-  for_each(block, static_cast<Index>(room), [&](Index i) {
+  for_each(team, static_cast<Index>(room), [&](Index i) {
     const bool in_use = i < rows;
     to.row_offsets[first + i] = to.matrix[env] + (stored ? (in_use ? i : rows) * rows : 0);
     to.row_counts[first + i] = stored && in_use ? static_cast<Index>(rows) : 0;
@@ -143,21 +143,21 @@ STICTION_HD void write_rows(B& block, const JacobianBatchJob<Real>& job, Offset 
 }
 
 /// One environment of the contact batch; `scratch` has room for jacobian_elements() of the largest that is assembled.
-template <Block B, class Real>
-STICTION_HD void write_env(B& block, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
+template <Team TeamT, class Real>
+STICTION_HD void write_env(TeamT& team, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
   const bool assembled = (job.to.flags[env] & kNotAssembled) == 0;
   // Every lane has seen the flags before one of them adds to them.
-  block.sync();
-  write_rows(block, job, env);
-  if (assembled) assemble_env<RowTile<Real>>(block, job.job(), env, scratch);
+  team.sync();
+  write_rows(team, job, env);
+  if (assembled) assemble_env<RowTile<Real>>(team, job.job(), env, scratch);
 }
 
 /// The velocity of one environment, if anybody can say where it is.
-template <Block B, class Real>
-STICTION_HD void move_env(B& block, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
+template <Team TeamT, class Real>
+STICTION_HD void move_env(TeamT& team, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
   const JacobianExtent extent = extent_of(job.batch, env);
   if (extent.rows < 0 || extent.dofs < 0 || (job.status[env].flags & kFlagBadStructure) != 0) return;
-  velocity_env<RowTile<Real>>(block, job.job(), env, scratch);
+  velocity_env<RowTile<Real>>(team, job.job(), env, scratch);
 }
 
 }  // namespace stiction::inline STICTION_ISA

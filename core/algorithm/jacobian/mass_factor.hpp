@@ -42,8 +42,9 @@ struct BlockTriangle {
 
 /// The lower triangle of M into the panels; or a factor that came as M. Whether that is one: positive on the diagonal,
 /// and finite. Numbers that belong to no entry may be anything.
-template <class Tile, Block B>
-STICTION_HD bool load_mass(B& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M, MassForm form) {
+template <class Tile, Team TeamT>
+STICTION_HD bool load_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
+                           MassForm form) {
   using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;
   constexpr Index kEdge = Tile::kRows;
@@ -120,8 +121,8 @@ STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index c
 /// M = L L', right-looking, as many columns at a time as a vector has lanes: entry (i, j) takes its updates in the
 /// order of the columns, whoever makes them. Whether every pivot was positive and finite, on every lane; where one was
 /// not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
-template <class Tile, Block B>
-STICTION_HD bool factor_mass(B& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
+template <class Tile, Team TeamT>
+STICTION_HD bool factor_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
                              MassForm form) {
   using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;
@@ -244,8 +245,8 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
 
 /// change = L^-T L^-1 motion; destroys motion. An entry that is known is taken out of all the others at once, so that
 /// a step ends when its lanes have, and every lane divides for itself, which saves a step in between.
-template <class Tile, Block B>
-STICTION_HD void solve_mass(B& team, const BlockTriangle<Tile>& L, typename Tile::Real* motion,
+template <class Tile, Team TeamT>
+STICTION_HD void solve_mass(TeamT& team, const BlockTriangle<Tile>& L, typename Tile::Real* motion,
                             typename Tile::Real* change) {
   using Wide = typename Tile::Wide;
   using Real = typename Tile::Real;

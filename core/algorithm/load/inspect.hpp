@@ -66,14 +66,14 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<
 
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
 /// cone's diagonal in the system's trace.
-template <Block B, class Real, class System>
-STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System& s) {
+template <Team TeamT, class Real, class System>
+STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, System& s) {
   std::uint32_t flags = env.flags;
   Real largest_b(0);
   Real largest_diagonal(0);
   unsigned broken = 0;
   unsigned negative = 0;
-  for (Index i = block.rank(); i < env.n; i += block.size()) {
+  for (Index i = team.rank(); i < env.n; i += team.size()) {
     broken |= static_cast<unsigned>(!finite_(env.b[i])) | static_cast<unsigned>(!finite_(env.R[i]));
     negative |= static_cast<unsigned>(env.R[i] < Real(0));
     largest_b = max_(abs_(env.b[i]), largest_b);
@@ -81,7 +81,7 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
   if (broken != 0) flags |= kFlagNonFiniteInput;
   if (negative != 0) flags |= kFlagNegativeCompliance;
   const bool is_finite = env.is_full && all_finite(env.A + env.row_offsets[0], Offset{env.n} * env.n);
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
@@ -108,9 +108,9 @@ STICTION_HD Inspection<Real> inspect(B& block, const EnvView<Real>& env, System&
     s.trace[place.cone] = sum;
   });
   if (env.warm_start != nullptr)
-    for (Index i = block.rank(); i < env.n; i += block.size())
+    for (Index i = team.rank(); i < env.n; i += team.size())
       if (!finite_(env.warm_start[i])) flags |= kFlagWarmStartRejected;
-  return {block.combine(flags), block.max(largest_b), block.max(largest_diagonal)};
+  return {team.combine(flags), team.max(largest_b), team.max(largest_diagonal)};
 }
 
 }  // namespace stiction::inline STICTION_ISA

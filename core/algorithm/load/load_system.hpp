@@ -42,13 +42,13 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
 /// batch at a time, so that both the batch and the system are touched along their lines. Rows of padding are
 /// scaled by zero. Meanwhile x holds the place of each of the batch's rows, y where each of the system's begins in the
 /// batch, best its scale: numbers that a Real holds exactly.
-template <Block B, class Real, int kStride>
-STICTION_HD void assemble_full(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
+template <Team TeamT, class Real, int kStride>
+STICTION_HD void assemble_full(TeamT& team, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
   constexpr Index kEdge = kTileEdge<Real>;
   const Real* const stored = env.A + env.row_offsets[0];
-  if (s.n != env.n) for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
-  for_each(block, s.n, [&](Index i) { s.y[i] = s.best[i] = 0; });
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  if (s.n != env.n) for_each(team, s.n * s.n, [&](Index k) { s.A[k] = 0; });
+  for_each(team, s.n, [&](Index i) { s.y[i] = s.best[i] = 0; });
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
@@ -61,7 +61,7 @@ STICTION_HD void assemble_full(B& block, const EnvView<Real>& env, DenseSystem<R
     return Real(0) + (a * scale_a) * (of_row * of_column);
   };
   const auto row = [&](Index r) { return stored + static_cast<Index>(s.y[r]); };
-  for_each(block, (s.n + kEdge - 1) / kEdge, [&](Index tile) {
+  for_each(team, (s.n + kEdge - 1) / kEdge, [&](Index tile) {
     const Index first = tile * kEdge;
     const bool fits = first + kEdge <= s.n;
     const Real* from[kEdge];
@@ -91,7 +91,7 @@ STICTION_HD void assemble_full(B& block, const EnvView<Real>& env, DenseSystem<R
       for (Index r = first; r < end; ++r) s.A[r + s.n * place] = entry(row(r)[j], s.best[r], scale);
     }
   });
-  for_each(block, env.n, [&](Index i) {
+  for_each(team, env.n, [&](Index i) {
     const Index place = static_cast<Index>(s.x[i]);
     const Real scale = s.best[place];
     Real& diagonal = s.A[place + s.n * place];
@@ -101,14 +101,14 @@ STICTION_HD void assemble_full(B& block, const EnvView<Real>& env, DenseSystem<R
 
 /// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both
 /// are numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
-template <Block B, class Real, int kStride>
-STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
+template <Team TeamT, class Real, int kStride>
+STICTION_HD void assemble(TeamT& team, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
   if (env.is_full) {
-    assemble_full(block, env, s, scale_a);
+    assemble_full(team, env, s, scale_a);
     return;
   }
-  for_each(block, s.n * s.n, [&](Index k) { s.A[k] = 0; });
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each(team, s.n * s.n, [&](Index k) { s.A[k] = 0; });
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
@@ -116,7 +116,7 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, 
       s.best[i] = row_scale(env, env.kind[cone], k, i);
     }
   });
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
@@ -143,13 +143,13 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, DenseSystem<Real, 
 }
 
 /// The sparse values, on the batch's own pattern. best holds the row scales meanwhile.
-template <Block B, class Real>
-STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>& s, Real scale_a) {
-  for_each(block, env.cone_count, [&](Index cone) {
+template <Team TeamT, class Real>
+STICTION_HD void assemble(TeamT& team, const EnvView<Real>& env, SparseSystem<Real>& s, Real scale_a) {
+  for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) s.best[first + k] = row_scale(env, env.kind[cone], k, first + k);
   });
-  for_each(block, env.cone_count, [&](Index cone) {
+  for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     for (Index i = first; i < first + size; ++i) {
@@ -176,10 +176,10 @@ STICTION_HD void assemble(B& block, const EnvView<Real>& env, SparseSystem<Real>
 
 /// The factor, each row in the solver's coordinates. The matrix scale is divided between the factors Y and Y': it is an
 /// even power of two here, whose root is exact.
-template <Block B, class Real>
-STICTION_HD void assemble(B& block, const EnvView<Real>& env, FactorSystem<Real>& s, Real scale_a) {
+template <Team TeamT, class Real>
+STICTION_HD void assemble(TeamT& team, const EnvView<Real>& env, FactorSystem<Real>& s, Real scale_a) {
   const Real root = sqrt_(scale_a);
-  for_each(block, env.cone_count, [&](Index cone) {
+  for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     for (Index i = first; i < first + size; ++i) {
@@ -313,38 +313,38 @@ STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
 }
 
 /// max|A - A'| / max|A| of n rows or columns that lie one behind the other.
-template <Block B, class Real, int kStride>
-STICTION_HD Real asymmetry(B& block, Strided<Real, kStride> A, Index n) {
+template <Team TeamT, class Real, int kStride>
+STICTION_HD Real asymmetry(TeamT& team, Strided<Real, kStride> A, Index n) {
   Real largest(0);
   Real difference(0);
-  for (Index j = block.rank(); j < n; j += block.size()) {
+  for (Index j = team.rank(); j < n; j += team.size()) {
     const Strided<Real, kStride> column = A.from(Offset{n} * j);
     for (Index i = 0; i < n; ++i) {
       largest = max_(abs_(column[i]), largest);
       difference = max_(abs_(column[i] - A[j + n * i]), difference);
     }
   }
-  largest = block.max(largest);
-  difference = block.max(difference);
+  largest = team.max(largest);
+  difference = team.max(difference);
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 
 /// The same of a dense system.
-template <Block B, class Real, int kStride>
-STICTION_HD Real asymmetry(B& block, const DenseSystem<Real, kStride>& s) {
-  return asymmetry(block, s.A, s.n);
+template <Team TeamT, class Real, int kStride>
+STICTION_HD Real asymmetry(TeamT& team, const DenseSystem<Real, kStride>& s) {
+  return asymmetry(team, s.A, s.n);
 }
 
 /// The same on a sparse pattern; an entry whose transpose is not stored counts in full. Duplicates are compared one by
 /// one and may overstate the difference.
-template <Block B, class Real>
-STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
+template <Team TeamT, class Real>
+STICTION_HD Real asymmetry(TeamT& team, const SparseSystem<Real>& s) {
   const EnvView<Real>& env = *s.env;
   const Offset base = env.row_offsets[0];
   Real largest(0);
   Real difference(0);
   const auto value = [&](Index row, Index k) { return s.value.data[env.row_offsets[row] - base + k]; };
-  for (Index i = block.rank(); i < s.n; i += block.size())
+  for (Index i = team.rank(); i < s.n; i += team.size())
     for (Index k = 0; k < env.entries(i); ++k) {
       const Index j = env.columns(i)[k];
       Real mirrored(0);
@@ -353,14 +353,14 @@ STICTION_HD Real asymmetry(B& block, const SparseSystem<Real>& s) {
       largest = max_(abs_(value(i, k)), largest);
       difference = max_(abs_(value(i, k) - mirrored), difference);
     }
-  largest = block.max(largest);
-  difference = block.max(difference);
+  largest = team.max(largest);
+  difference = team.max(difference);
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 
 /// Y Y' is symmetric.
-template <Block B, class Real>
-STICTION_HD Real asymmetry(B&, const FactorSystem<Real>&) {
+template <Team TeamT, class Real>
+STICTION_HD Real asymmetry(TeamT&, const FactorSystem<Real>&) {
   return Real(0);
 }
 
@@ -403,20 +403,20 @@ STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
 
 /// Brings one environment into the solver's coordinates: all that depends neither on the method nor on its law. Returns
 /// the flags; with any but kHarmlessFlags set the system is not to be used.
-template <Block B, class Real, class System>
-STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env, System& s, LoadRules rules) {
-  for_each(block, s.cones, [&](Index c) {
+template <Team TeamT, class Real, class System>
+STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& env, System& s, LoadRules rules) {
+  for_each(team, s.cones, [&](Index c) {
     s.trace[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
-  const Inspection<Real> seen = inspect(block, env, s);
+  const Inspection<Real> seen = inspect(team, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
-  single(block, [&] { start_scalars(s, seen); });
+  single(team, [&] { start_scalars(s, seen); });
   const LoadScales<Real> scales = load_scales(s);
-  assemble(block, env, s, scales.a);
-  for_each(block, s.n, [&](Index i) { s.b[i] = s.x[i] = s.best[i] = 0; });
+  assemble(team, env, s, scales.a);
+  for_each(team, s.n, [&](Index i) { s.b[i] = s.x[i] = s.best[i] = 0; });
   const bool warm = takes_warm_start(env, seen);
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     for (Index k = 0; k < size; ++k) {
@@ -425,7 +425,7 @@ STICTION_HD_SHARED std::uint32_t load_system(B& block, const EnvView<Real>& env,
     }
     with_shape(env.kind[cone], size, [&](auto shape) { finish_cone(shape, s, place.cone, place.row, scales, true); });
   });
-  if (rules.needs_symmetry && asymmetry(block, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
+  if (rules.needs_symmetry && asymmetry(team, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
 }
 
@@ -440,19 +440,19 @@ STICTION_HD std::uint32_t unsupported_flags(const System& s) {
 
 /// Starts the method on a system whose first iterate is recorded; it may first take from the environment what the
 /// system does not keep.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void start_method(B& block, const EnvView<Real>& env, System& s) {
-  if constexpr (requires { Method::load(block, env, s); }) Method::load(block, env, s);
-  Method::template start<kLaw>(block, s);
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD void start_method(TeamT& team, const EnvView<Real>& env, System& s) {
+  if constexpr (requires { Method::load(team, env, s); }) Method::load(team, env, s);
+  Method::template start<kLaw>(team, s);
 }
 
 /// Records the first iterate of a loaded system and starts the method.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD void begin_method(B& block, const EnvView<Real>& env, System& s) {
-  refresh_motion(block, s);
-  for_each(block, s.n, [&](Index i) { s.best[i] = s.x[i]; });
-  record<Method, kLaw>(block, s, true);
-  start_method<Method, kLaw>(block, env, s);
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD void begin_method(TeamT& team, const EnvView<Real>& env, System& s) {
+  refresh_motion(team, s);
+  for_each(team, s.n, [&](Index i) { s.best[i] = s.x[i]; });
+  record<Method, kLaw>(team, s, true);
+  start_method<Method, kLaw>(team, env, s);
 }
 
 /// Whether an environment with those flags can be solved.
@@ -461,10 +461,10 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 }
 
 /// Both, for machines that do all in one go. Returns the flags.
-template <class Method, Law kLaw, Block B, class Real, class System>
-STICTION_HD std::uint32_t prepare(B& block, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(block, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(s);
-  if (is_solvable(flags)) begin_method<Method, kLaw>(block, env, s);
+template <class Method, Law kLaw, Team TeamT, class Real, class System>
+STICTION_HD std::uint32_t prepare(TeamT& team, const EnvView<Real>& env, System& s) {
+  const std::uint32_t flags = load_system(team, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(s);
+  if (is_solvable(flags)) begin_method<Method, kLaw>(team, env, s);
   return flags;
 }
 

@@ -42,9 +42,9 @@ bool place_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* 
     }
     return true;
   }
-  SerialBlock block;
+  SerialTeam team;
   for (Index r = 0; r < s.n; ++r) batch_row[r] = -1;
-  for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
     for (Index k = 0; k < size; ++k) batch_row[place.row + k] = env.row_of(first, size, k);

@@ -100,12 +100,12 @@ void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>
 
 /// settle() of one lane of `asked`, with what judge_lanes() has found. `scale`: residual_scale(). An answer worth less
 /// than none goes the way of a single environment.
-template <class Method, Block B, class Real, class System>
-bool settle_judged(B& block, const EnvView<Real>& env, const System& s, const StopRule& rule, const Look& look,
+template <class Method, Team TeamT, class Real, class System>
+bool settle_judged(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule, const Look& look,
                    const Judgement& judged, double scale, EnvProgress<Real>& progress) {
   const double absolute = seen_residual(judged, rule.tolerance * scale);
-  if (look.ended && is_collapsed(div_(absolute, scale))) return answer<Method>(block, env, s, rule, look, progress);
-  return conclude<Method>(block, env, rule, look, s.scalar[kBestResidual], absolute, scale, progress);
+  if (look.ended && is_collapsed(div_(absolute, scale))) return answer<Method>(team, env, s, rule, look, progress);
+  return conclude<Method>(team, env, rule, look, s.scalar[kBestResidual], absolute, scale, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -358,14 +358,14 @@ void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Rea
 /// What is left to do for the environments in the lanes of `entering`, and the record of their first iterates.
 template <class Method, Law kLaw, class Real, int W>
 void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room, Mask<Pack<Real, W>> entering) {
-  SerialBlock block;
+  SerialTeam team;
   const auto scales = load_scales(pack);
   for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(entering, room.scale[r], pack.best[r]);
-  pack.for_each_cone(block,
+  pack.for_each_cone(team,
                      [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, entering); });
-  refresh_motion(block, pack, entering);
-  for_each(block, pack.n, [&](Index i) { pack.best[i] = select(entering, pack.x[i], pack.best[i]); });
-  record<Method, kLaw>(block, pack, entering);
+  refresh_motion(team, pack, entering);
+  for_each(team, pack.n, [&](Index i) { pack.best[i] = select(entering, pack.x[i], pack.best[i]); });
+  record<Method, kLaw>(team, pack, entering);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -30,30 +30,31 @@ STICTION_HD Index smallest_free_color(const ConflictGraph& graph, const Index* c
 /// equals. A vertex can be coloured once all its neighbours that come before it are, whatever else is (Jones and
 /// Plassmann 1993, with degrees for random numbers): so every round colours many, and the outcome is the sequential
 /// one. `next` and `order` have room for every vertex.
-template <Block B>
-STICTION_HD_OUTLINE void color_vertices(B& block, const ConflictGraph& graph, Index* color, Index* next, Index* order) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void color_vertices(TeamT& team, const ConflictGraph& graph, Index* color, Index* next,
+                                        Index* order) {
   const auto comes_before = [&](Index u, Index v) {
     return graph.degree[u] != graph.degree[v] ? graph.degree[u] > graph.degree[v] : u < v;
   };
   const auto is_ready = [&](Index v) {
     return graph.all_neighbours(v, [&](Index u) { return color[u] != kUncolored || !comes_before(u, v); });
   };
-  for_each(block, graph.vertices, [&](Index v) { color[v] = kUncolored; });
+  for_each(team, graph.vertices, [&](Index v) { color[v] = kUncolored; });
   bool waiting = true;
-  for (Index round = 0; waiting && block.size() > 1 && round < kColorRounds; ++round) {
+  for (Index round = 0; waiting && team.size() > 1 && round < kColorRounds; ++round) {
     std::uint32_t left = 0;
-    for_each(block, graph.vertices, [&](Index v) {
+    for_each(team, graph.vertices, [&](Index v) {
       next[v] = color[v] == kUncolored && is_ready(v) ? smallest_free_color(graph, color, v) : color[v];
       left |= static_cast<std::uint32_t>(next[v] == kUncolored);
     });
-    for_each(block, graph.vertices, [&](Index v) { color[v] = next[v]; });
-    waiting = block.combine(left) != 0;
+    for_each(team, graph.vertices, [&](Index v) { color[v] = next[v]; });
+    waiting = team.combine(left) != 0;
   }
   if (!waiting) return;
 
-  for_each(block, graph.vertices, [&](Index v) { order[v] = v; });
-  sort_network(block, graph.vertices, order, comes_before);
-  single(block, [&] {
+  for_each(team, graph.vertices, [&](Index v) { order[v] = v; });
+  sort_network(team, graph.vertices, order, comes_before);
+  single(team, [&] {
     for (Index p = 0; p < graph.vertices; ++p) {
       const Index v = order[p];
       if (color[v] == kUncolored) color[v] = smallest_free_color(graph, color, v);

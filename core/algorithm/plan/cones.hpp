@@ -28,13 +28,13 @@ STICTION_HD ConeCounts counts_of(const Index* bins) {
 }
 
 /// How many cones of each kind there are, on every lane; `parts` has room for kScanParts.
-template <Block B>
-STICTION_HD ConeCounts count_cones(B& block, const StructureView& s, Index* parts) {
+template <Team TeamT>
+STICTION_HD ConeCounts count_cones(TeamT& team, const StructureView& s, Index* parts) {
   constexpr Index kParts = kScanParts / kConeBins;
-  for_each(block, kParts, [&](Index part) {
+  for_each(team, kParts, [&](Index part) {
     count_bins(s, part_begin(s.cones, part, kParts), part_begin(s.cones, part + 1, kParts), parts + part * kConeBins);
   });
-  return block.broadcast([&] {
+  return team.broadcast([&] {
     for (Index i = kConeBins; i < kParts * kConeBins; ++i) parts[i % kConeBins] += parts[i];
     return counts_of(parts);
   });
@@ -42,9 +42,9 @@ STICTION_HD ConeCounts count_cones(B& block, const StructureView& s, Index* part
 
 /// Counts a dense environment's cones and puts them into canonical order, stably. One lane's work: most such
 /// environments have a lane to themselves, and none has many cones.
-template <Block B>
-STICTION_HD void plan_dense(B& block, const StructureView& s, ConeCounts* counts, Index* cone_order) {
-  single(block, [&] {
+template <Team TeamT>
+STICTION_HD void plan_dense(TeamT& team, const StructureView& s, ConeCounts* counts, Index* cone_order) {
+  single(team, [&] {
     Index next[kConeBins];
     count_bins(s, 0, s.cones, next);
     *counts = counts_of(next);

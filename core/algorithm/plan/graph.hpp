@@ -60,15 +60,15 @@ STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
 }
 
 /// Neighbouring cones of one non-negative group are one vertex, any other cone is one of its own.
-template <Block B>
-STICTION_HD void find_vertices(B& block, const StructureView& s, ConflictGraph& graph) {
+template <Team TeamT>
+STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGraph& graph) {
   const auto begins = [&](Index cone) {
     return cone == 0 || s.group == nullptr || s.group[cone] < 0 || s.group[cone] != s.group[cone - 1];
   };
   Index* const before = graph.degree;
-  for_each(block, s.cones, [&](Index cone) { before[cone] = begins(cone) ? 1 : 0; });
-  graph.vertices = exclusive_scan(block, before, s.cones, graph.parts);
-  for_each(block, s.cones, [&](Index cone) {
+  for_each(team, s.cones, [&](Index cone) { before[cone] = begins(cone) ? 1 : 0; });
+  graph.vertices = exclusive_scan(team, before, s.cones, graph.parts);
+  for_each(team, s.cones, [&](Index cone) {
     const Index vertex = begins(cone) ? before[cone] : before[cone] - 1;
     const Index row = s.cone_row(cone), end = s.cone_row(cone + 1);
     if (begins(cone)) {
@@ -77,7 +77,7 @@ STICTION_HD void find_vertices(B& block, const StructureView& s, ConflictGraph& 
     }
     for (Index i = row; i < end; ++i) graph.row_vertex[i] = vertex;
   });
-  single(block, [&] { graph.vertex_begin[graph.vertices] = s.cones; });
+  single(team, [&] { graph.vertex_begin[graph.vertices] = s.cones; });
 }
 
 /// The vertices that v stores entries with, each once, in order, without v; returns how many. Where the rows of a
@@ -98,7 +98,7 @@ STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& gra
     }
   }
   if (sorted == count) return count;
-  SerialBlock alone;
+  SerialTeam alone;
   sort_network(alone, count, list, [](Index a, Index b) { return a < b; });
   Index kept = 1;
   for (Index k = 1; k < count; ++k)
@@ -108,14 +108,14 @@ STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& gra
 
 /// Fills `mirrored`: a counting transposition by one lane, of nothing but the entries that lack their mirror. Few
 /// systems have any.
-template <Block B>
-STICTION_HD_OUTLINE void mirror_conflicts(B& block, ConflictGraph& graph) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void mirror_conflicts(TeamT& team, ConflictGraph& graph) {
   const auto lacks = [&](Index v, Index u) {
     return !has_value(graph.stored + graph.stored_begin[u], graph.stored_count[u], v);
   };
   // Marked in `mirrored` first, since others are still searching the lists; then in the lists, as ~u.
   std::uint32_t lopsided = 0;
-  for_each(block, graph.vertices, [&](Index v) {
+  for_each(team, graph.vertices, [&](Index v) {
     for (Index k = 0; k < graph.stored_count[v]; ++k) {
       const Index place = graph.stored_begin[v] + k;
       const bool marked = lacks(v, graph.stored[place]);
@@ -123,33 +123,33 @@ STICTION_HD_OUTLINE void mirror_conflicts(B& block, ConflictGraph& graph) {
       lopsided |= static_cast<std::uint32_t>(marked);
     }
   });
-  for_each(block, graph.vertices + 1, [&](Index v) { graph.mirrored_begin[v] = 0; });
-  if (block.combine(lopsided) == 0) return;
+  for_each(team, graph.vertices + 1, [&](Index v) { graph.mirrored_begin[v] = 0; });
+  if (team.combine(lopsided) == 0) return;
 
   const auto each_place = [&](Index v, const auto& visit) {
     for (Index k = 0; k < graph.stored_count[v]; ++k) visit(graph.stored_begin[v] + k);
   };
-  for_each(block, graph.vertices, [&](Index v) {
+  for_each(team, graph.vertices, [&](Index v) {
     each_place(v, [&](Index k) {
       if (graph.mirrored[k] != 0) graph.stored[k] = ~graph.stored[k];
     });
   });
-  single(block, [&] {
+  single(team, [&] {
     for (Index v = 0; v < graph.vertices; ++v)
       each_place(v, [&](Index k) {
         if (graph.stored[k] < 0) ++graph.mirrored_begin[~graph.stored[k]];
       });
   });
-  exclusive_scan(block, graph.mirrored_begin, graph.vertices + 1, graph.parts);
+  exclusive_scan(team, graph.mirrored_begin, graph.vertices + 1, graph.parts);
   Index* const next = graph.degree;
-  for_each(block, graph.vertices, [&](Index v) { next[v] = graph.mirrored_begin[v]; });
-  single(block, [&] {
+  for_each(team, graph.vertices, [&](Index v) { next[v] = graph.mirrored_begin[v]; });
+  single(team, [&] {
     for (Index v = 0; v < graph.vertices; ++v)
       each_place(v, [&](Index k) {
         if (graph.stored[k] < 0) graph.mirrored[next[~graph.stored[k]]++] = v;
       });
   });
-  for_each(block, graph.vertices, [&](Index v) {
+  for_each(team, graph.vertices, [&](Index v) {
     each_place(v, [&](Index k) {
       if (graph.stored[k] < 0) graph.stored[k] = ~graph.stored[k];
     });
@@ -158,13 +158,13 @@ STICTION_HD_OUTLINE void mirror_conflicts(B& block, ConflictGraph& graph) {
 
 /// The vertices of an environment and their conflicts: any stored entry, its value not looked at, that joins a row of
 /// one with a row of the other either way round.
-template <Block B>
-STICTION_HD ConflictGraph find_conflicts(B& block, const StructureView& s, Index* memory) {
+template <Team TeamT>
+STICTION_HD ConflictGraph find_conflicts(TeamT& team, const StructureView& s, Index* memory) {
   ConflictGraph graph(s, memory);
-  find_vertices(block, s, graph);
-  for_each(block, graph.vertices, [&](Index v) { graph.stored_count[v] = gather_stored(s, graph, v); });
-  mirror_conflicts(block, graph);
-  for_each(block, graph.vertices, [&](Index v) {
+  find_vertices(team, s, graph);
+  for_each(team, graph.vertices, [&](Index v) { graph.stored_count[v] = gather_stored(s, graph, v); });
+  mirror_conflicts(team, graph);
+  for_each(team, graph.vertices, [&](Index v) {
     graph.degree[v] = graph.stored_count[v] + graph.mirrored_begin[v + 1] - graph.mirrored_begin[v];
   });
   return graph;

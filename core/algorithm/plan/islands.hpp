@@ -17,12 +17,12 @@ STICTION_HD Index root_of(const Index* label, Index v) {
 /// it is so. A label is always a vertex of the same island and never larger than its owner, so it may be replaced by
 /// its own label: chains of n vertices in order take log n rounds (as Shiloach and Vishkin 1982, but every vertex pulls
 /// from its neighbours, so that no two lanes write one label).
-template <Block B>
-STICTION_HD bool spread_labels(B& block, const ConflictGraph& graph, Index* label, Index* next) {
-  for_each(block, graph.vertices, [&](Index v) { label[v] = v; });
-  for (Index round = 0; block.size() > 1 && round < kIslandRounds; ++round) {
+template <Team TeamT>
+STICTION_HD bool spread_labels(TeamT& team, const ConflictGraph& graph, Index* label, Index* next) {
+  for_each(team, graph.vertices, [&](Index v) { label[v] = v; });
+  for (Index round = 0; team.size() > 1 && round < kIslandRounds; ++round) {
     std::uint32_t changed = 0;
-    for_each(block, graph.vertices, [&](Index v) {
+    for_each(team, graph.vertices, [&](Index v) {
       Index smallest = label[v];
       graph.all_neighbours(v, [&](Index u) {
         if (label[u] < smallest) smallest = label[u];
@@ -31,15 +31,15 @@ STICTION_HD bool spread_labels(B& block, const ConflictGraph& graph, Index* labe
       changed |= static_cast<std::uint32_t>(smallest != label[v]);
       next[v] = smallest;
     });
-    for_each(block, graph.vertices, [&](Index v) { label[v] = next[next[v]]; });
-    if (block.combine(changed) == 0) return true;
+    for_each(team, graph.vertices, [&](Index v) { label[v] = next[next[v]]; });
+    if (team.combine(changed) == 0) return true;
   }
   return false;
 }
 
 /// The same by one lane, from labels spread as far as they are: union by smaller vertex, halving paths.
-template <Block B>
-STICTION_HD void unite_labels(B& block, const ConflictGraph& graph, Index* label, Index* next) {
+template <Team TeamT>
+STICTION_HD void unite_labels(TeamT& team, const ConflictGraph& graph, Index* label, Index* next) {
   const auto find = [&](Index v) {
     while (label[v] != v) {
       label[v] = label[label[v]];
@@ -47,7 +47,7 @@ STICTION_HD void unite_labels(B& block, const ConflictGraph& graph, Index* label
     }
     return v;
   };
-  single(block, [&] {
+  single(team, [&] {
     for (Index v = 0; v < graph.vertices; ++v) {
       for (Index k = 0; k < graph.stored_count[v]; ++k) {
         const Index a = find(v), b = find(graph.stored[graph.stored_begin[v] + k]);
@@ -56,8 +56,8 @@ STICTION_HD void unite_labels(B& block, const ConflictGraph& graph, Index* label
       }
     }
   });
-  for_each(block, graph.vertices, [&](Index v) { next[v] = root_of(label, v); });
-  for_each(block, graph.vertices, [&](Index v) { label[v] = next[v]; });
+  for_each(team, graph.vertices, [&](Index v) { next[v] = root_of(label, v); });
+  for_each(team, graph.vertices, [&](Index v) { label[v] = next[v]; });
 }
 
 /// Work memory of number_islands(), in Index.
@@ -68,15 +68,15 @@ STICTION_HD constexpr Offset islands_scratch_elements(Offset rows, Offset cones,
 /// The islands of one environment whose structure is sound, on any path: island[c] of each cone, numbered 0, 1, ... by
 /// their first cones, the same as find_islands() of core/plan/islands.hpp gives. Returns how many, on every lane;
 /// `scratch` has room for islands_scratch_elements().
-template <Block B>
-STICTION_HD_OUTLINE Index number_islands(B& block, const StructureView& s, Index* island, Index* scratch) {
-  const ConflictGraph graph = find_conflicts(block, s, scratch);
+template <Team TeamT>
+STICTION_HD_OUTLINE Index number_islands(TeamT& team, const StructureView& s, Index* island, Index* scratch) {
+  const ConflictGraph graph = find_conflicts(team, s, scratch);
   Index* const label = scratch + ConflictGraph::elements(s.rows, s.cones, s.entry_span());
   Index* const number = label + s.cones;
-  if (!spread_labels(block, graph, label, number)) unite_labels(block, graph, label, number);
-  for_each(block, graph.vertices, [&](Index v) { number[v] = label[v] == v ? 1 : 0; });
-  const Index count = exclusive_scan(block, number, graph.vertices, graph.parts);
-  for_each(block, s.cones, [&](Index c) { island[c] = number[label[graph.row_vertex[s.cone_row(c)]]]; });
+  if (!spread_labels(team, graph, label, number)) unite_labels(team, graph, label, number);
+  for_each(team, graph.vertices, [&](Index v) { number[v] = label[v] == v ? 1 : 0; });
+  const Index count = exclusive_scan(team, number, graph.vertices, graph.parts);
+  for_each(team, s.cones, [&](Index c) { island[c] = number[label[graph.row_vertex[s.cone_row(c)]]]; });
   return count;
 }
 

@@ -23,13 +23,13 @@ STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Of
 
 /// Vertices by colour; in a colour by kind of the first cone, rows and index, so that neighbouring lanes run the same
 /// code.
-template <Block B>
-STICTION_HD void order_vertices(B& block, const StructureView& s, const ConflictGraph& graph, const Index* color,
+template <Team TeamT>
+STICTION_HD void order_vertices(TeamT& team, const StructureView& s, const ConflictGraph& graph, const Index* color,
                                 Index* order) {
   const auto kind = [&](Index v) { return s.kind[graph.vertex_begin[v]]; };
   const auto rows = [&](Index v) { return s.cone_row(graph.vertex_begin[v + 1]) - s.cone_row(graph.vertex_begin[v]); };
-  for_each(block, graph.vertices, [&](Index v) { order[v] = v; });
-  sort_network(block, graph.vertices, order, [&](Index u, Index v) {
+  for_each(team, graph.vertices, [&](Index v) { order[v] = v; });
+  sort_network(team, graph.vertices, order, [&](Index u, Index v) {
     if (color[u] != color[v]) return color[u] < color[v];
     if (kind(u) != kind(v)) return kind(u) < kind(v);
     return rows(u) != rows(v) ? rows(u) < rows(v) : u < v;
@@ -37,25 +37,25 @@ STICTION_HD void order_vertices(B& block, const StructureView& s, const Conflict
 }
 
 /// Plans a sparse environment; `scratch` has room for plan_scratch_elements().
-template <Block B>
-STICTION_HD_OUTLINE void plan_sparse(B& block, const StructureView& s, const PlanTarget& plan, Index* scratch) {
-  const ConflictGraph graph = find_conflicts(block, s, scratch);
+template <Team TeamT>
+STICTION_HD_OUTLINE void plan_sparse(TeamT& team, const StructureView& s, const PlanTarget& plan, Index* scratch) {
+  const ConflictGraph graph = find_conflicts(team, s, scratch);
   Index* const color = scratch + ConflictGraph::elements(s.rows, s.cones, s.entry_span());
   Index* const next = color + s.cones;
   Index* const order = next + s.cones;
-  color_vertices(block, graph, color, next, order);
-  order_vertices(block, s, graph, color, order);
+  color_vertices(team, graph, color, next, order);
+  order_vertices(team, s, graph, color, order);
 
   const auto cones_of = [&](Index v) { return graph.vertex_begin[v + 1] - graph.vertex_begin[v]; };
-  for_each(block, graph.vertices, [&](Index p) { plan.vertex_offsets[p] = cones_of(order[p]); });
-  exclusive_scan(block, plan.vertex_offsets, graph.vertices, graph.parts);
-  for_each(block, graph.vertices, [&](Index p) {
+  for_each(team, graph.vertices, [&](Index p) { plan.vertex_offsets[p] = cones_of(order[p]); });
+  exclusive_scan(team, plan.vertex_offsets, graph.vertices, graph.parts);
+  for_each(team, graph.vertices, [&](Index p) {
     const Index v = order[p];
     for (Index c = 0; c < cones_of(v); ++c) plan.cone_order[plan.vertex_offsets[p] + c] = graph.vertex_begin[v] + c;
     if (p == 0 || color[order[p - 1]] != color[v]) plan.color_offsets[color[v]] = p;
   });
-  const ConeCounts counts = count_cones(block, s, graph.parts);
-  single(block, [&] {
+  const ConeCounts counts = count_cones(team, s, graph.parts);
+  single(team, [&] {
     const Index colors = color[order[graph.vertices - 1]] + 1;
     plan.vertex_offsets[graph.vertices] = s.cones;
     plan.color_offsets[colors] = graph.vertices;
@@ -66,15 +66,15 @@ STICTION_HD_OUTLINE void plan_sparse(B& block, const StructureView& s, const Pla
 
 /// Plans one environment whose structure is sound: the same integers as make_plan(), by however many lanes. `scratch`
 /// has room for plan_scratch_elements() if it is sparse, and is not looked at otherwise.
-template <Block B>
-STICTION_HD void plan_environment(B& block, const StructureView& s, const PlanTarget& plan, Index* scratch) {
+template <Team TeamT>
+STICTION_HD void plan_environment(TeamT& team, const StructureView& s, const PlanTarget& plan, Index* scratch) {
   const EnvPath path = path_of(s);
-  single(block, [&] { *plan.path = path; });
+  single(team, [&] { *plan.path = path; });
   if (path == EnvPath::sparse) {
-    plan_sparse(block, s, plan, scratch);
+    plan_sparse(team, s, plan, scratch);
   } else {
-    plan_dense(block, s, plan.counts, plan.cone_order);
-    single(block, [&] { *plan.color_count = 0; });
+    plan_dense(team, s, plan.counts, plan.cone_order);
+    single(team, [&] { *plan.color_count = 0; });
   }
 }
 

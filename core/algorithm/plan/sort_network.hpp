@@ -16,24 +16,24 @@ STICTION_HD void order_pair(T* a, Offset i, Offset j, Index n, Before&& before) 
 /// Sorts a[0 .. n) by `before`, a strict order without ties, so that there is one result whatever the lanes do.
 /// The bitonic network in the form whose comparators all point upwards (the first of each merge compares mirror
 /// images): then the places beyond n need not exist. An array that is sorted already costs one look.
-template <Block B, class T, class Before>
-STICTION_HD void sort_network(B& block, Index n, T* a, Before&& before) {
+template <Team TeamT, class T, class Before>
+STICTION_HD void sort_network(TeamT& team, Index n, T* a, Before&& before) {
   std::uint32_t unsorted = 0;
-  for (Index i = block.rank(); i + 1 < n; i += block.size()) unsorted |= before(a[i + 1], a[i]) ? 1U : 0U;
-  if (block.combine(unsorted) == 0) return;
+  for (Index i = team.rank(); i + 1 < n; i += team.size()) unsorted |= before(a[i + 1], a[i]) ? 1U : 0U;
+  if (team.combine(unsorted) == 0) return;
   int levels = 0;
   while ((Offset{1} << levels) < n) ++levels;
   const Index pairs = static_cast<Index>(Offset{1} << (levels - 1));
   for (int merge = 0; merge < levels; ++merge) {
     const Offset half = Offset{1} << merge;
-    for_each(block, pairs, [&](Index pair) {
+    for_each(team, pairs, [&](Index pair) {
       const Offset begin = (Offset{pair} >> merge) << (merge + 1);
       const Offset inner = pair & (half - 1);
       order_pair(a, begin + inner, begin + 2 * half - 1 - inner, n, before);
     });
     for (int step = merge - 1; step >= 0; --step) {
       const Offset distance = Offset{1} << step;
-      for_each(block, pairs, [&](Index pair) {
+      for_each(team, pairs, [&](Index pair) {
         const Offset i = ((Offset{pair} >> step) << (step + 1)) + (pair & (distance - 1));
         order_pair(a, i, i + distance, n, before);
       });

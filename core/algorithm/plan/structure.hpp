@@ -136,8 +136,8 @@ STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) 
 /// null are believed, nothing in the arrays is: no entry is used as a position before it was compared with a total. All
 /// environments (one at least) are sound if and only if validate() finds no structural defect in the batch. The answer
 /// is on every lane.
-template <Block B, class Real>
-STICTION_HD_OUTLINE bool structure_is_sound(B& block, const ContactBatchView<Real>& batch, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<Real>& batch, Offset env) {
   const Index rows = part_in_use(batch.env_row_offsets, batch.env_row_counts, env, batch.env_count, batch.row_count);
   const Index cones =
       part_in_use(batch.env_cone_offsets, batch.env_cone_counts, env, batch.env_count, batch.cone_count);
@@ -152,13 +152,13 @@ STICTION_HD_OUTLINE bool structure_is_sound(B& block, const ContactBatchView<Rea
 
   std::uint32_t broken = 0;
   const auto expect = [&](bool holds) { broken |= static_cast<std::uint32_t>(!holds); };
-  for_each(block, static_cast<Index>(cone_end - cone), [&](Index c) {
+  for_each(team, static_cast<Index>(cone_end - cone), [&](Index c) {
     const Offset begin = batch.cone_row_offsets[cone + c], end = batch.cone_row_offsets[cone + c + 1];
     const bool in_order = begin >= 0 && begin <= end && end <= batch.row_count;
     expect(in_order && (c >= cones || (begin >= row && is_cone(batch.cone_kind[cone + c], end - begin))));
   });
-  for_each(block, static_cast<Index>(row_end - row), [&](Index i) { expect(has_columns(batch, row + i)); });
-  if (block.combine(broken) != 0) return false;
+  for_each(team, static_cast<Index>(row_end - row), [&](Index i) { expect(has_columns(batch, row + i)); });
+  if (team.combine(broken) != 0) return false;
   if (batch.row_offsets[row + rows] - batch.row_offsets[row] > kMostOfOneEnv) return false;
 
   // Only dense systems are put into an order of their own, in which the normal can come first.
@@ -166,13 +166,13 @@ STICTION_HD_OUTLINE bool structure_is_sound(B& block, const ContactBatchView<Rea
   if (!has_sound_factor(batch, env, rows, stored)) return false;
   if (batch.normal_last && rows > 0 && (batch.env_dofs(env) > 0 || choose_path(rows, stored) != EnvPath::dense))
     return false;
-  for_each(block, cones, [&](Index c) { expect(has_friction(batch, cone + c)); });
-  for_each(block, rows, [&](Index i) {
+  for_each(team, cones, [&](Index c) { expect(has_friction(batch, cone + c)); });
+  for_each(team, rows, [&](Index i) {
     const Index* const columns = batch.row_columns(row + i);
     const Index count = batch.row_entries(row + i);
     for (Index k = 0; k < count; ++k) expect(columns[k] >= 0 && columns[k] < rows);
   });
-  return block.combine(broken) == 0;
+  return team.combine(broken) == 0;
 }
 
 }  // namespace stiction::inline STICTION_ISA

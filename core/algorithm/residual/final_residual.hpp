@@ -65,14 +65,14 @@ struct FactorRows {
   }
 };
 
-template <Block B, class Real, class System>
-STICTION_HD StoredRows<Real> residual_rows(B&, const EnvView<Real>& env, const System&) {
+template <Team TeamT, class Real, class System>
+STICTION_HD StoredRows<Real> residual_rows(TeamT&, const EnvView<Real>& env, const System&) {
   return {&env};
 }
-template <Block B, class Real>
-STICTION_HD FactorRows<Real> residual_rows(B& block, const EnvView<Real>& env, const FactorSystem<Real>& s) {
+template <Team TeamT, class Real>
+STICTION_HD FactorRows<Real> residual_rows(TeamT& team, const EnvView<Real>& env, const FactorSystem<Real>& s) {
   double* const velocity = s.exact;
-  for_each(block, env.dofs, [&](Index k) {
+  for_each(team, env.dofs, [&](Index k) {
     double sum = 0.0;
     for (Index i = 0; i < env.n; ++i)
       sum = fma_(static_cast<double>(env.factor[static_cast<Offset>(i) * env.dofs + k]),
@@ -138,11 +138,11 @@ STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
 
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w.
-template <Block B, class Real, class Rows>
-STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, const Rows& rows) {
+template <Team TeamT, class Real, class Rows>
+STICTION_HD_SHARED Judgement final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
   double largest = 0.0;
   double blur = 0.0;
-  for_each(block, env.cone_count, [&](Index cone) {
+  for_each(team, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
     with_shape(kind, env.cone_size(cone), [&](auto shape) {
@@ -175,18 +175,18 @@ STICTION_HD_SHARED Judgement final_residual(B& block, const EnvView<Real>& env, 
       }
     });
   });
-  largest = sqrt_(block.max(largest));
-  return {largest, block.max(blur)};
+  largest = sqrt_(team.max(largest));
+  return {largest, team.max(blur)};
 }
-template <Block B, class Real>
-STICTION_HD Judgement final_residual(B& block, const EnvView<Real>& env) {
-  return final_residual(block, env, StoredRows<Real>{&env});
+template <Team TeamT, class Real>
+STICTION_HD Judgement final_residual(TeamT& team, const EnvView<Real>& env) {
+  return final_residual(team, env, StoredRows<Real>{&env});
 }
 
 /// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.
-template <Block B, class Real>
-STICTION_HD_OUTLINE double residual_scale(B& block, const EnvView<Real>& env) {
-  const double largest = max_over<double>(block, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE double residual_scale(TeamT& team, const EnvView<Real>& env) {
+  const double largest = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
   return max_(largest, 1e-300);
 }
 

@@ -33,12 +33,12 @@ STICTION_HD Real residual_weight(Real mean_diagonal) {
 
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
 /// iterate itself.
-template <class Method, Law kLaw, Block B, class System>
-STICTION_HD_OUTLINE void record(B& block, System& s, Mask<typename System::Real> due) {
+template <class Method, Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE void record(TeamT& team, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
-  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(block, s);
+  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
   Real largest(0);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     Real x[kRows];
     Real y[kRows];
@@ -50,11 +50,11 @@ STICTION_HD_OUTLINE void record(B& block, System& s, Mask<typename System::Real>
     const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
     largest = max_(natural_map_square<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
   });
-  const Real residual = div_(sqrt_(block.max(largest)), s.scalar[kNormB]);
+  const Real residual = div_(sqrt_(team.max(largest)), s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);
-  if (any(better)) for_each(block, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
-  block.sync();
-  single(block, [&] {
+  if (any(better)) for_each(team, s.n, [&](Index i) { s.best[i] = select(better, s.x[i], s.best[i]); });
+  team.sync();
+  single(team, [&] {
     s.scalar[kBestResidual] = select(better, residual, s.scalar[kBestResidual]);
     s.scalar[kLastResidual] = select(due, residual, s.scalar[kLastResidual]);
   });

@@ -149,8 +149,8 @@ STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Ind
 template <class T, int W, Law kLaw>
 STICTION_HD void take_lane(const BodyPack<T, W, kLaw>& pack, const BodyEnv<T>& env, const BodySystem<T, kLaw, W>& s,
                            bool warm, int lane) {
-  SerialBlock block;
-  load_masses(block, env, s);
+  SerialTeam team;
+  load_masses(team, env, s);
   for (Index p = 0; p < s.contacts; ++p) {
     take_contact(env, s, p, warm);
     pack.restitution[p].v[lane] = env.restitution[env.contact_order[p]];

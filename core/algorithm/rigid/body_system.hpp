@@ -157,15 +157,15 @@ struct BodySystem {
 
 /// f(i) for every i in [0, n), shared out in runs of neighbours as long as the block likes them; ends in a sync. The
 /// f(i) must not depend on each other.
-template <Block B, class F>
-STICTION_HD void share_out(B& block, Index n, F&& f) {
-  constexpr Index kRun = B::kRowTile;
+template <Team TeamT, class F>
+STICTION_HD void share_out(TeamT& team, Index n, F&& f) {
+  constexpr Index kRun = TeamT::kRowTile;
   const Index runs = (n + kRun - 1) / kRun;
-  for (Index run = block.rank(); run < runs; run += block.size()) {
+  for (Index run = team.rank(); run < runs; run += team.size()) {
     const Index end = (run + 1) * kRun < n ? (run + 1) * kRun : n;
     for (Index i = run * kRun; i < end; ++i) f(i);
   }
-  block.sync();
+  team.sync();
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -15,10 +15,10 @@ STICTION_HD Real returned_impulse(const BodyEnv<Real>& env, const ContactTiles<R
 }
 
 /// Twists under those impulses, v_free + M^-1 J' lambda, into s.exact.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void gather_exact(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void gather_exact(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const ContactTiles<Real, kStride>& x, const SiParams& params) {
-  for_each(block, s.bodies + 1, [&](Index body) {
+  for_each(team, s.bodies + 1, [&](Index body) {
     Twist<double> twist = free_twist(env, s, params, body);
     if (body < s.bodies && !env.is_kinematic(body)) {
       const InverseMass<double> inverse{static_cast<double>(env.inv_mass[body]),
@@ -72,14 +72,15 @@ STICTION_HD void judge_contact(const ExactGeometry<T>& contact, TwistOf&& twist,
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE Judgement residual_of(TeamT& team, const BodyEnv<Real>& env,
+                                          const BodySystem<Real, kLaw, kStride>& s,
                                           const ContactTiles<Real, kStride>& x, const SiParams& params,
                                           bool is_answer) {
-  gather_exact(block, env, s, x, params);
+  gather_exact(team, env, s, x, params);
   const double r = div_(params.cfm, params.step);
   BodyJudgement<double> judged;
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     double lambda[3];
     for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(returned_impulse(env, x, p, k));
@@ -92,27 +93,28 @@ STICTION_HD_OUTLINE Judgement residual_of(B& block, const BodyEnv<Real>& env, co
     for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
       env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });
-  const double largest = sqrt_(block.max(judged.largest));
-  return {largest, block.max(judged.blur)};
+  const double largest = sqrt_(team.max(judged.largest));
+  return {largest, team.max(judged.blur)};
 }
 
 /// The residual of the best iterate, which is the answer, as it may be held against the tolerance (seen_residual).
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD double judge_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD double judge_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                 const SiParams& params, double scale) {
-  return seen_residual(residual_of(block, env, s, s.best, params, true), params.tolerance * scale);
+  return seen_residual(residual_of(team, env, s, s.best, params, true), params.tolerance * scale);
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(block, s.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void publish_bodies(TeamT& team, const BodyEnv<Real>& env,
+                                        const BodySystem<Real, kLaw, kStride>& s) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) {
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
       total = canonical_zero(total + returned_impulse(env, s.best, p, k));
     }
   });
-  for_each(block, s.bodies, [&](Index body) {
+  for_each(team, s.bodies, [&](Index body) {
     const auto row = s.exact_row(body);
     for (Index k = 0; k < 6; ++k)
       env.twist_out[6 * static_cast<Offset>(body) + k] = canonical_zero(saturated<Real>(row[k]));
@@ -120,9 +122,9 @@ STICTION_HD_OUTLINE void publish_bodies(B& block, const BodyEnv<Real>& env, cons
 }
 
 /// Zero impulses, and zero motion of the contacts: where the sums begin, and what a dropped contact keeps.
-template <Block B, class Real>
-STICTION_HD void clear_impulses(B& block, const BodyEnv<Real>& env) {
-  for_each(block, env.contacts, [&](Index c) {
+template <Team TeamT, class Real>
+STICTION_HD void clear_impulses(TeamT& team, const BodyEnv<Real>& env) {
+  for_each(team, env.contacts, [&](Index c) {
     for (Index k = 0; k < 3; ++k) {
       env.impulse[3 * static_cast<Offset>(c) + k] = Real(0);
       if (env.w != nullptr) env.w[3 * static_cast<Offset>(c) + k] = Real(0);
@@ -130,23 +132,23 @@ STICTION_HD void clear_impulses(B& block, const BodyEnv<Real>& env) {
   });
 }
 
-template <Block B, class Real>
-STICTION_HD void write_body_status(B& block, const BodyEnv<Real>& env, const SiParams& params, EnvCode code,
+template <Team TeamT, class Real>
+STICTION_HD void write_body_status(TeamT& team, const BodyEnv<Real>& env, const SiParams& params, EnvCode code,
                                    std::uint32_t flags, Index iterations, double relative, double absolute) {
-  single(block, [&] {
+  single(team, [&] {
     *env.status = EnvStatus{relative, absolute, flags, iterations, code, params.answered_by, {0, 0, 0, 0, 0, 0}};
   });
 }
 
 /// The safe answer for an environment whose numbers cannot be used: nothing pushes, nothing moves.
-template <Block B, class Real>
-STICTION_HD_OUTLINE void refuse_bodies(B& block, const BodyEnv<Real>& env, const SiParams& params,
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void refuse_bodies(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
                                        std::uint32_t flags) {
-  for_each(block, env.bodies, [&](Index body) {
+  for_each(team, env.bodies, [&](Index body) {
     for (Index k = 0; k < 6; ++k) env.twist_out[6 * static_cast<Offset>(body) + k] = Real(0);
   });
   const double infinite = __builtin_huge_val();
-  write_body_status(block, env, params, EnvCode::invalid_input, flags, 0, infinite, infinite);
+  write_body_status(team, env, params, EnvCode::invalid_input, flags, 0, infinite, infinite);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -23,10 +23,10 @@ class FiniteProbe {
 };
 
 /// EnvFlag bits of an environment's own numbers, before anything is projected: a projection would hide a NaN.
-template <Block B, class Real>
-STICTION_HD_OUTLINE std::uint32_t inspect_bodies(B& block, const BodyEnv<Real>& env) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE std::uint32_t inspect_bodies(TeamT& team, const BodyEnv<Real>& env) {
   std::uint32_t flags = env.kept < env.contacts ? kFlagCapacity : 0U;
-  for (Index body = block.rank(); body < env.bodies; body += block.size()) {
+  for (Index body = team.rank(); body < env.bodies; body += team.size()) {
     const Offset row = 6 * static_cast<Offset>(body);
     FiniteProbe<Real> probe;
     probe.add(env.twist + row, 6);
@@ -38,7 +38,7 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(B& block, const BodyEnv<Real>& 
     }
     if (!probe.is_finite()) flags |= kFlagNonFiniteInput;
   }
-  for (Index c = block.rank(); c < env.contacts; c += block.size()) {
+  for (Index c = team.rank(); c < env.contacts; c += team.size()) {
     const Offset row = 3 * static_cast<Offset>(c);
     FiniteProbe<Real> probe;
     probe.add(env.arm_a + row, 3);
@@ -54,7 +54,7 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(B& block, const BodyEnv<Real>& 
     guess.add(env.warm_start + row, 3);
     if (!guess.is_finite()) flags |= kFlagWarmStartRejected;
   }
-  return block.combine(flags);
+  return team.combine(flags);
 }
 
 /// Whether a body environment with those flags can be solved.
@@ -62,9 +62,9 @@ STICTION_HD bool can_sweep(std::uint32_t flags) {
   return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected | kFlagCapacity)) == 0;
 }
 
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void load_masses(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
-  for_each(block, s.bodies + 1, [&](Index body) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void load_masses(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
+  for_each(team, s.bodies + 1, [&](Index body) {
     const bool world = body == s.bodies;
     const bool pushed = !world && !env.is_kinematic(body);
     const auto mass = s.mass_row(body);
@@ -169,44 +169,44 @@ STICTION_HD bool is_warm(const BodyEnv<Real>& env, std::uint32_t flags) {
 }
 
 /// Fills a system with everything but what a sub-step changes. Returns flags.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE std::uint32_t load_bodies(B& block, const BodyEnv<Real>& env,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE std::uint32_t load_bodies(TeamT& team, const BodyEnv<Real>& env,
                                               const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
                                               bool warm) {
-  load_masses(block, env, s);
+  load_masses(team, env, s);
   std::uint32_t bad = 0;
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     take_contact(env, s, p, warm);
     const Offset side = 2 * static_cast<Offset>(p);
     if (!load_contact(s, p, s.frame(p), slot_of(env.sides[side]), slot_of(env.sides[side + 1])))
       bad |= kFlagBadDiagonal;
     if (warm) start_impulse(s, params, p, true);
   });
-  return block.combine(bad);
+  return team.combine(bad);
 }
 
 /// With b = 0 the answer is zero, and no warm start is better.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void rest(B& block, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(block, s.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void rest(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
   });
 }
 
 /// Sets out from the twists and depths a sub-step begins with: biases, and max|b| [w], which is returned.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double begin_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                         const SiParams& params) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE double begin_substep(TeamT& team, const BodyEnv<Real>& env,
+                                         const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {
   double largest = 0.0;
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     const double bias = bias_of(env, s, params, p, contact);
     s.field.at(kFieldBias, p) = static_cast<Real>(bias);
     largest = largest_free_motion<double>(contact, free_twist(env, s, params, slot_of(contact.side_a)),
                                           free_twist(env, s, params, slot_of(contact.side_b)), bias, largest);
   });
-  largest = block.max(largest);
-  if (!(largest > 0.0)) rest(block, s);
+  largest = team.max(largest);
+  if (!(largest > 0.0)) rest(team, s);
   return largest;
 }
 

@@ -62,8 +62,8 @@ STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W,
   });
   return largest;
 }
-template <Block B, class T, int W, Law kLaw>
-STICTION_HD Pack<T, W> sweep_bodies(B&, const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
+template <Team TeamT, class T, int W, Law kLaw>
+STICTION_HD Pack<T, W> sweep_bodies(TeamT&, const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
   return sweep_from(env, s, 0, omega);
 }
 
@@ -89,8 +89,8 @@ STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s,
 }
 
 /// One sweep of two packs in turns.
-template <Block B, class T, int W, Law kLaw>
-STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(B&, const EnvPair<PackEnv<T, W>>& env,
+template <Team TeamT, class T, int W, Law kLaw>
+STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT&, const EnvPair<PackEnv<T, W>>& env,
                                                 const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {
   using Uniform = UniformEnv<T, W>;
   NumberPair<Pack<T, W>> largest{Pack<T, W>(0), Pack<T, W>(0)};
@@ -109,14 +109,14 @@ STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(B&, const EnvPair<PackEnv<T, W>>
 }
 
 /// The same with momentum.
-template <Block B, class Env, class System, class Real>
-STICTION_HD void accelerated_sweep(B& block, const EnvPair<Env>& env, const SystemPair<System>& s, Real omega,
+template <Team TeamT, class Env, class System, class Real>
+STICTION_HD void accelerated_sweep(TeamT& team, const EnvPair<Env>& env, const SystemPair<System>& s, Real omega,
                                    NumberPair<SiMomentum<Real>>& momentum) {
   const NesterovStep<Real> lead_a = nesterov_step(momentum.a.theta);
   const NesterovStep<Real> lead_b = nesterov_step(momentum.b.theta);
-  extrapolate(block, s.a, lead_a.beta);
-  extrapolate(block, s.b, lead_b.beta);
-  const NumberPair<Real> progress = sweep_bodies(block, env, s, omega);
+  extrapolate(team, s.a, lead_a.beta);
+  extrapolate(team, s.b, lead_b.beta);
+  const NumberPair<Real> progress = sweep_bodies(team, env, s, omega);
   follow(momentum.a, lead_a, progress.a);
   follow(momentum.b, lead_b, progress.b);
 }

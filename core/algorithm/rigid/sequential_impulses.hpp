@@ -19,27 +19,27 @@ struct SiMomentum {
 };
 
 /// The iterate before the first sweep is the iterate.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void start_momentum(B& block, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(block, s.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void start_momentum(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.before.at(k, p) = s.x.at(k, p);
   });
-  share_out(block, s.bodies, [&](Index body) { s.set_twist(s.motion_before, body, s.twist(s.motion, body)); });
+  share_out(team, s.bodies, [&](Index body) { s.set_twist(s.motion_before, body, s.twist(s.motion, body)); });
 }
 
 /// Extrapolates along the last change. Twists are affine in impulses, so the same numbers serve both.
-template <Block B, class System>
-STICTION_HD void extrapolate(B& block, const System& s, typename System::Real beta) {
+template <Team TeamT, class System>
+STICTION_HD void extrapolate(TeamT& team, const System& s, typename System::Real beta) {
   using Real = typename System::Real;
   const auto move = [beta](Real& now, Real& before) {
     const Real value = now;
     now = fma_(beta, value - before, value);
     before = value;
   };
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) move(s.x.at(k, p), s.before.at(k, p));
   });
-  share_out(block, s.bodies, [&](Index body) {
+  share_out(team, s.bodies, [&](Index body) {
     const auto now = s.twist_row(s.motion, body);
     const auto before = s.twist_row(s.motion_before, body);
     for (Index k = 0; k < 6; ++k) move(now[k], before[k]);
@@ -54,22 +54,23 @@ STICTION_HD void follow(SiMomentum<Real>& momentum, const NesterovStep<Real>& le
 }
 
 /// One sweep with momentum.
-template <Block B, class Env, class System, class Real>
-STICTION_HD void accelerated_sweep(B& block, const Env& env, const System& s, Real omega, SiMomentum<Real>& momentum) {
+template <Team TeamT, class Env, class System, class Real>
+STICTION_HD void accelerated_sweep(TeamT& team, const Env& env, const System& s, Real omega,
+                                   SiMomentum<Real>& momentum) {
   const NesterovStep<Real> lead = nesterov_step(momentum.theta);
-  extrapolate(block, s, lead.beta);
-  follow(momentum, lead, block.max(sweep_bodies(block, env, s, omega)));
+  extrapolate(team, s, lead.beta);
+  follow(momentum, lead, team.max(sweep_bodies(team, env, s, omega)));
 }
 /// `env`, `s` and `momentum` are of one system, of a pack, or of two packs in turns.
-template <Block B, class Env, class System, class Momentum>
-STICTION_HD void run_sweeps(B& block, const Env& env, const System& s, const SiParams& params, Index count,
+template <Team TeamT, class Env, class System, class Momentum>
+STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const SiParams& params, Index count,
                             Momentum& momentum) {
   const auto omega = static_cast<typename System::Real>(params.omega);
   for (Index k = 0; k < count; ++k) {
     if (params.momentum) {
-      accelerated_sweep(block, env, s, omega, momentum);
+      accelerated_sweep(team, env, s, omega, momentum);
     } else {
-      sweep_bodies(block, env, s, omega);
+      sweep_bodies(team, env, s, omega);
     }
   }
 }
@@ -101,28 +102,28 @@ STICTION_HD void set_out(SiProgress<Real>& progress, double largest_b) {
 }
 
 /// The twists that the first iterate of a sub-step begins with, and its residual.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void look_first(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void look_first(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                             const SiParams& params, SiProgress<Real>& progress) {
-  refresh_bodies(block, env, s, params);
-  if (params.momentum) start_momentum(block, s);
-  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
+  refresh_bodies(team, env, s, params);
+  if (params.momentum) start_momentum(team, s);
+  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(team, env, s);
 }
 
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void enter_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void enter_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
-  set_out(progress, begin_substep(block, env, s, params));
-  look_first(block, env, s, params, progress);
+  set_out(progress, begin_substep(team, env, s, params));
+  look_first(team, env, s, params, progress);
 }
 
 /// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
 /// gaps have changed by the normal velocity.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void leave_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void leave_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const SiParams& params) {
   const Real step = static_cast<Real>(params.step);
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     const auto visit = visit_of(env, s, p);
     s.depth.at(0, p) = fma_(-step, dot(velocity_at(visit), visit.frame().n), s.depth.at(0, p));
     for (Index k = 0; k < 3; ++k) {
@@ -131,30 +132,30 @@ STICTION_HD_OUTLINE void leave_substep(B& block, const BodyEnv<Real>& env, const
       total = total + impulse;
     }
   });
-  share_out(block, s.bodies, [&](Index body) { s.set_twist(s.start, body, s.twist(s.motion, body)); });
+  share_out(team, s.bodies, [&](Index body) { s.set_twist(s.start, body, s.twist(s.motion, body)); });
 }
 
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void keep_best(B& block, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(block, s.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void keep_best(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.best.at(k, p) = s.x.at(k, p);
   });
 }
 
 /// No reactions in the whole step: the answer that is finite when no iterate was. As if the first sub-step had been the
 /// only one.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double fall_back(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE double fall_back(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                      SiParams& params) {
   params.step = params.step * static_cast<double>(params.substeps);
   params.substeps = 1;
-  load_masses(block, env, s);
-  share_out(block, s.contacts, [&](Index p) {
+  load_masses(team, env, s);
+  share_out(team, s.contacts, [&](Index p) {
     s.depth.at(0, p) = env.depth[env.contact_order[p]];
     for (Index k = 0; k < 3; ++k) s.best.at(k, p) = Real(0);
   });
-  clear_impulses(block, env);
-  return begin_substep(block, env, s, params);
+  clear_impulses(team, env);
+  return begin_substep(team, env, s, params);
 }
 
 /// What a look at the iterate of the last sub-step tells.
@@ -164,13 +165,13 @@ struct SiLook {
 };
 
 /// Looks at the iterate of the last sub-step, and keeps it if it is the best.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD SiLook look_at_last(B& block, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD SiLook look_at_last(TeamT& team, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
                                 SiProgress<Real>& progress) {
   const Real estimate = progress.estimate;
   if (progress.done == 0 || estimate < progress.best) {
     progress.best = estimate;
-    keep_best(block, s);
+    keep_best(team, s);
   }
   const bool broken = !finite_(estimate);
   const bool ended = broken || progress.done >= params.iterations;
@@ -181,79 +182,80 @@ STICTION_HD SiLook look_at_last(B& block, const BodySystem<Real, kLaw, kStride>&
 
 /// The answer is published once its residual `absolute`, computed in double from the bits that are returned, is at most
 /// the tolerance, or sweeps have run out. Whether it was.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool conclude_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD bool conclude_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                  SiParams params, SiLook look, double absolute, SiProgress<Real>& progress) {
   const Index earlier = (params.substeps - 1) * params.iterations;
   if (look.ended && !finite_(div_(absolute, progress.scale))) {
-    progress.scale = max_(fall_back(block, env, s, params), 1e-300);
-    absolute = judge_bodies(block, env, s, params, progress.scale);
+    progress.scale = max_(fall_back(team, env, s, params), 1e-300);
+    absolute = judge_bodies(team, env, s, params, progress.scale);
   }
   const double relative = div_(absolute, progress.scale);
   const bool solved = finite_(relative) && relative <= params.tolerance;
   progress.verified = progress.best;
   if (!solved && !look.ended) return false;
   const EnvCode code = solved ? EnvCode::solved : look.broken ? EnvCode::numerical : EnvCode::max_iterations;
-  publish_bodies(block, env, s);
-  write_body_status(block, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
+  publish_bodies(team, env, s);
+  write_body_status(team, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
   return true;
 }
 
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD bool settle_last_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                      const SiParams& params, SiProgress<Real>& progress) {
-  const SiLook look = look_at_last(block, s, params, progress);
+  const SiLook look = look_at_last(team, s, params, progress);
   if (!look.is_asked) return false;
-  return conclude_bodies(block, env, s, params, look, judge_bodies(block, env, s, params, progress.scale), progress);
+  return conclude_bodies(team, env, s, params, look, judge_bodies(team, env, s, params, progress.scale), progress);
 }
 
 /// Adds to what is known of an environment. Whether it can be solved; if not, it is answered.
-template <Block B, class Real>
-STICTION_HD bool is_sound(B& block, const BodyEnv<Real>& env, const SiParams& params, std::uint32_t flags,
+template <Team TeamT, class Real>
+STICTION_HD bool is_sound(TeamT& team, const BodyEnv<Real>& env, const SiParams& params, std::uint32_t flags,
                           SiProgress<Real>& progress) {
   progress.flags |= flags;
   if (can_sweep(progress.flags)) return true;
-  refuse_bodies(block, env, params, progress.flags);
+  refuse_bodies(team, env, params, progress.flags);
   return false;
 }
 
 /// Looks at an environment's numbers. Whether they can be used; if not, it is answered.
-template <Block B, class Real>
-STICTION_HD bool admit_bodies(B& block, const BodyEnv<Real>& env, const SiParams& params, SiProgress<Real>& progress) {
-  clear_impulses(block, env);
+template <Team TeamT, class Real>
+STICTION_HD bool admit_bodies(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
+                              SiProgress<Real>& progress) {
+  clear_impulses(team, env);
   progress = SiProgress<Real>{};
-  return is_sound(block, env, params, inspect_bodies(block, env), progress);
+  return is_sound(team, env, params, inspect_bodies(team, env), progress);
 }
 
 /// Up to the first sweep. Whether there is anything to solve; if not, the environment is answered.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool start_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD bool start_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params, SiProgress<Real>& progress) {
-  if (!admit_bodies(block, env, params, progress)) return false;
-  const std::uint32_t flags = load_bodies(block, env, s, params, is_warm(env, progress.flags));
-  if (!is_sound(block, env, params, flags, progress)) return false;
-  enter_substep(block, env, s, params, progress);
+  if (!admit_bodies(team, env, params, progress)) return false;
+  const std::uint32_t flags = load_bodies(team, env, s, params, is_warm(env, progress.flags));
+  if (!is_sound(team, env, params, flags, progress)) return false;
+  enter_substep(team, env, s, params, progress);
   return true;
 }
 
 /// Goes on to the next sub-step after a fixed number of sweeps. Whether it is the last.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool reach_last_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD bool reach_last_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                     const SiParams& params, SiProgress<Real>& progress) {
   while (!is_last_substep(params, progress.step)) {
     if (progress.done < params.iterations) return false;
-    leave_substep(block, env, s, params);
+    leave_substep(team, env, s, params);
     ++progress.step;
-    enter_substep(block, env, s, params, progress);
+    enter_substep(team, env, s, params, progress);
   }
   return true;
 }
 
 /// Between two chunks. Whether the environment is answered.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD bool settle_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
-  return reach_last_substep(block, env, s, params, progress) && settle_last_substep(block, env, s, params, progress);
+  return reach_last_substep(team, env, s, params, progress) && settle_last_substep(team, env, s, params, progress);
 }
 
 /// Sweeps of the next chunk.
@@ -264,24 +266,24 @@ STICTION_HD Index next_chunk(const SiParams& params, const SiProgress<Real>& pro
 }
 
 /// One chunk of sweeps.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void advance_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void advance_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                         const SiParams& params, SiProgress<Real>& progress) {
   const Index count = next_chunk(params, progress);
-  run_sweeps(block, env, s, params, count, progress.momentum);
-  refresh_bodies(block, env, s, params);
-  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(block, env, s);
+  run_sweeps(team, env, s, params, count, progress.momentum);
+  refresh_bodies(team, env, s, params);
+  if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(team, env, s);
   progress.done += count;
 }
 
 /// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A lane
 /// of its own takes the same three steps one by one.
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD void solve_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD void solve_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params) {
   SiProgress<Real> progress;
-  if (!start_bodies(block, env, s, params, progress)) return;
-  while (!settle_bodies(block, env, s, params, progress)) advance_bodies(block, env, s, params, progress);
+  if (!start_bodies(team, env, s, params, progress)) return;
+  while (!settle_bodies(team, env, s, params, progress)) advance_bodies(team, env, s, params, progress);
 }
 
 /// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes.
@@ -290,11 +292,11 @@ struct BodySweeps {
   using Real = Precision;
   using System = BodySystem<Real, kLaw>;
 
-  template <Block B>
-  static STICTION_HD void solve(B& block, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
+  template <Team TeamT>
+  static STICTION_HD void solve(TeamT& team, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
                                 double* exact) {
     const SiParams params = si_params(job.stepping, job.options);
-    solve_bodies(block, env, System(env.kept, env.bodies, params, numbers, exact), params);
+    solve_bodies(team, env, System(env.kept, env.bodies, params, numbers, exact), params);
   }
 };
 

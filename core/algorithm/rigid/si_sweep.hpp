@@ -141,8 +141,8 @@ STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index e
 
 /// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
 /// of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
-template <Block B, class Env, class System>
-STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typename System::Real omega) {
+template <Team TeamT, class Env, class System>
+STICTION_HD auto sweep_bodies(TeamT& team, const Env& env, const System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
   if constexpr (kInterleaved<Real, System::kStride>) {
@@ -151,7 +151,7 @@ STICTION_HD auto sweep_bodies(B& block, const Env& env, const System& s, typenam
   } else {
     for (Index color = 0; color < env.color_count; ++color) {
       const Index first = env.color_offsets[color];
-      share_out(block, env.color_offsets[color + 1] - first, [&](Index k) {
+      share_out(team, env.color_offsets[color + 1] - first, [&](Index k) {
         for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
           largest = max_(visit_contact(env, s, p, omega), largest);
       });
@@ -181,10 +181,10 @@ STICTION_HD Twist<T> gather_impulses(const BodyEnv<Real>& env, Index body, const
 
 /// Computes twists afresh from the impulses, so that rounding does not pile up in them; momentum's earlier twists get
 /// the same correction (docs/math/npgs.md, "Refreshing motion together with its history").
-template <Block B, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                         const SiParams& params) {
-  for_each(block, s.bodies, [&](Index body) {
+  for_each(team, s.bodies, [&](Index body) {
     const Twist<double> free = free_twist(env, s, params, body);
     const Twist<Real> base{
         {static_cast<Real>(free.linear.x), static_cast<Real>(free.linear.y), static_cast<Real>(free.linear.z)},
@@ -208,11 +208,11 @@ STICTION_HD_OUTLINE void refresh_bodies(B& block, const BodyEnv<Real>& env, cons
 }
 
 /// The largest natural-map residual over the contacts [w], for fresh twists.
-template <Block B, class Env, class System>
-STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const System& s) {
+template <Team TeamT, class Env, class System>
+STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const System& s) {
   using Real = typename System::Real;
   Real largest(0);
-  share_out(block, s.contacts, [&](Index p) {
+  share_out(team, s.contacts, [&](Index p) {
     const auto visit = visit_of(env, s, p);
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];
@@ -220,7 +220,7 @@ STICTION_HD_OUTLINE auto estimate_residual(B& block, const Env& env, const Syste
     largest = max_(
         natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
   });
-  return sqrt_(block.max(largest));
+  return sqrt_(team.max(largest));
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -23,22 +23,22 @@ struct Apgd {
   static constexpr float kDecay = 0.97F;
   static constexpr float kSmallestLipschitz = 1.0F / 16;
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void start(TeamT& team, System& s) {
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
-    for_each(block, s.n, [&](Index i) {
+    for_each(team, s.n, [&](Index i) {
       x_before[i] = s.x[i];
       y_before[i] = s.y[i];
     });
-    single(block, [&] {
+    single(team, [&] {
       s.scalar[kTheta] = 1;
       s.scalar[kLipschitz] = 1;
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
@@ -48,7 +48,7 @@ struct Apgd {
     const auto image = s.vector(5);     // (A + R) d
 
     const NesterovStep<Real> lead = nesterov_step(Real(s.scalar[kTheta]));
-    for_each(block, s.n, [&](Index i) {
+    for_each(team, s.n, [&](Index i) {
       const Real x = s.x[i];
       const Real y = s.y[i];
       point[i] = fma_(lead.beta, x - x_before[i], x);
@@ -61,7 +61,7 @@ struct Apgd {
     Real lipschitz = s.scalar[kLipschitz];
     for (int trial = 0; trial < kTrials; ++trial) {
       const Real inverse = div_(Real(1), lipschitz);
-      s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+      s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
         constexpr int kRows = decltype(shape)::kRows;
         Real z[kRows];
         Real y[kRows];
@@ -76,8 +76,8 @@ struct Apgd {
         }
       });
       s.multiply(
-          block, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
-      const Real excess = s.sum_over_cones(block, [&](auto shape, Index cone, Index row) {
+          team, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
+      const Real excess = s.sum_over_cones(team, [&](auto shape, Index cone, Index row) {
         Real curvature(0);
         Real length(0);
         for (int k = 0; k < decltype(shape)::kRows; ++k) {
@@ -93,7 +93,7 @@ struct Apgd {
     }
 
     // Restart when the step from the last iterate goes uphill along the gradient at z.
-    const Real slope = s.sum_over_cones(block, [&](auto shape, Index, Index row) {
+    const Real slope = s.sum_over_cones(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real g[kRows];
       for (int k = 0; k < kRows; ++k) g[k] = gradient[row + k];
@@ -104,16 +104,16 @@ struct Apgd {
       return sum;
     });
     const auto restart = slope > Real(0);
-    for_each(block, s.n, [&](Index i) { s.y[i] = gradient[i] + image[i]; });
-    single(block, [&] {
+    for_each(team, s.n, [&](Index i) { s.y[i] = gradient[i] + image[i]; });
+    single(team, [&] {
       s.scalar[kTheta] = select(restart, Real(1), lead.next);
       s.scalar[kLipschitz] = max_(Real(kDecay) * lipschitz, Real(kSmallestLipschitz));
     });
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
-    refresh_motion(block, s, due, s.vector(1));
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT& team, System& s, Mask<typename System::Real> due) {
+    refresh_motion(team, s, due, s.vector(1));
   }
 };
 

@@ -19,12 +19,12 @@ struct Jacobi {
 
   /// Overwrites inv_cone by the safe step length of each cone. Starts from z = 1 / sqrt(diagonal), so that cones of
   /// different mass get steps of their own.
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void start(TeamT& team, System& s) {
     using Real = typename System::Real;
     const auto z = s.vector(0);
     const auto image = s.vector(1);
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
         const Real diagonal = s.block_entry(row, k, k);
         const Real floored = max_(diagonal, Real(kSmallestRelative) * s.trace[cone]);
@@ -33,9 +33,9 @@ struct Jacobi {
     });
     for (int pass = 0; pass < kBoundIterations; ++pass) {
       s.template multiply<true>(
-          block, z, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
+          team, z, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       if (pass + 1 == kBoundIterations) break;
-      s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+      s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
         // In the metric of the diagonal the Perron iteration is z <- D^-1 |A| z; averaged with z against oscillation.
         for (int k = 0; k < decltype(shape)::kRows; ++k) {
           const Real diagonal = max_(s.block_entry(row, k, k), Real(kSmallestRelative) * s.trace[cone]);
@@ -43,21 +43,21 @@ struct Jacobi {
           z[row + k] = Real(0.5) * (z[row + k] + perron);
         }
       });
-      const Real scale = max_over<Real>(block, s.n, [&](Index i) { return z[i]; });
+      const Real scale = max_over<Real>(team, s.n, [&](Index i) { return z[i]; });
       const Real inverse = select(scale > Real(0), div_(Real(1), scale), Real(0));
-      for_each(block, s.n, [&](Index i) { z[i] = z[i] * inverse; });
+      for_each(team, s.n, [&](Index i) { z[i] = z[i] * inverse; });
     }
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       Real bound(0);
       for (int k = 0; k < decltype(shape)::kRows; ++k) bound = max_(div_(image[row + k], z[row + k]), bound);
       s.inv_cone[cone] = select(bound > Real(0), div_(Real(1), bound), Real(0));
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real z[kRows];
       Real y[kRows];
@@ -68,12 +68,12 @@ struct Jacobi {
       proximal_point<kLaw>(shape, z, y, s.inv_cone[cone], s.lo[cone], s.hi[cone]);
       for (int k = 0; k < kRows; ++k) s.x[row + k] = z[k];
     });
-    refresh_motion(block, s);
+    refresh_motion(team, s);
   }
 
   /// Motion is computed afresh in every iteration.
-  template <Block B, class System>
-  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
   /// Floor of a diagonal entry relative to its cone's mean: keeps steps finite where a row couples to nothing.
   static constexpr float kSmallestRelative = 1.0F / (1 << 30);

@@ -18,42 +18,42 @@ struct Npgs {
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void start(TeamT& team, System& s) {
     using Real = typename System::Real;
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
-    for_each(block, s.n, [&](Index i) {
+    for_each(team, s.n, [&](Index i) {
       x_before[i] = s.x[i];
       if constexpr (System::kMaintainsMotion) y_before[i] = s.y[i];
     });
     const NesterovStep<Real> fresh = without_momentum<Real>();
-    single(block, [&] {
+    single(team, [&] {
       s.scalar[kTheta] = fresh.next;
       s.scalar[kBeta] = fresh.beta;
       s.scalar[kProgress] = Real(__builtin_huge_valf());
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
-    const auto next = extrapolate(block, s);
-    const auto progress = sweep<kLaw>(block, s, typename System::Real(params.omega));
-    keep(block, s, next, progress);
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+    const auto next = extrapolate(team, s);
+    const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
+    keep(team, s, next, progress);
   }
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, SystemPair<System>& s,
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, SystemPair<System>& s,
                                   const MethodParams<Scalar<typename System::Real>>& params) {
-    const auto next_a = extrapolate(block, s.a);
-    const auto next_b = extrapolate(block, s.b);
-    const auto progress = sweep<kLaw>(block, s, typename System::Real(params.omega));
-    keep(block, s.a, next_a, progress.a);
-    keep(block, s.b, next_b, progress.b);
+    const auto next_a = extrapolate(team, s.a);
+    const auto next_b = extrapolate(team, s.b);
+    const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
+    keep(team, s.a, next_a, progress.a);
+    keep(team, s.b, next_b, progress.b);
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
-    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due, s.vector(1));
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT& team, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(team, s, due, s.vector(1));
   }
 
   /// Momentum starts over where asked: nothing is extrapolated, and no sweep can change more than the one before.
@@ -74,13 +74,13 @@ struct Npgs {
 
   /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart: it is
   /// found so early that the sweep hides its root and its quotient.
-  template <Block B, class System, class Real = typename System::Real>
-  static STICTION_HD NesterovStep<Real> extrapolate(B& block, System& s) {
+  template <Team TeamT, class System, class Real = typename System::Real>
+  static STICTION_HD NesterovStep<Real> extrapolate(TeamT& team, System& s) {
     const auto x_before = s.vector(0);
     const auto y_before = s.vector(1);
     const Real beta = s.scalar[kBeta];
     const Real theta = s.scalar[kTheta];
-    for_each(block, s.n, [&](Index i) {
+    for_each(team, s.n, [&](Index i) {
       const Real x = s.x[i];
       s.x[i] = fma_(beta, x - x_before[i], x);
       x_before[i] = x;
@@ -94,12 +94,12 @@ struct Npgs {
   }
 
   /// After a sweep whose largest step was `progress`.
-  template <Block B, class System, class Real = typename System::Real>
-  static STICTION_HD void keep(B& block, System& s, const NesterovStep<Real>& next, Real progress) {
+  template <Team TeamT, class System, class Real = typename System::Real>
+  static STICTION_HD void keep(TeamT& team, System& s, const NesterovStep<Real>& next, Real progress) {
     const auto restarts = progress > s.scalar[kProgress];
     const NesterovStep<Real> fresh = without_momentum<Real>();
-    block.sync();
-    single(block, [&] {
+    team.sync();
+    single(team, [&] {
       s.scalar[kTheta] = select(restarts, fresh.next, next.next);
       s.scalar[kBeta] = select(restarts, fresh.beta, next.beta);
       s.scalar[kProgress] = progress;

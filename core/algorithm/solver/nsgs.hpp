@@ -24,10 +24,10 @@ struct ExactStep {
 struct Nsgs : Pgs {
   static constexpr SolverKind kKind = SolverKind::nsgs;
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
-    sweep<kLaw, ExactStep>(block, s, Real(params.omega));
+    sweep<kLaw, ExactStep>(team, s, Real(params.omega));
   }
 };
 

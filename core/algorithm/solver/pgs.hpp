@@ -17,19 +17,19 @@ struct Pgs {
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B&, System&) {}
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void start(TeamT&, System&) {}
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
-    sweep<kLaw>(block, s, Real(params.omega));
+    sweep<kLaw>(team, s, Real(params.omega));
   }
 
   /// Computes maintained motion afresh in the lanes of `due`.
-  template <Block B, class System>
-  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
-    if constexpr (System::kMaintainsMotion) refresh_motion(block, s, due);
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT& team, System& s, Mask<typename System::Real> due) {
+    if constexpr (System::kMaintainsMotion) refresh_motion(team, s, due);
   }
 };
 

@@ -19,57 +19,57 @@ struct Subspace {
   static constexpr bool kKeepsMotion = Npgs::kKeepsMotion<System>;
 
   /// The environment's own rows, which a pack's slots are not.
-  template <Block B, class Real, class System>
-  static STICTION_HD void load(B& block, const EnvView<Real>& env, System& s) {
-    single(block, [&] { s.scalar[kOwnRows] = static_cast<Real>(env.n); });
+  template <Team TeamT, class Real, class System>
+  static STICTION_HD void load(TeamT& team, const EnvView<Real>& env, System& s) {
+    single(team, [&] { s.scalar[kOwnRows] = static_cast<Real>(env.n); });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void start(B& block, System& s) {
-    Npgs::start<kLaw>(block, s);
-    single(block, [&] {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void start(TeamT& team, System& s) {
+    Npgs::start<kLaw>(team, s);
+    single(team, [&] {
       s.scalar[kAge] = 0;
       s.scalar[kWait] = 1;
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
-    Npgs::iterate<kLaw>(block, s, params);
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+    Npgs::iterate<kLaw>(team, s, params);
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B& block, System& s, Mask<typename System::Real> due) {
-    Npgs::refresh(block, s, due);
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT& team, System& s, Mask<typename System::Real> due) {
+    Npgs::refresh(team, s, due);
   }
 
   /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
   /// makes no difference: what k iterations lead to must not depend on when somebody means to stop.
-  template <Law kLaw, Block B, class Real, int kStride>
-  static STICTION_HD_OUTLINE void leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> due) {
+  template <Law kLaw, Team TeamT, class Real, int kStride>
+  static STICTION_HD_OUTLINE void leap(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];
     const Real age = s.scalar[kAge] + Real(1);
     const Real wait = s.scalar[kWait];
     const auto is_small = s.scalar[kOwnRows] <= Real(kMostRows);
     auto leaps = and_(and_(due, age >= wait), and_(is_small, finite_(last)));
-    block.sync();
+    team.sync();
     Real taken(0);
     if (any(leaps)) {
       const auto kept_x = s.vector(kKeptX);
       const auto kept_y = s.vector(kKeptY);
-      for_each(block, s.n, [&](Index i) {
+      for_each(team, s.n, [&](Index i) {
         kept_x[i] = s.x[i];
         kept_y[i] = s.y[i];
       });
       // What slides by Coulomb's law has an asymmetric matrix.
-      const Real sliding = find_zones(block, s);
+      const Real sliding = find_zones(team, s);
       if constexpr (kLaw == Law::coulomb) leaps = and_(leaps, sliding == Real(0));
-      taken = any(leaps) ? take_leap<kLaw>(block, s, leaps, last) : Real(0);
+      taken = any(leaps) ? take_leap<kLaw>(team, s, leaps, last) : Real(0);
       const auto gains = taken > Real(0);
       // npgs starts anew from there.
       const auto x_before = s.vector(0);
       const auto y_before = s.vector(1);
-      for_each(block, s.n, [&](Index i) {
+      for_each(team, s.n, [&](Index i) {
         s.x[i] = select(gains, s.x[i], kept_x[i]);
         s.y[i] = select(gains, s.y[i], kept_y[i]);
         x_before[i] = select(gains, s.x[i], x_before[i]);
@@ -77,15 +77,15 @@ struct Subspace {
       });
     }
     const auto gains = taken > Real(0);
-    single(block, [&] {
+    single(team, [&] {
       Npgs::restart(s, gains);
       s.scalar[kWait] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
       s.scalar[kAge] = select(leaps, Real(0), age);
     });
   }
   /// Other forms of systems are swept alone.
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD void leap(B&, System&, Mask<typename System::Real>) {}
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD void leap(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
   /// Largest environment that leaps. A factorisation costs what rows / 6 sweeps do, if not more
@@ -110,33 +110,33 @@ struct Subspace {
 
   /// Moves x and y, in the lanes of `leaps`, to the solution of the linear problem. Returns 1 in those whose residual
   /// is below `last` there, and elsewhere 0; these keep `last`.
-  template <Law kLaw, Block B, class Real, int kStride>
-  static STICTION_HD Real take_leap(B& block, DenseSystem<Real, kStride>& s, Mask<Real> leaps, Real last) {
-    refresh_motion(block, s);
+  template <Law kLaw, Team TeamT, class Real, int kStride>
+  static STICTION_HD Real take_leap(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> leaps, Real last) {
+    refresh_motion(team, s);
     const SquareMatrix<Real, kStride> K{s.K, s.n};
-    fill(block, s, K);
-    right_side(block, s);
+    fill(team, s, K);
+    right_side(team, s);
     const auto inverse = s.vector(kInverse);
-    factor_square(block, K, inverse, [&](Index i) { return Real(kLeastPivot) * s.A[i + s.n * i]; });
-    solve_square(block, K, inverse, s.vector(kStep));
-    project_step(block, s, leaps);
-    refresh_motion(block, s);
-    record<Subspace, kLaw>(block, s, leaps);
+    factor_square(team, K, inverse, [&](Index i) { return Real(kLeastPivot) * s.A[i + s.n * i]; });
+    solve_square(team, K, inverse, s.vector(kStep));
+    project_step(team, s, leaps);
+    refresh_motion(team, s);
+    record<Subspace, kLaw>(team, s, leaps);
     const auto gains = and_(leaps, s.scalar[kLastResidual] < last);
-    block.sync();
-    single(block, [&] { s.scalar[kLastResidual] = select(gains, s.scalar[kLastResidual], last); });
+    team.sync();
+    single(team, [&] { s.scalar[kLastResidual] = select(gains, s.scalar[kLastResidual], last); });
     return select(gains, Real(1), Real(0));
   }
 
   /// The zone of every cone, and x moved to the point of it that is nearest to where the cone's own step leads.
   /// Returns 1 where some cone slides, else 0.
-  template <Block B, class Real, int kStride>
-  static STICTION_HD Real find_zones(B& block, DenseSystem<Real, kStride>& s) {
+  template <Team TeamT, class Real, int kStride>
+  static STICTION_HD Real find_zones(TeamT& team, DenseSystem<Real, kStride>& s) {
     const auto loose = s.vector(kLoose);
     const auto normal = s.vector(kNormal);
     const auto bend = s.vector(kBend);
     Real sliding(0);
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real z[kRows];
       for (int k = 0; k < kRows; ++k) z[k] = fma_(Real(0) - s.inv_cone[cone], s.y[row + k], s.x[row + k]);
@@ -176,19 +176,19 @@ struct Subspace {
         sliding = select(slides, Real(1), sliding);
       }
     });
-    return block.max(sliding);
+    return team.max(sliding);
   }
 
   /// The matrix of the linear problem: Pi (A + R) Pi + bend (Pi - t t') + (I - Pi), Pi the projection onto the
   /// directions in which the cones can move, t along the edge of a sliding one.
-  template <Block B, class Real, int kStride>
-  static STICTION_HD void fill(B& block, DenseSystem<Real, kStride>& s, const SquareMatrix<Real, kStride>& K) {
+  template <Team TeamT, class Real, int kStride>
+  static STICTION_HD void fill(TeamT& team, DenseSystem<Real, kStride>& s, const SquareMatrix<Real, kStride>& K) {
     const auto loose = s.vector(kLoose);
     const auto normal = s.vector(kNormal);
     const auto bend = s.vector(kBend);
     const Index n = s.n;
     // Column by column, as the matrix lies.
-    for_each(block, n, [&](Index j) {
+    for_each(team, n, [&](Index j) {
       s.for_each_in_order([&](auto shape, Index, Index row) {
         constexpr int kRows = decltype(shape)::kRows;
         if (row + kRows <= j) return;
@@ -201,7 +201,7 @@ struct Subspace {
         }
       });
     });
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real u[kRows];
       Real v[kRows];
@@ -235,12 +235,12 @@ struct Subspace {
   }
 
   /// -Pi y.
-  template <Block B, class Real, int kStride>
-  static STICTION_HD void right_side(B& block, DenseSystem<Real, kStride>& s) {
+  template <Team TeamT, class Real, int kStride>
+  static STICTION_HD void right_side(TeamT& team, DenseSystem<Real, kStride>& s) {
     const auto loose = s.vector(kLoose);
     const auto normal = s.vector(kNormal);
     const auto step = s.vector(kStep);
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real part(0);
       for (int k = 0; k < kRows; ++k) part = fma_(normal[row + k], s.y[row + k], part);
@@ -252,11 +252,11 @@ struct Subspace {
   }
 
   /// x plus the step, on the cones.
-  template <Block B, class Real, int kStride>
-  static STICTION_HD void project_step(B& block, DenseSystem<Real, kStride>& s, Mask<Real> leaps) {
+  template <Team TeamT, class Real, int kStride>
+  static STICTION_HD void project_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> leaps) {
     const auto step = s.vector(kStep);
     const auto kept = s.vector(kKeptX);
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real z[kRows];
       Real still[kRows];

@@ -41,53 +41,54 @@ STICTION_HD auto move_cone(Shape shape, System& s, Index cone, Index row, typena
 }
 
 /// Pushes a cone's change into all of y. Returns its size.
-template <int M, Block B, class System>
-STICTION_HD auto push_step(B& block, System& s, Index cone, Index row, const ConeStep<typename System::Real, M>& step) {
+template <int M, Team TeamT, class System>
+STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
+                           const ConeStep<typename System::Real, M>& step) {
   using Real = typename System::Real;
   const Real largest = largest_of(step);
   // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell: a small change times
   // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
-  if (any(largest != Real(0))) s.push(block, row, step.d);
+  if (any(largest != Real(0))) s.push(team, row, step.d);
   return largest * s.trace[cone];
 }
 
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Block B, class System>
-requires System::kMaintainsMotion STICTION_HD auto sweep(B& block, System& s, typename System::Real omega) {
+template <Law kLaw, class Local = UsualStep, Team TeamT, class System>
+requires System::kMaintainsMotion STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
   s.for_each_in_order([&](auto shape, Index cone, Index row) {
-    const auto step = block.broadcast([&] { return move_cone<kLaw, Local>(shape, s, cone, row, omega); });
-    largest = max_(push_step(block, s, cone, row, step), largest);
+    const auto step = team.broadcast([&] { return move_cone<kLaw, Local>(shape, s, cone, row, omega); });
+    largest = max_(push_step(team, s, cone, row, step), largest);
   });
   return largest;
 }
 
 /// The same of two packs.
-template <Law kLaw, class Local = UsualStep, Block B, class System>
-STICTION_HD auto sweep(B& block, SystemPair<System>& s, typename System::Real omega) {
+template <Law kLaw, class Local = UsualStep, Team TeamT, class System>
+STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real omega) {
   using Real = typename System::Real;
   NumberPair<Real> largest{Real(0), Real(0)};
   s.a.for_each_in_order([&](auto shape, Index cone, Index row) {
     const auto step_a = move_cone<kLaw, Local>(shape, s.a, cone, row, omega);
     const auto step_b = move_cone<kLaw, Local>(shape, s.b, cone, row, omega);
-    largest.a = max_(push_step(block, s.a, cone, row, step_a), largest.a);
-    largest.b = max_(push_step(block, s.b, cone, row, step_b), largest.b);
+    largest.a = max_(push_step(team, s.a, cone, row, step_a), largest.a);
+    largest.b = max_(push_step(team, s.b, cone, row, step_b), largest.b);
   });
   return largest;
 }
 
 /// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
 /// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Block B, class RealType>
-STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) {
+template <Law kLaw, class Local = UsualStep, Team TeamT, class RealType>
+STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;
   Real largest(0);
   for (Index color = 0; color < env.color_count; ++color) {
     const Index first = env.color_offsets[color];
-    for_each(block, env.color_offsets[color + 1] - first, [&](Index k) {
+    for_each(team, env.color_offsets[color + 1] - first, [&](Index k) {
       for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p) {
         const Index cone = env.cone_order[p];
         const Index row = env.cone_row(cone);
@@ -102,32 +103,32 @@ STICTION_HD RealType sweep(B& block, SparseSystem<RealType>& s, RealType omega) 
       }
     });
   }
-  return block.max(largest);
+  return team.max(largest);
 }
 
 /// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
 /// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
 /// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Block B, class RealType>
-STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) {
+template <Law kLaw, class Local = UsualStep, Team TeamT, class RealType>
+STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;
   Real largest(0);
-  s.project(block, s.x);
+  s.project(team, s.x);
   for (Index cone = 0; cone < s.cones; ++cone) {
     const Index row = env.cone_row(cone);
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
       constexpr int kRows = decltype(shape)::kRows;
       Real own[kRowParts * kRows];
       Real* part = own;
-      if (block.size() == 1) {
+      if (team.size() == 1) {
         for (int r = 0; r < kRows; ++r) s.partials(row + r, own + r * kRowParts);
       } else {
-        part = block.template leaves<Real>();
-        for_each(block, kRowParts * kRows,
+        part = team.template leaves<Real>();
+        for_each(team, kRowParts * kRows,
                  [&](Index leaf) { part[leaf] = s.partial(row + leaf / kRowParts, leaf % kRowParts); });
       }
-      const ConeStep<Real, kRows> step = block.broadcast([&] {
+      const ConeStep<Real, kRows> step = team.broadcast([&] {
         Real y[kRows];
         for (int r = 0; r < kRows; ++r)
           y[r] = s.fold(part + r * kRowParts, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
@@ -135,7 +136,7 @@ STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) 
         for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + local.d[r];
         return local;
       });
-      largest = max_(push_step(block, s, cone, row, step), largest);
+      largest = max_(push_step(team, s, cone, row, step), largest);
     });
   }
   return largest;
@@ -145,28 +146,28 @@ STICTION_HD RealType sweep(B& block, FactorSystem<RealType>& s, RealType omega) 
 inline constexpr Index kRefreshInterval = 16;
 
 /// y = (A + diag R) x + b from scratch.
-template <Block B, class System>
-STICTION_HD void refresh_motion(B& block, System& s) {
+template <Team TeamT, class System>
+STICTION_HD void refresh_motion(TeamT& team, System& s) {
   using Real = typename System::Real;
   s.multiply(
-      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
+      team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
 }
 
 /// The same in the lanes of `due`.
-template <Block B, class System>
-STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due) {
+template <Team TeamT, class System>
+STICTION_HD void refresh_motion(TeamT& team, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   s.multiply(
-      block, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
+      team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
 }
 
 /// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
 /// relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
-template <Block B, class System, class Vector>
-STICTION_HD void refresh_motion(B& block, System& s, Mask<typename System::Real> due, Vector y_before) {
+template <Team TeamT, class System, class Vector>
+STICTION_HD void refresh_motion(TeamT& team, System& s, Mask<typename System::Real> due, Vector y_before) {
   using Real = typename System::Real;
   s.multiply(
-      block, s.x, [&](Index i) { return s.b[i]; },
+      team, s.x, [&](Index i) { return s.b[i]; },
       [&](Index i, Real motion) {
         y_before[i] = select(due, y_before[i] + (motion - s.y[i]), y_before[i]);
         s.y[i] = select(due, motion, s.y[i]);

@@ -40,16 +40,16 @@ struct FileOrderSystem : SystemArrays<RealType, 1> {
 
   [[nodiscard]] STICTION_HD Strided<Real, 1> vector(Index k) const { return this->extra.from(Offset{k} * n); }
 
-  template <Block B, class F>
-  STICTION_HD void for_each_cone(B& block, F&& f) const {
-    for_each(block, cones, [&](Index cone) {
+  template <Team TeamT, class F>
+  STICTION_HD void for_each_cone(TeamT& team, F&& f) const {
+    for_each(team, cones, [&](Index cone) {
       with_shape(env->kind[cone], env->cone_size(cone), [&](auto shape) { f(shape, cone, env->cone_row(cone)); });
     });
   }
 
-  template <Block B, class F>
-  STICTION_HD Real sum_over_cones(B& block, F&& f) const {
-    return sum_leaves<Real>(block, [&](Index leaf) {
+  template <Team TeamT, class F>
+  STICTION_HD Real sum_over_cones(TeamT& team, F&& f) const {
+    return sum_leaves<Real>(team, [&](Index leaf) {
       Real sum(0);
       for (Index cone = leaf; cone < cones; cone += kReduceLeaves)
         with_shape(env->kind[cone], env->cone_size(cone),

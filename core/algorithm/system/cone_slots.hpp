@@ -7,15 +7,15 @@ namespace stiction::inline STICTION_ISA {
 
 /// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each
 /// other.
-template <Block B, class Real, int kStride, class F>
-STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
-  for_each(block, env.cone_count,
+template <Team TeamT, class Real, int kStride, class F>
+STICTION_HD void for_each_place(TeamT& team, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+  for_each(team, env.cone_count,
            [&](Index position) { f(env.cone_order[position], locate(env.counts, s.counts, position)); });
 }
-/// The same for a block of one, kind after kind.
-template <Block B, class Real, int kStride, class F>
-requires(B::size() == 1) STICTION_HD
-    void for_each_place(B&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+/// The same for a team of one, kind after kind.
+template <Team TeamT, class Real, int kStride, class F>
+requires(TeamT::size() == 1) STICTION_HD
+    void for_each_place(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
   Index position = 0;
   ConePlace first{0, 0};
   for (int shape = 0; shape < kConeShapes; ++shape) {
@@ -27,9 +27,9 @@ requires(B::size() == 1) STICTION_HD
     first.row += shape_count(s.counts, shape) * rows;
   }
 }
-template <Block B, class Real, class F>
-STICTION_HD void for_each_place(B& block, const EnvView<Real>& env, const FileOrderSystem<Real>&, F&& f) {
-  for_each(block, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
+template <Team TeamT, class Real, class F>
+STICTION_HD void for_each_place(TeamT& team, const EnvView<Real>& env, const FileOrderSystem<Real>&, F&& f) {
+  for_each(team, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
 }
 
 }  // namespace stiction::inline STICTION_ISA

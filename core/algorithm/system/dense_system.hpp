@@ -42,13 +42,13 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   [[nodiscard]] STICTION_HD Strided<Real, kStride> vector(Index k) const { return this->extra.from(Offset{k} * n); }
 
   /// f(shape, cone, row) for every cone; the calls must not depend on each other.
-  template <Block B, class F>
-  STICTION_HD void for_each_cone(B& block, F&& f) const {
+  template <Team TeamT, class F>
+  STICTION_HD void for_each_cone(TeamT& team, F&& f) const {
     for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
-      for (Index k = block.rank(); k < count; k += block.size())
+      for (Index k = team.rank(); k < count; k += team.size())
         f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
     });
-    block.sync();
+    team.sync();
   }
 
   /// f(shape, cone, row) for every cone, on every lane, in canonical order.
@@ -61,9 +61,9 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
 
   /// The sum of f(shape, cone, row) over all cones. Leaves are dealt out within each kind, so padding adds zeros to a
   /// leaf and never moves a term to another.
-  template <Block B, class F>
-  STICTION_HD Real sum_over_cones(B& block, F&& f) const {
-    return sum_leaves<Real>(block, [&](Index leaf) {
+  template <Team TeamT, class F>
+  STICTION_HD Real sum_over_cones(TeamT& team, F&& f) const {
+    return sum_leaves<Real>(team, [&](Index leaf) {
       Real sum(0);
       for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
         for (Index k = leaf; k < count; k += kReduceLeaves)
@@ -74,10 +74,10 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   }
 
   /// store(i, base(i) + row i of (A + diag R) in), each row summed over columns from the left; with |A| on request.
-  template <bool kAbsolute = false, Block B, class Base, class Store>
-  STICTION_HD void multiply(B& block, Strided<Real, kStride> in, Base&& base, Store&& store) const {
-    constexpr Index kTile = B::kRowTile;
-    for_each(block, (n + kTile - 1) / kTile, [&](Index tile) {
+  template <bool kAbsolute = false, Team TeamT, class Base, class Store>
+  STICTION_HD void multiply(TeamT& team, Strided<Real, kStride> in, Base&& base, Store&& store) const {
+    constexpr Index kTile = TeamT::kRowTile;
+    for_each(team, (n + kTile - 1) / kTile, [&](Index tile) {
       const Index first = tile * kTile;
       if (first + kTile <= n) {
         Real sum[kTile];
@@ -99,10 +99,10 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   }
 
   /// y += A[:, row .. row+M) * d: the push of one cone's change.
-  template <int M, Block B>
-  STICTION_HD void push(B& block, Index row, const Real (&d)[M]) const {
+  template <int M, Team TeamT>
+  STICTION_HD void push(TeamT& team, Index row, const Real (&d)[M]) const {
     const Strided<Real, kStride> columns = A.from(Offset{n} * row);
-    for_each(block, n, [&](Index i) {
+    for_each(team, n, [&](Index i) {
       Real motion = this->y[i];
       for (int k = 0; k < M; ++k) motion = fma_(columns[i + n * k], d[k], motion);
       this->y[i] = motion;

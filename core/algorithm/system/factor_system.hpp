@@ -61,10 +61,10 @@ struct FactorSystem : FileOrderSystem<RealType> {
   }
 
   /// u = Y' in, each entry summed over rows in order; with |Y| on request.
-  template <bool kAbsolute = false, Block B>
-  STICTION_HD_OUTLINE void project(B& block, Strided<Real, 1> in) const {
-    constexpr Index kTile = B::kRowTile;
-    for_each(block, (dofs + kTile - 1) / kTile, [&](Index tile) {
+  template <bool kAbsolute = false, Team TeamT>
+  STICTION_HD_OUTLINE void project(TeamT& team, Strided<Real, 1> in) const {
+    constexpr Index kTile = TeamT::kRowTile;
+    for_each(team, (dofs + kTile - 1) / kTile, [&](Index tile) {
       const Index first = tile * kTile;
       const Index count = first + kTile <= dofs ? kTile : dofs - first;
       Real sum[kTile];
@@ -79,10 +79,10 @@ struct FactorSystem : FileOrderSystem<RealType> {
   }
 
   /// |Y| |Y'| stands for |A|, which it bounds entry by entry: a step that is safe for the bound is safe.
-  template <bool kAbsolute = false, Block B, class Base, class Store>
-  STICTION_HD void multiply(B& block, Strided<Real, 1> in, Base&& base, Store&& store) const {
-    project<kAbsolute>(block, in);
-    for_each(block, this->n, [&](Index i) {
+  template <bool kAbsolute = false, Team TeamT, class Base, class Store>
+  STICTION_HD void multiply(TeamT& team, Strided<Real, 1> in, Base&& base, Store&& store) const {
+    project<kAbsolute>(team, in);
+    for_each(team, this->n, [&](Index i) {
       Real sum[kRowParts];
       partials<kAbsolute>(i, sum);
       store(i, fold(sum, fma_(this->R[i], in[i], base(i))));
@@ -90,10 +90,10 @@ struct FactorSystem : FileOrderSystem<RealType> {
   }
 
   /// u += Y[row .. row+M)' d: the push of one cone's change.
-  template <int M, Block B>
-  STICTION_HD void push(B& block, Index first, const Real (&d)[M]) const {
+  template <int M, Team TeamT>
+  STICTION_HD void push(TeamT& team, Index first, const Real (&d)[M]) const {
     const Real* const entry = row(first);
-    for_each(block, dofs, [&](Index k) {
+    for_each(team, dofs, [&](Index k) {
       Real velocity = u[k];
       for (int r = 0; r < M; ++r) velocity = fma_(entry[static_cast<Offset>(r) * dofs + k], d[r], velocity);
       u[k] = velocity;

@@ -85,8 +85,8 @@ struct RegisterSystem {
   }
 
   /// y += A[:, row .. row+M) * d: the push of one cone's change.
-  template <int M, Block B>
-  STICTION_HD void push(B&, Index row, const Real (&d)[M]) {
+  template <int M, Team TeamT>
+  STICTION_HD void push(TeamT&, Index row, const Real (&d)[M]) {
     STICTION_UNROLL
     for (int i = 0; i < kRows; ++i) {
       STICTION_UNROLL

@@ -38,9 +38,9 @@ struct SparseSystem : FileOrderSystem<RealType> {
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
 
-  template <bool kAbsolute = false, Block B, class Base, class Store>
-  STICTION_HD void multiply(B& block, Strided<Real, 1> in, Base&& base, Store&& store) const {
-    for_each(block, this->n, [&](Index i) { store(i, gather<kAbsolute>(i, in, fma_(this->R[i], in[i], base(i)))); });
+  template <bool kAbsolute = false, Team TeamT, class Base, class Store>
+  STICTION_HD void multiply(TeamT& team, Strided<Real, 1> in, Base&& base, Store&& store) const {
+    for_each(team, this->n, [&](Index i) { store(i, gather<kAbsolute>(i, in, fma_(this->R[i], in[i], base(i)))); });
   }
 };
 

@@ -38,11 +38,11 @@ STICTION_HD WarmStartSpan warm_start_span(const ContactBatchView<Real>& batch, c
 
 /// Writes the environment's cones to `entry`, sorted by id and, among equal ids, by their order in the batch. Returns
 /// the flag of duplicate ids, on every lane.
-template <Block B, class Real>
-STICTION_HD std::uint32_t sort_cones(B& block, const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
+template <Team TeamT, class Real>
+STICTION_HD std::uint32_t sort_cones(TeamT& team, const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
                                      const WarmStartSpan& span, WarmStartEntry* entry) {
   const bool contacts = are_contacts(batch);
-  for_each(block, span.cones, [&](Index c) {
+  for_each(team, span.cones, [&](Index c) {
     const Offset cone = span.first_cone + c;
     if (contacts) {
       entry[c] = WarmStartEntry{cone_id[cone], kContactRows * c, ConeKind::friction, kContactRows, 0};
@@ -52,13 +52,13 @@ STICTION_HD std::uint32_t sort_cones(B& block, const ContactBatchView<Real>& bat
     entry[c] = WarmStartEntry{cone_id[cone], static_cast<Index>(row - span.first_row), batch.cone_kind[cone],
                               static_cast<std::uint8_t>(batch.cone_row_offsets[cone + 1] - row), 0};
   });
-  sort_network(block, span.cones, entry, [](const WarmStartEntry& a, const WarmStartEntry& b) {
+  sort_network(team, span.cones, entry, [](const WarmStartEntry& a, const WarmStartEntry& b) {
     return a.id < b.id || (a.id == b.id && a.row < b.row);
   });
   std::uint32_t flags = 0;
-  for (Index p = block.rank() + 1; p < span.cones; p += block.size())
+  for (Index p = team.rank() + 1; p < span.cones; p += team.size())
     flags |= entry[p].id == entry[p - 1].id ? std::uint32_t{kWarmStartDuplicateId} : 0U;
-  return block.combine(flags);
+  return team.combine(flags);
 }
 
 /// What a remembered reaction is multiplied by in a step of another length; 0 where that is not a finite number.
@@ -72,25 +72,25 @@ STICTION_HD Real carry_factor(double beta, StepScaling scaling, double dt_before
 }
 
 /// The first guess of one environment.
-template <Block B, class Real>
-STICTION_HD void recall_env(B& block, const RecallJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void recall_env(TeamT& team, const RecallJob<Real>& job, Offset env) {
   const WarmStartMemory<Real>& memory = job.memory;
   const WarmStartSpan span = warm_start_span(job.batch, memory, env);
   Real* const guess = job.guess + span.first_row;
-  for_each(block, span.rows, [&](Index i) { guess[i] = Real(0); });
+  for_each(team, span.rows, [&](Index i) { guess[i] = Real(0); });
   if (!span.fits) {
-    single(block, [&] {
+    single(team, [&] {
       memory.record[env] = WarmStartRecord{0, span.cones, kWarmStartTooLarge, memory.record[env].too_large + 1};
     });
     return;
   }
   WarmStartEntry* const cone = memory.sorting + span.first_cone;
-  const std::uint32_t flags = sort_cones(block, job.batch, job.cone_id, span, cone);
+  const std::uint32_t flags = sort_cones(team, job.batch, job.cone_id, span, cone);
   const WarmStartSlot slot = memory.slot[env];
   const WarmStartEntry* const known = memory.remembered + slot.first_cone;
   const Real* const lambda = memory.lambda + slot.first_row;
   const Real factor = carry_factor<Real>(job.beta, job.scaling, slot.dt, job.dt);
-  for_each(block, span.cones, [&](Index p) {
+  for_each(team, span.cones, [&](Index p) {
     const bool first_of_its_id = p == 0 || cone[p - 1].id != cone[p].id;
     if (!first_of_its_id) return;
     const Index q =
@@ -100,12 +100,12 @@ STICTION_HD void recall_env(B& block, const RecallJob<Real>& job, Offset env) {
     for (Index k = 0; k < cone[p].rows; ++k) guess[cone[p].row + k] = canonical_zero(factor * lambda[known[q].row + k]);
     cone[p].hit = 1;
   });
-  const Index hits = sum_leaves<Index>(block, [&](Index leaf) {
+  const Index hits = sum_leaves<Index>(team, [&](Index leaf) {
     Index count = 0;
     for (Index p = leaf; p < span.cones; p += kReduceLeaves) count += cone[p].hit;
     return count;
   });
-  single(block, [&] {
+  single(team, [&] {
     memory.record[env] = WarmStartRecord{hits, span.cones - hits, flags, memory.record[env].too_large};
   });
 }
@@ -116,9 +116,9 @@ STICTION_HD bool worth_remembering(EnvCode code) {
 }
 
 /// Forgets one environment, and why.
-template <Block B, class Real>
-STICTION_HD void forget_env(B& block, const WarmStartMemory<Real>& memory, Offset env, std::uint32_t flags) {
-  single(block, [&] {
+template <Team TeamT, class Real>
+STICTION_HD void forget_env(TeamT& team, const WarmStartMemory<Real>& memory, Offset env, std::uint32_t flags) {
+  single(team, [&] {
     memory.slot[env] = WarmStartSlot{0, 0, 1.0, 0, 0};
     memory.record[env].flags |= flags;
     if ((flags & kWarmStartTooLarge) != 0) ++memory.record[env].too_large;
@@ -126,18 +126,18 @@ STICTION_HD void forget_env(B& block, const WarmStartMemory<Real>& memory, Offse
 }
 
 /// A reset of one environment, if the mask asks for it.
-template <Block B, class Real>
-STICTION_HD void forget_masked(B& block, const ForgetJob<Real>& job, Offset env) {
-  if (job.mask == nullptr || job.mask[env] != 0) forget_env(block, job.memory, env, kWarmStartReset);
+template <Team TeamT, class Real>
+STICTION_HD void forget_masked(TeamT& team, const ForgetJob<Real>& job, Offset env) {
+  if (job.mask == nullptr || job.mask[env] != 0) forget_env(team, job.memory, env, kWarmStartReset);
 }
 
 /// The reactions of one environment, for the next step. What was remembered is overwritten in place: recalling is over,
 /// and no environment reads another's part.
-template <Block B, class Real>
-STICTION_HD void remember_env(B& block, const RememberJob<Real>& job, Offset env) {
+template <Team TeamT, class Real>
+STICTION_HD void remember_env(TeamT& team, const RememberJob<Real>& job, Offset env) {
   const WarmStartMemory<Real>& memory = job.memory;
   if (env >= job.batch.env_count) {
-    forget_env(block, memory, env, 0);
+    forget_env(team, memory, env, 0);
     return;
   }
   // Of an environment that failed nothing is read: its offsets may be what was wrong.
@@ -145,17 +145,17 @@ STICTION_HD void remember_env(B& block, const RememberJob<Real>& job, Offset env
   const WarmStartSpan span = failed ? WarmStartSpan{0, 0, 0, 0, true} : warm_start_span(job.batch, memory, env);
   const Real* const lambda = job.lambda + span.first_row;
   std::uint32_t refused = failed ? std::uint32_t{kWarmStartFailed} : 0U;
-  for (Index i = block.rank(); i < span.rows; i += block.size())
+  for (Index i = team.rank(); i < span.rows; i += team.size())
     refused |= finite_(lambda[i]) ? 0U : std::uint32_t{kWarmStartNotFinite};
-  refused = block.combine(refused);
+  refused = team.combine(refused);
   if (!span.fits) refused |= kWarmStartTooLarge;
   if (refused != 0) {
-    forget_env(block, memory, env, refused);
+    forget_env(team, memory, env, refused);
     return;
   }
-  const std::uint32_t flags = sort_cones(block, job.batch, job.cone_id, span, memory.remembered + span.first_cone);
-  for_each(block, span.rows, [&](Index i) { memory.lambda[span.first_row + i] = lambda[i]; });
-  single(block, [&] {
+  const std::uint32_t flags = sort_cones(team, job.batch, job.cone_id, span, memory.remembered + span.first_cone);
+  for_each(team, span.rows, [&](Index i) { memory.lambda[span.first_row + i] = lambda[i]; });
+  single(team, [&] {
     memory.slot[env] = WarmStartSlot{span.first_cone, span.first_row, job.dt, span.cones, 0};
     memory.record[env].flags |= flags;
   });

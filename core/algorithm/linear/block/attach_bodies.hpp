@@ -53,19 +53,19 @@ struct Attachment {
 
   /// Roots begin, and the others join round by round. Who is left stays with the aggregate of the graph: to leave such
   /// bodies to the smoother was measured to be worse on walls, better on towers.
-  template <Block B>
-  STICTION_HD_OUTLINE void run(B& block) const {
-    for_each(block, H.pattern.rows, [&](Index body) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void run(TeamT& team) const {
+    for_each(team, H.pattern.rows, [&](Index body) {
       const Index own = aggregate[body];
       label[body] = own >= 0 && root[own] == body ? static_cast<double>(own) : -1.0;
       const Index diagonal = find_block(H.pattern, body, body);
       weight[body] = diagonal < 0 ? 0.0 : squares(H.block(diagonal));
     });
     for (Index round = 0; round < kJoinRounds; ++round) {
-      for_each(block, H.pattern.rows, [&](Index body) { next[body] = label[body] < 0.0 ? choose(body) : label[body]; });
-      for_each(block, H.pattern.rows, [&](Index body) { label[body] = next[body]; });
+      for_each(team, H.pattern.rows, [&](Index body) { next[body] = label[body] < 0.0 ? choose(body) : label[body]; });
+      for_each(team, H.pattern.rows, [&](Index body) { label[body] = next[body]; });
     }
-    for_each(block, H.pattern.rows,
+    for_each(team, H.pattern.rows,
              [&](Index body) { label[body] = label[body] < 0.0 ? static_cast<double>(aggregate[body]) : label[body]; });
   }
 };

@@ -42,7 +42,7 @@ STICTION_HD void solve_block(const double* L, double* v) {
   solve_upper(L, v);
 }
 
-/// Block-Jacobi preconditioner: the inverse of every diagonal block.
+/// Team-Jacobi preconditioner: the inverse of every diagonal block.
 struct BlockDiagonal {
   Index rows = 0;
   double* factors = nullptr;  ///< (36 rows)
@@ -50,9 +50,9 @@ struct BlockDiagonal {
   static STICTION_HD constexpr Offset doubles(Offset rows) { return rows * kBlockEntries; }
 
   /// Takes A's diagonal blocks; a row without one is left alone.
-  template <Block B>
-  STICTION_HD_OUTLINE void prepare(B& block, const BlockMatrix& A) const {
-    for_each(block, rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& A) const {
+    for_each(team, rows, [&](Index row) {
       double* const factor = factors + static_cast<Offset>(row) * kBlockEntries;
       for (Index k = 0; k < kBlockEntries; ++k) factor[k] = k % (kBodyBlock + 1) == 0 ? 1.0 : 0.0;
       for (Index k = A.pattern.offsets[row]; k < A.pattern.offsets[row + 1]; ++k)
@@ -67,9 +67,9 @@ struct BlockDiagonal {
     solve_block(factors + static_cast<Offset>(row) * kBlockEntries, v);
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    for_each(block, rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    for_each(team, rows, [&](Index row) {
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) z[first + i] = r[first + i];
       solve(row, z + first);

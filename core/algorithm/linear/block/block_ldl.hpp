@@ -12,13 +12,13 @@ struct BlockLdl {
 
   static constexpr Offset doubles(Offset factor_blocks) { return factor_blocks * kBlockEntries; }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void prepare(B& block, const BlockMatrix& H) const {
-    factor_levels(block, plan, H, 0.0, values);
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& H) const {
+    factor_levels(team, plan, H, 0.0, values);
   }
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    solve_levels(block, plan, values, r, z);
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    solve_levels(team, plan, values, r, z);
   }
 };
 

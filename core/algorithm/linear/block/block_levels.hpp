@@ -8,7 +8,7 @@
 /// (Davis 2006, section 4.8; levels: Anderson and Saad 1989).
 namespace stiction::inline STICTION_ISA {
 
-/// Block `below` of L in row `row`: what the rows of L to its left leave of H's block, divided by its column's
+/// Team `below` of L in row `row`: what the rows of L to its left leave of H's block, divided by its column's
 /// diagonal.
 STICTION_HD void factor_below(const BlockFactorView& plan, const BlockMatrix& H, Index row, Index below,
                               double* values) {
@@ -49,28 +49,28 @@ STICTION_HD void factor_pivot(const BlockFactorView& plan, const BlockMatrix& H,
 }
 
 /// L into `values`, in the order of plan.lower's blocks.
-template <Block B>
-STICTION_HD_OUTLINE void factor_levels(B& block, const BlockFactorView& plan, const BlockMatrix& H, double shift,
+template <Team TeamT>
+STICTION_HD_OUTLINE void factor_levels(TeamT& team, const BlockFactorView& plan, const BlockMatrix& H, double shift,
                                        double* values) {
   for (Index level = 0; level < plan.level_count; ++level) {
     const Index first = plan.level_offsets[level];
     const Index end = plan.level_offsets[level + 1];
-    for_each(block, end - first, [&](Index k) { factor_pivot(plan, H, first + k, shift, values); });
+    for_each(team, end - first, [&](Index k) { factor_pivot(plan, H, first + k, shift, values); });
     const Index first_below = plan.column_offsets[first];
-    for_each(block, plan.column_offsets[end] - first_below, [&](Index k) {
+    for_each(team, plan.column_offsets[end] - first_below, [&](Index k) {
       factor_below(plan, H, plan.column_rows[first_below + k], plan.column_blocks[first_below + k], values);
     });
   }
 }
 
 /// z = (L L')^-1 r, both in H's order of rows.
-template <Block B>
-STICTION_HD_OUTLINE void solve_levels(B& block, const BlockFactorView& plan, const double* values, const double* r,
+template <Team TeamT>
+STICTION_HD_OUTLINE void solve_levels(TeamT& team, const BlockFactorView& plan, const double* values, const double* r,
                                       double* z) {
   const BlockPattern& L = plan.lower;
   for (Index level = 0; level < plan.level_count; ++level) {
     const Index first = plan.level_offsets[level];
-    for_each(block, plan.level_offsets[level + 1] - first, [&](Index k) {
+    for_each(team, plan.level_offsets[level + 1] - first, [&](Index k) {
       const Index row = first + k;
       const Index pivot = L.offsets[row + 1] - 1;
       const Offset place = static_cast<Offset>(plan.order[row]) * kBodyBlock;
@@ -85,7 +85,7 @@ STICTION_HD_OUTLINE void solve_levels(B& block, const BlockFactorView& plan, con
   }
   for (Index level = plan.level_count - 1; level >= 0; --level) {
     const Index first = plan.level_offsets[level];
-    for_each(block, plan.level_offsets[level + 1] - first, [&](Index k) {
+    for_each(team, plan.level_offsets[level + 1] - first, [&](Index k) {
       const Index column = first + k;
       const Offset place = static_cast<Offset>(plan.order[column]) * kBodyBlock;
       double v[kBodyBlock];

@@ -11,8 +11,8 @@ inline constexpr Index kBlockEntries = kBodyBlock * kBodyBlock;
 
 struct BlockMatrix;
 /// y = A x.
-template <Block B>
-STICTION_HD_OUTLINE void multiply_blocks(B& block, const BlockMatrix& A, const double* x, double* y);
+template <Team TeamT>
+STICTION_HD_OUTLINE void multiply_blocks(TeamT& team, const BlockMatrix& A, const double* x, double* y);
 
 /// A pattern with its numbers: each block row by row, blocks in the pattern's order.
 struct BlockMatrix {
@@ -23,8 +23,8 @@ struct BlockMatrix {
   [[nodiscard]] STICTION_HD Index unknowns() const { return pattern.rows * kBodyBlock; }
 
   /// As an operator (core/algorithm/linear/krylov/cg.hpp).
-  template <Block B>
-  STICTION_HD void apply(B& on, const double* x, double* y) const {
+  template <Team TeamT>
+  STICTION_HD void apply(TeamT& on, const double* x, double* y) const {
     multiply_blocks(on, *this, x, y);
   }
 };
@@ -47,9 +47,9 @@ STICTION_HD void multiply_row(const BlockMatrix& A, Index row, const double* x, 
     multiply_block(A.block(k), x + static_cast<Offset>(A.pattern.columns[k]) * kBodyBlock, sum);
 }
 
-template <Block B>
-STICTION_HD_OUTLINE void multiply_blocks(B& block, const BlockMatrix& A, const double* x, double* y) {
-  for_each(block, A.pattern.rows, [&](Index row) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void multiply_blocks(TeamT& team, const BlockMatrix& A, const double* x, double* y) {
+  for_each(team, A.pattern.rows, [&](Index row) {
     double sum[kBodyBlock] = {};
     multiply_row(A, row, x, sum);
     for (Index i = 0; i < kBodyBlock; ++i) y[static_cast<Offset>(row) * kBodyBlock + i] = sum[i];

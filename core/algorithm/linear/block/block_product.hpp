@@ -62,10 +62,10 @@ STICTION_HD void add_term(const TransposedMatrix& factor, Index l, const double*
 
 /// product = left right, where `left` is a matrix or a transposed one and product.pattern has every block that is not
 /// 0.
-template <Block B, class Left>
-STICTION_HD_OUTLINE void multiply_matrices(B& block, const Left& left, const BlockMatrix& right,
+template <Team TeamT, class Left>
+STICTION_HD_OUTLINE void multiply_matrices(TeamT& team, const Left& left, const BlockMatrix& right,
                                            const BlockMatrix& product) {
-  for_each(block, product.pattern.blocks(), [&](Index k) {
+  for_each(team, product.pattern.blocks(), [&](Index k) {
     const Index row = row_of_block(product.pattern, k);
     double sum[kBlockEntries] = {};
     for (Index l = left.pattern.offsets[row]; l < left.pattern.offsets[row + 1]; ++l) {
@@ -77,9 +77,9 @@ STICTION_HD_OUTLINE void multiply_matrices(B& block, const Left& left, const Blo
 }
 
 /// y = y + A x, where x is not y.
-template <Block B>
-STICTION_HD_OUTLINE void add_product(B& block, const BlockMatrix& A, const double* x, double* y) {
-  for_each(block, A.pattern.rows, [&](Index row) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void add_product(TeamT& team, const BlockMatrix& A, const double* x, double* y) {
+  for_each(team, A.pattern.rows, [&](Index row) {
     double sum[kBodyBlock] = {};
     multiply_row(A, row, x, sum);
     for (Index i = 0; i < kBodyBlock; ++i) {
@@ -90,9 +90,9 @@ STICTION_HD_OUTLINE void add_product(B& block, const BlockMatrix& A, const doubl
 }
 
 /// y = A' x.
-template <Block B>
-STICTION_HD_OUTLINE void multiply_transposed(B& block, const TransposedMatrix& A, const double* x, double* y) {
-  for_each(block, A.pattern.rows, [&](Index row) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void multiply_transposed(TeamT& team, const TransposedMatrix& A, const double* x, double* y) {
+  for_each(team, A.pattern.rows, [&](Index row) {
     double sum[kBodyBlock] = {};
     for (Index l = A.pattern.offsets[row]; l < A.pattern.offsets[row + 1]; ++l)
       multiply_transposed_block(A.original.block(A.block[l]),

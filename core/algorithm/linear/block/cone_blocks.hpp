@@ -57,9 +57,9 @@ struct ConeBlocks {
   const System* s;
   double* factors;  ///< (kConeBlockRoom n)
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       const double* const L = cone_place(factors, row);
       double v[kRows];

@@ -22,26 +22,26 @@ struct IncompleteCholesky {
   static constexpr Offset doubles(Offset factor_blocks) { return factor_blocks * kBlockEntries; }
 
   /// Returns the enlargement of the diagonal that it took, on every lane.
-  template <Block B>
-  STICTION_HD_OUTLINE double prepare(B& block, const BlockMatrix& H) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE double prepare(TeamT& team, const BlockMatrix& H) const {
     double shift = 0.0;
     for (Index attempt = 1;; ++attempt) {
-      factor_levels(block, plan, H, shift, values);
-      if (attempt == kAttempts || !has_lost_pivot(block, H, shift)) return shift;
+      factor_levels(team, plan, H, shift, values);
+      if (attempt == kAttempts || !has_lost_pivot(team, H, shift)) return shift;
       shift = attempt == 1 ? kFirstShift : shift * kShiftGrowth;
     }
   }
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    solve_levels(block, plan, values, r, z);
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    solve_levels(team, plan, values, r, z);
   }
 
  private:
   /// A pivot that factor_block replaced is far above the diagonal entry that it is left of.
-  template <Block B>
-  STICTION_HD_OUTLINE bool has_lost_pivot(B& block, const BlockMatrix& H, double shift) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE bool has_lost_pivot(TeamT& team, const BlockMatrix& H, double shift) const {
     std::uint32_t lost = 0;
-    for (Index row = block.rank(); row < plan.rows; row += block.size()) {
+    for (Index row = team.rank(); row < plan.rows; row += team.size()) {
       const Index pivot = plan.lower.offsets[row + 1] - 1;
       for (Index k = 0; k < kBlockEntries; k += kBodyBlock + 1) {
         const double root = values[static_cast<Offset>(pivot) * kBlockEntries + k];
@@ -50,7 +50,7 @@ struct IncompleteCholesky {
         if (!(left > kLostPivot * entry) || !(left <= (2.0 + shift) * entry)) lost = 1;
       }
     }
-    return block.combine(lost) != 0;
+    return team.combine(lost) != 0;
   }
 };
 

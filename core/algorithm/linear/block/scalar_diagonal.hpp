@@ -11,9 +11,9 @@ struct ScalarDiagonal {
 
   static constexpr Offset doubles(Offset rows) { return rows * kBodyBlock; }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void prepare(B& block, const BlockMatrix& H) const {
-    for_each(block, rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& H) const {
+    for_each(team, rows, [&](Index row) {
       double* const out = inverse + static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) out[i] = 1.0;
       for (Index k = H.pattern.offsets[row]; k < H.pattern.offsets[row + 1]; ++k)
@@ -25,9 +25,9 @@ struct ScalarDiagonal {
     });
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    for_each(block, rows * kBodyBlock, [&](Index i) { z[i] = inverse[i] * r[i]; });
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    for_each(team, rows * kBodyBlock, [&](Index i) { z[i] = inverse[i] * r[i]; });
   }
 };
 

@@ -28,19 +28,19 @@ struct SparseInverse {
     return inverse;
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void prepare(B& block, const BlockMatrix& H) const {
-    for_each(block, plan.lower.rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& H) const {
+    for_each(team, plan.lower.rows, [&](Index row) {
       factor_dense(H, row);
       invert_last_row(row);
     });
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
     const BlockMatrix G{plan.lower, values};
-    multiply_blocks(block, G, r, image);
-    for_each(block, plan.lower.rows, [&](Index column) {
+    multiply_blocks(team, G, r, image);
+    for_each(team, plan.lower.rows, [&](Index column) {
       double sum[kBodyBlock] = {};
       for (Index k = plan.column_offsets[column]; k < plan.column_offsets[column + 1]; ++k)
         multiply_transposed_block(G.block(plan.column_blocks[k]),
@@ -50,7 +50,7 @@ struct SparseInverse {
   }
 
  private:
-  /// Block (i, j) of a row's own system, j <= i.
+  /// Team (i, j) of a row's own system, j <= i.
   [[nodiscard]] STICTION_HD double* dense_block(Index row, Index i, Index j) const {
     return dense + (static_cast<Offset>(plan.dense_offsets[row]) + i * (i + 1) / 2 + j) * kBlockEntries;
   }

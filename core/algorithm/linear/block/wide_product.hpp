@@ -21,12 +21,12 @@ template <class Real>
 inline constexpr bool kHasVelocity<FactorSystem<Real>> = true;
 
 /// What all rows share: nothing, or the velocity Y' v.
-template <Block B, class Real>
-STICTION_HD void prepare_wide_product(B&, const SparseSystem<Real>&, const double*) {}
-template <Block B, class Real>
-STICTION_HD_OUTLINE void prepare_wide_product(B& block, const FactorSystem<Real>& s, const double* v) {
-  constexpr Index kTile = B::kRowTile;
-  for_each(block, (s.dofs + kTile - 1) / kTile, [&](Index tile) {
+template <Team TeamT, class Real>
+STICTION_HD void prepare_wide_product(TeamT&, const SparseSystem<Real>&, const double*) {}
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void prepare_wide_product(TeamT& team, const FactorSystem<Real>& s, const double* v) {
+  constexpr Index kTile = TeamT::kRowTile;
+  for_each(team, (s.dofs + kTile - 1) / kTile, [&](Index tile) {
     const Index first = tile * kTile;
     const Index count = first + kTile <= s.dofs ? kTile : s.dofs - first;
     double sum[kTile];

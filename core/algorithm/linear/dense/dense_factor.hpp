@@ -17,8 +17,8 @@ struct DenseMatrix {
 /// 4.1.2, right-looking). Afterwards the diagonal holds D and both triangles hold L, so that both substitutions read
 /// neighbours. A pivot that is not above `floor` belongs to a direction that K does not see: it is replaced by a number
 /// so large that the solution has no part along it. Returns how many were, on every lane.
-template <Block B>
-STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floor) {
+template <Team TeamT>
+STICTION_HD_OUTLINE Index factor_ldl(TeamT& team, const DenseMatrix& K, double floor) {
   constexpr double kOutOfReach = 0x1p+512;
   const Index n = K.n;
   Index replaced = 0;
@@ -27,13 +27,13 @@ STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floo
     const bool is_sound = found > floor;
     const double pivot = is_sound ? found : kOutOfReach;
     if (!is_sound) ++replaced;
-    for_each(block, n - j - 1, [&](Index k) {
+    for_each(team, n - j - 1, [&](Index k) {
       const Index i = j + 1 + k;
       K(j, i) = div_(K(i, j), pivot);
       if (j > 0) K(i, j - 1) = K(j - 1, i);
     });
     const auto update = [&](Index i, Index k) { K(i, k) = fma_(0.0 - K(i, j), K(j, k), K(i, k)); };
-    if (block.size() == 1) {
+    if (team.size() == 1) {
       K(j, j) = pivot;
       if (j > 0) K(j, j - 1) = K(j - 1, j);
       // Rows that nothing couples to change nothing. A lane on its own sees that for nothing; a team would have to
@@ -43,11 +43,11 @@ STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floo
       for (Index k = j + 1; couples && k < n; ++k)
         for (Index i = k; i < n; ++i) update(i, k);
     } else {
-      single(block, [&] {
+      single(team, [&] {
         K(j, j) = pivot;
         if (j > 0) K(j, j - 1) = K(j - 1, j);
       });
-      for_each(block, n - j - 1, [&](Index r) {
+      for_each(team, n - j - 1, [&](Index r) {
         const Index i = j + 1 + r;
         for (Index k = j + 1; k <= i; ++k) update(i, k);
       });
@@ -57,20 +57,20 @@ STICTION_HD_OUTLINE Index factor_ldl(B& block, const DenseMatrix& K, double floo
 }
 
 /// v = K^-1 v by the factor.
-template <Block B>
-STICTION_HD_OUTLINE void solve_ldl(B& block, const DenseMatrix& K, double* v) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void solve_ldl(TeamT& team, const DenseMatrix& K, double* v) {
   const Index n = K.n;
   for (Index j = 0; j + 1 < n; ++j) {
     const double known = v[j];
-    for_each(block, n - j - 1, [&](Index k) {
+    for_each(team, n - j - 1, [&](Index k) {
       const Index i = j + 1 + k;
       v[i] = fma_(0.0 - K(i, j), known, v[i]);
     });
   }
-  for_each(block, n, [&](Index i) { v[i] = div_(v[i], K(i, i)); });
+  for_each(team, n, [&](Index i) { v[i] = div_(v[i], K(i, i)); });
   for (Index j = n - 1; j > 0; --j) {
     const double known = v[j];
-    for_each(block, j, [&](Index i) { v[i] = fma_(0.0 - K(i, j), known, v[i]); });
+    for_each(team, j, [&](Index i) { v[i] = fma_(0.0 - K(i, j), known, v[i]); });
   }
 }
 

@@ -5,12 +5,12 @@
 namespace stiction::inline STICTION_ISA {
 
 /// store(i, base(i) + row i of K times in), each row summed over columns from the left by one lane.
-template <Block B, class Base, class Store>
-STICTION_HD_OUTLINE void multiply_dense(B& block, const DenseMatrix& K, const double* in, const Base& base,
+template <Team TeamT, class Base, class Store>
+STICTION_HD_OUTLINE void multiply_dense(TeamT& team, const DenseMatrix& K, const double* in, const Base& base,
                                         const Store& store) {
-  constexpr Index kTile = B::kRowTile;
+  constexpr Index kTile = TeamT::kRowTile;
   const Index n = K.n;
-  for_each(block, (n + kTile - 1) / kTile, [&](Index tile) {
+  for_each(team, (n + kTile - 1) / kTile, [&](Index tile) {
     const Index first = tile * kTile;
     const Index count = first + kTile <= n ? kTile : n - first;
     double sum[kTile];

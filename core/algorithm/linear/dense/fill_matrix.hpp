@@ -9,16 +9,16 @@
 /// rows: what methods that factorise work on.
 namespace stiction::inline STICTION_ISA {
 
-template <Block B, class Real>
-STICTION_HD_OUTLINE void fill_matrix(B& block, const DenseSystem<Real, 1>& s, const DenseMatrix& K) {
-  for_each(block, s.n * s.n, [&](Index k) { K.data[k] = static_cast<double>(s.A[k]); });
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void fill_matrix(TeamT& team, const DenseSystem<Real, 1>& s, const DenseMatrix& K) {
+  for_each(team, s.n * s.n, [&](Index k) { K.data[k] = static_cast<double>(s.A[k]); });
 }
 
 /// Stored entries of one place add up in stored order.
-template <Block B, class Real>
-STICTION_HD_OUTLINE void fill_matrix(B& block, const SparseSystem<Real>& s, const DenseMatrix& K) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void fill_matrix(TeamT& team, const SparseSystem<Real>& s, const DenseMatrix& K) {
   const EnvView<Real>& env = *s.env;
-  for_each(block, s.n, [&](Index i) {
+  for_each(team, s.n, [&](Index i) {
     for (Index j = 0; j < s.n; ++j) K(i, j) = 0.0;
     const Offset begin = env.row_offsets[i] - env.row_offsets[0];
     for (Index k = 0; k < env.entries(i); ++k) {
@@ -29,9 +29,9 @@ STICTION_HD_OUTLINE void fill_matrix(B& block, const SparseSystem<Real>& s, cons
   });
 }
 
-template <Block B, class Real>
-STICTION_HD_OUTLINE void fill_matrix(B& block, const FactorSystem<Real>& s, const DenseMatrix& K) {
-  for_each(block, s.n, [&](Index i) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void fill_matrix(TeamT& team, const FactorSystem<Real>& s, const DenseMatrix& K) {
+  for_each(team, s.n, [&](Index i) {
     for (Index j = 0; j < s.n; ++j) {
       double sum = i == j ? static_cast<double>(s.R[i]) : 0.0;
       const Real* const left = s.row(i);

@@ -52,17 +52,17 @@ STICTION_HD void reduce_rows(const SquareMatrix<Real, kStride>& K, Index row, In
 /// Afterwards row i of L lies above the diagonal of column i, L D below it, and `inverse` holds 1 / D. A pivot that is
 /// not above floor(j) belongs to a direction that K does not see: its inverse is 0, so that the solution has no part
 /// along it.
-template <Block B, class Real, int kStride, class Floor>
-STICTION_HD void factor_square(B& block, const SquareMatrix<Real, kStride>& K, Strided<Real, kStride> inverse,
+template <Team TeamT, class Real, int kStride, class Floor>
+STICTION_HD void factor_square(TeamT& team, const SquareMatrix<Real, kStride>& K, Strided<Real, kStride> inverse,
                                const Floor& floor) {
-  constexpr Index kTile = B::kRowTile < 4 ? B::kRowTile : 4;
+  constexpr Index kTile = TeamT::kRowTile < 4 ? TeamT::kRowTile : 4;
   const Index n = K.n;
   for (Index first = 0; first < n; first += kPanel) {
     const Index width = n - first < kPanel ? n - first : kPanel;
-    for_each(block, first, [&](Index k) {
+    for_each(team, first, [&](Index k) {
       for (Index c = first; c < first + width; ++c) K(k, c) = K(c, k) * inverse[k];
     });
-    for_each(block, (n - first + kTile - 1) / kTile, [&](Index tile) {
+    for_each(team, (n - first + kTile - 1) / kTile, [&](Index tile) {
       const Index row = first + tile * kTile;
       if (row + kTile <= n) {
         reduce_rows<kTile>(K, row, first, width);
@@ -71,11 +71,11 @@ STICTION_HD void factor_square(B& block, const SquareMatrix<Real, kStride>& K, S
       }
     });
     for (Index j = first; j < first + width; ++j) {
-      single(block, [&] {
+      single(team, [&] {
         inverse[j] = select(K(j, j) > floor(j), div_(Real(1), K(j, j)), Real(0));
         for (Index c = j + 1; c < first + width; ++c) K(j, c) = K(c, j) * inverse[j];
       });
-      for_each(block, n - j - 1, [&](Index r) {
+      for_each(team, n - j - 1, [&](Index r) {
         const Index i = j + 1 + r;
         const Real value = Real(0) - K(i, j);
         for (Index c = j + 1; c < first + width && c <= i; ++c) K(i, c) = fma_(value, K(j, c), K(i, c));
@@ -85,21 +85,21 @@ STICTION_HD void factor_square(B& block, const SquareMatrix<Real, kStride>& K, S
 }
 
 /// v = K^-1 v by the factor.
-template <Block B, class Real, int kStride>
-STICTION_HD void solve_square(B& block, const SquareMatrix<Real, kStride>& K, Strided<Real, kStride> inverse,
+template <Team TeamT, class Real, int kStride>
+STICTION_HD void solve_square(TeamT& team, const SquareMatrix<Real, kStride>& K, Strided<Real, kStride> inverse,
                               Strided<Real, kStride> v) {
   const Index n = K.n;
   for (Index j = 0; j + 1 < n; ++j) {
     const Real known = Real(0) - v[j] * inverse[j];
-    for_each(block, n - j - 1, [&](Index k) {
+    for_each(team, n - j - 1, [&](Index k) {
       const Index i = j + 1 + k;
       v[i] = fma_(K(i, j), known, v[i]);
     });
   }
-  for_each(block, n, [&](Index i) { v[i] = v[i] * inverse[i]; });
+  for_each(team, n, [&](Index i) { v[i] = v[i] * inverse[i]; });
   for (Index j = n - 1; j > 0; --j) {
     const Real known = Real(0) - v[j];
-    for_each(block, j, [&](Index i) { v[i] = fma_(K(i, j), known, v[i]); });
+    for_each(team, j, [&](Index i) { v[i] = fma_(K(i, j), known, v[i]); });
   }
 }
 

@@ -5,9 +5,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// v'w over n numbers, in the order of leaves whoever sums.
-template <Block B>
-STICTION_HD_OUTLINE double dot_product(B& block, Index n, const double* v, const double* w) {
-  return sum_leaves<double>(block, [&](Index leaf) {
+template <Team TeamT>
+STICTION_HD_OUTLINE double dot_product(TeamT& team, Index n, const double* v, const double* w) {
+  return sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < n; i += kReduceLeaves) sum = fma_(v[i], w[i], sum);
     return sum;
@@ -25,7 +25,7 @@ struct GradientOutcome {
 /// What a method of gradients is asked: A x = b from x = 0, until its residual is `tolerance` times the first or `most`
 /// iterations are done. Which norm that is in, and how many vectors are kept, the method says.
 ///
-/// The operator A has `template <Block B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
+/// The operator A has `template <Team B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
 /// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has room of its own.
 struct GradientProblem {
   Index unknowns;
@@ -42,8 +42,8 @@ struct GradientProblem {
 /// residual is measured in the norm that M^-1 makes. A direction without curvature ends it: A is then not positive
 /// definite to working precision. However it ends, x is the best there was: each iterate is nearer to the solution
 /// than the last in the norm that A makes. The outcome is on every lane.
-template <Block B, class Operator, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const Operator& A, const GradientProblem& problem,
+template <Team TeamT, class Operator, class Preconditioner>
+STICTION_HD_OUTLINE GradientOutcome solve_gradients(TeamT& team, const Operator& A, const GradientProblem& problem,
                                                     const Preconditioner& preconditioner) {
   const Index n = problem.unknowns;
   double* const x = problem.x;
@@ -51,32 +51,32 @@ STICTION_HD_OUTLINE GradientOutcome solve_gradients(B& block, const Operator& A,
   double* const z = problem.vector(1);
   double* const p = problem.vector(2);
   double* const q = problem.vector(3);
-  for_each(block, n, [&](Index i) {
+  for_each(team, n, [&](Index i) {
     x[i] = 0.0;
     r[i] = problem.b[i];
   });
-  preconditioner.apply(block, r, z);
-  for_each(block, n, [&](Index i) { p[i] = z[i]; });
-  double energy = dot_product(block, n, r, z);
+  preconditioner.apply(team, r, z);
+  for_each(team, n, [&](Index i) { p[i] = z[i]; });
+  double energy = dot_product(team, n, r, z);
   const double enough = (problem.tolerance * problem.tolerance) * energy;
   GradientOutcome outcome;
   outcome.is_met = !(energy > enough);
   while (!outcome.is_met && outcome.iterations < problem.most) {
-    A.apply(block, p, q);
-    const double curvature = dot_product(block, n, p, q);
+    A.apply(team, p, q);
+    const double curvature = dot_product(team, n, p, q);
     if (!(curvature > 0.0)) break;
     const double alpha = div_(energy, curvature);
-    for_each(block, n, [&](Index i) {
+    for_each(team, n, [&](Index i) {
       x[i] = fma_(alpha, p[i], x[i]);
       r[i] = fma_(0.0 - alpha, q[i], r[i]);
     });
-    preconditioner.apply(block, r, z);
-    const double next = dot_product(block, n, r, z);
+    preconditioner.apply(team, r, z);
+    const double next = dot_product(team, n, r, z);
     const double beta = div_(next, energy);
     energy = next;
     ++outcome.iterations;
     outcome.is_met = !(energy > enough);
-    for_each(block, n, [&](Index i) { p[i] = fma_(beta, p[i], z[i]); });
+    for_each(team, n, [&](Index i) { p[i] = fma_(beta, p[i], z[i]); });
   }
   return outcome;
 }

@@ -16,56 +16,56 @@ struct Multigrid {
 
   /// Takes H = M + J'WJ, which must live on as long as apply() is called, and the bodies' positions, three for each,
   /// from any origin. Every lane calls it on a Multigrid of its own.
-  template <Block B>
-  STICTION_HD_OUTLINE void prepare(B& block, const BlockMatrix& H, const double* positions) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& H, const double* positions) {
     finest = H;
     const MultigridMemory grids = this->grids();
     for (Index l = 0; l < last(); ++l) {
       const GridLevel level = this->level(l);
       const GridLevel coarse = this->level(l + 1);
       const double* const position = l == 0 ? positions : level.position;
-      level.smoother.D.prepare(block, level.smoother.H);
-      const double bound = eigenvalue_bound(block, level, l);
-      single(block, [&] {
+      level.smoother.D.prepare(team, level.smoother.H);
+      const double bound = eigenvalue_bound(team, level, l);
+      single(team, [&] {
         const SweepWeights weights = sweep_weights(bound);
         for (Index i = 0; i < kSweeps; ++i) level.weights[i] = weights.weight[i];
       });
-      place_coarse(block, level.plan, position, coarse.position);
+      place_coarse(team, level.plan, position, coarse.position);
       const Attachment attachment{level.smoother.H, level.plan.prolongation, level.plan.aggregate, level.plan.root,
                                   grids.labels(0),  grids.labels(1),         grids.labels(2)};
       const RigidMotions rigid{level.plan, level.smoother.H, position, coarse.position, attachment.label};
       if (plan.is_smoothed()) {
-        attachment.run(block);
-        prolong_smoothly(block, rigid, level.smoother.D, div_(kProlongationDamping, bound), level.P);
+        attachment.run(team);
+        prolong_smoothly(team, rigid, level.smoother.D, div_(kProlongationDamping, bound), level.P);
       } else {
-        prolong_rigidly(block, rigid, level.P);
+        prolong_rigidly(team, rigid, level.P);
       }
       const BlockMatrix product{level.plan.product, grids.product()};
-      multiply_matrices(block, level.smoother.H, level.P, product);
-      multiply_matrices(block, level.restriction, product, coarse.smoother.H);
+      multiply_matrices(team, level.smoother.H, level.P, product);
+      multiply_matrices(team, level.restriction, product, coarse.smoother.H);
     }
     const GridLevel coarsest = level(last());
-    coarsest.smoother.D.prepare(block, coarsest.smoother.H);
-    grids.coarsest().prepare(block, coarsest.smoother.H);
+    coarsest.smoother.D.prepare(team, coarsest.smoother.H);
+    grids.coarsest().prepare(team, coarsest.smoother.H);
   }
 
   /// z = one cycle for H z = r from z = 0; r and z apart, 6 doubles a body.
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
     Index visits[kMostLevels];
     Index l = 0;
     visits[0] = 0;
     do {
       for (; l < last(); ++l) {
-        descend(block, l, visits[l] == 0, r, z);
+        descend(team, l, visits[l] == 0, r, z);
         visits[l + 1] = 0;
       }
-      solve_coarsest(block, r, z);
+      solve_coarsest(team, r, z);
       // The coarsest level is solved exactly: once is enough.
       for (bool goes_up = true; goes_up && l > 0;) {
         ++visits[l];
         goes_up = l == last() || visits[l] == static_cast<Index>(cycle);
-        if (goes_up) ascend(block, --l, r, z);
+        if (goes_up) ascend(team, --l, r, z);
       }
     } while (l > 0);
   }
@@ -87,45 +87,45 @@ struct Multigrid {
   [[nodiscard]] STICTION_HD MultigridMemory grids() const { return {plan, memory}; }
 
   /// At least, or by the power method almost, the largest eigenvalue of D^-1 H; on every lane.
-  template <Block B>
-  STICTION_HD double eigenvalue_bound(B& block, const GridLevel& level, Index l) const {
+  template <Team TeamT>
+  STICTION_HD double eigenvalue_bound(TeamT& team, const GridLevel& level, Index l) const {
     if (l == 0 || !plan.is_smoothed()) return kPairBound;
-    return kPowerMargin * largest_eigenvalue(block, level.smoother, level.solution, level.right);
+    return kPowerMargin * largest_eigenvalue(team, level.smoother, level.solution, level.right);
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void descend(B& block, Index l, bool from_zero, const double* r, double* z) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void descend(TeamT& team, Index l, bool from_zero, const double* r, double* z) const {
     const GridLevel level = this->level(l);
     const double* const right = l == 0 ? r : level.right;
     double* const solution = l == 0 ? z : level.solution;
     double* const residual = grids().residual();
     if (from_zero)
-      level.smoother.first_sweep(block, level.weights[0], right, solution);
+      level.smoother.first_sweep(team, level.weights[0], right, solution);
     else
-      level.smoother.sweep(block, level.weights[0], right, solution, residual);
-    level.smoother.sweep(block, level.weights[1], right, solution, residual);
-    level.smoother.residual(block, right, solution, residual);
-    multiply_transposed(block, level.restriction, residual, this->level(l + 1).right);
+      level.smoother.sweep(team, level.weights[0], right, solution, residual);
+    level.smoother.sweep(team, level.weights[1], right, solution, residual);
+    level.smoother.residual(team, right, solution, residual);
+    multiply_transposed(team, level.restriction, residual, this->level(l + 1).right);
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void ascend(B& block, Index l, const double* r, double* z) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void ascend(TeamT& team, Index l, const double* r, double* z) const {
     const GridLevel level = this->level(l);
     const double* const right = l == 0 ? r : level.right;
     double* const solution = l == 0 ? z : level.solution;
     double* const residual = grids().residual();
-    add_product(block, level.P, this->level(l + 1).solution, solution);
+    add_product(team, level.P, this->level(l + 1).solution, solution);
     for (Index sweep = kSweeps - 1; sweep >= 0; --sweep)
-      level.smoother.sweep(block, level.weights[sweep], right, solution, residual);
+      level.smoother.sweep(team, level.weights[sweep], right, solution, residual);
   }
 
-  template <Block B>
-  STICTION_HD_OUTLINE void solve_coarsest(B& block, const double* r, double* z) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void solve_coarsest(TeamT& team, const double* r, double* z) const {
     const GridLevel level = this->level(last());
     const double* const right = last() == 0 ? r : level.right;
     double* const solution = last() == 0 ? z : level.solution;
-    level.smoother.first_sweep(block, 1.0, right, solution);
-    grids().coarsest().solve(block, level.plan.rows, right, solution);
+    level.smoother.first_sweep(team, 1.0, right, solution);
+    grids().coarsest().solve(team, level.plan.rows, right, solution);
   }
 };
 

@@ -47,18 +47,19 @@ struct RigidMotions {
 };
 
 /// Coarse bodies are where their roots are. Any place would do: it changes the coarse twists' coordinates alone.
-template <Block B>
-STICTION_HD_OUTLINE void place_coarse(B& block, const MultigridLevel& level, const double* position, double* coarse) {
-  for_each(block, level.prolongation.columns_total, [&](Index aggregate) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void place_coarse(TeamT& team, const MultigridLevel& level, const double* position,
+                                      double* coarse) {
+  for_each(team, level.prolongation.columns_total, [&](Index aggregate) {
     const double* const root = position + static_cast<Offset>(level.root[aggregate]) * kPosition;
     for (Index i = 0; i < kPosition; ++i) coarse[static_cast<Offset>(aggregate) * kPosition + i] = root[i];
   });
 }
 
 /// P = T, the rigid motions of the graph's aggregates.
-template <Block B>
-STICTION_HD_OUTLINE void prolong_rigidly(B& block, const RigidMotions& rigid, const BlockMatrix& P) {
-  for_each(block, P.pattern.rows, [&](Index row) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void prolong_rigidly(TeamT& team, const RigidMotions& rigid, const BlockMatrix& P) {
+  for_each(team, P.pattern.rows, [&](Index row) {
     for (Index k = P.pattern.offsets[row]; k < P.pattern.offsets[row + 1]; ++k) {
       double T[kBlockEntries];
       rigid.block(row, P.pattern.columns[k], T);
@@ -69,11 +70,11 @@ STICTION_HD_OUTLINE void prolong_rigidly(B& block, const RigidMotions& rigid, co
 
 /// P = (I - damping D^-1 H) T with D the diagonal blocks of H: rigid motions, and around the seams between aggregates
 /// what costs less.
-template <Block B>
-STICTION_HD_OUTLINE void prolong_smoothly(B& block, const RigidMotions& rigid, const BlockDiagonal& D, double damping,
-                                          const BlockMatrix& P) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void prolong_smoothly(TeamT& team, const RigidMotions& rigid, const BlockDiagonal& D,
+                                          double damping, const BlockMatrix& P) {
   const BlockMatrix& H = rigid.H;
-  for_each(block, P.pattern.blocks(), [&](Index k) {
+  for_each(team, P.pattern.blocks(), [&](Index k) {
     const Index row = row_of_block(P.pattern, k);
     const Index column = P.pattern.columns[k];
     const auto wanted = static_cast<double>(column);

@@ -32,9 +32,9 @@ struct Smoother {
   }
 
   /// t = r - H z.
-  template <Block B>
-  STICTION_HD_OUTLINE void residual(B& block, const double* r, const double* z, double* t) const {
-    for_each(block, H.pattern.rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void residual(TeamT& team, const double* r, const double* z, double* t) const {
+    for_each(team, H.pattern.rows, [&](Index row) {
       double sum[kBodyBlock];
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) sum[i] = 0.0 - r[first + i];
@@ -44,9 +44,9 @@ struct Smoother {
   }
 
   /// z = weight D^-1 r, the sweep that begins at zero.
-  template <Block B>
-  STICTION_HD_OUTLINE void first_sweep(B& block, double weight, const double* r, double* z) const {
-    for_each(block, H.pattern.rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void first_sweep(TeamT& team, double weight, const double* r, double* z) const {
+    for_each(team, H.pattern.rows, [&](Index row) {
       double change[kBodyBlock];
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       for (Index i = 0; i < kBodyBlock; ++i) change[i] = r[first + i];
@@ -57,10 +57,10 @@ struct Smoother {
   }
 
   /// z = z + weight D^-1 (r - H z); t is scratch.
-  template <Block B>
-  STICTION_HD_OUTLINE void sweep(B& block, double weight, const double* r, double* z, double* t) const {
-    residual(block, r, z, t);
-    for_each(block, H.pattern.rows, [&](Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void sweep(TeamT& team, double weight, const double* r, double* z, double* t) const {
+    residual(team, r, z, t);
+    for_each(team, H.pattern.rows, [&](Index row) {
       const Offset first = static_cast<Offset>(row) * kBodyBlock;
       D.solve(row, t + first);
       const double damped = damping(row, weight);
@@ -77,20 +77,20 @@ inline constexpr double kPowerMargin = 1.1;
 /// An estimate from below of the largest eigenvalue of D^-1 H by the power method (Golub and Van Loan 2013, section
 /// 8.2.1) from a fixed vector: y'Hy / y'Dy, on every lane. `y` and `h` are scratch. The vectors grow by less than that
 /// eigenvalue in each step, so they are not scaled; in exact arithmetic no quotient is below the one before.
-template <Block B>
-STICTION_HD_OUTLINE double largest_eigenvalue(B& block, const Smoother& smoother, double* y, double* h) {
+template <Team TeamT>
+STICTION_HD_OUTLINE double largest_eigenvalue(TeamT& team, const Smoother& smoother, double* y, double* h) {
   const Index n = smoother.H.pattern.rows * kBodyBlock;
-  for_each(block, n, [&](Index i) {
+  for_each(team, n, [&](Index i) {
     const auto mixed = (static_cast<std::uint32_t>(i) + 1U) * 2654435761U;
     y[i] = static_cast<double>(mixed >> 8U) * 0x1p-23 - 1.0;
   });
   double largest = 1.0;
-  multiply_blocks(block, smoother.H, y, h);
+  multiply_blocks(team, smoother.H, y, h);
   for (Index step = 0; step < kPowerSteps; ++step) {
-    smoother.D.apply(block, h, y);
-    const double weight = dot_product(block, n, y, h);
-    multiply_blocks(block, smoother.H, y, h);
-    const double energy = dot_product(block, n, y, h);
+    smoother.D.apply(team, h, y);
+    const double weight = dot_product(team, n, y, h);
+    multiply_blocks(team, smoother.H, y, h);
+    const double energy = dot_product(team, n, y, h);
     if (weight > 0.0 && energy > 0.0) largest = div_(energy, weight);
   }
   return largest;

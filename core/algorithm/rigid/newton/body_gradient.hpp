@@ -52,9 +52,9 @@ STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>
 }
 
 /// Descent and force for the reactions that are there.
-template <Block B>
-STICTION_HD_OUTLINE void renew_descent(B& block, const SpaceRoom& room) {
-  for_each(block, room.bodies, [&](Index row) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceRoom& room) {
+  for_each(team, room.bodies, [&](Index row) {
     const SpaceBody& body = room.body[row];
     const Twist<double> p = SpaceRoom::twist(room.point, row);
     const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.reaction; });
@@ -68,9 +68,9 @@ STICTION_HD_OUTLINE void renew_descent(B& block, const SpaceRoom& room) {
 
 /// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
 /// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
-template <Block B>
-STICTION_HD_OUTLINE void renew_space_motion(B& block, const SpaceRoom& room) {
-  for_each(block, room.contacts, [&](Index p) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceRoom& room) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     double u[3];
     relative_motion(contact, room.point, u);
@@ -80,9 +80,9 @@ STICTION_HD_OUTLINE void renew_space_motion(B& block, const SpaceRoom& room) {
 
 /// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
 /// descent would bring to a contact [w]: zero where the gradient is.
-template <Block B>
-STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, double compliance) {
-  for_each(block, room.contacts, [&](Index p) {
+template <Team TeamT>
+STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceRoom& room, double compliance) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     unprojected(contact, contact.u, compliance, contact.z);
     const ConePoint point = project_friction_cone(contact.z, contact.mu);
@@ -96,8 +96,8 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, doub
     contact.sliding =
         is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
   });
-  renew_descent(block, room);
-  return max_over<double>(block, room.contacts, [&](Index p) {
+  renew_descent(team, room);
+  return max_over<double>(team, room.contacts, [&](Index p) {
     double change[3];
     relative_motion(room.contact[p], room.descent, change);
     return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
@@ -105,9 +105,9 @@ STICTION_HD_OUTLINE double renew_reactions(B& block, const SpaceRoom& room, doub
 }
 
 /// d'Md: the curvature that bodies add, everywhere on the line.
-template <Block B>
-STICTION_HD_OUTLINE double body_curvature(B& block, const SpaceRoom& room) {
-  return sum_leaves<double>(block, [&](Index leaf) {
+template <Team TeamT>
+STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceRoom& room) {
+  return sum_leaves<double>(team, [&](Index leaf) {
     double part = 0.0;
     for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
       const Twist<double> d = SpaceRoom::twist(room.step, row);
@@ -119,10 +119,10 @@ STICTION_HD_OUTLINE double body_curvature(B& block, const SpaceRoom& room) {
 }
 
 /// `bodies`: what they add at alpha = 0.
-template <Block B>
-STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
+template <Team TeamT>
+STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceRoom& room, const LinePoint& bodies, double compliance,
                                          double alpha) {
-  for_each(block, room.contacts, [&](Index p) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     double u[3];
     for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
@@ -141,7 +141,7 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const 
     contact.curvature = div_(curvature, compliance + contact.pull);
   });
   const auto sum = [&](double SpaceContact::*part) {
-    return sum_leaves<double>(block, [&](Index leaf) {
+    return sum_leaves<double>(team, [&](Index leaf) {
       double total = 0.0;
       for (Index p = leaf; p < room.contacts; p += kReduceLeaves) total = total + room.contact[p].*part;
       return total;
@@ -154,9 +154,9 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const SpaceRoom& room, const 
 
 /// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
 /// answers to the rounding of its motion as it does to motion.
-template <Block B>
-STICTION_HD_OUTLINE double slope_noise(B& block, const SpaceRoom& room, double compliance) {
-  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+template <Team TeamT>
+STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceRoom& room, double compliance) {
+  const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index p = leaf; p < room.contacts; p += kReduceLeaves) {
       const SpaceContact& contact = room.contact[p];
@@ -174,10 +174,10 @@ STICTION_HD_OUTLINE double slope_noise(B& block, const SpaceRoom& room, double c
 inline constexpr double kSpaceSlopeLeft = 1e-2;
 
 /// The alpha at which the function is smallest on the line.
-template <Block B>
-STICTION_HD_OUTLINE double search_along(B& block, const SpaceRoom& room, const LinePoint& bodies, double compliance,
+template <Team TeamT>
+STICTION_HD_OUTLINE double search_along(TeamT& team, const SpaceRoom& room, const LinePoint& bodies, double compliance,
                                         double slope, double noise) {
-  return search_line([&](double alpha) { return look_along(block, room, bodies, compliance, alpha); }, slope,
+  return search_line([&](double alpha) { return look_along(team, room, bodies, compliance, alpha); }, slope,
                      kSpaceSlopeLeft, noise);
 }
 

@@ -76,14 +76,14 @@ STICTION_HD void assemble_block(const SpaceRoom& room, Index row, Index k, doubl
 
 /// Fills room.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper half
 /// is its mirror image, so that H is symmetric to the last bit.
-template <Block B>
-STICTION_HD_OUTLINE void assemble_curvature(B& block, const SpaceRoom& room, double compliance) {
-  for_each(block, room.contacts, [&](Index p) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceRoom& room, double compliance) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P, div_(1.0, compliance + contact.pull));
   });
   const BlockPattern& pattern = room.stream.pattern;
-  for_each(block, room.bodies, [&](Index row) {
+  for_each(team, room.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1] && pattern.columns[k] <= row; ++k) {
       double* const sum = room.H.block(k);
       assemble_block(room, row, k, sum);
@@ -92,7 +92,7 @@ STICTION_HD_OUTLINE void assemble_curvature(B& block, const SpaceRoom& room, dou
         for (Index j = 0; j < i; ++j) sum[j * kBodyBlock + i] = sum[i * kBodyBlock + j];
     }
   });
-  for_each(block, room.bodies, [&](Index row) {
+  for_each(team, room.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k) {
       if (pattern.columns[k] <= row) continue;
       const double* const lower = room.H.block(room.stream.mirror[k]);
@@ -103,10 +103,10 @@ STICTION_HD_OUTLINE void assemble_curvature(B& block, const SpaceRoom& room, dou
 }
 
 /// Fills room.sliding for the stiffnesses that the contacts have.
-template <Block B>
-STICTION_HD_OUTLINE void assemble_sliding(B& block, const SpaceRoom& room) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void assemble_sliding(TeamT& team, const SpaceRoom& room) {
   const BlockPattern& pattern = room.stream.pattern;
-  for_each(block, room.bodies, [&](Index row) {
+  for_each(team, room.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k)
       assemble_block(room, row, k, room.sliding.block(k));
   });

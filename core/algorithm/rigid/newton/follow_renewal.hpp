@@ -78,21 +78,21 @@ STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedCon
 /// open. What moves with weights and shifts is linear then, and needs no line search; what the step overlooks is left
 /// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
 /// Coulomb's law itself; without, they become what they should have been before it.
-template <Block B>
-STICTION_HD_OUTLINE void follow_renewal(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
+template <Team TeamT>
+STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {
-  assemble_curvature(block, room, compliance);
-  for_each(block, room.contacts, [&](Index p) {
+  assemble_curvature(team, room, compliance);
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     const FollowedContact followed = followed_contact(contact, compliance, with_sliding);
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
     if (with_sliding) turn_followed_stiffness(contact, followed);
   });
-  renew_descent(block, room);
-  if (with_sliding) assemble_sliding(block, room);
-  solve_space(block, room, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
-  for_each(block, room.contacts, [&](Index p) {
+  renew_descent(team, room);
+  if (with_sliding) assemble_sliding(team, room);
+  solve_space(team, room, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     const double before = contact.shift;
     double d[3];
@@ -105,7 +105,7 @@ STICTION_HD_OUTLINE void follow_renewal(B& block, const SpaceRoom& room, const B
     for (int k = 0; k < 3; ++k) contact.u[k] = contact.u[k] + d[k];
     contact.u[0] = contact.u[0] + (contact.shift - before);
   });
-  for_each(block, room.bodies * kBodyBlock, [&](Index i) { room.point[i] = room.point[i] + room.step[i]; });
+  for_each(team, room.bodies * kBodyBlock, [&](Index i) { room.point[i] = room.point[i] + room.step[i]; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

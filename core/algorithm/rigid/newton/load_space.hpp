@@ -36,13 +36,13 @@ STICTION_HD double largest_moment(const Symmetric3<double>& inertia) {
 }
 
 /// Inverse masses as they are, and mass matrices.
-template <Block B, class Real>
-STICTION_HD_OUTLINE void load_space_bodies(B& block, const BodyEnv<Real>& env, const SpaceRoom& room) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void load_space_bodies(TeamT& team, const BodyEnv<Real>& env, const SpaceRoom& room) {
   const auto inverse_of = [&](Index row) { return exact_mass(env, env.is_kinematic(row) ? ~row : row); };
-  const double most_mass = max_over<double>(block, room.bodies, [&](Index row) { return inverse_of(row).mass; });
+  const double most_mass = max_over<double>(team, room.bodies, [&](Index row) { return inverse_of(row).mass; });
   const double most_inertia =
-      max_over<double>(block, room.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
-  for_each(block, room.bodies, [&](Index row) {
+      max_over<double>(team, room.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
+  for_each(team, room.bodies, [&](Index row) {
     SpaceBody& body = room.body[row];
     body.inverse = inverse_of(row);
     body.mass = 1.0;
@@ -57,11 +57,11 @@ STICTION_HD_OUTLINE void load_space_bodies(B& block, const BodyEnv<Real>& env, c
 }
 
 /// Geometry, friction and weight of contacts.
-template <Block B, class Real>
-STICTION_HD_OUTLINE void load_space_contacts(B& block, const BodyEnv<Real>& env, const SiParams& params,
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void load_space_contacts(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
                                              const SpaceRoom& room) {
   const double compliance = div_(params.cfm, params.step);
-  for_each(block, room.contacts, [&](Index p) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     const ExactContact exact = exact_contact(env, p);
     contact.side_a = exact.side_a;
@@ -78,12 +78,12 @@ STICTION_HD_OUTLINE void load_space_contacts(B& block, const BodyEnv<Real>& env,
 }
 
 /// Where bodies are, if contacts touch: arms lead from the lowest body of every island to all others.
-template <Block B>
-STICTION_HD_OUTLINE void place_bodies(B& block, const SpaceRoom& room) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceRoom& room) {
   const NewtonStream& stream = room.stream;
   for (Index level = 0; level < stream.levels; ++level) {
     const Index first = stream.level_offsets[level];
-    for_each(block, stream.level_offsets[level + 1] - first, [&](Index k) {
+    for_each(team, stream.level_offsets[level + 1] - first, [&](Index k) {
       double* const place = room.positions + 3 * static_cast<Offset>(stream.level_bodies[first + k]);
       Vector3<double> x{0.0, 0.0, 0.0};
       if (level > 0) {
@@ -102,10 +102,10 @@ STICTION_HD_OUTLINE void place_bodies(B& block, const SpaceRoom& room) {
 }
 
 /// What a sub-step begins with.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void enter_space(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                      const SiParams& params, const SpaceRoom& room) {
-  for_each(block, room.contacts, [&](Index p) {
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
                                                 free_twist(env, s, params, slot_of(contact.side_b)), contact.arm_b);
@@ -117,20 +117,20 @@ STICTION_HD_OUTLINE void enter_space(B& block, const BodyEnv<Real>& env, const B
 }
 
 /// p, the centre of the proximal term and under Coulomb's law the shifts from the impulses that s.x stands for.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                           const SpaceRoom& room, double compliance) {
-  for_each(block, room.contacts, [&](Index p) {
+  for_each(team, room.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
-  for_each(block, room.bodies, [&](Index row) {
+  for_each(team, room.bodies, [&](Index row) {
     const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.centre; });
     const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     put_twist(room.point + static_cast<Offset>(row) * kBodyBlock,
               pushed(still, room.body[row].inverse, wrench.linear, wrench.angular));
   });
   if constexpr (kLaw == Law::coulomb) {
-    for_each(block, room.contacts, [&](Index p) {
+    for_each(team, room.contacts, [&](Index p) {
       SpaceContact& contact = room.contact[p];
       double u[3];
       relative_motion(contact, room.point, u);
@@ -142,9 +142,9 @@ STICTION_HD_OUTLINE void start_at_iterate(B& block, const BodyEnv<Real>& env, co
 }
 
 /// s.x from the reactions, in coordinates in which the cone is the unit cone.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE void store_reactions(B& block, const BodySystem<Real, kLaw>& s, const SpaceRoom& room) {
-  for_each(block, room.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD_OUTLINE void store_reactions(TeamT& team, const BodySystem<Real, kLaw>& s, const SpaceRoom& room) {
+  for_each(team, room.contacts, [&](Index p) {
     const SpaceContact& contact = room.contact[p];
     for (Index k = 0; k < 3; ++k) {
       const double scale = k == 0 ? 1.0 : contact.mu;

@@ -47,14 +47,14 @@ struct SpaceProgress {
 };
 
 /// The residual of s.x, which is kept if it is the best.
-template <Block B, class Real, Law kLaw>
-STICTION_HD double look_at_iterate(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD double look_at_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                    const SiParams& params, SpaceProgress& progress) {
-  const double residual = residual_of(block, env, s, s.x, params, false).residual;
+  const double residual = residual_of(team, env, s, s.x, params, false).residual;
   if (!progress.has_best || residual < progress.best) {
     progress.best = residual;
     progress.has_best = true;
-    keep_best(block, s);
+    keep_best(team, s);
   }
   return residual;
 }
@@ -64,52 +64,52 @@ STICTION_HD bool is_met(const SpaceProgress& progress) {
 }
 
 /// The best iterate becomes s.x.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void take_best(B& block, const BodySystem<Real, kLaw>& s) {
-  share_out(block, s.contacts, [&](Index p) {
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD void take_best(TeamT& team, const BodySystem<Real, kLaw>& s) {
+  share_out(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
   });
 }
 
-template <Block B>
-STICTION_HD void set_pull(B& block, const SpaceRoom& room, double weight) {
-  for_each(block, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
+template <Team TeamT>
+STICTION_HD void set_pull(TeamT& team, const SpaceRoom& room, double weight) {
+  for_each(team, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
 }
 
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
-template <Block B>
-STICTION_HD_OUTLINE void renew_problem(B& block, const SpaceRoom& room, SpaceProgress& progress) {
-  for_each(block, room.contacts, [&](Index p) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void renew_problem(TeamT& team, const SpaceRoom& room, SpaceProgress& progress) {
+  for_each(team, room.contacts, [&](Index p) {
     for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
   });
   progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
   if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
-  set_pull(block, room, progress.pull);
+  set_pull(team, room, progress.pull);
   progress.reference = 0.0;
 }
 
 /// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
 /// rounding.
-template <Block B>
-STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const BodySpaceOptions& space,
+template <Team TeamT>
+STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
                                           double compliance, SpaceProgress& progress) {
   const Index n = room.bodies * kBodyBlock;
-  const double energy = max_(dot_product(block, n, room.descent, room.force), 0.0);
+  const double energy = max_(dot_product(team, n, room.descent, room.force), 0.0);
   progress.reference = max_(energy, progress.reference);
   const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
-  assemble_curvature(block, room, compliance);
-  solve_space(block, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
-  for_each(block, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
-  const double noise = slope_noise(block, room, compliance);
+  assemble_curvature(team, room, compliance);
+  solve_space(team, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
+  for_each(team, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
+  const double noise = slope_noise(team, room, compliance);
   // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
   // that nothing can move keeps M and the inverse masses from being each other's inverse.
-  const double slope = 0.0 - dot_product(block, n, room.force, room.step);
-  const LinePoint contacts = look_along(block, room, LinePoint{0.0, 0.0}, compliance, 0.0);
-  const LinePoint bodies{slope - contacts.slope, body_curvature(block, room)};
+  const double slope = 0.0 - dot_product(team, n, room.force, room.step);
+  const LinePoint contacts = look_along(team, room, LinePoint{0.0, 0.0}, compliance, 0.0);
+  const LinePoint bodies{slope - contacts.slope, body_curvature(team, room)};
   const bool is_exhausted = !(slope < 0.0 - noise);
-  const double alpha = is_exhausted ? 1.0 : search_along(block, room, bodies, compliance, slope, noise);
-  for_each(block, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
-  for_each(block, room.contacts, [&](Index p) {
+  const double alpha = is_exhausted ? 1.0 : search_along(team, room, bodies, compliance, slope, noise);
+  for_each(team, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
+  for_each(team, room.contacts, [&](Index p) {
     SpaceContact& contact = room.contact[p];
     for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
   });
@@ -117,52 +117,52 @@ STICTION_HD_OUTLINE bool take_newton_step(B& block, const SpaceRoom& room, const
 }
 
 /// Sweeps from the best iterate, and a first problem there. Returns what renew_reactions does.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE double sweep_closer(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD_OUTLINE double sweep_closer(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                         const SiParams& params, const SpaceRoom& room, SpaceProgress& progress) {
-  take_best(block, s);
-  refresh_bodies(block, env, s, params);
+  take_best(team, s);
+  refresh_bodies(team, env, s, params);
   SiMomentum<Real> momentum;
-  if (params.momentum) start_momentum(block, s);
+  if (params.momentum) start_momentum(team, s);
   for (Index k = 0; k < progress.sweeps; k += kSiChunk) {
-    run_sweeps(block, env, s, params, kSiChunk, momentum);
-    look_at_iterate(block, env, s, params, progress);
+    run_sweeps(team, env, s, params, kSiChunk, momentum);
+    look_at_iterate(team, env, s, params, progress);
   }
   progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
-  take_best(block, s);
+  take_best(team, s);
   const double compliance = div_(params.cfm, params.step);
-  start_at_iterate(block, env, s, room, compliance);
+  start_at_iterate(team, env, s, room, compliance);
   progress.pull = kPullStart;
   progress.reference = 0.0;
   progress.renewed = __builtin_huge_val();
   progress.inner_steps = 0;
-  set_pull(block, room, progress.pull);
-  renew_space_motion(block, room);
-  return renew_reactions(block, room, compliance);
+  set_pull(team, room, progress.pull);
+  renew_space_motion(team, room);
+  return renew_reactions(team, room, compliance);
 }
 
 /// Solves a sub-step from s.x. The best iterate is in s.best; the steps taken are added to `steps`.
-template <Block B, class Real, Law kLaw>
-STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                            const SiParams& params, const BodySpaceOptions& space, const SpaceRoom& room,
                                            SpaceProgress& progress, Index& steps) {
-  double residual = look_at_iterate(block, env, s, params, progress);
+  double residual = look_at_iterate(team, env, s, params, progress);
   if (is_met(progress)) return kSpaceMet;
   if (!finite_(residual)) return kSpaceBroken;
   if (params.iterations == 0) return kSpaceOutOfSteps;
   const double compliance = div_(params.cfm, params.step);
-  const double mean = max_over<double>(block, room.contacts, [&](Index p) { return room.contact[p].mean; });
+  const double mean = max_over<double>(team, room.contacts, [&](Index p) { return room.contact[p].mean; });
   progress.pull_end = compliance >= kEnoughCompliance * mean ? 0.0 : kPullLeast;
-  double inner = sweep_closer(block, env, s, params, room, progress);
+  double inner = sweep_closer(team, env, s, params, room, progress);
   if (is_met(progress)) return kSpaceMet;
   Index since_best = 0;
   for (Index k = 0; k < params.iterations; ++k) {
-    const bool is_exhausted = take_newton_step(block, room, space, compliance, progress);
+    const bool is_exhausted = take_newton_step(team, room, space, compliance, progress);
     ++steps;
-    inner = renew_reactions(block, room, compliance);
-    store_reactions(block, s, room);
+    inner = renew_reactions(team, room, compliance);
+    store_reactions(team, s, room);
     const double before = progress.best;
-    residual = look_at_iterate(block, env, s, params, progress);
+    residual = look_at_iterate(team, env, s, params, progress);
     if (is_met(progress)) return kSpaceMet;
     if (!finite_(residual)) return kSpaceBroken;
     since_best = progress.best < before ? 0 : since_best + 1;
@@ -172,64 +172,64 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(B& block, const BodyEnv<Real>& env, c
     const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
     const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
     if (kLaw == Law::coulomb && (is_long || (is_solved && residual > progress.renewed))) {
-      inner = sweep_closer(block, env, s, params, room, progress);
+      inner = sweep_closer(team, env, s, params, room, progress);
       if (is_met(progress)) return kSpaceMet;
     } else if (is_renewed && is_solved) {
       const bool with_sliding = kLaw == Law::coulomb;
       progress.renewed = residual;
       progress.inner_steps = 0;
-      renew_problem(block, room, progress);
-      follow_renewal(block, room, space, compliance, with_sliding);
+      renew_problem(team, room, progress);
+      follow_renewal(team, room, space, compliance, with_sliding);
       ++steps;
       ++k;
-      inner = renew_reactions(block, room, compliance);
+      inner = renew_reactions(team, room, compliance);
     }
   }
   return kSpaceOutOfSteps;
 }
 
 /// Between two sub-steps: the best iterate is the one that counts.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void leave_with_best(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD void leave_with_best(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                  const SiParams& params) {
-  take_best(block, s);
-  refresh_bodies(block, env, s, params);
-  leave_substep(block, env, s, params);
+  take_best(team, s);
+  refresh_bodies(team, env, s, params);
+  leave_substep(team, env, s, params);
 }
 
 /// One environment from its numbers to its status.
-template <Block B, class Real, Law kLaw>
-STICTION_HD void solve_bodies_newton(B& block, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+template <Team TeamT, class Real, Law kLaw>
+STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                      SiParams params, const BodySpaceOptions& space, const SpaceRoom& room) {
   SiProgress<Real> entry;
-  if (!start_bodies(block, env, s, params, entry)) return;
-  load_space_bodies(block, env, room);
-  load_space_contacts(block, env, params, room);
-  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(block, room);
+  if (!start_bodies(team, env, s, params, entry)) return;
+  load_space_bodies(team, env, room);
+  load_space_contacts(team, env, params, room);
+  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(team, room);
   Index steps = 0;
   SpaceEnd end = kSpaceMet;
   SpaceProgress progress;
   for (Index step = 0; step < params.substeps; ++step) {
-    if (step > 0) enter_substep(block, env, s, params, entry);
-    enter_space(block, env, s, params, room);
+    if (step > 0) enter_substep(team, env, s, params, entry);
+    enter_space(team, env, s, params, room);
     progress = SpaceProgress{};
     progress.scale = entry.scale;
     progress.tolerance = params.tolerance;
-    end = solve_substep(block, env, s, params, space, room, progress, steps);
-    if (step + 1 < params.substeps) leave_with_best(block, env, s, params);
+    end = solve_substep(team, env, s, params, space, room, progress, steps);
+    if (step + 1 < params.substeps) leave_with_best(team, env, s, params);
   }
-  double absolute = judge_bodies(block, env, s, params, entry.scale);
+  double absolute = judge_bodies(team, env, s, params, entry.scale);
   if (!finite_(div_(absolute, entry.scale))) {
-    entry.scale = max_(fall_back(block, env, s, params), 1e-300);
-    absolute = judge_bodies(block, env, s, params, entry.scale);
+    entry.scale = max_(fall_back(team, env, s, params), 1e-300);
+    absolute = judge_bodies(team, env, s, params, entry.scale);
   }
   const double relative = div_(absolute, entry.scale);
   const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved
                        : end == kSpaceBroken                             ? EnvCode::numerical
                        : end == kSpaceOutOfSteps                         ? EnvCode::max_iterations
                                                                          : EnvCode::stalled;
-  publish_bodies(block, env, s);
-  write_body_status(block, env, params, code, entry.flags, steps, relative, absolute);
+  publish_bodies(team, env, s);
+  write_body_status(team, env, params, code, entry.flags, steps, relative, absolute);
 }
 
 /// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes and, behind
@@ -239,13 +239,13 @@ struct BodyNewton {
   using Real = Precision;
   using System = BodySystem<Real, kLaw>;
 
-  template <Block B>
-  static STICTION_HD void solve(B& block, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
+  template <Team TeamT>
+  static STICTION_HD void solve(TeamT& team, const BodyJob<Real>& job, const BodyEnv<Real>& env, Real* numbers,
                                 double* exact) {
     const SiParams params = si_params(job.stepping, job.options);
     const System system(env.kept, env.bodies, params, numbers, exact);
     const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
-    solve_bodies_newton(block, env, system, params, job.options.space, room);
+    solve_bodies_newton(team, env, system, params, job.options.space, room);
   }
 };
 

@@ -48,48 +48,48 @@ inline Offset newton_doubles(Offset contacts, const Index* integers, const BodyS
 enum class SpaceSystem { symmetric, sliding };
 
 /// d into room.step, by a preconditioner that is prepared.
-template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE void solve_with(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+template <Team TeamT, class Preconditioner>
+STICTION_HD_OUTLINE void solve_with(TeamT& team, const SpaceRoom& room, const Preconditioner& preconditioner,
                                     SpaceSystem system, double tolerance) {
   const GradientProblem problem{room.H.unknowns(), room.force, room.step,
                                 room.gradients,    tolerance,  kMostGradientSteps};
   if (system == SpaceSystem::symmetric)
-    solve_gradients(block, room.H, problem, preconditioner);
+    solve_gradients(team, room.H, problem, preconditioner);
   else
-    solve_stabilized(block, room.sliding, problem, preconditioner);
+    solve_stabilized(team, room.sliding, problem, preconditioner);
 }
-template <Block B, class Preconditioner>
-STICTION_HD_OUTLINE void prepare_and_solve(B& block, const SpaceRoom& room, const Preconditioner& preconditioner,
+template <Team TeamT, class Preconditioner>
+STICTION_HD_OUTLINE void prepare_and_solve(TeamT& team, const SpaceRoom& room, const Preconditioner& preconditioner,
                                            SpaceSystem system, double tolerance) {
-  preconditioner.prepare(block, room.H);
-  solve_with(block, room, preconditioner, system, tolerance);
+  preconditioner.prepare(team, room.H);
+  solve_with(team, room, preconditioner, system, tolerance);
 }
 
 /// The same with the preconditioner that the options name.
-template <Block B>
-STICTION_HD_OUTLINE void solve_space(B& block, const SpaceRoom& room, const BodySpaceOptions& space, SpaceSystem system,
-                                     double tolerance) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void solve_space(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
+                                     SpaceSystem system, double tolerance) {
   const Index rows = room.stream.pattern.rows;
   const Index* own = room.stream.preconditioner;
   double* const memory = room.preconditioner;
   switch (space.preconditioner) {
     case BodyPreconditioner::diagonal:
-      return prepare_and_solve(block, room, ScalarDiagonal{rows, memory}, system, tolerance);
+      return prepare_and_solve(team, room, ScalarDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::block_diagonal:
-      return prepare_and_solve(block, room, BlockDiagonal{rows, memory}, system, tolerance);
+      return prepare_and_solve(team, room, BlockDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::incomplete_cholesky:
-      return prepare_and_solve(block, room, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
+      return prepare_and_solve(team, room, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::sparse_inverse:
-      return prepare_and_solve(block, room, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
+      return prepare_and_solve(team, room, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
     case BodyPreconditioner::factor:
-      return prepare_and_solve(block, room, BlockLdl{take_block_factor(own), memory}, system, tolerance);
+      return prepare_and_solve(team, room, BlockLdl{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::multigrid: {
       Multigrid multigrid;
       multigrid.plan = take_multigrid(own);
       multigrid.cycle = space.multigrid.cycle;
       multigrid.memory = memory;
-      multigrid.prepare(block, room.H, room.positions);
-      solve_with(block, room, multigrid, system, tolerance);
+      multigrid.prepare(team, room.H, room.positions);
+      solve_with(team, room, multigrid, system, tolerance);
     }
   }
 }

@@ -30,30 +30,30 @@ struct Admm {
     return kShare[k];
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     using Real = typename System::Real;
     const AdmmState a = AdmmState::of(s);
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double trace = 0.0;
       for (int k = 0; k < kRows; ++k) trace = trace + static_cast<double>(s.block_entry(row, k, k));
       const double mean = div_(trace, static_cast<double>(kRows));
       for (int k = 0; k < kRows; ++k) a.scale[row + k] = mean > 0.0 ? div_(1.0, sqrt_(mean)) : 1.0;
     });
-    const double skewness = fill_scaled(block, s, a);
-    const double largest = largest_eigenvalue(block, s, a);
-    single(block, [&] {
+    const double skewness = fill_scaled(team, s, a);
+    const double largest = largest_eigenvalue(team, s, a);
+    single(team, [&] {
       s.scalar[kLipschitz] = static_cast<Real>(largest);
       s.scalar[kAsymmetry] = static_cast<Real>(skewness);
       s.scalar[kRung] = Real(kFirstRung);
       s.scalar[kSwitches] = s.scalar[kAge] = Real(0);
     });
     const double rho = penalty(s);
-    factor_penalized(block, s, a, rho);
-    if (a.form == AdmmForm::gradients) for_each(block, a.n, [&](Index i) { a.answer[i] = 0.0; });
+    factor_penalized(team, s, a, rho);
+    if (a.form == AdmmForm::gradients) for_each(team, a.n, [&](Index i) { a.answer[i] = 0.0; });
     // The dual that the start's own motion says.
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double y[kRows];
       for (int k = 0; k < kRows; ++k) y[k] = static_cast<double>(s.y[row + k]) * a.scale[row + k];
@@ -65,19 +65,19 @@ struct Admm {
       }
       project(s, a, shape, cone, row);
     });
-    if (skewness > 0.0) refresh_motion(block, s);
-    forget(block, s);
+    if (skewness > 0.0) refresh_motion(team, s);
+    forget(team, s);
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     using Real = typename System::Real;
     const AdmmState a = AdmmState::of(s);
     const double rho = penalty(s);
     const Index age = static_cast<Index>(s.scalar[kAge]);
     const bool is_skew = s.scalar[kAsymmetry] > Real(0);
-    if (is_skew && age % kChunk == 0) find_skew(block, s, a, rho);
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    if (is_skew && age % kChunk == 0) find_skew(team, s, a, rho);
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double u[kRows];
       for (int k = 0; k < kRows; ++k) {
@@ -90,20 +90,20 @@ struct Admm {
       if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
         a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
     });
-    solve_penalized(block, s, a, rho);
+    solve_penalized(team, s, a, rho);
     double apart = 0.0;
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
         const double gap = a.v[row + k] - a.z[row + k];
         a.f[row + k] = decltype(shape)::kKind == ConeKind::free ? gap : kRelaxation * gap;
         if constexpr (decltype(shape)::kKind != ConeKind::free) apart = max_(abs_(gap), apart);
       }
     });
-    move(block, s, a);
+    move(team, s, a);
     double moved = 0.0;
     double largest_z = 0.0;
     double largest_u = 0.0;
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double before[kRows];
       for (int k = 0; k < kRows; ++k) before[k] = a.z[row + k];
@@ -116,14 +116,14 @@ struct Admm {
         }
       }
     });
-    block.sync();
-    single(block, [&] { s.scalar[kAge] = static_cast<Real>((age + 1) % kCheckInterval); });
+    team.sync();
+    single(team, [&] { s.scalar[kAge] = static_cast<Real>((age + 1) % kCheckInterval); });
     if (age + 1 == kCheckInterval)
-      balance(block, s, a, block.max(apart) * block.max(largest_u), block.max(moved) * block.max(largest_z));
+      balance(team, s, a, team.max(apart) * team.max(largest_u), team.max(moved) * team.max(largest_z));
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
   template <class System>
@@ -156,10 +156,10 @@ struct Admm {
     }
   }
 
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void forget(B& block, System& s) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void forget(TeamT& team, System& s) {
     using Real = typename System::Real;
-    single(block, [&] {
+    single(team, [&] {
       s.scalar[kHistory] = Real(-1);
       s.scalar[kProgress] = static_cast<Real>(__builtin_huge_valf());
     });
@@ -167,10 +167,10 @@ struct Admm {
 
   /// g to the next iterate: accelerated, unless the last guess made the plain step longer; then to where a plain step
   /// from the iterate before would have led.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void move(B& block, System& s, const AdmmState& a) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void move(TeamT& team, System& s, const AdmmState& a) {
     using Real = typename System::Real;
-    const double square = sum_leaves<double>(block, [&](Index leaf) {
+    const double square = sum_leaves<double>(team, [&](Index leaf) {
       double sum = 0.0;
       for (Index i = leaf; i < a.n; i += kReduceLeaves) sum = fma_(a.f[i], a.f[i], sum);
       return sum;
@@ -179,22 +179,22 @@ struct Admm {
     const Index known = static_cast<Index>(s.scalar[kHistory]);
     // Not "longer than": a guess that led to NaN is taken back as well.
     const bool is_accepted = length <= kGrowth * static_cast<double>(s.scalar[kProgress]);
-    block.sync();
+    team.sync();
     if (!is_accepted) {
-      for_each(block, a.n, [&](Index i) { a.g[i] = a.image_before[i]; });
-      forget(block, s);
+      for_each(team, a.n, [&](Index i) { a.g[i] = a.image_before[i]; });
+      forget(team, s);
       return;
     }
     if (known >= 0) {
       const Index slot = known % kAndersonMemory;
-      for_each(block, a.n, [&](Index i) {
+      for_each(team, a.n, [&](Index i) {
         a.change_of_f(slot)[i] = a.f[i] - a.f_before[i];
         a.change_of_image(slot)[i] = (a.g[i] + a.f[i]) - a.image_before[i];
       });
     }
     const Index count = known + 1 < kAndersonMemory ? known + 1 : kAndersonMemory;
-    const AndersonWeights weights = anderson(block, a.n, a.f, count, [&](Index j) { return a.change_of_f(j); });
-    for_each(block, a.n, [&](Index i) {
+    const AndersonWeights weights = anderson(team, a.n, a.f, count, [&](Index j) { return a.change_of_f(j); });
+    for_each(team, a.n, [&](Index i) {
       const double image = a.g[i] + a.f[i];
       double next = image;
       for (Index j = 0; j < count; ++j) next = fma_(0.0 - weights.gamma[j], a.change_of_image(j)[i], next);
@@ -202,7 +202,7 @@ struct Admm {
       a.image_before[i] = image;
       a.g[i] = next;
     });
-    single(block, [&] {
+    single(team, [&] {
       s.scalar[kHistory] = static_cast<Real>(known + 1 < 2 * kAndersonMemory ? known + 1 : known + 1 - kAndersonMemory);
       s.scalar[kProgress] = static_cast<Real>(length);
       if (length == 0.0) s.scalar[kOutcome] = Real(kFinished);
@@ -210,8 +210,8 @@ struct Admm {
   }
 
   /// A rung up or down the ladder where one residual outweighs the other, and a new factor.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void balance(B& block, System& s, const AdmmState& a, double primal, double dual) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void balance(TeamT& team, System& s, const AdmmState& a, double primal, double dual) {
     using Real = typename System::Real;
     const Index at = static_cast<Index>(s.scalar[kRung]);
     const Index switches = static_cast<Index>(s.scalar[kSwitches]);
@@ -220,16 +220,16 @@ struct Admm {
     if (primal > kImbalance * dual && at > 0) next = at - 1;
     if (dual > kImbalance * primal && at + 1 < kRungs) next = at + 1;
     if (next == at || switches >= kMostSwitches) return;
-    block.sync();
-    single(block, [&] {
+    team.sync();
+    single(team, [&] {
       s.scalar[kRung] = static_cast<Real>(next);
       s.scalar[kSwitches] = static_cast<Real>(switches + 1);
     });
     const double ratio = div_(before, penalty(s));
-    for_each(block, a.n, [&](Index i) { a.g[i] = fma_(a.g[i] - a.z[i], ratio, a.z[i]); });
-    fill_scaled(block, s, a);
-    factor_penalized(block, s, a, penalty(s));
-    forget(block, s);
+    for_each(team, a.n, [&](Index i) { a.g[i] = fma_(a.g[i] - a.z[i], ratio, a.z[i]); });
+    fill_scaled(team, s, a);
+    factor_penalized(team, s, a, penalty(s));
+    forget(team, s);
   }
 };
 

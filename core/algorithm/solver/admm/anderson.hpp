@@ -50,8 +50,8 @@ STICTION_HD AndersonWeights anderson_weights(const double* gram, Index count) {
 
 /// The weights for a residual f and `count` remembered changes of it, change(j) being a vector of n. Each inner product
 /// is summed by one lane from the left.
-template <Block B, class Change>
-STICTION_HD_OUTLINE AndersonWeights anderson(B& block, Index n, const double* f, Index count, Change&& change) {
+template <Team TeamT, class Change>
+STICTION_HD_OUTLINE AndersonWeights anderson(TeamT& team, Index n, const double* f, Index count, Change&& change) {
   double own[kGramEntries];
   double* gram = own;
   const auto fill = [&](Index i, Index j) {
@@ -61,13 +61,13 @@ STICTION_HD_OUTLINE AndersonWeights anderson(B& block, Index n, const double* f,
     for (Index k = 0; k < n; ++k) sum = fma_(left[k], right[k], sum);
     gram[gram_place(i, j)] = sum;
   };
-  if (block.size() > 1) gram = block.template leaves<double>();
-  for_each(block, (kAndersonMemory + 1) * kAndersonMemory, [&](Index entry) {
+  if (team.size() > 1) gram = team.template leaves<double>();
+  for_each(team, (kAndersonMemory + 1) * kAndersonMemory, [&](Index entry) {
     const Index i = entry / kAndersonMemory;
     const Index j = entry % kAndersonMemory;
     if (j < count && j <= i && (i < count || i == kAndersonMemory)) fill(i, j);
   });
-  return block.broadcast([&] { return anderson_weights(gram, count); });
+  return team.broadcast([&] { return anderson_weights(gram, count); });
 }
 
 }  // namespace stiction::inline STICTION_ISA

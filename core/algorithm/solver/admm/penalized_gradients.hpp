@@ -19,20 +19,20 @@ struct PenalizedOperator {
   const AdmmState* a;
   double rho;
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* v, double* out) const {
-    for_each(block, a->n, [&](Index i) { a->scaled[i] = a->scale[i] * v[i]; });
-    prepare_wide_product(block, *s, a->scaled);
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
+    for_each(team, a->n, [&](Index i) { a->scaled[i] = a->scale[i] * v[i]; });
+    prepare_wide_product(team, *s, a->scaled);
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       for (Index i = row; i < row + decltype(shape)::kRows; ++i)
         out[i] = fma_(own_penalty(shape, rho), v[i], a->scale[i] * wide_row(*s, i, a->scaled));
     });
   }
 };
 
-template <Block B, class System>
-STICTION_HD_OUTLINE void prepare_penalized_gradients(B& block, const System& s, const AdmmState& a, double rho) {
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void prepare_penalized_gradients(TeamT& team, const System& s, const AdmmState& a, double rho) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double K[kRows][kRows];
     read_cone_block(s, row, K);
@@ -45,14 +45,14 @@ STICTION_HD_OUTLINE void prepare_penalized_gradients(B& block, const System& s, 
 }
 
 /// v = (K + rho)^-1 v from the answer before. Overwrites f.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_penalized_gradients(B& block, const System& s, const AdmmState& a, double rho) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_penalized_gradients(TeamT& team, const System& s, const AdmmState& a, double rho) {
   const PenalizedOperator<System> K{&s, &a, rho};
-  K.apply(block, a.answer, a.f);
-  for_each(block, a.n, [&](Index i) { a.v[i] = a.v[i] - a.f[i]; });
-  solve_gradients(block, K, {a.n, a.v, a.f, a.memory, kPenalizedAccuracy, kMostPenalizedSteps},
+  K.apply(team, a.answer, a.f);
+  for_each(team, a.n, [&](Index i) { a.v[i] = a.v[i] - a.f[i]; });
+  solve_gradients(team, K, {a.n, a.v, a.f, a.memory, kPenalizedAccuracy, kMostPenalizedSteps},
                   ConeBlocks<System>{&s, a.cone_factors});
-  for_each(block, a.n, [&](Index i) { a.v[i] = a.answer[i] = a.answer[i] + a.f[i]; });
+  for_each(team, a.n, [&](Index i) { a.v[i] = a.answer[i] = a.answer[i] + a.f[i]; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -14,41 +14,41 @@ STICTION_HD double own_penalty(Shape, double rho) {
 }
 
 /// K = scale (A + R) scale, symmetrised. Returns the largest difference that this took.
-template <Block B, class System>
-STICTION_HD_OUTLINE double fill_scaled_matrix(B& block, const System& s, const AdmmState& a) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double fill_scaled_matrix(TeamT& team, const System& s, const AdmmState& a) {
   const DenseMatrix& K = a.factor;
-  fill_matrix(block, s, K);
+  fill_matrix(team, s, K);
   double difference = 0.0;
-  for_each(block, a.n, [&](Index i) {
+  for_each(team, a.n, [&](Index i) {
     for (Index j = 0; j <= i; ++j) {
       difference = max_(abs_(K(i, j) - K(j, i)), difference);
       K(i, j) = K(j, i) = (0.5 * K(i, j) + 0.5 * K(j, i)) * (a.scale[i] * a.scale[j]);
     }
   });
-  return block.max(difference);
+  return team.max(difference);
 }
 
-template <Block B, class System>
-STICTION_HD_OUTLINE void factor_matrix(B& block, const System& s, const AdmmState& a, double rho) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void factor_matrix(TeamT& team, const System& s, const AdmmState& a, double rho) {
   constexpr double kFloor = 0x1p-48;
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     for (int k = 0; k < decltype(shape)::kRows; ++k)
       a.factor(row + k, row + k) = a.factor(row + k, row + k) + own_penalty(shape, rho);
   });
-  factor_ldl(block, a.factor, kFloor * rho);
+  factor_ldl(team, a.factor, kFloor * rho);
 }
 
 /// What the factor does not know of an A that is not symmetric, from the motion that was recorded with x: the motion
 /// less load, less K + rho as the factor has it, plus rho. Once in a chunk is often enough, since it is small.
-template <Block B, class System>
-STICTION_HD_OUTLINE void find_skew(B& block, const System& s, const AdmmState& a, double rho) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void find_skew(TeamT& team, const System& s, const AdmmState& a, double rho) {
   const DenseMatrix& L = a.factor;
-  for_each(block, a.n, [&](Index j) {
+  for_each(team, a.n, [&](Index j) {
     double sum = a.z[j];
     for (Index i = j + 1; i < a.n; ++i) sum = fma_(L(i, j), a.z[i], sum);
     a.f[j] = sum * L(j, j);
   });
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     for (Index i = row; i < row + decltype(shape)::kRows; ++i) {
       double known = a.f[i];
       for (Index j = 0; j < i; ++j) known = fma_(L(j, i), a.f[j], known);

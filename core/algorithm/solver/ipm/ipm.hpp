@@ -27,53 +27,53 @@ struct Ipm {
   /// Complementarity kept for every unit of what the shift moved.
   static constexpr double kShiftGuard = 0.1;
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     using Real = typename System::Real;
     const IpmSpace p(s);
-    const double terms = start_interior(block, s, p);
-    single(block, [&] {
+    const double terms = start_interior(team, s, p);
+    single(team, [&] {
       s.scalar[kTheta] = static_cast<Real>(terms);
       s.scalar[kProgress] = -1;
       s.scalar[kLipschitz] = static_cast<Real>(__builtin_huge_valf());
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     const IpmSpace p(s);
     const auto terms = static_cast<double>(s.scalar[kTheta]);
-    const double drift = refresh_motion_wide<kLaw>(block, s, p);
-    scale_cones(block, s, p);
-    const double gap = complementarity(block, s, p);
+    const double drift = refresh_motion_wide<kLaw>(team, s, p);
+    scale_cones(team, s, p);
+    const double gap = complementarity(team, s, p);
     if (terms > 0.0 && !(gap > 0.0 && finite_(gap))) {
-      publish_point(block, s, p);
-      single(block,
+      publish_point(team, s, p);
+      single(team,
              [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(finite_(gap) ? kFinished : kGaveUp); });
       return;
     }
-    factor_step(block, s, p);
-    const double centring = predict(block, s, p, gap);
+    factor_step(team, s, p);
+    const double centring = predict(team, s, p, gap);
     double target = terms > 0.0 ? div_(gap * centring, terms) : 0.0;
     if constexpr (kLaw == Law::coulomb)
       if (terms > 0.0) target = max_(target, div_(min_(kShiftGuard * drift, gap), terms));
-    correct(block, s, p, target);
-    publish_point(block, s, p);
-    watch<kLaw>(block, s);
+    correct(team, s, p, target);
+    publish_point(team, s, p);
+    watch<kLaw>(team, s);
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
   /// motion = A x + b + shift, the shift being norm(y_t) of this very motion. Returns the work of the shift's change.
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE double refresh_motion_wide(B& block, const System& s, const IpmSpace& p) {
-    multiply_wide(block, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE double refresh_motion_wide(TeamT& team, const System& s, const IpmSpace& p) {
+    multiply_wide(team, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
     if constexpr (kLaw == Law::convex) {
       return 0.0;
     } else {
-      s.for_each_cone(block, [&](auto shape, Index, Index row) {
+      s.for_each_cone(team, [&](auto shape, Index, Index row) {
         using Shape = decltype(shape);
         for (int k = 0; k < Shape::kRows; ++k) p.work[row + k] = 0.0;
         if constexpr (Shape::kKind == ConeKind::friction) {
@@ -85,15 +85,15 @@ struct Ipm {
           p.motion[row] = p.motion[row] + fresh;
         }
       });
-      return sum_values(block, p.work, p.n);
+      return sum_values(team, p.work, p.n);
     }
   }
 
   /// The point as the solve's numbers, inside the cones to the last bit.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void publish_point(B& block, System& s, const IpmSpace& p) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void publish_point(TeamT& team, System& s, const IpmSpace& p) {
     using Real = typename System::Real;
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);
       Real z[Shape::kRows];
       Real still[Shape::kRows];
@@ -108,10 +108,10 @@ struct Ipm {
 
   /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before; the first iteration's
   /// was not an interior point.
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void watch(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void watch(TeamT& team, System& s) {
     using Real = typename System::Real;
-    single(block, [&] {
+    single(team, [&] {
       Real& smallest = s.scalar[kLipschitz];
       Real& waited = s.scalar[kProgress];
       const Real last = s.scalar[kLastResidual];

@@ -12,9 +12,9 @@ inline constexpr double kBoundaryPart = 0.995;
 inline constexpr double kThinnestMargin = 0x1p-48;
 
 /// The sum of all products of slacks and multipliers.
-template <Block B, class System>
-STICTION_HD_OUTLINE double complementarity(B& block, const System& s, const IpmSpace& p) {
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double complementarity(TeamT& team, const System& s, const IpmSpace& p) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
       for (int k = 0; k < Shape::kRows; ++k) p.work[row + k] = p.lambda[row + k] * p.lambda[row + k];
@@ -22,7 +22,7 @@ STICTION_HD_OUTLINE double complementarity(B& block, const System& s, const IpmS
       p.work[row] = fma_(p.slack[row], p.z[row], p.upper_slack[row] * p.upper_z[row]);
     }
   });
-  return sum_values(block, p.work, p.n);
+  return sum_values(team, p.work, p.n);
 }
 
 /// The part of a step to the boundary of which the largest reciprocal is known.
@@ -32,9 +32,9 @@ STICTION_HD double step_length(double reciprocal, double part) {
 
 /// The step towards complementarity zero. Leaves it in p.affine and returns how much of the complementarity the
 /// corrector may aim at: (gap that it would leave / gap)^3.
-template <Block B, class System>
-STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p, double gap) {
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double predict(TeamT& team, const System& s, const IpmSpace& p, double gap) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     double v[Shape::kRows];
     for (int k = 0; k < Shape::kRows; ++k) v[k] = 0.0 - p.motion[row + k];
@@ -45,9 +45,9 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
     }
     store(v, p.force, row);
   });
-  solve_step(block, s, p, kPredictorAccuracy);
+  solve_step(team, s, p, kPredictorAccuracy);
   double reciprocal = 0.0;
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     constexpr int kRows = Shape::kRows;
     if constexpr (Shape::kKind == ConeKind::friction) {
@@ -67,8 +67,8 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
       if (p.upper_z[row] > 0.0) reciprocal = max_(max_(upper, 1.0 - upper), reciprocal);
     }
   });
-  const double t = step_length(block.max(reciprocal), 1.0);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  const double t = step_length(team.max(reciprocal), 1.0);
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
       for (int k = 0; k < Shape::kRows; ++k) {
@@ -83,7 +83,7 @@ STICTION_HD_OUTLINE double predict(B& block, const System& s, const IpmSpace& p,
       p.work[row] = fma_(t, d, p.slack[row]) * lower + fma_(t, 0.0 - d, p.upper_slack[row]) * upper;
     }
   });
-  const double left = max_(sum_values(block, p.work, p.n), 0.0);
+  const double left = max_(sum_values(team, p.work, p.n), 0.0);
   const double ratio = left < gap ? div_(left, gap) : (gap > 0.0 ? 1.0 : 0.0);
   return ratio * ratio * ratio;
 }
@@ -96,9 +96,9 @@ STICTION_HD void scaled_step(const ConeScaling<M>& scaling, const IpmSpace& p, I
 }
 
 /// The step to complementarity `target` with the predictor's second-order term, taken as far as the cones allow.
-template <Block B, class System>
-STICTION_HD_OUTLINE void correct(B& block, const System& s, const IpmSpace& p, double target) {
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void correct(TeamT& team, const System& s, const IpmSpace& p, double target) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     constexpr int kRows = Shape::kRows;
     double v[kRows];
@@ -131,9 +131,9 @@ STICTION_HD_OUTLINE void correct(B& block, const System& s, const IpmSpace& p, d
     }
     store(v, p.force, row);
   });
-  solve_step(block, s, p, kCorrectorAccuracy);
+  solve_step(team, s, p, kCorrectorAccuracy);
   double reciprocal = 0.0;
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     constexpr int kRows = Shape::kRows;
     if constexpr (Shape::kKind == ConeKind::friction) {
@@ -163,8 +163,8 @@ STICTION_HD_OUTLINE void correct(B& block, const System& s, const IpmSpace& p, d
         reciprocal = max_(max_(div_(d, p.upper_slack[row]), div_(0.0 - p.upper_step[row], p.upper_z[row])), reciprocal);
     }
   });
-  const double t = step_length(block.max(reciprocal), kBoundaryPart);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  const double t = step_length(team.max(reciprocal), kBoundaryPart);
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
       for (int k = 0; k < Shape::kRows; ++k) {

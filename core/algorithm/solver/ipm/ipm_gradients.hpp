@@ -20,18 +20,18 @@ struct IpmOperator {
   const System* s;
   const IpmSpace* p;
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* v, double* out) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
     double* const turned = p->work;
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       using Shape = decltype(shape);
       double part[Shape::kRows];
       load(v, row, part);
       if constexpr (Shape::kKind == ConeKind::friction) p->template scaling<Shape::kRows>(row).from_frame(part);
       store(part, turned, row);
     });
-    prepare_wide_product(block, *s, turned);
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+    prepare_wide_product(team, *s, turned);
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       using Shape = decltype(shape);
       double part[Shape::kRows];
       for (int k = 0; k < Shape::kRows; ++k) part[k] = wide_row(*s, row + k, turned);
@@ -54,9 +54,9 @@ STICTION_HD void turn_block(const ConeScaling<M>& frame, double (&K)[M][M]) {
 }
 
 /// To be called when p.diagonal or the frames are new.
-template <Block B, class System>
-STICTION_HD void prepare_gradients(B& block, const System& s, const IpmSpace& p) {
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+template <Team TeamT, class System>
+STICTION_HD void prepare_gradients(TeamT& team, const System& s, const IpmSpace& p) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     constexpr int kRows = Shape::kRows;
     double K[kRows][kRows];
@@ -68,17 +68,17 @@ STICTION_HD void prepare_gradients(B& block, const System& s, const IpmSpace& p)
 }
 
 /// step = K^-1 force to `accuracy`, or as near as kMostConeSteps come. Overwrites work.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_by_gradients(B& block, const System& s, const IpmSpace& p, double accuracy) {
-  solve_gradients(block, IpmOperator<System>{&s, &p}, {p.n, p.force, p.step, p.gradients, accuracy, kMostConeSteps},
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_by_gradients(TeamT& team, const System& s, const IpmSpace& p, double accuracy) {
+  solve_gradients(team, IpmOperator<System>{&s, &p}, {p.n, p.force, p.step, p.gradients, accuracy, kMostConeSteps},
                   ConeBlocks<System>{&s, p.cone_factor});
 }
 
 /// step = (A + diag force)^-1 step, for the start. Overwrites work and dual_step. There is no reflection yet:
 /// in the frames diag force is diagonal too, twice as large where a vector has length sqrt 2.
-template <Block B, class System>
-STICTION_HD_OUTLINE void start_by_gradients(B& block, const System& s, const IpmSpace& p) {
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void start_by_gradients(TeamT& team, const System& s, const IpmSpace& p) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     double part[Shape::kRows];
     load(p.step, row, part);
@@ -90,9 +90,9 @@ STICTION_HD_OUTLINE void start_by_gradients(B& block, const System& s, const Ipm
     if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).to_frame(part);
     store(part, p.force, row);
   });
-  prepare_gradients(block, s, p);
-  solve_by_gradients(block, s, p, kStartAccuracy);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  prepare_gradients(team, s, p);
+  solve_by_gradients(team, s, p, kStartAccuracy);
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     double part[Shape::kRows];
     load(p.step, row, part);

@@ -119,17 +119,18 @@ STICTION_HD RowBounds row_bounds(Shape, const System& s, Index cone) {
 }
 
 /// store(i, row i of A + diag R times v), each row summed over columns from the left.
-template <Block B, class System, class Store>
-STICTION_HD_OUTLINE void multiply_wide(B& block, const System& s, const IpmSpace& p, const double* v, Store&& store) {
+template <Team TeamT, class System, class Store>
+STICTION_HD_OUTLINE void multiply_wide(TeamT& team, const System& s, const IpmSpace& p, const double* v,
+                                       Store&& store) {
   if constexpr (kMultipliesWide<System>)
     if (!p.has_matrices) {
-      prepare_wide_product(block, s, v);
-      for_each(block, p.n, [&](Index i) { store(i, wide_row(s, i, v)); });
+      prepare_wide_product(team, s, v);
+      for_each(team, p.n, [&](Index i) { store(i, wide_row(s, i, v)); });
       return;
     }
   const DenseMatrix& A = p.A;
-  constexpr Index kTile = B::kRowTile;
-  for_each(block, (A.n + kTile - 1) / kTile, [&](Index tile) {
+  constexpr Index kTile = TeamT::kRowTile;
+  for_each(team, (A.n + kTile - 1) / kTile, [&](Index tile) {
     const Index first = tile * kTile;
     const Index rows = first + kTile <= A.n ? kTile : A.n - first;
     double sum[kTile];

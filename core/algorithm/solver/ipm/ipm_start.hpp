@@ -60,28 +60,28 @@ STICTION_HD_OUTLINE void start_cone(const IpmSpace& p, Index row, double (&wish)
 }
 
 /// step = (A + diag force)^-1 step. Leaves p.force as it is.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_start(B& block, const System& s, const IpmSpace& p) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_start(TeamT& team, const System& s, const IpmSpace& p) {
   if constexpr (kMultipliesWide<System>)
     if (!p.has_matrices) {
-      start_by_gradients(block, s, p);
+      start_by_gradients(team, s, p);
       return;
     }
-  for_each(block, p.n * p.n, [&](Index k) {
+  for_each(team, p.n * p.n, [&](Index k) {
     const Index i = k % p.n;
     const Index j = k / p.n;
     p.K.data[k] = 0.5 * (p.A(i, j) + p.A(j, i)) + (i == j ? p.force[i] : 0.0);
   });
-  factor_ldl(block, p.K, 0.0);
-  solve_ldl(block, p.K, p.step);
+  factor_ldl(team, p.K, 0.0);
+  solve_ldl(team, p.K, p.step);
 }
 
 /// Fills the space and returns the number of barrier terms. The point is the minimiser of the problem without cones
 /// but with each cone's own mean diagonal added, pushed inside; its size gives all cones one complementarity.
-template <Block B, class System>
-STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p) {
-  if (p.has_matrices) fill_matrix(block, s, p.A);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double start_interior(TeamT& team, System& s, const IpmSpace& p) {
+  if (p.has_matrices) fill_matrix(team, s, p.A);
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     for (int k = 0; k < Shape::kRows; ++k) {
       const Index i = row + k;
@@ -98,18 +98,18 @@ STICTION_HD_OUTLINE double start_interior(B& block, System& s, const IpmSpace& p
       if (bounds.has_hi) p.x[row] = min_(p.x[row], bounds.hi);
     }
   });
-  const double terms = sum_values(block, p.work, p.n);
-  multiply_wide(block, s, p, p.x, [&](Index i, double value) {
+  const double terms = sum_values(team, p.work, p.n);
+  multiply_wide(team, s, p, p.x, [&](Index i, double value) {
     p.motion[i] = value + static_cast<double>(s.b[i]);
     p.step[i] = 0.0 - p.motion[i];
   });
-  solve_start(block, s, p);
-  for_each(block, p.n, [&](Index i) { p.work[i] = 0.0 - p.step[i] * p.motion[i]; });
-  const double energy = sum_values(block, p.work, p.n);
+  solve_start(team, s, p);
+  for_each(team, p.n, [&](Index i) { p.work[i] = 0.0 - p.step[i] * p.motion[i]; });
+  const double energy = sum_values(team, p.work, p.n);
   const double gap = terms > 0.0 ? div_(energy, terms) : 0.0;
   // Without energy the point nearest to zero is the answer: the first iteration finds no complementarity and ends.
   if (gap > 0.0)
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);
       const double margin = sqrt_(div_(gap, p.force[row]));
       double wish[Shape::kRows];

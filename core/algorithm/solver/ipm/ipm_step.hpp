@@ -23,9 +23,9 @@ STICTION_HD double barrier_diagonal(Shape, const IpmSpace& p, Index row, int k) 
 }
 
 /// The cones' scalings at the current point.
-template <Block B, class System>
-STICTION_HD_OUTLINE void scale_cones(B& block, const System& s, const IpmSpace& p) {
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void scale_cones(TeamT& team, const System& s, const IpmSpace& p) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
       double x[Shape::kRows];
@@ -41,9 +41,9 @@ STICTION_HD_OUTLINE void scale_cones(B& block, const System& s, const IpmSpace& 
 }
 
 /// D, for conjugate gradients.
-template <Block B, class System>
-STICTION_HD_OUTLINE void fill_diagonal(B& block, const System& s, const IpmSpace& p) {
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void fill_diagonal(TeamT& team, const System& s, const IpmSpace& p) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     bool is_held = false;
     if constexpr (Shape::kKind != ConeKind::friction) is_held = row_bounds(shape, s, cone).is_fixed();
@@ -53,15 +53,15 @@ STICTION_HD_OUTLINE void fill_diagonal(B& block, const System& s, const IpmSpace
 }
 
 /// K = Q' (A + diag R) Q + D, factored; its cones' blocks are where it has no room.
-template <Block B, class System>
-STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& p) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void factor_step(TeamT& team, const System& s, const IpmSpace& p) {
   if constexpr (kMultipliesWide<System>)
     if (!p.has_matrices) {
-      fill_diagonal(block, s, p);
-      prepare_gradients(block, s, p);
+      fill_diagonal(team, s, p);
+      prepare_gradients(team, s, p);
       return;
     }
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     using Shape = decltype(shape);
     for (Index i = 0; i < p.n; ++i) {
       double entry[Shape::kRows];
@@ -70,7 +70,7 @@ STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& 
       for (int k = 0; k < Shape::kRows; ++k) p.K(i, row + k) = entry[k];
     }
   });
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     using Shape = decltype(shape);
     if constexpr (Shape::kKind == ConeKind::friction) {
       const ConeScaling<Shape::kRows> scaling = p.template scaling<Shape::kRows>(row);
@@ -88,31 +88,31 @@ STICTION_HD_OUTLINE void factor_step(B& block, const System& s, const IpmSpace& 
         if (row_bounds(shape, s, cone).is_fixed()) entry = kHeldRow;
     }
   });
-  factor_ldl(block, p.K, 0.0);
+  factor_ldl(team, p.K, 0.0);
 }
 
 /// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back. Conjugate
 /// gradients stop at `accuracy`.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p, double accuracy) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_step(TeamT& team, const System& s, const IpmSpace& p, double accuracy) {
   if constexpr (kMultipliesWide<System>)
     if (!p.has_matrices) {
-      solve_by_gradients(block, s, p, accuracy);
+      solve_by_gradients(team, s, p, accuracy);
       return;
     }
   constexpr int kRefinements = 2;
-  for_each(block, p.n, [&](Index i) { p.step[i] = p.force[i]; });
-  solve_ldl(block, p.K, p.step);
+  for_each(team, p.n, [&](Index i) { p.step[i] = p.force[i]; });
+  solve_ldl(team, p.K, p.step);
   for (int pass = 0; pass < kRefinements; ++pass) {
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       using Shape = decltype(shape);
       double v[Shape::kRows];
       load(p.step, row, v);
       if constexpr (Shape::kKind == ConeKind::friction) p.template scaling<Shape::kRows>(row).from_frame(v);
       store(v, p.work, row);
     });
-    multiply_wide(block, s, p, p.work, [&](Index i, double value) { p.dual_step[i] = value; });
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    multiply_wide(team, s, p, p.work, [&](Index i, double value) { p.dual_step[i] = value; });
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);
       double v[Shape::kRows];
       load(p.dual_step, row, v);
@@ -123,8 +123,8 @@ STICTION_HD_OUTLINE void solve_step(B& block, const System& s, const IpmSpace& p
         if (row_bounds(shape, s, cone).is_fixed()) v[0] = 0.0;
       store(v, p.work, row);
     });
-    solve_ldl(block, p.K, p.work);
-    for_each(block, p.n, [&](Index i) { p.step[i] = p.step[i] + p.work[i]; });
+    solve_ldl(team, p.K, p.work);
+    for_each(team, p.n, [&](Index i) { p.step[i] = p.step[i] + p.work[i]; });
   }
 }
 

@@ -38,12 +38,12 @@ struct Lemke {
     return friction > 0 ? kFlagUnsupportedCone : 0U;
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     const Tableau t(s);
-    single(block, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = t.state[kPivots] = 0.0; });
+    single(team, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = t.state[kPivots] = 0.0; });
     // Boxes start at the bound that b pushes them to, equalities are solved for.
-    s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr ConeKind kConeKind = decltype(shape)::kKind;
       double side = 1.0;
       bool is_free = kConeKind == ConeKind::free;
@@ -57,24 +57,24 @@ struct Lemke {
       t.side[row] = is_free ? 0.0 : side;
       t.ratio[row] = is_free ? 1.0 : 0.0;
     });
-    begin_path(block, s, t, false);
+    begin_path(team, s, t, false);
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void iterate(B& block, System& s, const MethodParams<Scalar<typename System::Real>>&) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     if (s.scalar[kOutcome] != static_cast<typename System::Real>(kRunning)) return;
     const Tableau t(s);
     const auto entering = static_cast<Index>(t.state[kEntering]);
     if (entering == t.artificial()) {
-      open_path(block, s, t);
+      open_path(team, s, t);
     } else {
-      follow_path(block, s, t, entering);
+      follow_path(team, s, t, entering);
     }
-    write_iterate(block, s, t);
+    write_iterate(team, s, t);
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
   template <class System>
@@ -92,11 +92,11 @@ struct Lemke {
   /// The dictionary in which the x_j with t.ratio[j] = 1 are basic, and z0's column. A variable between two bounds has
   /// no entry there: if it has left them it goes to rest at the one it passed. After `kRays` rays a path that begins
   /// `anew` does so as one of Lemke and Howson's, with labels spread over the rows.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void begin_path(B& block, const System& s, const Tableau& t, bool anew) {
-    write_dictionary(block, s, t);
-    write_values(block, s, t);
-    bring_in(block, t, t.ratio);
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void begin_path(TeamT& team, const System& s, const Tableau& t, bool anew) {
+    write_dictionary(team, s, t);
+    write_values(team, s, t);
+    bring_in(team, t, t.ratio);
     for (Index row = 0; row < t.n; ++row) {
       const Index x = t.variable_of(row);
       if (x >= t.n || !finite_(t.lo[x]) || !finite_(t.hi[x])) continue;
@@ -104,29 +104,29 @@ struct Lemke {
       const Index y = t.n + x;
       const double bound = clamp_(value, t.lo[x], t.hi[x]);
       if (value == bound || t.is_basic(y) || !(abs_(t.T(row, t.column_of(y))) > Tableau::kRelativePivot)) continue;
-      exchange(block, t, row, y, div_(bound - value, t.T(row, t.column_of(y))));
-      single(block, [&] { t.side[x] = value < t.lo[x] ? 1.0 : -1.0; });
+      exchange(team, t, row, y, div_(bound - value, t.T(row, t.column_of(y))));
+      single(team, [&] { t.side[x] = value < t.lo[x] ? 1.0 : -1.0; });
     }
     const double restart = t.state[kRaysMet] - kRays;
     Index label = -1;
     if (anew && restart >= 0.0) {
       const double step = div_(static_cast<double>(t.n), most_rays(t) - kRays);
       label = static_cast<Index>(restart * step);
-      if (label >= t.n || !begin_at_pair(block, t, label)) label = -1;
+      if (label >= t.n || !begin_at_pair(team, t, label)) label = -1;
     }
-    cover(block, t, label);
-    single(block, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
+    cover(team, t, label);
+    single(team, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
   }
 
   /// z0's column: positive where a basic variable has a lower bound only, negative where it has an upper one only, so
   /// that a large z0 makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
   /// and covers no row that needs no covering.
-  template <Block B>
-  static STICTION_HD_OUTLINE void cover(B& block, const Tableau& t, Index label) {
+  template <Team TeamT>
+  static STICTION_HD_OUTLINE void cover(TeamT& team, const Tableau& t, Index label) {
     const double paths = t.state[kPathsBegun];
     const Index column = label < 0 ? 0 : t.column_of(t.n + label);
-    const double noise = kFeasible * max_over<double>(block, t.n, [&](Index i) { return abs_(t.value(i)); });
-    for_each(block, t.n, [&](Index i) {
+    const double noise = kFeasible * max_over<double>(team, t.n, [&](Index i) { return abs_(t.value(i)); });
+    for_each(team, t.n, [&](Index i) {
       const Index variable = t.variable_of(i);
       const bool lower = finite_(t.lower(variable));
       const bool upper = finite_(t.upper(variable));
@@ -143,69 +143,69 @@ struct Lemke {
     });
   }
 
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void end(B& block, System& s, Outcome outcome) {
-    single(block, [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(outcome); });
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void end(TeamT& team, System& s, Outcome outcome) {
+    single(team, [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(outcome); });
   }
 
   /// The complement of what leaves the basis enters next.
-  template <Block B>
-  static STICTION_HD_OUTLINE void enter_next(B& block, const Tableau& t, Index leaving) {
-    single(block, [&] { t.state[kEntering] = static_cast<double>(leaving < t.n ? leaving + t.n : leaving - t.n); });
+  template <Team TeamT>
+  static STICTION_HD_OUTLINE void enter_next(TeamT& team, const Tableau& t, Index leaving) {
+    single(team, [&] { t.state[kEntering] = static_cast<double>(leaving < t.n ? leaving + t.n : leaving - t.n); });
   }
 
   /// Where x goes to rest when it leaves the basis.
-  template <Block B>
-  static STICTION_HD_OUTLINE void note_side(B& block, const Tableau& t, Index leaving, bool at_lower) {
-    single(block, [&] {
+  template <Team TeamT>
+  static STICTION_HD_OUTLINE void note_side(TeamT& team, const Tableau& t, Index leaving, bool at_lower) {
+    single(team, [&] {
       if (leaving < t.n) t.side[leaving] = at_lower ? 1.0 : -1.0;
     });
   }
 
   /// Ends if the dictionary's own solution is feasible or enough paths have been tried; else z0 enters, as large as the
   /// worst row needs it.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void open_path(B& block, System& s, const Tableau& t) {
-    const double size = max_over<double>(block, t.n, [&](Index i) { return abs_(t.value(i)); });
-    const double violation = max_over<double>(block, t.n, [&](Index i) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void open_path(TeamT& team, System& s, const Tableau& t) {
+    const double size = max_over<double>(team, t.n, [&](Index i) { return abs_(t.value(i)); });
+    const double violation = max_over<double>(team, t.n, [&](Index i) {
       const Index variable = t.variable_of(i);
       return max_(t.lower(variable) - t.value(i), t.value(i) - t.upper(variable));
     });
     const double paths = t.state[kPathsBegun];
     const double rays = t.state[kRaysMet];
     if (!(violation > kFeasible * size)) {
-      end(block, s, kFinished);
+      end(team, s, kFinished);
     } else if (rays >= most_rays(t)) {
-      end(block, s, kRayDetected);
+      end(team, s, kRayDetected);
     } else {
-      const Blocking worst = first_blocking(block, t, t.artificial(), -1.0, true);
+      const Blocking worst = first_blocking(team, t, t.artificial(), -1.0, true);
       if (paths >= kPaths + max_(rays - kRays, 0.0) || !(worst.step < 0.0)) {
-        end(block, s, kGaveUp);
+        end(team, s, kGaveUp);
         return;
       }
       const Index leaving = t.variable_of(worst.row);
       const bool at_lower = t.T(worst.row, 1) > 0.0;
-      exchange(block, t, worst.row, t.artificial(), 0.0 - worst.step);
-      note_side(block, t, leaving, at_lower);
-      single(block, [&] {
+      exchange(team, t, worst.row, t.artificial(), 0.0 - worst.step);
+      note_side(team, t, leaving, at_lower);
+      single(team, [&] {
         t.state[kPathsBegun] = paths + 1.0;
         t.state[kPivots] = 0.0;
       });
-      enter_next(block, t, leaving);
+      enter_next(team, t, leaving);
     }
   }
 
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void follow_path(B& block, System& s, const Tableau& t, Index entering) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void follow_path(TeamT& team, System& s, const Tableau& t, Index entering) {
     const Index pair = entering < t.n ? entering : entering - t.n;
     const double direction = t.side[pair];
     const Index c = t.column_of(entering);
-    const Blocking next = first_blocking(block, t, entering, direction, false);
+    const Blocking next = first_blocking(team, t, entering, direction, false);
     if (next.row == t.n) {
       // x has crossed from one bound to the other before anything else blocked.
-      for_each(block, t.n, [&](Index i) { t.value(i) = fma_(t.T(i, c), direction * next.step, t.value(i)); });
-      note_side(block, t, entering, direction < 0.0);
-      enter_next(block, t, entering);
+      for_each(team, t.n, [&](Index i) { t.value(i) = fma_(t.T(i, c), direction * next.step, t.value(i)); });
+      note_side(team, t, entering, direction < 0.0);
+      enter_next(team, t, entering);
       return;
     }
     const double pivots = t.state[kPivots] + 1.0;
@@ -217,32 +217,32 @@ struct Lemke {
     if (next.row != Blocking::kNothing) {
       leaving = t.variable_of(next.row);
       const bool at_lower = direction * t.T(next.row, c) < 0.0;
-      exchange(block, t, next.row, entering, direction * next.step);
-      single(block, [&] { t.state[kPivots] = pivots; });
+      exchange(team, t, next.row, entering, direction * next.step);
+      single(team, [&] { t.state[kPivots] = pivots; });
       if (leaving != t.artificial() && !is_long) {
-        note_side(block, t, leaving, at_lower);
-        enter_next(block, t, leaving);
+        note_side(team, t, leaving, at_lower);
+        enter_next(team, t, leaving);
         return;
       }
     }
     // After a ray from the beginning, with another covering vector: where A is not semidefinite the ray belongs to the
     // path and not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
     const bool anew = leaving == Blocking::kNothing || (is_elsewhere && leaving != t.artificial());
-    for_each(block, t.n, [&](Index j) {
+    for_each(team, t.n, [&](Index j) {
       const bool wanted = anew ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);
       t.ratio[j] = wanted ? 1.0 : 0.0;
     });
-    single(block, [&] {
+    single(team, [&] {
       if (anew) t.state[kRaysMet] = rays + 1.0;
     });
-    begin_path(block, s, t, anew);
+    begin_path(team, s, t, anew);
   }
 
   /// The dictionary's own solution, clipped to the bounds.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE void write_iterate(B& block, System& s, const Tableau& t) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void write_iterate(TeamT& team, System& s, const Tableau& t) {
     using Real = typename System::Real;
-    for_each(block, t.n, [&](Index j) {
+    for_each(team, t.n, [&](Index j) {
       const double x = t.is_basic(j) ? clamp_(t.value(t.row_of(j)), t.lo[j], t.hi[j]) : t.rest(j);
       s.x[j] = static_cast<Real>(x * t.unit[j]);
     });

@@ -35,18 +35,18 @@ STICTION_HD bool is_shorter(const Tableau& t, Index b, Index a, Index c, double 
 /// rests until a basic variable meets a bound. Rows whose bounds are met within rounding of one another are tied; z0
 /// wins a tie, then the lexicographically shortest step. Entries below rounding of their column do not block. A path's
 /// first step (`opening`) comes from infinity and may therefore be negative.
-template <Block B>
-STICTION_HD_OUTLINE Blocking first_blocking(B& block, const Tableau& t, Index entering, double direction,
+template <Team TeamT>
+STICTION_HD_OUTLINE Blocking first_blocking(TeamT& team, const Tableau& t, Index entering, double direction,
                                             bool opening) {
   constexpr double kTie = 1e-13;
   const double infinite = __builtin_huge_val();
   const Index n = t.n;
   const Index c = t.column_of(entering);
-  const double largest = max_over<double>(block, n, [&](Index i) { return abs_(t.T(i, c)); });
-  const double size = max_over<double>(block, n, [&](Index i) { return abs_(t.value(i)); });
+  const double largest = max_over<double>(team, n, [&](Index i) { return abs_(t.T(i, c)); });
+  const double size = max_over<double>(team, n, [&](Index i) { return abs_(t.value(i)); });
   const double floor = Tableau::kRelativePivot * largest;
   double shortest = infinite;
-  for (Index i = block.rank(); i < n; i += block.size()) {
+  for (Index i = team.rank(); i < n; i += team.size()) {
     const double slope = direction * t.T(i, c);
     const Index variable = t.variable_of(i);
     const double bound = slope < 0.0 ? t.lower(variable) : t.upper(variable);
@@ -59,7 +59,7 @@ STICTION_HD_OUTLINE Blocking first_blocking(B& block, const Tableau& t, Index en
     shortest = min_(step, shortest);
   }
   const double room = opening || entering >= n ? infinite : t.hi[entering] - t.lo[entering];
-  shortest = min_(room, 0.0 - block.max(0.0 - shortest));
+  shortest = min_(room, 0.0 - team.max(0.0 - shortest));
   if (!(shortest < infinite)) return {Blocking::kNothing, infinite};
 
   const auto is_tied = [&](Index i) {
@@ -68,17 +68,17 @@ STICTION_HD_OUTLINE Blocking first_blocking(B& block, const Tableau& t, Index en
   };
   double lowest = infinite;
   double highest = 0.0 - infinite;
-  for (Index i = block.rank(); i <= n; i += block.size())
+  for (Index i = team.rank(); i <= n; i += team.size())
     if (is_tied(i)) {
       lowest = min_(static_cast<double>(i), lowest);
       highest = max_(static_cast<double>(i), highest);
     }
-  lowest = 0.0 - block.max(0.0 - lowest);
-  highest = block.max(highest);
+  lowest = 0.0 - team.max(0.0 - lowest);
+  highest = team.max(highest);
   if (!(lowest < infinite)) return {Blocking::kNothing, infinite};
   Index row = static_cast<Index>(lowest);
   if (lowest < highest) {
-    row = block.broadcast([&] {
+    row = team.broadcast([&] {
       Index best = static_cast<Index>(lowest);
       for (Index i = best; i <= n; ++i) {
         if (!is_tied(i)) continue;

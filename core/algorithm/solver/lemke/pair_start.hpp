@@ -8,10 +8,10 @@ namespace stiction::inline STICTION_ISA {
 /// infinity until a row r needs it, takes the place of y_r, and x_r that of y_k. Returns whether that was possible, on
 /// every lane; the dictionary is left as it was if not. Then the column of y_k covers every row that such an x_r could
 /// lift, as in a matrix game it covers all that are infeasible (docs/math/lemke.md).
-template <Block B>
-STICTION_HD_OUTLINE bool begin_at_pair(B& block, const Tableau& t, Index k) {
+template <Team TeamT>
+STICTION_HD_OUTLINE bool begin_at_pair(TeamT& team, const Tableau& t, Index k) {
   if (t.is_basic(k)) return false;
-  const Blocking last = first_blocking(block, t, k, -1.0, true);
+  const Blocking last = first_blocking(team, t, k, -1.0, true);
   if (last.row < 0 || !(last.step < 0.0)) return false;
   const Index r = t.variable_of(last.row) - t.n;
   const Index row_of_k = t.row_of(t.n + k);
@@ -21,9 +21,9 @@ STICTION_HD_OUTLINE bool begin_at_pair(B& block, const Tableau& t, Index k) {
     const double pivot = fma_(0.0 - t.T(row_of_k, t.column_of(k)), through, t.T(row_of_k, t.column_of(r)));
     if (!(abs_(pivot) > Tableau::kRelativePivot)) return false;
   }
-  block.sync();
-  exchange(block, t, last.row, k, 0.0 - last.step);
-  if (r != k) exchange(block, t, row_of_k, r, div_(0.0 - t.value(row_of_k), t.T(row_of_k, t.column_of(r))));
+  team.sync();
+  exchange(team, t, last.row, k, 0.0 - last.step);
+  if (r != k) exchange(team, t, row_of_k, r, div_(0.0 - t.value(row_of_k), t.T(row_of_k, t.column_of(r))));
   return true;
 }
 

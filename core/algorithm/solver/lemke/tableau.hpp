@@ -68,15 +68,15 @@ struct Tableau {
 };
 
 /// The variable `entering` moves by `change` and takes the place of the basic variable of `row`.
-template <Block B>
-STICTION_HD_OUTLINE void exchange(B& block, const Tableau& t, Index row, Index entering, double change) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void exchange(TeamT& team, const Tableau& t, Index row, Index entering, double change) {
   const Index n = t.n;
   const Index c = t.column_of(entering);
   const Index leaving = t.variable_of(row);
   const double pivot = t.T(row, c);
   const double arrived = t.rest(entering) + change;
   const Index columns = n + 2;
-  for_each(block, columns, [&](Index k) {
+  for_each(team, columns, [&](Index k) {
     if (k < n) t.column[k] = t.T(k, c);
     if (k > 0 && k != c) t.T(row, k) = div_(0.0 - t.T(row, k), pivot);
   });
@@ -84,20 +84,20 @@ STICTION_HD_OUTLINE void exchange(B& block, const Tableau& t, Index row, Index e
   const auto update = [&](Index i, Index k) {
     if (i != row) t.T(i, k) = fma_(t.column[i], t.T(row, k), t.T(i, k));
   };
-  if (block.size() == 1) {
+  if (team.size() == 1) {
     for (Index k = 1; k < columns; ++k)
       if (k != c && t.T(row, k) != 0.0)
         for (Index i = 0; i < n; ++i) update(i, k);
   } else {
-    for (Index i = block.rank(); i < n; i += block.size())
+    for (Index i = team.rank(); i < n; i += team.size())
       for (Index k = 1; k < columns; ++k)
         if (k != c && t.T(row, k) != 0.0) update(i, k);
   }
-  for_each(block, n, [&](Index i) {
+  for_each(team, n, [&](Index i) {
     t.T(i, c) = i == row ? div_(1.0, pivot) : div_(t.column[i], pivot);
     t.value(i) = i == row ? arrived : fma_(t.column[i], change, t.value(i));
   });
-  single(block, [&] {
+  single(team, [&] {
     t.basic[row] = static_cast<double>(entering);
     if (entering != t.artificial()) t.place[entering] = static_cast<double>(row);
     if (leaving != t.artificial()) t.place[leaving] = -1.0 - static_cast<double>(c);
@@ -106,15 +106,15 @@ STICTION_HD_OUTLINE void exchange(B& block, const Tableau& t, Index row, Index e
 
 /// The dictionary in which every y is basic: y = M x + b in rows and columns scaled by powers of two to diagonals of
 /// order one, x resting at its bounds.
-template <Block B, class System>
-STICTION_HD_OUTLINE void write_dictionary(B& block, const System& s, const Tableau& t) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Tableau& t) {
   const Index n = t.n;
-  fill_matrix(block, s, DenseMatrix{&t.T(0, 2), n});
-  for_each(block, n, [&](Index i) {
+  fill_matrix(team, s, DenseMatrix{&t.T(0, 2), n});
+  for_each(team, n, [&](Index i) {
     const double diagonal = t.T(i, 2 + i);
     t.unit[i] = diagonal > 0.0 ? unit_scale(sqrt_(diagonal)) : 1.0;
   });
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr ConeKind kKind = decltype(shape)::kKind;
     const double infinite = __builtin_huge_val();
     const double inverse = div_(1.0, t.unit[row]);
@@ -123,7 +123,7 @@ STICTION_HD_OUTLINE void write_dictionary(B& block, const System& s, const Table
                                          : 0.0;
     t.hi[row] = kKind == ConeKind::box ? static_cast<double>(s.hi[cone]) * inverse : infinite;
   });
-  for_each(block, n, [&](Index i) {
+  for_each(team, n, [&](Index i) {
     for (Index j = 0; j < n; ++j) t.T(i, 2 + j) = t.T(i, 2 + j) * (t.unit[i] * t.unit[j]);
     t.T(i, 1) = 0.0;
     t.basic[i] = static_cast<double>(n + i);
@@ -133,9 +133,9 @@ STICTION_HD_OUTLINE void write_dictionary(B& block, const System& s, const Table
 }
 
 /// The values of the basic y: b plus what x at rest contributes.
-template <Block B, class System>
-STICTION_HD_OUTLINE void write_values(B& block, const System& s, const Tableau& t) {
-  for_each(block, t.n, [&](Index i) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void write_values(TeamT& team, const System& s, const Tableau& t) {
+  for_each(team, t.n, [&](Index i) {
     double sum = static_cast<double>(s.b[i]) * t.unit[i];
     for (Index j = 0; j < t.n; ++j) {
       const double rest = t.rest(j);
@@ -148,15 +148,15 @@ STICTION_HD_OUTLINE void write_values(B& block, const System& s, const Tableau& 
 /// Makes the x_j with wanted[j] = 1 basic in place of the y_j, starting from the dictionary just written: elimination
 /// with complete pivoting, a tie going to the diagonal. What has no pivot left that is above rounding is dependent on
 /// what went before it; its x stays at rest, where a consistent system has y = 0.
-template <Block B>
-STICTION_HD_OUTLINE void bring_in(B& block, const Tableau& t, const double* wanted) {
+template <Team TeamT>
+STICTION_HD_OUTLINE void bring_in(TeamT& team, const Tableau& t, const double* wanted) {
   const Index n = t.n;
   double first = 0.0;
   for (Index step = 0; step < n; ++step) {
     const double none = 0.0 - __builtin_huge_val();
     double largest = 0.0;
     double key = none;  // minus the number of the pair, so that the first of several is the largest
-    for (Index j = block.rank(); j < n; j += block.size()) {
+    for (Index j = team.rank(); j < n; j += team.size()) {
       if (wanted[j] != 1.0 || t.is_basic(j)) continue;
       const Index c = t.column_of(j);
       for (Index i = 0; i < n; ++i) {
@@ -169,14 +169,14 @@ STICTION_HD_OUTLINE void bring_in(B& block, const Tableau& t, const double* want
         }
       }
     }
-    const double found = block.max(largest);
-    const double chosen = block.max(found > 0.0 && largest == found ? key : none);
+    const double found = team.max(largest);
+    const double chosen = team.max(found > 0.0 && largest == found ? key : none);
     if (step == 0) first = found;
     if (!(found > Tableau::kRelativePivot * first)) return;
     const auto pair = static_cast<Index>(0.0 - chosen);
     const Index row = pair < n ? pair : (pair - n) % n;
     const Index entering = pair < n ? pair : (pair - n) / n;
-    exchange(block, t, row, entering, div_(0.0 - t.value(row), t.T(row, t.column_of(entering))));
+    exchange(team, t, row, entering, div_(0.0 - t.value(row), t.T(row, t.column_of(entering))));
   }
 }
 

@@ -23,11 +23,11 @@ struct Newton {
 
   /// Keeps the compliance of every row in the system's order: a system has it only as a part of A + R. Zero for the
   /// tangential axes that have no friction.
-  template <Block B, class Real, class System>
-  static STICTION_HD_OUTLINE void load(B& block, const EnvView<Real>& env, System& s) {
+  template <Team TeamT, class Real, class System>
+  static STICTION_HD_OUTLINE void load(TeamT& team, const EnvView<Real>& env, System& s) {
     const NewtonRoom room = newton_room(s);
     const Real scale_a = s.scalar[kScaleA];
-    for_each_place(block, env, s, [&](Index cone, ConePlace place) {
+    for_each_place(team, env, s, [&](Index cone, ConePlace place) {
       const Index first = env.cone_row(cone);
       const Index size = env.cone_size(cone);
       for (Index k = 0; k < size; ++k) {
@@ -38,56 +38,56 @@ struct Newton {
     });
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void start(B& block, System& s) {
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     using Real = typename System::Real;
-    if (kLaw == Law::convex && is_compliant(block, s)) {
-      single(block, [&] {
+    if (kLaw == Law::convex && is_compliant(team, s)) {
+      single(team, [&] {
         s.scalar[kLipschitz] = Real(0);
         s.scalar[kTheta] = Real(0);
       });
-      start_primal(block, s);
+      start_primal(team, s);
     } else {
-      start_proximal(block, s);
+      start_proximal(team, s);
     }
   }
 
-  template <Law kLaw, Block B, class System>
-  static STICTION_HD_OUTLINE void iterate(B& block, System& s,
+  template <Law kLaw, Team TeamT, class System>
+  static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s,
                                           const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
     const bool is_primal = s.scalar[kLipschitz] == Real(0);
-    block.sync();
+    team.sync();
     bool is_exhausted = false;
     if (kLaw == Law::convex && is_primal) {
       // Twice in a row: the last step may still have gained half the digits.
       const bool was_exhausted = s.scalar[kTheta] == Real(1);
-      is_exhausted = iterate_primal(block, s);
-      single(block, [&] { s.scalar[kTheta] = is_exhausted ? Real(1) : Real(0); });
+      is_exhausted = iterate_primal(team, s);
+      single(team, [&] { s.scalar[kTheta] = is_exhausted ? Real(1) : Real(0); });
       is_exhausted = is_exhausted && was_exhausted;
     } else {
-      is_exhausted = iterate_proximal<kLaw>(block, s, params);
+      is_exhausted = iterate_proximal<kLaw>(team, s, params);
     }
-    if (is_exhausted) single(block, [&] { s.scalar[kOutcome] = Real(kFinished); });
+    if (is_exhausted) single(team, [&] { s.scalar[kOutcome] = Real(kFinished); });
   }
 
-  template <Block B, class System>
-  static STICTION_HD void refresh(B&, System&, Mask<typename System::Real>) {}
+  template <Team TeamT, class System>
+  static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
   /// Whether every row that can react has compliance to speak of.
-  template <Block B, class System>
-  static STICTION_HD_OUTLINE bool is_compliant(B& block, const System& s) {
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE bool is_compliant(TeamT& team, const System& s) {
     const NewtonRoom room = newton_room(s);
     double stiff = 0.0;
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
         const auto diagonal = static_cast<double>(s.block_entry(row, k, k));
         const bool without_friction = k > 0 && !(diagonal > 0.0);
         if (!without_friction && !(room.vector(kCompliance)[row + k] > kLeastCompliance * diagonal)) stiff = 1.0;
       }
     });
-    return !(block.max(stiff) > 0.0);
+    return !(team.max(stiff) > 0.0);
   }
 };
 

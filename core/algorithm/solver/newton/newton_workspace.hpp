@@ -68,29 +68,29 @@ STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
 }
 
 /// store(i, base(i) + row i of A times in); with kCompliance of A + R. Matrix 0, where it is there, is that one.
-template <bool kCompliance, Block B, class System, class Base, class Store>
-STICTION_HD_OUTLINE void multiply_motion(B& block, const System& s, const double* in, const Base& base,
+template <bool kCompliance, Team TeamT, class System, class Base, class Store>
+STICTION_HD_OUTLINE void multiply_motion(TeamT& team, const System& s, const double* in, const Base& base,
                                          const Store& store) {
   const NewtonRoom room = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!room.has_matrices) {
-      prepare_wide_product(block, s, in);
-      for_each(block, s.n, [&](Index i) {
+      prepare_wide_product(team, s, in);
+      for_each(team, s.n, [&](Index i) {
         const double start = kCompliance ? fma_(static_cast<double>(s.R[i]), in[i], base(i)) : base(i);
         store(i, wide_row(s, i, in, start));
       });
       return;
     }
-  multiply_dense(block, room.matrix(0), in, base, store);
+  multiply_dense(team, room.matrix(0), in, base, store);
 }
 
 /// One vector's motion, b included, into another.
-template <bool kCompliance, Block B, class System>
-STICTION_HD_OUTLINE void renew_motion(B& block, const System& s, Index point, Index motion) {
+template <bool kCompliance, Team TeamT, class System>
+STICTION_HD_OUTLINE void renew_motion(TeamT& team, const System& s, Index point, Index motion) {
   const NewtonRoom room = newton_room(s);
   double* const y = room.vector(motion);
   multiply_motion<kCompliance>(
-      block, s, room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
+      team, s, room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
       [&](Index i, double value) { y[i] = value; });
 }
 

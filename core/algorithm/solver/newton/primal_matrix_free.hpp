@@ -45,12 +45,12 @@ template <class System>
 struct CurvatureOperator {
   const System* s;
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* v, double* out) const {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
     const NewtonRoom room = newton_room(*s);
     const double* const C = room.vector(kFactor);
     double* const turned = room.vector(kTurned);
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       for (int k = 0; k < kRows; ++k) {
         double sum = 0.0;
@@ -58,8 +58,8 @@ struct CurvatureOperator {
         turned[row + k] = sum;
       }
     });
-    prepare_wide_product(block, *s, turned);
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+    prepare_wide_product(team, *s, turned);
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double sum[kRows];
       for (int j = 0; j < kRows; ++j) sum[j] = v[row + j];
@@ -73,10 +73,10 @@ struct CurvatureOperator {
 };
 
 /// Factors of the cones' blocks of I + C'AC.
-template <Block B, class System>
-STICTION_HD_OUTLINE void prepare_curvature(B& block, const System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void prepare_curvature(TeamT& team, const System& s) {
   const NewtonRoom room = newton_room(s);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     const double* const C = room.vector(kFactor) + Offset{6} * row;
     double A[kRows][kRows];
@@ -99,15 +99,15 @@ STICTION_HD_OUTLINE void prepare_curvature(B& block, const System& s) {
 }
 
 /// kUnknown becomes the solution for the right-hand side that it is. Overwrites kImage.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_curvature_by_gradients(B& block, const System& s, double accuracy) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_curvature_by_gradients(TeamT& team, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   double* const t = room.vector(kUnknown);
   double* const found = room.vector(kImage);
-  solve_gradients(block, CurvatureOperator<System>{&s},
+  solve_gradients(team, CurvatureOperator<System>{&s},
                   {s.n, t, found, room.vector(kGradients), accuracy, kMostPrimalSteps},
                   ConeBlocks<System>{&s, room.vector(kConeFactors)});
-  for_each(block, s.n, [&](Index i) { t[i] = found[i]; });
+  for_each(team, s.n, [&](Index i) { t[i] = found[i]; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

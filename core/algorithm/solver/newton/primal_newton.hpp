@@ -26,13 +26,13 @@ STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, 
 }
 
 /// Takes the compliance from A + R, and s.x as the first point.
-template <Block B, class System>
-STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void start_primal(TeamT& team, System& s) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   double* const R = room.vector(kCompliance);
-  if (room.has_matrices) fill_matrix(block, s, A);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  if (room.has_matrices) fill_matrix(team, s, A);
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int k = 0; k < kRows; ++k) {
       double& diagonal = room.has_matrices ? A(row + k, row + k) : room.vector(kDiagonal)[row + k];
@@ -44,15 +44,15 @@ STICTION_HD_OUTLINE void start_primal(B& block, System& s) {
     }
     room.vector(kZones)[cone] = -1.0;
   });
-  renew_motion<false>(block, s, kPoint, kMotion);
+  renew_motion<false>(team, s, kPoint, kMotion);
 }
 
 /// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
-template <Block B, class System>
-STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE bool linearise(TeamT& team, System& s) {
   const NewtonRoom room = newton_room(s);
   double changed = 0.0;
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
     double R[kRows];
@@ -71,22 +71,22 @@ STICTION_HD_OUTLINE bool linearise(B& block, System& s) {
     if (zone != now || point.zone == kSlides) changed = 1.0;
     zone = now;
   });
-  return block.max(changed) > 0.0;
+  return team.max(changed) > 0.0;
 }
 
 /// The second matrix becomes the factors of I + C'AC; its cones' blocks are factored where it has no room.
-template <Block B, class System>
-STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void factor_curvature(TeamT& team, const System& s) {
   const NewtonRoom room = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!room.has_matrices) {
-      prepare_curvature(block, s);
+      prepare_curvature(team, s);
       return;
     }
   const DenseMatrix A = room.matrix(0);
   const DenseMatrix K = room.matrix(1);
   const double* const C = room.vector(kFactor);
-  SerialBlock alone;
+  SerialTeam alone;
   s.for_each_cone(alone, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int j = 0; j < kRows; ++j) {
@@ -97,16 +97,16 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
         is_zero = is_zero && c[k] == 0.0;
       }
       // Most cones of a robot are open or at a bound, and the columns of such are zero.
-      for (Index i = block.rank(); i < s.n; i += block.size()) {
+      for (Index i = team.rank(); i < s.n; i += team.size()) {
         double sum = 0.0;
         for (int k = 0; !is_zero && k < kRows; ++k) sum = fma_(A(i, row + k), c[k], sum);
         K(i, row + j) = sum;
       }
     }
   });
-  block.sync();
+  team.sync();
   // The lower triangle is all that is read.
-  for_each(block, s.n, [&](Index j) {
+  for_each(team, s.n, [&](Index j) {
     s.for_each_cone(alone, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       if (row + kRows <= j) return;
@@ -118,24 +118,24 @@ STICTION_HD_OUTLINE void factor_curvature(B& block, const System& s) {
       for (int i = 0; i < kRows; ++i) K(row + i, j) = sum[i];
     });
   });
-  factor_ldl(block, K, 0.0);
+  factor_ldl(team, K, 0.0);
 }
 
 /// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
-template <Block B, class System>
-STICTION_HD void solve_curvature(B& block, const System& s, double accuracy) {
+template <Team TeamT, class System>
+STICTION_HD void solve_curvature(TeamT& team, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!room.has_matrices) {
-      solve_curvature_by_gradients(block, s, accuracy);
+      solve_curvature_by_gradients(team, s, accuracy);
       return;
     }
-  solve_ldl(block, room.matrix(1), room.vector(kUnknown));
+  solve_ldl(team, room.matrix(1), room.vector(kUnknown));
 }
 
 /// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
-template <Block B, class System>
-STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accuracy) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double accuracy) {
   const NewtonRoom room = newton_room(s);
   double* const image = room.vector(kImage);
   double* const t = room.vector(kUnknown);
@@ -144,16 +144,16 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accura
   const auto zero = [](Index) { return 0.0; };
   const auto into_image = [&](Index i, double value) { image[i] = value; };
   const auto add_answers = [&](const double* unknown) {
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       for (int k = 0; k < kRows; ++k)
         for (int j = 0; j < kRows; ++j) d[row + k] = fma_(C[Offset{6} * (row + k) + j], unknown[row + j], d[row + k]);
     });
   };
-  for_each(block, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
+  for_each(team, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
   if (!room.has_matrices) add_answers(room.vector(kGuess));
-  multiply_motion<false>(block, s, d, zero, into_image);
-  s.for_each_cone(block, [&](auto shape, Index, Index row) {
+  multiply_motion<false>(team, s, d, zero, into_image);
+  s.for_each_cone(team, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int j = 0; j < kRows; ++j) {
       double sum = 0.0;
@@ -162,16 +162,16 @@ STICTION_HD_OUTLINE void find_direction(B& block, const System& s, double accura
       if (!room.has_matrices) t[row + j] = t[row + j] - room.vector(kGuess)[row + j];
     }
   });
-  solve_curvature(block, s, accuracy);
+  solve_curvature(team, s, accuracy);
   add_answers(t);
-  multiply_motion<false>(block, s, d, zero, into_image);
+  multiply_motion<false>(team, s, d, zero, into_image);
 }
 
 /// phi' and phi'' on the line, at zeta + alpha d.
-template <Block B, class System>
-STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double alpha) {
   const NewtonRoom room = newton_room(s);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
     double d[kRows];
@@ -200,16 +200,16 @@ STICTION_HD_OUTLINE LinePoint look_along(B& block, const System& s, double alpha
     room.vector(kOfCone)[cone] = slope;
     room.vector(kOfConeToo)[cone] = curvature;
   });
-  const double slope = sum_values(block, room.vector(kOfCone), s.cones);
-  return {slope, sum_values(block, room.vector(kOfConeToo), s.cones)};
+  const double slope = sum_values(team, room.vector(kOfCone), s.cones);
+  return {slope, sum_values(team, room.vector(kOfConeToo), s.cones)};
 }
 
 /// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
 /// rounding of its motion as it does to motion.
-template <Block B, class System>
-STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double slope_noise(TeamT& team, const System& s) {
   const NewtonRoom room = newton_room(s);
-  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+  const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
       const double reaction = abs_(room.vector(kPoint)[i]);
@@ -223,27 +223,27 @@ STICTION_HD_OUTLINE double slope_noise(B& block, const System& s) {
 }
 
 /// One iteration. Returns whether there was nothing left to gain but rounding, on every lane.
-template <Block B, class System>
-STICTION_HD_OUTLINE bool iterate_primal(B& block, System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE bool iterate_primal(TeamT& team, System& s) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
-  if (linearise(block, s)) factor_curvature(block, s);
-  find_direction(block, s, kPrimalAccuracy);
-  double noise = slope_noise(block, s);
-  LinePoint here = look_along(block, s, 0.0);
+  if (linearise(team, s)) factor_curvature(team, s);
+  find_direction(team, s, kPrimalAccuracy);
+  double noise = slope_noise(team, s);
+  LinePoint here = look_along(team, s, 0.0);
   if (!room.has_matrices && !(here.slope < 0.0 - noise)) {
-    find_direction(block, s, kPrimalCare);
-    noise = slope_noise(block, s);
-    here = look_along(block, s, 0.0);
+    find_direction(team, s, kPrimalCare);
+    noise = slope_noise(team, s);
+    here = look_along(team, s, 0.0);
   }
   const bool is_exhausted = !(here.slope < 0.0 - noise);
   const double alpha =
       is_exhausted ? 1.0
-                   : search_line([&](double at) { return look_along(block, s, at); }, here.slope, kSlopeLeft, noise);
-  for_each(block, s.n,
+                   : search_line([&](double at) { return look_along(team, s, at); }, here.slope, kSlopeLeft, noise);
+  for_each(team, s.n,
            [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
-  renew_motion<false>(block, s, kPoint, kMotion);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  renew_motion<false>(team, s, kPoint, kMotion);
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
     double R[kRows];

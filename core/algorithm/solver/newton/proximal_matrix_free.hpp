@@ -40,10 +40,10 @@ struct NaturalOperator {
   const System* s;
   double pull;
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* v, double* out) const {
-    prepare_wide_product(block, *s, v);
-    s->for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
+    prepare_wide_product(team, *s, v);
+    s->for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double own[kRows];
       double image[kRows];
@@ -97,9 +97,9 @@ template <class System>
 struct InvertedBlocks {
   const System* s;
 
-  template <Block B>
-  STICTION_HD_OUTLINE void apply(B& block, const double* r, double* z) const {
-    s->for_each_cone(block, [&](auto shape, Index, Index row) {
+  template <Team TeamT>
+  STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
+    s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       const double* const inverse = cone_place(newton_room(*s).vector(kConeFactors), row);
       double v[kRows];
@@ -135,13 +135,13 @@ STICTION_HD void prepare_slope(const System& s, Index row, const NaturalSlope<M>
 }
 
 /// kStep becomes the solution for the right-hand side that it is. Overwrites kUnknown.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_natural_by_gradients(B& block, const System& s, double pull) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_natural_by_gradients(TeamT& team, const System& s, double pull) {
   const NewtonRoom room = newton_room(s);
   double* const d = room.vector(kStep);
   double* const force = room.vector(kUnknown);
-  for_each(block, s.n, [&](Index i) { force[i] = d[i]; });
-  solve_stabilized(block, NaturalOperator<System>{&s, pull},
+  for_each(team, s.n, [&](Index i) { force[i] = d[i]; });
+  solve_stabilized(team, NaturalOperator<System>{&s, pull},
                    {s.n, force, d, room.vector(kGradients), kProximalAccuracy, kMostProximalSteps},
                    InvertedBlocks<System>{&s});
 }

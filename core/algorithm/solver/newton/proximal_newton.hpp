@@ -59,10 +59,10 @@ struct Merit {
   double natural;
   double proximal;
 };
-template <Law kLaw, Block B, class System>
-STICTION_HD_OUTLINE Merit merit_at(B& block, const System& s, Index point, Index motion, double pull) {
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE Merit merit_at(TeamT& team, const System& s, Index point, Index motion, double pull) {
   const NewtonRoom room = newton_room(s);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
@@ -79,19 +79,19 @@ STICTION_HD_OUTLINE Merit merit_at(B& block, const System& s, Index point, Index
     room.vector(kOfCone)[cone] = squares(0.0);
     room.vector(kOfConeToo)[cone] = squares(pull);
   });
-  const double natural = sum_values(block, room.vector(kOfCone), s.cones);
-  return {natural, sum_values(block, room.vector(kOfConeToo), s.cones)};
+  const double natural = sum_values(team, room.vector(kOfCone), s.cones);
+  return {natural, sum_values(team, room.vector(kOfConeToo), s.cones)};
 }
 
 /// Gap and derivative of the proximal natural map: the second matrix becomes F', its cones' blocks where it has no
 /// room.
-template <Law kLaw, Block B, class System>
-STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pull) {
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double pull) {
   const NewtonRoom room = newton_room(s);
   const DenseMatrix A = room.matrix(0);
   const DenseMatrix K = room.matrix(1);
   double* const d = room.vector(kStep);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
@@ -128,22 +128,22 @@ STICTION_HD_OUTLINE void linearise_proximal(B& block, const System& s, double pu
 }
 
 /// kStep, the right-hand side, becomes the solution.
-template <Block B, class System>
-STICTION_HD_OUTLINE void solve_natural(B& block, const System& s, double pull) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void solve_natural(TeamT& team, const System& s, double pull) {
   const NewtonRoom room = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!room.has_matrices) {
-      solve_natural_by_gradients(block, s, pull);
+      solve_natural_by_gradients(team, s, pull);
       return;
     }
-  factor_lu(block, room.matrix(1), room.vector(kPivots));
-  solve_lu(block, room.matrix(1), room.vector(kPivots), room.vector(kStep));
+  factor_lu(team, room.matrix(1), room.vector(kPivots));
+  solve_lu(team, room.matrix(1), room.vector(kPivots), room.vector(kStep));
 }
 
 /// Mean diagonal of A + R, the unit of the proximal term's weight.
-template <class Real, Block B>
-STICTION_HD_OUTLINE Real mean_diagonal(B& block, const NewtonRoom& room) {
-  const double trace = sum_leaves<double>(block, [&](Index leaf) {
+template <class Real, Team TeamT>
+STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonRoom& room) {
+  const double trace = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < room.n; i += kReduceLeaves) sum = sum + room.diagonal(i);
     return sum;
@@ -154,20 +154,20 @@ STICTION_HD_OUTLINE Real mean_diagonal(B& block, const NewtonRoom& room) {
 
 /// Takes A + R as a matrix of doubles, or its diagonal. The weight of the proximal term is negative until the first
 /// sweeps are done.
-template <Block B, class System>
-STICTION_HD_OUTLINE void start_proximal(B& block, System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void start_proximal(TeamT& team, System& s) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
   if (room.has_matrices) {
-    fill_matrix(block, s, room.matrix(0));
+    fill_matrix(team, s, room.matrix(0));
   } else {
-    s.for_each_cone(block, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k)
         room.vector(kDiagonal)[row + k] = static_cast<double>(s.block_entry(row, k, k));
     });
   }
-  const Real mean = mean_diagonal<Real>(block, room);
-  single(block, [&] {
+  const Real mean = mean_diagonal<Real>(team, room);
+  single(team, [&] {
     s.scalar[kTheta] = Real(0);
     s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
   });
@@ -175,28 +175,28 @@ STICTION_HD_OUTLINE void start_proximal(B& block, System& s) {
 
 /// Sweeps with momentum from s.x, which becomes the next point and the centre of the proximal term. Theta is zero if
 /// Newton's method has moved x since the last sweep: then there is no momentum to go on with.
-template <Law kLaw, Block B, class System>
-STICTION_HD_OUTLINE void sweep_closer(B& block, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE void sweep_closer(TeamT& team, System& s,
+                                      const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
   const bool afresh = s.scalar[kTheta] == Real(0);
-  block.sync();
+  team.sync();
   if (afresh) {
-    refresh_motion(block, s);
-    Npgs::start<kLaw>(block, s);
+    refresh_motion(team, s);
+    Npgs::start<kLaw>(team, s);
   }
-  for (int k = 0; k < kSweepsBefore; ++k) Npgs::iterate<kLaw>(block, s, params);
-  Npgs::refresh(block, s, true);
-  for_each(block, s.n,
-           [&](Index i) { room.vector(kPoint)[i] = room.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
-  renew_motion<true>(block, s, kPoint, kMotion);
+  for (int k = 0; k < kSweepsBefore; ++k) Npgs::iterate<kLaw>(team, s, params);
+  Npgs::refresh(team, s, true);
+  for_each(team, s.n, [&](Index i) { room.vector(kPoint)[i] = room.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
+  renew_motion<true>(team, s, kPoint, kMotion);
 }
 
 /// The point `length` along d, projected onto the cones, and its motion.
-template <Block B, class System>
-STICTION_HD_OUTLINE void try_step(B& block, const System& s, double length) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void try_step(TeamT& team, const System& s, double length) {
   const NewtonRoom room = newton_room(s);
-  s.for_each_cone(block, [&](auto shape, Index cone, Index row) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double still[kRows] = {};
@@ -204,14 +204,14 @@ STICTION_HD_OUTLINE void try_step(B& block, const System& s, double length) {
     proximal_point<Law::convex>(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]));
     for (int k = 0; k < kRows; ++k) room.vector(kTrial)[row + k] = x[k];
   });
-  renew_motion<true>(block, s, kTrial, kTrialMotion);
+  renew_motion<true>(team, s, kTrial, kTrialMotion);
 }
 
 /// The natural map that rounding leaves of a solution, squared.
-template <Block B, class System>
-STICTION_HD_OUTLINE double merit_noise(B& block, const System& s) {
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE double merit_noise(TeamT& team, const System& s) {
   const NewtonRoom room = newton_room(s);
-  const double terms = sum_leaves<double>(block, [&](Index leaf) {
+  const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
       const double term = room.diagonal(i) * room.vector(kPoint)[i];
@@ -223,31 +223,31 @@ STICTION_HD_OUTLINE double merit_noise(B& block, const System& s) {
 }
 
 /// One iteration. Returns whether there was nothing left to gain but rounding, on every lane.
-template <Law kLaw, Block B, class System>
-STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
                                           const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
   const NewtonRoom room = newton_room(s);
   const Real weight = s.scalar[kLipschitz];
-  block.sync();
-  if (weight < Real(0)) sweep_closer<kLaw>(block, s, params);
+  team.sync();
+  if (weight < Real(0)) sweep_closer<kLaw>(team, s, params);
   const auto pull = static_cast<double>(abs_(weight));
-  const Merit here = merit_at<kLaw>(block, s, kPoint, kMotion, pull);
-  const double noise = merit_noise(block, s);
-  linearise_proximal<kLaw>(block, s, pull);
-  solve_natural(block, s, pull);
+  const Merit here = merit_at<kLaw>(team, s, kPoint, kMotion, pull);
+  const double noise = merit_noise(team, s);
+  linearise_proximal<kLaw>(team, s, pull);
+  solve_natural(team, s, pull);
   double length = 1.0;
   Merit there = here;
   bool is_better = false;
   for (int trial = 0; trial <= kBacktracks && !is_better; ++trial) {
     if (trial > 0) length = 0.5 * length;
-    try_step(block, s, length);
-    there = merit_at<kLaw>(block, s, kTrial, kTrialMotion, pull);
+    try_step(team, s, length);
+    there = merit_at<kLaw>(team, s, kTrial, kTrialMotion, pull);
     is_better = there.proximal < (1.0 - 1e-4 * length) * here.proximal;
   }
   const bool is_solved = is_better && there.proximal <= (kInnerPart * kInnerPart) * there.natural;
   if (is_better) {
-    for_each(block, s.n, [&](Index i) {
+    for_each(team, s.n, [&](Index i) {
       const double x = room.vector(kTrial)[i];
       room.vector(kPoint)[i] = x;
       room.vector(kMotion)[i] = room.vector(kTrialMotion)[i];
@@ -258,14 +258,14 @@ STICTION_HD_OUTLINE bool iterate_proximal(B& block, System& s,
   Real next = abs_(weight);
   if (is_solved) next = max_(next * Real(kProximalFall), Real(kProximalLeast));
   if (!is_better) {
-    const Real most = Real(kProximalMost) * mean_diagonal<Real>(block, room);
+    const Real most = Real(kProximalMost) * mean_diagonal<Real>(team, room);
     next = max_(next, min_(next * Real(kProximalRise), most));
   }
-  single(block, [&] {
+  single(team, [&] {
     if (is_better) s.scalar[kTheta] = Real(0);
     s.scalar[kLipschitz] = next;
   });
-  if (!is_better) sweep_closer<kLaw>(block, s, params);
+  if (!is_better) sweep_closer<kLaw>(team, s, params);
   return !is_better && here.natural <= noise;
 }
 
