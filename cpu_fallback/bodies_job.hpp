@@ -19,7 +19,7 @@ struct NewtonBodyKernels {
 };
 
 /// The most contacts and bodies of the environments that share a pack.
-struct BodyRoom {
+struct PackShape {
   Index contacts = 0;
   Index bodies = 0;
 };
@@ -43,10 +43,10 @@ template <class Real>
 struct BodyPackKernels {
   int width = 1;  ///< environments in lock-step
   /// Scratch that packs of that room need, in numbers of Real and of double.
-  Offset (*elements)(const BodyRoom& room, bool momentum) = nullptr;
-  Offset (*exact_elements)(const BodyRoom& room, bool momentum) = nullptr;
+  Offset (*elements)(const PackShape& shape, bool momentum) = nullptr;
+  Offset (*exact_elements)(const PackShape& shape, bool momentum) = nullptr;
   /// Solves environments envs[0 .. count), all within `room`, `width` at a time.
-  void (*solve)(const BodyJob<Real>& job, const Offset* envs, Offset count, const BodyRoom& room, Real* scratch,
+  void (*solve)(const BodyJob<Real>& job, const Offset* envs, Offset count, const PackShape& shape, Real* scratch,
                 double* exact) = nullptr;
 };
 

@@ -45,10 +45,10 @@ void run(const BodyRequest<Real>& request) {
   };
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
-  const auto pack_exact = [&](const cpu::BodyRoom& room) {
+  const auto pack_exact = [&](const cpu::PackShape& room) {
     return packs.exact_elements(room, request.options.momentum);
   };
-  const auto pack_bytes = [&](const cpu::BodyRoom& room) {
+  const auto pack_bytes = [&](const cpu::PackShape& room) {
     return packs.elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
            pack_exact(room) * static_cast<Offset>(sizeof(double));
   };
@@ -66,9 +66,9 @@ void run(const BodyRequest<Real>& request) {
     Scratch& own = scratch[static_cast<std::size_t>(worker)];
     const cpu::BodyWork& work = deal.work[static_cast<std::size_t>(index)];
     if (work.packed) {
-      Real* const memory = own.numbers.reserve<Real>(packs.elements(work.room, request.options.momentum));
-      packs.solve(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.room, memory,
-                  own.exact.reserve<double>(pack_exact(work.room)));
+      Real* const memory = own.numbers.reserve<Real>(packs.elements(work.shape, request.options.momentum));
+      packs.solve(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.shape, memory,
+                  own.exact.reserve<double>(pack_exact(work.shape)));
     } else {
       for (const Offset env : work.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
     }

@@ -21,24 +21,24 @@ constexpr double kLargestPadding = 1.6;
 constexpr double kPaddingOfLongRuns = 1.1;
 constexpr Offset kLongRun = 4;
 
-Offset work_of(const BodyRoom& room) {
+Offset work_of(const PackShape& shape) {
   // A visit of a contact against what sweeps and looks at the residual do for each body.
-  return 8 * Offset{room.contacts} + Offset{room.bodies};
+  return 8 * Offset{shape.contacts} + Offset{shape.bodies};
 }
 
-BodyRoom join(const BodyRoom& a, const BodyRoom& b) {
+PackShape join(const PackShape& a, const PackShape& b) {
   return {larger_of(a.contacts, b.contacts), larger_of(a.bodies, b.bodies)};
 }
 
 /// What environments are sorted by.
 struct Shape {
-  BodyRoom room;
+  PackShape shape;
   std::size_t sides;  ///< hash of the bodies that the contacts are between
   Offset env;
 
   friend bool operator<(const Shape& a, const Shape& b) {
-    return std::tuple(-a.room.contacts, -a.room.bodies, a.sides, a.env) <
-           std::tuple(-b.room.contacts, -b.room.bodies, b.sides, b.env);
+    return std::tuple(-a.shape.contacts, -a.shape.bodies, a.sides, a.env) <
+           std::tuple(-b.shape.contacts, -b.shape.bodies, b.sides, b.env);
   }
 };
 
@@ -53,15 +53,15 @@ class Packing {
   Packing(const BodyDealRules& rules, std::vector<BodyWork>& work, std::vector<Offset>& alone)
       : rules_(rules), work_(work), alone_(alone) {}
 
-  void add(Offset env, const BodyRoom& room) {
-    if (!group_.empty() && !takes(room)) close();
-    room_ = group_.empty() ? room : join(room_, room);
+  void add(Offset env, const PackShape& shape) {
+    if (!group_.empty() && !takes(shape)) close();
+    shape_ = group_.empty() ? shape : join(shape_, shape);
     group_.push_back(env);
   }
 
   void close() {
     const auto size = static_cast<Offset>(group_.size());
-    if (4 * size < rules_.pack_width || rules_.pack_bytes(room_) > kLargestPackBytes) {
+    if (4 * size < rules_.pack_width || rules_.pack_bytes(shape_) > kLargestPackBytes) {
       alone_.insert(alone_.end(), group_.begin(), group_.end());
     } else {
       // Long runs keep lanes full; several per thread keep threads busy.
@@ -69,17 +69,17 @@ class Packing {
                                             rules_.threads == 1 ? 1 : 4 * Offset{rules_.threads});
       for (Offset piece = 0; piece < pieces; ++piece)
         work_.push_back(
-            {{group_.begin() + size * piece / pieces, group_.begin() + size * (piece + 1) / pieces}, room_, true});
+            {{group_.begin() + size * piece / pieces, group_.begin() + size * (piece + 1) / pieces}, shape_, true});
     }
     group_.clear();
   }
 
  private:
-  [[nodiscard]] bool takes(const BodyRoom& room) const {
+  [[nodiscard]] bool takes(const PackShape& shape) const {
     const bool is_long = static_cast<Offset>(group_.size()) >= kLongRun * rules_.pack_width;
     const double most = is_long ? kPaddingOfLongRuns : kLargestPadding;
-    const BodyRoom joined = join(room_, room);
-    return static_cast<double>(work_of(joined)) <= most * static_cast<double>(work_of(room)) &&
+    const PackShape joined = join(shape_, shape);
+    return static_cast<double>(work_of(joined)) <= most * static_cast<double>(work_of(shape)) &&
            rules_.pack_bytes(joined) <= kLargestPackBytes;
   }
 
@@ -87,7 +87,7 @@ class Packing {
   std::vector<BodyWork>& work_;
   std::vector<Offset>& alone_;
   std::vector<Offset> group_;
-  BodyRoom room_;
+  PackShape shape_;
 };
 
 }  // namespace
@@ -118,7 +118,7 @@ BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, cons
   // Environments that are all alike, as in most training loops, need no sorting: this part is one thread's.
   if (!std::is_sorted(small.begin(), small.end())) std::sort(small.begin(), small.end());
   Packing packing(rules, deal.work, alone);
-  for (const Shape& shape : small) packing.add(shape.env, shape.room);
+  for (const Shape& shape : small) packing.add(shape.env, shape.shape);
   packing.close();
 
   BodyWork run;

@@ -11,7 +11,7 @@ namespace stiction::cpu {
 /// A piece of work for one thread.
 struct BodyWork {
   std::vector<Offset> envs;
-  BodyRoom room;        ///< layout of the pack
+  PackShape shape;      ///< layout of the pack
   bool packed = false;  ///< through the lanes of a pack, else one by one
 };
 
@@ -26,7 +26,7 @@ struct BodyDealRules {
   int threads = 1;
   int pack_width = 1;  ///< 1: no packs
   /// Bytes of a pack of that room.
-  std::function<Offset(const BodyRoom&)> pack_bytes;
+  std::function<Offset(const PackShape&)> pack_bytes;
 };
 
 /// Environments of like size share packs; among equals those whose contacts are between the same bodies come together,

@@ -21,24 +21,24 @@ struct BodyPackMemory {
   using Sides = PackSides<Real, kWidth>;
   using Word = typename Sides::Word;
 
-  static Offset numbers(const cpu::BodyRoom& room, bool momentum) {
-    return Lanes::elements(room.contacts, room.bodies, momentum) * kWidth;
+  static Offset numbers(const cpu::PackShape& shape, bool momentum) {
+    return Lanes::elements(shape.contacts, shape.bodies, momentum) * kWidth;
   }
-  static Offset words(const cpu::BodyRoom& room) { return 2 * Offset{room.contacts} * kWidth; }
+  static Offset words(const cpu::PackShape& shape) { return 2 * Offset{shape.contacts} * kWidth; }
   /// With the flags of sides, one byte each, at the end. Whole vectors, so that another pack may follow.
-  static Offset elements(const cpu::BodyRoom& room, bool momentum) {
-    const Offset flags = 2 * Offset{room.contacts};
-    return numbers(room, momentum) + words(room) + (flags + kWidth - 1) / kWidth * kWidth;
+  static Offset elements(const cpu::PackShape& shape, bool momentum) {
+    const Offset flags = 2 * Offset{shape.contacts};
+    return numbers(shape, momentum) + words(shape) + (flags + kWidth - 1) / kWidth * kWidth;
   }
   /// Numbers of double: twists, and as many for sums.
-  static Offset exact_elements(const cpu::BodyRoom& room) { return 2 * twists(room); }
-  static Offset twists(const cpu::BodyRoom& room) {
-    return kWidth * BodySystem<Real, kLaw>::exact_elements(room.bodies);
+  static Offset exact_elements(const cpu::PackShape& shape) { return 2 * twists(shape); }
+  static Offset twists(const cpu::PackShape& shape) {
+    return kWidth * BodySystem<Real, kLaw>::exact_elements(shape.bodies);
   }
-  static Sides sides(const cpu::BodyRoom& room, bool momentum, Real* memory) {
+  static Sides sides(const cpu::PackShape& shape, bool momentum, Real* memory) {
     static_assert(sizeof(Word) == sizeof(Real));
-    Real* const words_begin = memory + numbers(room, momentum);
-    return {reinterpret_cast<Word*>(words_begin), reinterpret_cast<std::uint8_t*>(words_begin + words(room))};
+    Real* const words_begin = memory + numbers(shape, momentum);
+    return {reinterpret_cast<Word*>(words_begin), reinterpret_cast<std::uint8_t*>(words_begin + words(shape))};
   }
 };
 
@@ -83,18 +83,18 @@ class BodyPackRun {
   static constexpr int kWidth = Memory::kWidth;
 
  public:
-  BodyPackRun(const BodyJob<Real>& job, EnvQueue& queue, const cpu::BodyRoom& room, Real* memory, double* exact)
+  BodyPackRun(const BodyJob<Real>& job, EnvQueue& queue, const cpu::PackShape& shape, Real* memory, double* exact)
       : job_(job),
         queue_(queue),
         params_(si_params(job.stepping, job.options)),
-        room_(room),
+        shape_(shape),
         memory_(memory),
-        exact_{exact, exact + Memory::twists(room)},
-        pack_(room.contacts, room.bodies, params_, memory),
-        env_{Memory::sides(room, params_.momentum, memory)} {
+        exact_{exact, exact + Memory::twists(shape)},
+        pack_(shape.contacts, shape.bodies, params_, memory),
+        env_{Memory::sides(shape, params_.momentum, memory)} {
     // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
-    std::fill_n(memory, Memory::numbers(room, params_.momentum), Real(0));
-    std::fill_n(exact, Memory::exact_elements(room), 0.0);
+    std::fill_n(memory, Memory::numbers(shape, params_.momentum), Real(0));
+    std::fill_n(exact, Memory::exact_elements(shape), 0.0);
   }
 
   /// Answers whoever is done and lets others enter. Whether there is anything to advance.
@@ -135,7 +135,7 @@ class BodyPackRun {
  private:
   /// The system in a lane, as the body of a single environment knows it.
   typename Lanes::OneLane system_of(int l) const {
-    typename Lanes::OneLane system(room_.contacts, room_.bodies, params_, memory_ + l, exact_.twists + l);
+    typename Lanes::OneLane system(shape_.contacts, shape_.bodies, params_, memory_ + l, exact_.twists + l);
     system.contacts = lanes_[l].env.kept;
     system.bodies = lanes_[l].env.bodies;
     return system;
@@ -183,7 +183,7 @@ class BodyPackRun {
     lane.busy = lane.is_new = admit_bodies(team_, lane.env, params_, lane.progress);
     if (!lane.busy) return false;
     take_lane(pack_, lane.env, system_of(l), is_warm(lane.env, lane.progress.flags), l);
-    rest_from(pack_, lane.env.kept, lane.env.bodies, room_.contacts, room_.bodies, l);
+    rest_from(pack_, lane.env.kept, lane.env.bodies, shape_.contacts, shape_.bodies, l);
     is_composed_ = false;
     return true;
   }
@@ -320,9 +320,9 @@ class BodyPackRun {
   const BodyJob<Real>& job_;
   EnvQueue& queue_;
   SiParams params_;
-  cpu::BodyRoom room_;
+  cpu::PackShape shape_;
   Real* memory_;
-  ExactRoom exact_;
+  ExactWorkspace exact_;
   SerialTeam team_;
   Lanes pack_;
   PackEnv<Real, kWidth> env_;
@@ -333,35 +333,35 @@ class BodyPackRun {
 /// Whether environments of this room go through two packs in turns: as long as the second-level cache holds both. Only
 /// speed depends on it.
 template <Law kLaw, class Real>
-bool takes_body_pairs(const cpu::BodyRoom& room, bool momentum) {
+bool takes_body_pairs(const cpu::PackShape& shape, bool momentum) {
   constexpr Offset kMostBytes = Offset{320} << 10;
-  return BodyPackMemory<kLaw, Real>::elements(room, momentum) * static_cast<Offset>(sizeof(Real)) <= kMostBytes;
+  return BodyPackMemory<kLaw, Real>::elements(shape, momentum) * static_cast<Offset>(sizeof(Real)) <= kMostBytes;
 }
 
 /// Packs that are worked on at once.
 template <Law kLaw, class Real>
-int body_packs(const cpu::BodyRoom& room, bool momentum) {
-  return takes_body_pairs<kLaw, Real>(room, momentum) ? 2 : 1;
+int body_packs(const cpu::PackShape& shape, bool momentum) {
+  return takes_body_pairs<kLaw, Real>(shape, momentum) ? 2 : 1;
 }
 template <Law kLaw, class Real>
-Offset body_pack_elements(const cpu::BodyRoom& room, bool momentum) {
-  return body_packs<kLaw, Real>(room, momentum) * BodyPackMemory<kLaw, Real>::elements(room, momentum);
+Offset body_pack_elements(const cpu::PackShape& shape, bool momentum) {
+  return body_packs<kLaw, Real>(shape, momentum) * BodyPackMemory<kLaw, Real>::elements(shape, momentum);
 }
 template <Law kLaw, class Real>
-Offset body_pack_exact_elements(const cpu::BodyRoom& room, bool momentum) {
-  return body_packs<kLaw, Real>(room, momentum) * BodyPackMemory<kLaw, Real>::exact_elements(room);
+Offset body_pack_exact_elements(const cpu::PackShape& shape, bool momentum) {
+  return body_packs<kLaw, Real>(shape, momentum) * BodyPackMemory<kLaw, Real>::exact_elements(shape);
 }
 
 template <Law kLaw, class Real>
-void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count, const cpu::BodyRoom& room,
+void solve_body_pack(const BodyJob<Real>& job, const Offset* envs, Offset count, const cpu::PackShape& shape,
                      Real* memory, double* exact) {
   using Run = BodyPackRun<kLaw, Real>;
   const bool momentum = job.options.momentum;
   EnvQueue queue{envs, count};
-  Run one(job, queue, room, memory, exact);
-  if (takes_body_pairs<kLaw, Real>(room, momentum) && count >= kShortestForPairs * kPackWidth<Real>) {
-    Run other(job, queue, room, memory + BodyPackMemory<kLaw, Real>::elements(room, momentum),
-              exact + BodyPackMemory<kLaw, Real>::exact_elements(room));
+  Run one(job, queue, shape, memory, exact);
+  if (takes_body_pairs<kLaw, Real>(shape, momentum) && count >= kShortestForPairs * kPackWidth<Real>) {
+    Run other(job, queue, shape, memory + BodyPackMemory<kLaw, Real>::elements(shape, momentum),
+              exact + BodyPackMemory<kLaw, Real>::exact_elements(shape));
     run_out(one, other);
   } else {
     run_out(one);

@@ -61,9 +61,9 @@ void prefetch(const cpu::Job<Real>& job, Offset env) {
 template <class Real>
 using Lane = DenseSystem<Real, kPackWidth<Real>>;
 template <class Real, int... kLanes>
-std::array<Lane<Real>, kPackWidth<Real>> lanes_of(const ConeCounts& slots, const MethodRoom& room, Real* memory,
+std::array<Lane<Real>, kPackWidth<Real>> lanes_of(const ConeCounts& slots, const Workspace& workspace, Real* memory,
                                                   std::integer_sequence<int, kLanes...>) {
-  return {Lane<Real>(slots, room, memory + kLanes)...};
+  return {Lane<Real>(slots, workspace, memory + kLanes)...};
 }
 
 /// Some of a pack's lanes.
@@ -104,16 +104,16 @@ class PackRun {
   static constexpr int kWidth = kPackWidth<Real>;
 
   static Offset scratch_elements(const ConeCounts& slots) {
-    return elements(slots) + LaneRoom<Real, kWidth>::elements(row_count(slots), cone_count(slots));
+    return elements(slots) + PackWorkspace<Real, kWidth>::elements(row_count(slots), cone_count(slots));
   }
 
   PackRun(const cpu::Job<Real>& job, EnvQueue& queue, const ConeCounts& slots, Real* scratch)
       : job_(job),
         queue_(queue),
         params_{job.omega, job.is_rung()},
-        pack_(slots, Method::room(), reinterpret_cast<Lanes*>(scratch)),
-        lanes_(lanes_of<Real>(slots, Method::room(), scratch, std::make_integer_sequence<int, kWidth>{})),
-        room_(scratch + elements(slots), pack_.n, pack_.cones),
+        pack_(slots, Method::workspace(), reinterpret_cast<Lanes*>(scratch)),
+        lanes_(lanes_of<Real>(slots, Method::workspace(), scratch, std::make_integer_sequence<int, kWidth>{})),
+        workspace_(scratch + elements(slots), pack_.n, pack_.cones),
         rules_(load_rules<Method>(kLaw, lanes_[0])) {
     if (params_.is_rung) rules_.needs_symmetry = false;
     // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep
@@ -149,7 +149,7 @@ class PackRun {
   };
 
   static Offset elements(const ConeCounts& slots) {
-    return kWidth * DenseSystem<Real>::elements(slots, Method::room());
+    return kWidth * DenseSystem<Real>::elements(slots, Method::workspace());
   }
 
   /// Asks for as many environments as there are lanes, before they are needed.
@@ -173,7 +173,7 @@ class PackRun {
       ask_for_matrix(guest.env);
       entrants[entering++] = {&guest.env, l, 0U, nullptr};
     }
-    load_lanes_of(pack_, lanes_.data(), room_, rules_, entrants, entering);
+    load_lanes_of(pack_, lanes_.data(), workspace_, rules_, entrants, entering);
     LaneSet taken;
     for (int k = 0; k < entering; ++k) {
       const int l = entrants[k].lane;
@@ -187,7 +187,7 @@ class PackRun {
         refuse(team_, guest.env, Method::kKind, guest.flags);
       }
     }
-    begin_lanes<Method, kLaw>(pack_, room_, mask_of<Real, kWidth>(taken));
+    begin_lanes<Method, kLaw>(pack_, workspace_, mask_of<Real, kWidth>(taken));
     taken.for_each([&](int l) {
       start_method<Method, kLaw>(team_, guests_[l].env, lanes_[l]);
       busy_.add(l);
@@ -209,7 +209,7 @@ class PackRun {
       lanes[count++] = l;
     });
     Judgement judged[kWidth];
-    judge_lanes<kLaw>(pack_, room_, envs, lanes, count, judged);
+    judge_lanes<kLaw>(pack_, workspace_, envs, lanes, count, judged);
     asked.for_each([&](int l) {
       const Guest& guest = guests_[l];
       EnvProgress<Real> progress = searches_.of(l, guest.flags);
@@ -233,7 +233,7 @@ class PackRun {
   SerialTeam team_;
   DenseSystem<Lanes> pack_;
   std::array<Lane<Real>, kWidth> lanes_;
-  LaneRoom<Real, kWidth> room_;
+  PackWorkspace<Real, kWidth> workspace_;
   LoadRules rules_;
   LaneSearch<Real, kWidth> searches_;
   LaneSet busy_;
@@ -278,11 +278,11 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
 template <class Method, Law kLaw, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  const MethodRoom room = Method::room().up_to(job.direct_rows);
-  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, room);
+  const Workspace workspace = Method::workspace().up_to(job.direct_rows);
+  if (job.plan.path[env] == EnvPath::dense) return DenseSystem<Real>::elements(view.counts, workspace);
   if (job.plan.path[env] == EnvPath::factor)
-    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, room);
-  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), room);
+    return FactorSystem<Real>::elements(view.n, view.cone_count, view.dofs, workspace);
+  return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), workspace);
 }
 
 template <class Method, Law kLaw, class Real>
@@ -290,18 +290,18 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
   const MethodParams<Real> params{job.omega, job.is_rung()};
   const EnvView<Real> view = slice_to_load(job, env);
-  const MethodRoom room = Method::room().up_to(job.direct_rows);
+  const Workspace workspace = Method::workspace().up_to(job.direct_rows);
   SerialTeam team;
   if (job.plan.path[env] == EnvPath::empty) {
     answer_empty(team, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
-    DenseSystem<Real> system(view.counts, room, scratch);
+    DenseSystem<Real> system(view.counts, workspace, scratch);
     solve_environment<Method, kLaw>(team, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
-    FactorSystem<Real> system(view, room, scratch);
+    FactorSystem<Real> system(view, workspace, scratch);
     solve_environment<Method, kLaw>(team, view, system, params, rule);
   } else {
-    SparseSystem<Real> system(view, room, scratch);
+    SparseSystem<Real> system(view, workspace, scratch);
     solve_environment<Method, kLaw>(team, view, system, params, rule);
   }
 }
@@ -317,7 +317,7 @@ cpu::SingleKernels<Real> single_kernels() {
 
 template <class Method, Law kLaw, class Real>
 cpu::PackKernels<Real> pack_kernels() {
-  if constexpr (1 < kPackWidth<Real> && !kSinglesAlone && !Method::room().is_direct()) {
+  if constexpr (1 < kPackWidth<Real> && !kSinglesAlone && !Method::workspace().is_direct()) {
     return {kPackWidth<Real>, pack_elements<Method, kLaw, Real>, solve_pack<Method, kLaw, Real>};
   } else {
     return {};

@@ -7,18 +7,18 @@ namespace {
 
 template <class Real>
 std::size_t room_bytes(const WorldModelView<Real>& model) {
-  return static_cast<std::size_t>(DetectRoom<Real>::bytes(model));
+  return static_cast<std::size_t>(DetectWorkspace<Real>::bytes(model));
 }
 template <class Real>
-Index find_one(const WorldJob<Real>& job, Offset env, void* room) {
+Index find_one(const WorldJob<Real>& job, Offset env, void* workspace) {
   SerialTeam team;
   prepare_world(team, job, env);
-  return find_contacts(team, job, env, DetectRoom<Real>(job.model, room));
+  return find_contacts(team, job, env, DetectWorkspace<Real>(job.model, workspace));
 }
 template <class Real>
-void list_one(const WorldJob<Real>& job, Offset env, void* room, FoundContact<Real>* out) {
+void list_one(const WorldJob<Real>& job, Offset env, void* workspace, FoundContact<Real>* out) {
   SerialTeam team;
-  list_contacts(team, job, env, DetectRoom<Real>(job.model, room), out);
+  list_contacts(team, job, env, DetectWorkspace<Real>(job.model, workspace), out);
 }
 template <class Real>
 void hand_over_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,

@@ -8,8 +8,8 @@ namespace stiction::cpu {
 template <class Real>
 struct WorldKernels {
   std::size_t (*room_bytes)(const WorldModelView<Real>& model);  ///< scratch of the first two
-  Index (*find_contacts)(const WorldJob<Real>& job, Offset env, void* room);
-  void (*list_contacts)(const WorldJob<Real>& job, Offset env, void* room, FoundContact<Real>* out);
+  Index (*find_contacts)(const WorldJob<Real>& job, Offset env, void* workspace);
+  void (*list_contacts)(const WorldJob<Real>& job, Offset env, void* workspace, FoundContact<Real>* out);
   void (*hand_over)(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
                     const FoundContact<Real>* found);
   void (*integrate)(const WorldJob<Real>& job, Offset env);

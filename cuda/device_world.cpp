@@ -38,7 +38,7 @@ DeviceWorld<Real>::DeviceWorld(std::shared_ptr<DeviceApi> api, const WorldModelV
       limited_(options.solver.max_contacts_per_env > 0),
       host_(model, env_count),
       counts_(at(env_count)) {
-  room_bytes_ = (DetectRoom<Real>::bytes(model) + kAlignment - 1) / kAlignment * kAlignment;
+  room_bytes_ = (DetectWorkspace<Real>::bytes(model) + kAlignment - 1) / kAlignment * kAlignment;
   const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, room_bytes_));
   teams_ = smaller_of(env_count, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   queue_all(*api_, stream_.get(), [&] {

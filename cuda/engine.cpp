@@ -178,7 +178,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
     const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
-    const MethodRoom method = is_bundle(size_class) ? room.method.in_bundles() : room.method;
+    const Workspace method = is_bundle(size_class) ? room.method.in_bundles() : room.method;
     elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
   }
   // Even, so that doubles in it are aligned.
@@ -207,10 +207,10 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   return shape;
 }
 
-MethodRoom Engine::method_room(SolverKind solver) const {
+Workspace Engine::method_room(SolverKind solver) const {
   const SolverKernels* const solvers = api_.kernels().solvers;
   if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].room;
-  MethodRoom room;
+  Workspace room;
   for (int rung = 0; rung < kLadderRungs; ++rung)
     room = room.joined(solvers[static_cast<std::size_t>(ladder_rung(rung).solver)].room);
   return room;

@@ -73,11 +73,11 @@ class Engine {
 
   struct Room {
     Capacity capacity;
-    MethodRoom method;
+    Workspace method;
     std::size_t scalar_bytes = 0;
   };
 
-  [[nodiscard]] MethodRoom method_room(SolverKind solver) const;
+  [[nodiscard]] Workspace method_room(SolverKind solver) const;
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Room& room) const;
   template <class Real>

@@ -19,7 +19,7 @@ namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
 KernelRef bundles_kernel() {
-  if constexpr (Method::room().is_direct()) {
+  if constexpr (Method::workspace().is_direct()) {
     return {};
   } else {
     return Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles");
@@ -38,7 +38,7 @@ template <class Make, class Method>
 SolverKernels solver_kernels() {
   return {{{solve_kernels<Make, Method, Law::convex, float>(), solve_kernels<Make, Method, Law::coulomb, float>()},
            {solve_kernels<Make, Method, Law::convex, double>(), solve_kernels<Make, Method, Law::coulomb, double>()}},
-          Method::room()};
+          Method::workspace()};
 }
 
 template <class Make>

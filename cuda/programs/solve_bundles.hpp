@@ -87,7 +87,7 @@ struct SolveBundles {
                                                               const EnvView<Real>& env) {
     // 32 slots interleave their numbers, so that lanes in lock-step touch neighbouring addresses.
     Real* const memory = workspace + slot / cuda::kWarp * (cuda::kWarp * args.slot_elements) + slot % cuda::kWarp;
-    return DenseSystem<Real, cuda::kWarp>(env.counts, Method::room(), memory);
+    return DenseSystem<Real, cuda::kWarp>(env.counts, Method::workspace(), memory);
   }
 
   /// Loads an environment; whether there is anything left to do.

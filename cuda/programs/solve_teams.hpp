@@ -33,13 +33,13 @@ struct SolveTeams {
       const MethodParams<Real> params{job.omega, job.is_rung()};
       const StopRule rule = stop_rule(job, index);
       if constexpr (kPath == EnvPath::dense) {
-        DenseSystem<Real> system(env.counts, Method::room(), memory);
+        DenseSystem<Real> system(env.counts, Method::workspace(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else if constexpr (kPath == EnvPath::factor) {
-        FactorSystem<Real> system(env, Method::room(), memory);
+        FactorSystem<Real> system(env, Method::workspace(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       } else {
-        SparseSystem<Real> system(env, Method::room(), memory);
+        SparseSystem<Real> system(env, Method::workspace(), memory);
         solve_environment<Method, kLaw>(team, env, system, params, rule);
       }
     }

@@ -10,7 +10,8 @@ template <class Real>
 struct WorldFindArgs {
   WorldJob<Real> job;
   Offset env_count;
-  std::byte* room;  ///< DetectRoom of each team that runs                                          (teams * room_bytes)
+  std::byte*
+      room;  ///< DetectWorkspace of each team that runs                                          (teams * room_bytes)
   Offset room_bytes;
   FoundContact<Real>* found;  ///< contacts of each environment that has no more than `most`        (env_count * most)
   Index most;
@@ -46,7 +47,7 @@ struct FindWorldContacts {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const DetectRoom<Real> room(args.job.model, args.room + id.index * args.room_bytes);
+    const DetectWorkspace<Real> room(args.job.model, args.room + id.index * args.room_bytes);
     for (Offset env = id.index; env < args.env_count; env += id.count) {
       prepare_world(team, args.job, env);
       const Index count = find_contacts(team, args.job, env, room);

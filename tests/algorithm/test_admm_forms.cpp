@@ -58,24 +58,24 @@ JacobianEnvironment<double> some_contacts(Index dofs, double compliance = 0.01) 
 /// A loaded system of one environment, on one lane.
 template <class Real, template <class> class SystemOf>
 struct Loaded {
-  explicit Loaded(const ContactBatch<double>& batch, const MethodRoom& room = Admm::room())
+  explicit Loaded(const ContactBatch<double>& batch, const Workspace& workspace = Admm::workspace())
       : batch_(convert<Real>(batch)),
         plan_(make_plan(batch_.view())),
         lambda_(static_cast<std::size_t>(batch_.row_count())),
         w_(lambda_),
         env_(slice(batch_.view(), view_of(plan_), batch_.law(), static_cast<const Real*>(nullptr), lambda_.data(),
                    w_.data(), &status_, Offset{0})),
-        memory_(static_cast<std::size_t>(elements(room)), static_cast<Real>(__builtin_nan(""))),
-        system(env_, room, memory_.data()) {
+        memory_(static_cast<std::size_t>(elements(workspace)), static_cast<Real>(__builtin_nan(""))),
+        system(env_, workspace, memory_.data()) {
     EXPECT_TRUE(is_solvable(load_system(team, env_, system, load_rules<Admm>(batch_.law(), system))));
   }
 
  private:
-  [[nodiscard]] Offset elements(const MethodRoom& room) const {
+  [[nodiscard]] Offset elements(const Workspace& workspace) const {
     if constexpr (kHasVelocity<SystemOf<Real>>) {
-      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.dofs, room);
+      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.dofs, workspace);
     } else {
-      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.entry_span(), room);
+      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.entry_span(), workspace);
     }
   }
   ContactBatch<Real> batch_;
@@ -97,7 +97,7 @@ TEST(AdmmForms, TheVelocitiesAreChosenByTwoIntegers) {
     EXPECT_EQ(AdmmState::of(loaded.system).form, dofs < 17 ? AdmmForm::velocity : AdmmForm::matrix) << dofs;
   }
   // Without room for a matrix there is room for one of 19 degrees of freedom: 11 vectors of 34.
-  const MethodRoom none = Admm::room().up_to(0);
+  const Workspace none = Admm::workspace().up_to(0);
   for (const Index dofs : {16, 17, 40}) {
     Loaded<double, FactorSystem> loaded(as_factor(some_contacts(dofs), Law::convex), none);
     EXPECT_EQ(AdmmState::of(loaded.system).form, dofs < 17 ? AdmmForm::velocity : AdmmForm::gradients) << dofs;
@@ -108,9 +108,9 @@ TEST(AdmmForms, TheVelocitiesAreChosenByTwoIntegers) {
 
 /// Solves with K + rho, in the form that the system has, against elimination of K + rho as it is defined.
 template <class Real, template <class> class SystemOf>
-void expect_solves(const ContactBatch<double>& batch, const Environment<double>& env, const MethodRoom& room,
+void expect_solves(const ContactBatch<double>& batch, const Environment<double>& env, const Workspace& workspace,
                    double bound) {
-  Loaded<Real, SystemOf> loaded(batch, room);
+  Loaded<Real, SystemOf> loaded(batch, workspace);
   auto& s = loaded.system;
   SerialTeam& team = loaded.team;
   const AdmmState a = AdmmState::of(s);
@@ -174,13 +174,13 @@ TEST(AdmmForms, SolvesWithThePenalizedMatrixAreThoseOfElimination) {
   // rho of free rows is 3e-7 of the largest eigenvalue, which is of the order of ten: elimination itself loses eight
   // digits there, and the assembled factor differs from the elimination's A in the last two.
   const double by_matrix = 1e-7;
-  expect_solves<double, FactorSystem>(factor, env, Admm::room(), by_matrix);
+  expect_solves<double, FactorSystem>(factor, env, Admm::workspace(), by_matrix);
   // The factor is rounded to single precision, and with it everything by 6e-8 of its size.
   expect_solves<float, FactorSystem>(as_factor(some_contacts(12), Law::convex), as_matrix(some_contacts(12)),
-                                     Admm::room(), 1e-3);
+                                     Admm::workspace(), 1e-3);
   // Fourteen times a tenth, in the preconditioner's norm.
   const Environment<double> stack = scenes::make("stack", 5, 0, 4).system;
-  expect_solves<double, SparseSystem>(batch_of({stack}), stack, Admm::room().up_to(0), 1e-9);
+  expect_solves<double, SparseSystem>(batch_of({stack}), stack, Admm::workspace().up_to(0), 1e-9);
 }
 
 TEST(AdmmForms, FactorsHaveTheAnswersOfTheirMatrices) {

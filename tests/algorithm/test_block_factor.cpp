@@ -52,10 +52,10 @@ std::vector<Index> level_of(const BlockFactorView& plan) {
 
 /// (L L')_ij for every place of the factor, less H_ij: the largest over those that `counts` says matter.
 template <class F>
-double largest_difference_from(PreconditionerRoom& room, F&& counts) {
-  const BlockFactorView plan = room.factor();
-  const BlockMatrix L{plan.lower, room.memory.data()};
-  const auto n = static_cast<std::size_t>(room.n());
+double largest_difference_from(PreconditionerWorkspace& workspace, F&& counts) {
+  const BlockFactorView plan = workspace.factor();
+  const BlockMatrix L{plan.lower, workspace.memory.data()};
+  const auto n = static_cast<std::size_t>(workspace.n());
   std::vector<double> dense(n * n, 0.0);
   for (Index row = 0; row < plan.rows; ++row)
     for (Index k = plan.lower.offsets[row]; k < plan.lower.offsets[row + 1]; ++k)
@@ -64,7 +64,7 @@ double largest_difference_from(PreconditionerRoom& room, F&& counts) {
           if (plan.lower.columns[k] < row || j <= i)
             dense[static_cast<std::size_t>(row * 6 + i) * n + static_cast<std::size_t>(plan.lower.columns[k] * 6 + j)] =
                 L.block(k)[i * 6 + j];
-  const std::vector<double> H = dense_of(room.system.matrix());
+  const std::vector<double> H = dense_of(workspace.system.matrix());
   double worst = 0.0;
   for (Index p = 0; p < plan.rows; ++p)
     for (Index q = 0; q <= p; ++q) {
@@ -133,8 +133,8 @@ TEST(BlockFactor, the_plan_is_what_it_says) {
 
 TEST(BlockFactor, a_grid_has_fewer_levels_than_rows_and_free_bodies_have_one) {
   const auto levels = [](const BoxScene& scene, Ordering ordering) {
-    PreconditionerRoom room(box_matrix(scene, 1e-3), Preconditioning::block_ldl, ordering);
-    return room.factor().level_count;
+    PreconditionerWorkspace workspace(box_matrix(scene, 1e-3), Preconditioning::block_ldl, ordering);
+    return workspace.factor().level_count;
   };
   EXPECT_EQ(levels(random_touching(1, 9, 0.0), Ordering::natural), 1);
   EXPECT_EQ(levels(box_tower(30), Ordering::natural), 30);
@@ -149,20 +149,20 @@ TEST(BlockFactor, a_grid_has_fewer_levels_than_rows_and_free_bodies_have_one) {
 TEST(BlockFactor, its_product_is_the_matrix) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings()) {
-      PreconditionerRoom room(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
-      room.apply(random_vector(room.n(), 1));
+      PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
+      workspace.apply(random_vector(workspace.n(), 1));
       // Entries of H reach some 1e5; what the sums of at most 360 products of them round away is below that by 1e-13.
-      EXPECT_LT(largest_difference_from(room, [](auto&&...) { return true; }), 1e-8) << to_string(ordering);
+      EXPECT_LT(largest_difference_from(workspace, [](auto&&...) { return true; }), 1e-8) << to_string(ordering);
     }
 }
 
 TEST(BlockFactor, conjugate_gradients_need_it_once_or_twice) {
   for (const double compliance : {1e-3, 1e-6})
     for (const BoxScene& scene : scenes()) {
-      PreconditionerRoom room(box_matrix(scene, compliance, 20), Preconditioning::block_ldl);
+      PreconditionerWorkspace workspace(box_matrix(scene, compliance, 20), Preconditioning::block_ldl);
       std::vector<double> x;
-      const std::vector<double> b = random_vector(room.n(), 2);
-      const GradientOutcome outcome = room.solve(b, x, 1e-10, 5);
+      const std::vector<double> b = random_vector(workspace.n(), 2);
+      const GradientOutcome outcome = workspace.solve(b, x, 1e-10, 5);
       EXPECT_TRUE(outcome.is_met);
       EXPECT_LE(outcome.iterations, 2);
     }
@@ -170,16 +170,16 @@ TEST(BlockFactor, conjugate_gradients_need_it_once_or_twice) {
 
 TEST(BlockFactor, lanes_change_no_bit) {
   for (const BoxScene& scene : scenes()) {
-    PreconditionerRoom room(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl);
-    const std::vector<double> r = random_vector(room.n(), 4);
-    const std::vector<double> z = room.apply(r), factor = room.memory;
+    PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl);
+    const std::vector<double> r = random_vector(workspace.n(), 4);
+    const std::vector<double> z = workspace.apply(r), factor = workspace.memory;
     for (const Index lanes : {1, 3, 32}) {
-      std::fill(room.memory.begin(), room.memory.end(), -77.0);
+      std::fill(workspace.memory.begin(), workspace.memory.end(), -77.0);
       std::vector<double> there(r.size());
       run_stressed(
           lanes, [](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<4>(team, rank), 9); },
-          [&](auto& team) { room.use(team, [&](const auto& ldl) { ldl.apply(team, r.data(), there.data()); }); });
-      EXPECT_EQ(room.memory, factor) << lanes;
+          [&](auto& team) { workspace.use(team, [&](const auto& ldl) { ldl.apply(team, r.data(), there.data()); }); });
+      EXPECT_EQ(workspace.memory, factor) << lanes;
       EXPECT_EQ(there, z) << lanes;
     }
   }
@@ -230,26 +230,26 @@ TEST(BlockFactor, minimum_degree_fills_as_much_as_eigens_own_factorisation) {
   if (!is_available(Ordering::minimum_degree)) GTEST_SKIP() << "built without Eigen";
   for (const BoxScene& scene : {box_wall(12, 12), box_pyramid(8)}) {
     const BlockSystem system = box_matrix(scene, 1e-3);
-    PreconditionerRoom room(system, Preconditioning::block_ldl, Ordering::minimum_degree);
+    PreconditionerWorkspace workspace(system, Preconditioning::block_ldl, Ordering::minimum_degree);
     const Eigen::SimplicialLLT<Sparse, Eigen::Lower, Eigen::AMDOrdering<int>> llt(
         pattern_in_order(system.pattern(), order_rows(system.pattern(), Ordering::natural)));
-    EXPECT_EQ(room.factor().lower.blocks(), Sparse(llt.matrixL()).nonZeros());
+    EXPECT_EQ(workspace.factor().lower.blocks(), Sparse(llt.matrixL()).nonZeros());
   }
 }
 
 TEST(BlockFactor, its_solution_is_eigens) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings()) {
-      PreconditionerRoom room(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
-      const std::vector<double> r = random_vector(room.n(), 6), z = room.apply(r);
-      const std::vector<double> H = dense_of(room.system.matrix());
+      PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
+      const std::vector<double> r = random_vector(workspace.n(), 6), z = workspace.apply(r);
+      const std::vector<double> H = dense_of(workspace.system.matrix());
       using Dense = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-      const Sparse sparse = Eigen::Map<const Dense>(H.data(), room.n(), room.n()).sparseView();
+      const Sparse sparse = Eigen::Map<const Dense>(H.data(), workspace.n(), workspace.n()).sparseView();
       const Eigen::SimplicialLLT<Sparse> llt(sparse);
       ASSERT_EQ(llt.info(), Eigen::Success);
-      const Eigen::VectorXd expected = llt.solve(Eigen::Map<const Eigen::VectorXd>(r.data(), room.n()));
+      const Eigen::VectorXd expected = llt.solve(Eigen::Map<const Eigen::VectorXd>(r.data(), workspace.n()));
       const double difference =
-          (Eigen::Map<const Eigen::VectorXd>(z.data(), room.n()) - expected).lpNorm<Eigen::Infinity>();
+          (Eigen::Map<const Eigen::VectorXd>(z.data(), workspace.n()) - expected).lpNorm<Eigen::Infinity>();
       // The smallest eigenvalue is that of the masses, about 0.1, the largest some 1e6: 1e7 roundings of either.
       EXPECT_LT(difference, 1e-8 * expected.lpNorm<Eigen::Infinity>()) << to_string(ordering);
     }

@@ -181,10 +181,10 @@ Solution<Real> on_team(const Environment<double>& environment, Index width) {
                                   solution.w.data(), solution.status.data(), Offset{0});
   // What an algorithm reads before it writes would show.
   std::vector<Real> memory(static_cast<std::size_t>(SparseSystem<Real>::elements(
-                               env.n, env.cone_count, view.nonzero_count, WithoutMatrices::room())),
+                               env.n, env.cone_count, view.nonzero_count, WithoutMatrices::workspace())),
                            static_cast<Real>(__builtin_nan("")));
   const auto solve_on = [&](auto& team) {
-    SparseSystem<Real> system(env, WithoutMatrices::room(), memory.data());
+    SparseSystem<Real> system(env, WithoutMatrices::workspace(), memory.data());
     solve_environment<WithoutMatrices, kLaw>(team, env, system, MethodParams<Real>{Real(1)}, StopRule{1e-9, 2, 0});
   };
   if (width == 0) {

@@ -63,18 +63,19 @@ class Lanes {
       grow(slots.box, own.box);
       for (Index m = 2; m <= kMaxConeRows; ++m) grow(slots.friction[m], own.friction[m]);
     }
-    const Offset elements = W * DenseSystem<Real>::elements(slots, Npgs::room());
+    const Offset elements = W * DenseSystem<Real>::elements(slots, Npgs::workspace());
     memory_.resize(
-        static_cast<std::size_t>(elements + LaneRoom<Real, W>::elements(row_count(slots), cone_count(slots))) + 64);
+        static_cast<std::size_t>(elements + PackWorkspace<Real, W>::elements(row_count(slots), cone_count(slots))) +
+        64);
     auto* const memory =
         reinterpret_cast<Real*>((reinterpret_cast<std::uintptr_t>(memory_.data()) + 63) & ~std::uintptr_t{63});
     // What nobody wrote must not be missed: it is no number.
     for (Offset k = elements; k < static_cast<Offset>(memory_.size()) - 64; ++k)
       memory[k] = std::numeric_limits<Real>::quiet_NaN();
     for (Offset k = 0; k < elements; ++k) memory[k] = 0;
-    pack = std::make_unique<DenseSystem<Packed>>(slots, Npgs::room(), reinterpret_cast<Packed*>(memory));
-    for (int l = 0; l < W; ++l) lanes.emplace_back(slots, Npgs::room(), memory + l);
-    room = std::make_unique<LaneRoom<Real, W>>(memory + elements, pack->n, pack->cones);
+    pack = std::make_unique<DenseSystem<Packed>>(slots, Npgs::workspace(), reinterpret_cast<Packed*>(memory));
+    for (int l = 0; l < W; ++l) lanes.emplace_back(slots, Npgs::workspace(), memory + l);
+    workspace = std::make_unique<PackWorkspace<Real, W>>(memory + elements, pack->n, pack->cones);
     for (std::size_t e = 0; e < environments.size(); ++e) {
       envs.push_back(slice(batch_.view(), view_of(plan_), kLaw, static_cast<const Real*>(nullptr), lambda_.data(),
                            w_.data(), status_.data(), static_cast<Offset>(2 * e)));
@@ -86,20 +87,20 @@ class Lanes {
   std::vector<std::uint32_t> enter(const std::vector<std::pair<std::size_t, int>>& which, LoadRules rules = {}) {
     std::vector<Entrant<Real>> entrants;
     for (const auto& [e, lane] : which) entrants.push_back({&envs[e], lane, 0U, nullptr});
-    load_lanes_of(*pack, lanes.data(), *room, rules, entrants.data(), static_cast<int>(entrants.size()));
+    load_lanes_of(*pack, lanes.data(), *workspace, rules, entrants.data(), static_cast<int>(entrants.size()));
     Packed taken(0);
     std::vector<std::uint32_t> flags;
     for (const auto& entrant : entrants) {
       flags.push_back(entrant.flags);
       if ((entrant.flags & ~kHarmlessFlags) == 0) taken.v[entrant.lane] = Real(1);
     }
-    begin_lanes<Npgs, kLaw>(*pack, *room, taken > Packed(0));
+    begin_lanes<Npgs, kLaw>(*pack, *workspace, taken > Packed(0));
     return flags;
   }
 
   std::unique_ptr<DenseSystem<Packed>> pack;
   std::vector<DenseSystem<Real, W>> lanes;
-  std::unique_ptr<LaneRoom<Real, W>> room;
+  std::unique_ptr<PackWorkspace<Real, W>> workspace;
   std::vector<EnvView<Real>> envs;
 
  private:
@@ -260,7 +261,7 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
       std::array<Judgement, kWidth> judged{};
       for (auto& env : lanes.envs)
         for (Index i = 0; i < env.n; ++i) env.lambda[i] = Real(77);
-      judge_lanes<kLaw>(*lanes.pack, *lanes.room, views.data(), asked.data(), kWidth - first, judged.data());
+      judge_lanes<kLaw>(*lanes.pack, *lanes.workspace, views.data(), asked.data(), kWidth - first, judged.data());
       for (int l = 0; l < kWidth; ++l) {
         SCOPED_TRACE(testing::Message() << "alike " << alike << ", first " << first << ", lane " << l);
         EnvView<Real>& env = lanes.envs[static_cast<std::size_t>(l)];

@@ -97,9 +97,9 @@ void expect_measured(const TableRow& row) {
   BlockSystem system = box_matrix(scene_of(row.scene), row.compliance, row.sliding);
   std::array<Index, 5> iterations{};
   for (std::size_t k = 0; k < iterations.size(); ++k) {
-    PreconditionerRoom room(system, kAllPreconditionings[k]);
+    PreconditionerWorkspace workspace(system, kAllPreconditionings[k]);
     std::vector<double> x;
-    const GradientOutcome outcome = room.solve(random_vector(room.n(), 3), x, 1e-6, 20000);
+    const GradientOutcome outcome = workspace.solve(random_vector(workspace.n(), 3), x, 1e-6, 20000);
     EXPECT_TRUE(outcome.is_met);
     iterations[k] = outcome.iterations;
     const Index reference = reference_iterations(system, kAllPreconditionings[k], kDefaultOrdering);
@@ -121,9 +121,9 @@ TEST(PreconditionerTable, DISABLED_is_what_is_measured_in_minutes) {
 TEST(PreconditionerTable, incomplete_cholesky_by_ordering_is_what_is_measured) {
   const auto iterations = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);
-    PreconditionerRoom room(system, Preconditioning::incomplete_cholesky, ordering);
+    PreconditionerWorkspace workspace(system, Preconditioning::incomplete_cholesky, ordering);
     std::vector<double> x;
-    const Index counted = room.solve(random_vector(room.n(), 3), x, 1e-6, 20000).iterations;
+    const Index counted = workspace.solve(random_vector(workspace.n(), 3), x, 1e-6, 20000).iterations;
     expect_near_reference(counted, reference_iterations(system, Preconditioning::incomplete_cholesky, ordering), scene);
     return counted;
   };
@@ -163,8 +163,8 @@ std::array<Index, 2> eliminate(const BlockPattern& pattern, const std::vector<In
 TEST(PreconditionerTable, fill_is_what_is_counted) {
   const auto blocks = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);
-    PreconditionerRoom room(system, Preconditioning::block_ldl, ordering);
-    const std::array<Index, 2> counted{room.factor().lower.blocks(), room.factor().level_count};
+    PreconditionerWorkspace workspace(system, Preconditioning::block_ldl, ordering);
+    const std::array<Index, 2> counted{workspace.factor().lower.blocks(), workspace.factor().level_count};
     EXPECT_EQ(counted, eliminate(system.pattern(), order_rows(system.pattern(), ordering))) << scene;
     return counted;
   };

@@ -25,10 +25,11 @@ TEST(Preconditioners, are_symmetric_and_positive_definite) {
     for (const BoxScene& scene : scenes)
       for (const Preconditioning kind : kAllPreconditionings) {
         SCOPED_TRACE(name_of(kind));
-        PreconditionerRoom room(box_matrix(scene, 1e-3, 20), kind);
+        PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), kind);
         for (unsigned seed = 0; seed < 10; ++seed) {
-          const std::vector<double> x = random_vector(room.n(), 2 * seed), y = random_vector(room.n(), 2 * seed + 1);
-          const std::vector<double> Mx = room.apply(x), My = room.apply(y);
+          const std::vector<double> x = random_vector(workspace.n(), 2 * seed),
+                                    y = random_vector(workspace.n(), 2 * seed + 1);
+          const std::vector<double> Mx = workspace.apply(x), My = workspace.apply(y);
           EXPECT_GT(dot(Mx, x), 0.0);
           // |<Mx, y>| is at most the mean of the energies; 1e7 is the largest condition of these matrices.
           EXPECT_NEAR(dot(Mx, y), dot(x, My), 1e-9 * (dot(Mx, x) + dot(My, y)));
@@ -42,9 +43,9 @@ TEST(Preconditioners, each_needs_no_more_iterations_than_the_scalar_diagonal) {
       for (const BoxScene& scene : piles()) {
         Index plain = 0;
         for (const Preconditioning kind : kAllPreconditionings) {
-          PreconditionerRoom room(box_matrix(scene, compliance, sliding), kind);
+          PreconditionerWorkspace workspace(box_matrix(scene, compliance, sliding), kind);
           std::vector<double> x;
-          const GradientOutcome outcome = room.solve(random_vector(room.n(), 3), x, 1e-6, 20000);
+          const GradientOutcome outcome = workspace.solve(random_vector(workspace.n(), 3), x, 1e-6, 20000);
           EXPECT_TRUE(outcome.is_met) << name_of(kind);
           if (kind == Preconditioning::scalar_diagonal) plain = outcome.iterations;
           EXPECT_LE(outcome.iterations, plain) << name_of(kind);
@@ -56,9 +57,9 @@ TEST(Preconditioners, solve_what_has_no_couplings_at_once) {
   for (const BoxScene& scene : {box_tower(1), random_touching(1, 6, 0.0)})
     for (const Preconditioning kind : kAllPreconditionings) {
       if (kind == Preconditioning::scalar_diagonal) continue;
-      PreconditionerRoom room(box_matrix(scene, 1e-3), kind);
+      PreconditionerWorkspace workspace(box_matrix(scene, 1e-3), kind);
       std::vector<double> x;
-      EXPECT_EQ(room.solve(random_vector(room.n(), 3), x, 1e-10, 5).iterations, 1) << name_of(kind);
+      EXPECT_EQ(workspace.solve(random_vector(workspace.n(), 3), x, 1e-10, 5).iterations, 1) << name_of(kind);
     }
 }
 
@@ -66,25 +67,28 @@ TEST(Preconditioners, lanes_change_no_bit) {
   for (const auto& scenes : {piles(), degenerate()})
     for (const BoxScene& scene : scenes)
       for (const Preconditioning kind : kAllPreconditionings) {
-        PreconditionerRoom room(box_matrix(scene, 1e-3, 20), kind);
-        const std::vector<double> r = random_vector(room.n(), 4), z = room.apply(r), prepared = room.memory;
+        PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), kind);
+        const std::vector<double> r = random_vector(workspace.n(), 4), z = workspace.apply(r),
+                                  prepared = workspace.memory;
         for (const Index lanes : {3, 32}) {
-          std::fill(room.memory.begin(), room.memory.end(), -77.0);
+          std::fill(workspace.memory.begin(), workspace.memory.end(), -77.0);
           std::vector<double> there(r.size());
           run_stressed(
               lanes, [](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<4>(team, rank), 9); },
               [&](auto& team) {
-                room.use(team, [&](const auto& preconditioner) { preconditioner.apply(team, r.data(), there.data()); });
+                workspace.use(team,
+                              [&](const auto& preconditioner) { preconditioner.apply(team, r.data(), there.data()); });
               });
           EXPECT_EQ(there, z) << name_of(kind) << " on " << lanes;
-          EXPECT_EQ(room.memory, prepared) << name_of(kind) << " on " << lanes;
+          EXPECT_EQ(workspace.memory, prepared) << name_of(kind) << " on " << lanes;
         }
       }
 }
 
 TEST(ScalarDiagonal, divides_by_what_is_on_the_diagonal) {
-  PreconditionerRoom room(box_matrix(box_wall(3, 3), 1e-3), Preconditioning::scalar_diagonal);
-  const std::vector<double> H = dense_of(room.system.matrix()), r = random_vector(room.n(), 5), z = room.apply(r);
+  PreconditionerWorkspace workspace(box_matrix(box_wall(3, 3), 1e-3), Preconditioning::scalar_diagonal);
+  const std::vector<double> H = dense_of(workspace.system.matrix()), r = random_vector(workspace.n(), 5),
+                            z = workspace.apply(r);
   for (std::size_t i = 0; i < r.size(); ++i) EXPECT_DOUBLE_EQ(z[i] * H[i * (r.size() + 1)], r[i]);
 }
 
@@ -106,24 +110,24 @@ BlockSystem spread(const std::vector<std::vector<double>>& small) {
   return system;
 }
 
-double shift_of(PreconditionerRoom& room) {
+double shift_of(PreconditionerWorkspace& workspace) {
   SerialTeam team;
-  return IncompleteCholesky{room.factor(), room.memory.data()}.prepare(team, room.system.matrix());
+  return IncompleteCholesky{workspace.factor(), workspace.memory.data()}.prepare(team, workspace.system.matrix());
 }
 
 TEST(IncompleteCholesky, is_the_factorisation_itself_where_that_has_no_fill) {
-  PreconditionerRoom incomplete(box_matrix(box_tower(50), 1e-5), Preconditioning::incomplete_cholesky);
-  PreconditionerRoom complete(box_matrix(box_tower(50), 1e-5), Preconditioning::block_ldl);
+  PreconditionerWorkspace incomplete(box_matrix(box_tower(50), 1e-5), Preconditioning::incomplete_cholesky);
+  PreconditionerWorkspace complete(box_matrix(box_tower(50), 1e-5), Preconditioning::block_ldl);
   const std::vector<double> r = random_vector(incomplete.n(), 8);
   EXPECT_EQ(incomplete.apply(r), complete.apply(r));
   EXPECT_EQ(shift_of(incomplete), 0.0);
 }
 
 TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
-  PreconditionerRoom room(box_matrix(box_wall(6, 6), 1e-3), Preconditioning::incomplete_cholesky);
-  ASSERT_EQ(shift_of(room), 0.0);
-  const BlockFactorView plan = room.factor();
-  const BlockMatrix L{plan.lower, room.memory.data()};
+  PreconditionerWorkspace workspace(box_matrix(box_wall(6, 6), 1e-3), Preconditioning::incomplete_cholesky);
+  ASSERT_EQ(shift_of(workspace), 0.0);
+  const BlockFactorView plan = workspace.factor();
+  const BlockMatrix L{plan.lower, workspace.memory.data()};
   const auto entry = [&](Index row, Index column, Index i, Index j) {
     for (Index k = plan.lower.offsets[row]; k < plan.lower.offsets[row + 1]; ++k)
       if (plan.lower.columns[k] == column) return column == row && j > i ? 0.0 : L.block(k)[i * 6 + j];
@@ -141,7 +145,7 @@ TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
           double sum = 0.0;
           for (Index m = 0; m <= q; ++m)
             for (Index k = 0; k < 6; ++k) sum += entry(p, m, i, k) * entry(q, m, j, k);
-          if (source >= 0) sum -= room.system.matrix().block(source)[i * 6 + j];
+          if (source >= 0) sum -= workspace.system.matrix().block(source)[i * 6 + j];
           worst = std::max(worst, std::abs(sum));
         }
       if (source >= 0) {
@@ -155,29 +159,30 @@ TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
 
 TEST(IncompleteCholesky, begins_again_with_a_larger_diagonal_where_a_pivot_is_lost) {
   // Kershaw (1978): positive definite, and the last pivot of IC(0) is -5.
-  PreconditionerRoom room(spread({{3, -2, 0, 2}, {-2, 3, -2, 0}, {0, -2, 3, -2}, {2, 0, -2, 3}}),
-                          Preconditioning::incomplete_cholesky, Ordering::natural);
-  const double shift = shift_of(room);
+  PreconditionerWorkspace workspace(spread({{3, -2, 0, 2}, {-2, 3, -2, 0}, {0, -2, 3, -2}, {2, 0, -2, 3}}),
+                                    Preconditioning::incomplete_cholesky, Ordering::natural);
+  const double shift = shift_of(workspace);
   EXPECT_GT(shift, 0.0);
   EXPECT_LT(shift, 1.0);
   for (unsigned seed = 0; seed < 20; ++seed) {
-    const std::vector<double> x = random_vector(room.n(), seed);
-    EXPECT_GT(dot(room.apply(x), x), 0.0);
+    const std::vector<double> x = random_vector(workspace.n(), seed);
+    EXPECT_GT(dot(workspace.apply(x), x), 0.0);
   }
   std::vector<double> solution;
-  EXPECT_TRUE(room.solve(random_vector(room.n(), 1), solution, 1e-10, 24).is_met);
+  EXPECT_TRUE(workspace.solve(random_vector(workspace.n(), 1), solution, 1e-10, 24).is_met);
 }
 
 TEST(IncompleteCholesky, ends_with_a_matrix_that_nothing_mends) {
-  PreconditionerRoom room(spread({{1, 1000}, {1000, 1}}), Preconditioning::incomplete_cholesky, Ordering::natural);
-  EXPECT_EQ(shift_of(room), 64.0);
-  for (const double z : room.apply(random_vector(room.n(), 1))) EXPECT_TRUE(std::isfinite(z));
+  PreconditionerWorkspace workspace(spread({{1, 1000}, {1000, 1}}), Preconditioning::incomplete_cholesky,
+                                    Ordering::natural);
+  EXPECT_EQ(shift_of(workspace), 64.0);
+  for (const double z : workspace.apply(random_vector(workspace.n(), 1))) EXPECT_TRUE(std::isfinite(z));
 }
 
 TEST(SparseInverse, is_the_inverse_where_its_rows_are_full) {
   for (const BoxScene& scene : {box_tower(1), box_tower(2), random_touching(6, 9, 1.0)}) {
-    PreconditionerRoom inverse(box_matrix(scene, 1e-3), Preconditioning::sparse_inverse);
-    PreconditionerRoom factor(box_matrix(scene, 1e-3), Preconditioning::block_ldl);
+    PreconditionerWorkspace inverse(box_matrix(scene, 1e-3), Preconditioning::sparse_inverse);
+    PreconditionerWorkspace factor(box_matrix(scene, 1e-3), Preconditioning::block_ldl);
     const std::vector<double> r = random_vector(inverse.n(), 3), z = inverse.apply(r), expected = factor.apply(r);
     double largest = 0.0;
     for (const double v : expected) largest = std::max(largest, std::abs(v));
@@ -186,8 +191,8 @@ TEST(SparseInverse, is_the_inverse_where_its_rows_are_full) {
 }
 
 TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
-  PreconditionerRoom room(box_matrix(random_touching(7, 30, 1.0), 1e-3), Preconditioning::sparse_inverse);
-  const SparseInverseView plan = room.inverse();
+  PreconditionerWorkspace workspace(box_matrix(random_touching(7, 30, 1.0), 1e-3), Preconditioning::sparse_inverse);
+  const SparseInverseView plan = workspace.inverse();
   Index longest = 0;
   for (Index row = 0; row < 30; ++row)
     longest = std::max(longest, plan.lower.offsets[row + 1] - plan.lower.offsets[row]);
@@ -200,11 +205,11 @@ TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
 /// diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
 TEST(SparseInverse, minimises_the_distance_of_G_L_from_the_identity_up_to_the_scale_of_its_rows) {
   for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {
-    PreconditionerRoom room(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);
-    room.apply(random_vector(room.n(), 1));
-    const BlockMatrix G{room.inverse().lower, room.memory.data()};
-    const auto n = static_cast<std::size_t>(room.n());
-    const std::vector<double> H = dense_of(room.system.matrix()), rows = dense_of(G);
+    PreconditionerWorkspace workspace(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);
+    workspace.apply(random_vector(workspace.n(), 1));
+    const BlockMatrix G{workspace.inverse().lower, workspace.memory.data()};
+    const auto n = static_cast<std::size_t>(workspace.n());
+    const std::vector<double> H = dense_of(workspace.system.matrix()), rows = dense_of(G);
     std::vector<double> image(n * n, 0.0);  // G H
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t k = 0; k < n; ++k)

@@ -50,8 +50,8 @@ class NewtonCase {
     std::vector<double> space = unwritten(newton_doubles(env.kept, env.newton_stream, options_.space));
     run_stressed(width, make, [&](auto& team) {
       const System system(env.kept, env.bodies, params, memory.data(), exact.data());
-      const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, space.data());
-      solve_bodies_newton(team, env, system, params, options_.space, room);
+      const SpaceWorkspace workspace(kLaw, env.kept, env.bodies, env.newton_stream, space.data());
+      solve_bodies_newton(team, env, system, params, options_.space, workspace);
     });
     const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {
       return same_bits(std::span<const double>(a), std::span<const double>(b));

@@ -33,10 +33,10 @@ void torture_factor() {
     const EnvView<Real> env = slice(batch.view(), view_of(plan), kLaw, static_cast<const Real*>(warm.data()),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
     std::vector<Real> memory(
-        static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::room())),
+        static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::workspace())),
         static_cast<Real>(__builtin_nan("")));
     run_stressed(width, kTorture<1>, [&](auto& team) {
-      FactorSystem<Real> system(env, Method::room(), memory.data());
+      FactorSystem<Real> system(env, Method::workspace(), memory.data());
       solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{Real(o.omega)},
                                       StopRule{o.tolerance, o.max_iterations, o.stall_window});
     });

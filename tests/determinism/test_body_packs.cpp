@@ -140,7 +140,7 @@ TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
     contacts.push_back(contacts.back() + plan.kept[env]);
   }
   plan.sides.assign(static_cast<std::size_t>(2 * contacts.back()), 0);
-  const auto bytes = [](const cpu::BodyRoom& room) { return Offset{room.contacts} * 3000; };
+  const auto bytes = [](const cpu::PackShape& room) { return Offset{room.contacts} * 3000; };
   const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {2, 4, bytes});
   EXPECT_EQ(deal.large, std::vector<Offset>{2});
   std::vector<int> seen(plan.kept.size());
@@ -151,9 +151,9 @@ TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
       ++seen[e];
       packed[e] = work.packed;
       if (!work.packed) continue;
-      EXPECT_LE(plan.kept[e], work.room.contacts);
-      EXPECT_LE(bodies[e + 1] - bodies[e], work.room.bodies);
-      EXPECT_LE(work.room.contacts, 2 * plan.kept[e]);
+      EXPECT_LE(plan.kept[e], work.shape.contacts);
+      EXPECT_LE(bodies[e + 1] - bodies[e], work.shape.bodies);
+      EXPECT_LE(work.shape.contacts, 2 * plan.kept[e]);
     }
   EXPECT_EQ(seen, (std::vector<int>{1, 1, 0, 1, 1, 1, 1, 1, 1, 1, 1}));
   // The five of some forty contacts share a pack; one without contacts or too large for one has none.
@@ -172,7 +172,7 @@ TEST(body_packs, environments_whose_contacts_are_between_the_same_bodies_come_to
     bodies.push_back(bodies.back() + 2);
     contacts.push_back(contacts.back() + 2);
   }
-  const auto bytes = [](const cpu::BodyRoom&) { return Offset{1}; };
+  const auto bytes = [](const cpu::PackShape&) { return Offset{1}; };
   const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {1, 4, bytes});
   ASSERT_EQ(deal.work.size(), 1U);
   int changes = 0;

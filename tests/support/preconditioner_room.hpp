@@ -37,13 +37,13 @@ inline const char* name_of(Preconditioning kind) {
 }
 
 /// A matrix, and the plan and memory of one preconditioner for it, which the lanes of a team share.
-struct PreconditionerRoom {
+struct PreconditionerWorkspace {
   BlockSystem system;
   Preconditioning kind;
   std::vector<Index> plan;
   std::vector<double> memory;
 
-  PreconditionerRoom(BlockSystem of, Preconditioning what, Ordering ordering = kDefaultOrdering)
+  PreconditionerWorkspace(BlockSystem of, Preconditioning what, Ordering ordering = kDefaultOrdering)
       : system(std::move(of)), kind(what) {
     const BlockPattern pattern = system.pattern();
     Offset doubles = BlockDiagonal::doubles(pattern.rows);

@@ -46,16 +46,16 @@ class Prepared {
 
   [[nodiscard]] Offset size() const {
     if constexpr (kDense) {
-      return System::elements(env.counts, Method::room());
+      return System::elements(env.counts, Method::workspace());
     } else {
-      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::room());
+      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::workspace());
     }
   }
   System make() {
     if constexpr (kDense) {
-      return System(env.counts, Method::room(), memory_.data());
+      return System(env.counts, Method::workspace(), memory_.data());
     } else {
-      return System(env, Method::room(), memory_.data());
+      return System(env, Method::workspace(), memory_.data());
     }
   }
 

@@ -24,7 +24,7 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
                                         solution.status.data(), environment);
   const StopRule rule{options.tolerance, options.max_iterations, options.stall_window};
   std::vector<Real> memory;
-  const auto room = [&](Offset elements) {
+  const auto workspace = [&](Offset elements) {
     memory.assign(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
     return memory.data();
   };
@@ -34,18 +34,20 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
       solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{static_cast<Real>(options.omega)}, rule);
     });
   };
-  constexpr MethodRoom kRoom = Method::room();
+  constexpr Workspace kWorkspace = Method::workspace();
   switch (plan.path[static_cast<std::size_t>(environment)]) {
     case EnvPath::dense:
-      solve_with(DenseSystem<Real>(env.counts, kRoom, room(DenseSystem<Real>::elements(env.counts, kRoom))));
+      solve_with(
+          DenseSystem<Real>(env.counts, kWorkspace, workspace(DenseSystem<Real>::elements(env.counts, kWorkspace))));
       break;
     case EnvPath::sparse:
       solve_with(SparseSystem<Real>(
-          env, kRoom, room(SparseSystem<Real>::elements(env.n, env.cone_count, env.entry_span(), kRoom))));
+          env, kWorkspace,
+          workspace(SparseSystem<Real>::elements(env.n, env.cone_count, env.entry_span(), kWorkspace))));
       break;
     case EnvPath::factor:
-      solve_with(
-          FactorSystem<Real>(env, kRoom, room(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, kRoom))));
+      solve_with(FactorSystem<Real>(
+          env, kWorkspace, workspace(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, kWorkspace))));
       break;
     case EnvPath::empty:
       run([&](auto& team) { answer_empty(team, env, Method::kKind); });

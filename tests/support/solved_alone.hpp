@@ -28,11 +28,11 @@ Solution<Real> solved_alone(const Environment<double>& environment, double toler
                                     StopRule{tolerance, max_iterations, 0});
   };
   if constexpr (System::kMaintainsMotion) {
-    solve_on(System::elements(env.counts, Method::room()),
-             [&](Real* memory) { return System(env.counts, Method::room(), memory); });
+    solve_on(System::elements(env.counts, Method::workspace()),
+             [&](Real* memory) { return System(env.counts, Method::workspace(), memory); });
   } else {
-    solve_on(System::elements(env.n, env.cone_count, view.nonzero_count, Method::room()),
-             [&](Real* memory) { return System(env, Method::room(), memory); });
+    solve_on(System::elements(env.n, env.cone_count, view.nonzero_count, Method::workspace()),
+             [&](Real* memory) { return System(env, Method::workspace(), memory); });
   }
   return solution;
 }

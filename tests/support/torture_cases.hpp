@@ -40,9 +40,9 @@ class TortureCase {
   /// The environment on a dense system of that stride, solved on `width` lanes that make(team, rank) gives.
   template <int kStride, class Make>
   void expect_same_dense(Index width, const Make& make, const std::string& label) const {
-    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::room()) * kStride,
+    run(width, make, label, DenseSystem<Real, kStride>::elements(plan_.counts[0], Method::workspace()) * kStride,
         [](const EnvView<Real>& env, Real* memory) {
-          return DenseSystem<Real, kStride>(env.counts, Method::room(), memory);
+          return DenseSystem<Real, kStride>(env.counts, Method::workspace(), memory);
         });
   }
 
@@ -51,8 +51,8 @@ class TortureCase {
     const auto view = batch_.view();
     run(width, make, label,
         SparseSystem<Real>::elements(static_cast<Index>(view.row_count), static_cast<Index>(view.cone_count),
-                                     view.nonzero_count, Method::room()),
-        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::room(), memory); });
+                                     view.nonzero_count, Method::workspace()),
+        [](const EnvView<Real>& env, Real* memory) { return SparseSystem<Real>(env, Method::workspace(), memory); });
   }
 
  private:
@@ -98,7 +98,7 @@ void torture_dense(const Environment<double>& environment, bool warm) {
   ASSERT_EQ(one.path(), EnvPath::dense);
   for (const Index width : kWidths) one.template expect_same_dense<1>(width, kTorture<1>, "tile 1, stride 1");
   // A method that factorises has an environment to itself.
-  if constexpr (!Method::room().is_direct())
+  if constexpr (!Method::workspace().is_direct())
     for (const Index width : kWidths) one.template expect_same_dense<32>(width, kTorture<8>, "tile 8, stride 32");
 }
 

@@ -90,7 +90,8 @@ void expect_equal_chunks(int count) {
     advance_chunk<Method, kLaw>(plain.team, plain.system(), params, rule, progress);
     advance_chunk<Method, kLaw>(windowed.team, windowed.system(), params, rule, progress_windowed, window);
     ASSERT_EQ(progress.iterations, progress_windowed.iterations);
-    ASSERT_EQ(state_of(plain.system(), Method::room().vectors), state_of(windowed.system(), Method::room().vectors))
+    ASSERT_EQ(state_of(plain.system(), Method::workspace().vectors),
+              state_of(windowed.system(), Method::workspace().vectors))
         << count << " contacts, " << progress.iterations << " iterations";
   }
 }

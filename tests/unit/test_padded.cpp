@@ -132,7 +132,7 @@ INSTANTIATE_TEST_SUITE_P(MatrixRows, PaddedLayouts, ::testing::Values(MatrixRows
 /// room, contacts' mu at an offset of their own.
 TEST(PaddedView, NormalsMayComeLastAndMuByContact) {
   constexpr Index kWide = 24;
-  constexpr std::size_t kContactRoom = 9;
+  constexpr std::size_t kContactWorkspace = 9;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const Law law : kBothLaws)
     for (const SolverKind kind : kAllSolvers) {
@@ -158,8 +158,8 @@ TEST(PaddedView, NormalsMayComeLastAndMuByContact) {
           env.mu[first + 1] = env.mu[first + 2] = mu.back();
           for (const std::size_t row : {first + 1, first + 2, first}) order.push_back(row);
         }
-        layout.add(kWide, env.cones, false, static_cast<Offset>((seed - 1) * kContactRoom));
-        mu.resize(seed * kContactRoom, nan);
+        layout.add(kWide, env.cones, false, static_cast<Offset>((seed - 1) * kContactWorkspace));
+        mu.resize(seed * kContactWorkspace, nan);
         for (std::size_t i = 0; i < kWide; ++i) {
           b.push_back(i < n ? env.b[order[i]] : nan);
           R.push_back(i < n ? env.R[order[i]] : nan);

@@ -18,7 +18,7 @@ struct MovingShape {
 
 /// Memory of one environment while its contacts are found.
 template <class Real>
-struct DetectRoom {
+struct DetectWorkspace {
   MovingShape<Real>* shape;  ///< (shapes)
   Manifold<Real>* manifold;  ///< (pairs)
   Index* first;              ///< contacts of the pairs before each  (pairs)
@@ -28,7 +28,7 @@ struct DetectRoom {
     return Offset{model.shapes} * static_cast<Offset>(sizeof(MovingShape<Real>)) +
            Offset{model.pairs} * static_cast<Offset>(sizeof(Manifold<Real>) + sizeof(Index));
   }
-  STICTION_HD DetectRoom(const WorldModelView<Real>& model, void* memory)
+  STICTION_HD DetectWorkspace(const WorldModelView<Real>& model, void* memory)
       : shape(static_cast<MovingShape<Real>*>(memory)),
         manifold(reinterpret_cast<Manifold<Real>*>(shape + model.shapes)),
         first(reinterpret_cast<Index*>(manifold + model.pairs)) {}
@@ -144,14 +144,15 @@ STICTION_HD void drop_leaving(const WorldJob<Real>& job, Offset env, const World
 
 /// Fills the room; returns how many contacts there are.
 template <Team TeamT, class Real>
-STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room) {
+STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
+                                const DetectWorkspace<Real>& workspace) {
   const WorldModelView<Real>& model = job.model;
-  for_each(team, model.shapes, [&](Index shape) { room.shape[shape] = place_shape(job, env, shape); });
+  for_each(team, model.shapes, [&](Index shape) { workspace.shape[shape] = place_shape(job, env, shape); });
   for_each(team, model.pairs, [&](Index p) {
     const WorldPair<Real>& pair = model.pair[p];
-    const MovingShape<Real>& a = room.shape[pair.shape_a];
-    const MovingShape<Real>& b = room.shape[pair.shape_b];
-    Manifold<Real>& found = room.manifold[p];
+    const MovingShape<Real>& a = workspace.shape[pair.shape_a];
+    const MovingShape<Real>& b = workspace.shape[pair.shape_b];
+    Manifold<Real>& found = workspace.manifold[p];
     found.count = 0;
     const Real margin = model.margin + (a.travel + b.travel);
     if (!may_touch(a, b, margin)) return;
@@ -161,8 +162,8 @@ STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset e
   return team.broadcast([&] {
     Index count = 0;
     for (Index p = 0; p < model.pairs; ++p) {
-      room.first[p] = count;
-      count += room.manifold[p].count;
+      workspace.first[p] = count;
+      count += workspace.manifold[p].count;
     }
     return count;
   });
@@ -170,8 +171,8 @@ STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset e
 
 /// Writes them in order of pair and feature.
 template <Team TeamT, class Real>
-STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const DetectRoom<Real>& room,
-                               FoundContact<Real>* out) {
+STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
+                               const DetectWorkspace<Real>& workspace, FoundContact<Real>* out) {
   const auto put_arm = [&](Real(&arm)[3], Index body, const Vector3<Real>& point) {
     const Vector3<Real> centre = body < 0 ? Vector3<Real>{Real(0), Real(0), Real(0)}
                                           : load3<Real>(job.position + 3 * (env * job.model.bodies + body));
@@ -180,9 +181,9 @@ STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset en
     arm[2] = canonical_zero(point.z - centre.z);
   };
   for_each(team, job.model.pairs, [&](Index p) {
-    for (Index k = 0; k < room.manifold[p].count; ++k) {
-      const ContactCandidate<Real>& point = room.manifold[p].at[k];
-      FoundContact<Real>& contact = out[room.first[p] + k];
+    for (Index k = 0; k < workspace.manifold[p].count; ++k) {
+      const ContactCandidate<Real>& point = workspace.manifold[p].at[k];
+      FoundContact<Real>& contact = out[workspace.first[p] + k];
       contact.pair = p;
       contact.feature = point.feature;
       put_arm(contact.arm_a, job.model.pair[p].body_a, point.point);

@@ -19,7 +19,7 @@ STICTION_HD constexpr Index chunk_of() {
   if constexpr (requires { Method::kChunk; }) {
     return Method::kChunk;
   } else {
-    return Method::room().is_direct() ? 1 : kChunk;
+    return Method::workspace().is_direct() ? 1 : kChunk;
   }
 }
 

@@ -376,8 +376,8 @@ struct LoadRules {
 /// symmetric under any law.
 template <class Method, class System>
 STICTION_HD LoadRules load_rules(Law law, const System& s) {
-  constexpr MethodRoom kRoom = Method::room();
-  const bool takes_gradients = kRoom.instead > 0 && !s.has_matrices;
+  constexpr Workspace kWorkspace = Method::workspace();
+  const bool takes_gradients = kWorkspace.matrix_free_vectors > 0 && !s.has_matrices;
   return {Method::needs_symmetry(law) || takes_gradients, requires {Method::kTakesAnyDiagonal;
 }
 };
@@ -432,8 +432,9 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
 /// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
 template <class Method, class System>
 STICTION_HD std::uint32_t unsupported_flags(const System& s) {
-  constexpr MethodRoom kRoom = Method::room();
-  std::uint32_t flags = kRoom.matrices > 0 && kRoom.instead == 0 && !s.has_matrices ? kFlagNoRoom : 0U;
+  constexpr Workspace kWorkspace = Method::workspace();
+  std::uint32_t flags =
+      kWorkspace.dense_matrices > 0 && kWorkspace.matrix_free_vectors == 0 && !s.has_matrices ? kFlagNoRoom : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }

@@ -98,18 +98,18 @@ void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const
 /// An environment's rows into its lane, in the batch's units: b and the guess into the system, all else into the room.
 /// Finds its matrix, but where rows have columns twice, which take part in sums once they are scaled.
 template <class Real, int W>
-void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const LaneRoom<Real, W>& room) {
+void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const PackWorkspace<Real, W>& workspace) {
   const EnvView<Real>& env = *entrant.env;
   const int lane = entrant.lane;
-  const auto of = [lane](auto* lanes) { return LaneRoom<Real, W>::lane_of(lanes, lane); };
-  Index* const batch_row = room.rows_of(lane);
+  const auto of = [lane](auto* lanes) { return PackWorkspace<Real, W>::lane_of(lanes, lane); };
+  Index* const batch_row = workspace.rows_of(lane);
   const bool is_in_order = place_rows(env, s, batch_row);
   entrant.is_written = !is_in_order || !env.is_full;
   entrant.is_scaled = !env.is_full && !columns_ascend(env);
   entrant.matrix = env.A + env.row_offsets[0];
   if (entrant.is_written) {
-    Real* const own = room.written + Offset{s.n} * s.n * lane;
-    if (!entrant.is_scaled) write_rows<Real, W>(env, s.n, batch_row, nullptr, Real(1), room.column, own);
+    Real* const own = workspace.written + Offset{s.n} * s.n * lane;
+    if (!entrant.is_scaled) write_rows<Real, W>(env, s.n, batch_row, nullptr, Real(1), workspace.column, own);
     entrant.matrix = own;
   }
   // One array after the other: of all at once not even the addresses fit into registers.
@@ -125,20 +125,20 @@ void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const La
   } else {
     put_zeros(s.x);
   }
-  put(of(room.compliance), [R = env.R](Index, Index i) { return R[i]; });
-  put(of(room.present), [](Index, Index) { return Real(1); });
-  put(of(room.scale), [](Index, Index) { return Real(1); });
+  put(of(workspace.compliance), [R = env.R](Index, Index i) { return R[i]; });
+  put(of(workspace.present), [](Index, Index) { return Real(1); });
+  put(of(workspace.scale), [](Index, Index) { return Real(1); });
   const auto put_diagonal = [&, A = entrant.matrix](Index stride, bool is_by_lane) {
-    put(of(room.entry), [=](Index r, Index i) { return A[Offset{stride} * (is_by_lane ? r : i)]; });
+    put(of(workspace.entry), [=](Index r, Index i) { return A[Offset{stride} * (is_by_lane ? r : i)]; });
   };
   if (entrant.is_scaled) {
-    put_zeros(of(room.entry));
+    put_zeros(of(workspace.entry));
   } else if (entrant.is_written) {
     put_diagonal(s.n + 1, true);
   } else {
     put_diagonal(env.n + 1, false);
   }
-  const auto scale = of(room.scale), lo = of(room.lo), hi = of(room.hi);
+  const auto scale = of(workspace.scale), lo = of(workspace.lo), hi = of(workspace.hi);
   for_each_segment(s.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr ConeKind kKind = decltype(shape)::kKind;
     constexpr Index kRows = decltype(shape)::kRows;
@@ -155,15 +155,15 @@ void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const La
 
 /// The diagonal of A + diag R in the batch's units, once those of A and of R are there.
 template <class Real, int W>
-void sum_diagonals(const DenseSystem<Real, W>* lanes, const LaneRoom<Real, W>& room, const Entrant<Real>* entrants,
-                   int count) {
-  for (Index r = 0; r < room.n; ++r) room.diagonal[r] = room.compliance[r] + room.entry[r];
+void sum_diagonals(const DenseSystem<Real, W>* lanes, const PackWorkspace<Real, W>& workspace,
+                   const Entrant<Real>* entrants, int count) {
+  for (Index r = 0; r < workspace.n; ++r) workspace.diagonal[r] = workspace.compliance[r] + workspace.entry[r];
   for (int e = 0; e < count; ++e) {
     const Entrant<Real>& entrant = entrants[e];
     if (!entrant.is_scaled) continue;
-    const auto diagonal = LaneRoom<Real, W>::lane_of(room.diagonal, entrant.lane);
-    const Index* const batch_row = room.rows_of(entrant.lane);
-    for (Index r = 0; r < room.n; ++r)
+    const auto diagonal = PackWorkspace<Real, W>::lane_of(workspace.diagonal, entrant.lane);
+    const Index* const batch_row = workspace.rows_of(entrant.lane);
+    for (Index r = 0; r < workspace.n; ++r)
       if (batch_row[r] >= 0) diagonal[r] = scan_row(*entrant.env, lanes[entrant.lane], batch_row[r], true).diagonal;
   }
 }

@@ -34,21 +34,21 @@ void publish_motion(const EnvView<Real>& env, const double* wide, double* motion
 
 /// The reactions of one lane to where the batch has them, and their motion, to the batch and into the lane.
 template <class Real, int W>
-void publish_lane(const EnvView<Real>& env, const LaneRoom<Real, W>& room, int lane) {
-  const Index* const batch_row = room.rows_of(lane);
-  const auto lambda = LaneRoom<Real, W>::lane_of(room.lambda, lane);
-  for (Index r = 0; r < room.n; ++r)
+void publish_lane(const EnvView<Real>& env, const PackWorkspace<Real, W>& workspace, int lane) {
+  const Index* const batch_row = workspace.rows_of(lane);
+  const auto lambda = PackWorkspace<Real, W>::lane_of(workspace.lambda, lane);
+  for (Index r = 0; r < workspace.n; ++r)
     if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
-  for (Index i = 0; i < env.n; ++i) room.wide[i] = static_cast<double>(env.lambda[i]);
-  for (Index i = env.n; i < env.n + LaneRoom<Real, W>::kFour; ++i) room.wide[i] = 0.0;
-  publish_motion(env, room.wide, room.moved);
-  for (Index r = 0; r < room.n; ++r)
-    room.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : room.moved[batch_row[r]];
+  for (Index i = 0; i < env.n; ++i) workspace.wide[i] = static_cast<double>(env.lambda[i]);
+  for (Index i = env.n; i < env.n + PackWorkspace<Real, W>::kFour; ++i) workspace.wide[i] = 0.0;
+  publish_motion(env, workspace.wide, workspace.moved);
+  for (Index r = 0; r < workspace.n; ++r)
+    workspace.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : workspace.moved[batch_row[r]];
 }
 
 /// Natural maps and what roundings hide of them in some lanes, from `first` on.
 template <Law kLaw, class Real, int W>
-void judge_lanes_from(int first, const ConeCounts& slots, const LaneRoom<Real, W>& room, Judgement* judged) {
+void judge_lanes_from(int first, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, Judgement* judged) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   const auto wide = [first](const Pack<Real, W>& lanes) { return widened(lanes, first); };
   Wide largest(0.0);
@@ -61,16 +61,17 @@ void judge_lanes_from(int first, const ConeCounts& slots, const LaneRoom<Real, W
       Wide y[kRows];
       for (int k = 0; k < kRows; ++k) {
         const Index row = first_row + c * kRows + k;
-        x[k] = wide(room.lambda[row]);
-        load_lanes(room.motion + Offset{row} * W + first, y[k]);
+        x[k] = wide(workspace.lambda[row]);
+        load_lanes(workspace.motion + Offset{row} * W + first, y[k]);
         if (k == 0) continue;  // mu is 1, or the slot empty and both are 0
-        const Wide mu = wide(room.scale[row]);
+        const Wide mu = wide(workspace.scale[row]);
         x[k] = unit_reaction(x[k], mu);
         y[k] = mu * y[k];
       }
       Wide a;
-      load_lanes(room.weight + Offset{cone} * W + first, a);
-      largest = max_(natural_map_square<kLaw>(shape, x, y, a, wide(room.lo[cone]), wide(room.hi[cone])), largest);
+      load_lanes(workspace.weight + Offset{cone} * W + first, a);
+      largest =
+          max_(natural_map_square<kLaw>(shape, x, y, a, wide(workspace.lo[cone]), wide(workspace.hi[cone])), largest);
       blur = max_(blur_of<kLaw>(x, y, a), blur);
     }
   });
@@ -80,21 +81,22 @@ void judge_lanes_from(int first, const ConeCounts& slots, const LaneRoom<Real, W
 
 /// Publishes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and judges them.
 template <Law kLaw, class Real, int W>
-void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                  const EnvView<Real>* const* envs, const int* asked, int count, Judgement* judged) {
   using Lanes = Pack<Real, W>;
   constexpr int kWide = kWideLanes<Real, W>;
   const Lanes unscale = div_(pack.scalar[kScaleA], pack.scalar[kScaleB]);
-  for (Index r = 0; r < pack.n; ++r) room.lambda[r] = canonical_zero((pack.best[r] * room.scale[r]) * unscale);
+  for (Index r = 0; r < pack.n; ++r)
+    workspace.lambda[r] = canonical_zero((pack.best[r] * workspace.scale[r]) * unscale);
   bool is_asked[W] = {};
   for (int k = 0; k < count; ++k) {
-    publish_lane(*envs[asked[k]], room, asked[k]);
+    publish_lane(*envs[asked[k]], workspace, asked[k]);
     is_asked[asked[k]] = true;
   }
   for (int first = 0; first < W; first += kWide) {
     bool any_here = false;
     for (int l = first; l < first + kWide; ++l) any_here = any_here || is_asked[l];
-    if (any_here) judge_lanes_from<kLaw>(first, pack.counts, room, judged);
+    if (any_here) judge_lanes_from<kLaw>(first, pack.counts, workspace, judged);
   }
 }
 

@@ -26,7 +26,7 @@ struct LanesSeen {
 /// inspect() of all lanes, but for entries of A that are not on the diagonal. Of those who are `entering` it leaves
 /// bounds and the sum of each cone's diagonal in the system, and marks in inv_cone which cones there are.
 template <class Real, int W>
-LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                                        Mask<Pack<Real, W>> entering) {
   using Lanes = Pack<Real, W>;
   const Lanes zero(0);
@@ -39,18 +39,18 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
     for (Index c = 0; c < count; ++c) {
       const Index cone = first_cone + c;
       const Index row = first_row + c * kRows;
-      const auto exists = room.present[row] > zero;
+      const auto exists = workspace.present[row] > zero;
       Lanes sum(0);
       for (int k = 0; k < kRows; ++k) {
         const Index r = row + k;
         const Lanes b = pack.b[r];
-        const Lanes diagonal = room.diagonal[r];
-        note(seen.broken, not_(and_(finite_(b), finite_(room.compliance[r]))));
-        note(seen.negative_compliance, room.compliance[r] < zero);
+        const Lanes diagonal = workspace.diagonal[r];
+        note(seen.broken, not_(and_(finite_(b), finite_(workspace.compliance[r]))));
+        note(seen.negative_compliance, workspace.compliance[r] < zero);
         note(seen.bad_guess, not_(finite_(pack.x[r])));
         if (k > 0) {
-          note(seen.broken, not_(finite_(room.scale[r])));
-          note(seen.negative_friction, room.scale[r] < zero);
+          note(seen.broken, not_(finite_(workspace.scale[r])));
+          note(seen.negative_friction, workspace.scale[r] < zero);
         }
         // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
         if (kKind != ConeKind::free)
@@ -59,14 +59,14 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
         seen.largest_b = max_(abs_(b), seen.largest_b);
         seen.largest_diagonal = max_(abs_(diagonal), seen.largest_diagonal);
       }
-      const Lanes lo = room.lo[cone];
-      const Lanes hi = room.hi[cone];
+      const Lanes lo = workspace.lo[cone];
+      const Lanes hi = workspace.hi[cone];
       if (kKind == ConeKind::box) {
         note(seen.broken, or_(lo != lo, hi != hi));
         note(seen.crossed_bounds, lo > hi);
       }
       pack.trace[cone] = select(entering, sum, pack.trace[cone]);
-      pack.inv_cone[cone] = select(entering, room.present[row], pack.inv_cone[cone]);
+      pack.inv_cone[cone] = select(entering, workspace.present[row], pack.inv_cone[cone]);
       pack.lo[cone] = select(entering, lo, pack.lo[cone]);
       pack.hi[cone] = select(entering, hi, pack.hi[cone]);
     }
@@ -91,13 +91,13 @@ Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvVi
 /// Cuts a lane's columns into tiles and returns how many there are. Where a lane has padding it goes on reading what is
 /// next, up to the next cut.
 template <class Real, int W>
-Index cut_columns(const LaneRoom<Real, W>& room, const Entrant<Real>* entrants, int count) {
-  ColumnTile* const tiles = room.tile;
+Index cut_columns(const PackWorkspace<Real, W>& workspace, const Entrant<Real>* entrants, int count) {
+  ColumnTile* const tiles = workspace.tile;
   Index found = 0;
-  for (Index c = 0; c < room.n; ++c) {
+  for (Index c = 0; c < workspace.n; ++c) {
     bool is_cut = c == 0 || tiles[found - 1].count == kTileEdge<Real>;
     for (int e = 0; e < count && !is_cut; ++e) {
-      const Index* const batch_row = room.rows_of(entrants[e].lane);
+      const Index* const batch_row = workspace.rows_of(entrants[e].lane);
       const bool goes_on = batch_row[c - 1] >= 0 && batch_row[c] == batch_row[c - 1] + 1;
       is_cut = !entrants[e].is_written && batch_row[c] >= 0 && !goes_on;
     }
@@ -110,21 +110,21 @@ Index cut_columns(const LaneRoom<Real, W>& room, const Entrant<Real>* entrants, 
 /// Where an entrant's rows lie. The last rows of a matrix that is read where it is stored are copied, so that a tile
 /// may reach beyond its end.
 template <class Real, int W>
-void find_rows(const LaneRoom<Real, W>& room, const Entrant<Real>& entrant) {
-  constexpr Index kLine = LaneRoom<Real, W>::kLine;
-  const Index* const batch_row = room.rows_of(entrant.lane);
+void find_rows(const PackWorkspace<Real, W>& workspace, const Entrant<Real>& entrant) {
+  constexpr Index kLine = PackWorkspace<Real, W>::kLine;
+  const Index* const batch_row = workspace.rows_of(entrant.lane);
   const Index rows = entrant.env->n;
   const Index some = (kLine - 1 + rows - 1) / rows;
   const Index first = some < rows ? rows - some : 0;
-  Real* const tail = room.tail + Offset{room.tail_length} * entrant.lane;
+  Real* const tail = workspace.tail + Offset{workspace.tail_length} * entrant.lane;
   if (!entrant.is_written)
     for (Index k = 0; k < (rows - first) * rows; ++k) tail[k] = entrant.matrix[Offset{rows} * first + k];
-  for (Index r = 0; r < room.n; ++r) {
+  for (Index r = 0; r < workspace.n; ++r) {
     const Index i = batch_row[r];
-    room.row[r * W + entrant.lane] = i < 0                ? room.zeros
-                                     : entrant.is_written ? entrant.matrix + Offset{room.n} * r
-                                     : i < first          ? entrant.matrix + Offset{rows} * i
-                                                          : tail + Offset{rows} * (i - first);
+    workspace.row[r * W + entrant.lane] = i < 0                ? workspace.zeros
+                                          : entrant.is_written ? entrant.matrix + Offset{workspace.n} * r
+                                          : i < first          ? entrant.matrix + Offset{rows} * i
+                                                               : tail + Offset{rows} * (i - first);
   }
 }
 
@@ -136,7 +136,7 @@ struct ColumnDealer {
   using Part = Pack<Real, kEdge>;
   using PartMask = Mask<Part>;
 
-  const LaneRoom<Real, W>& room;
+  const PackWorkspace<Real, W>& workspace;
   int part;           ///< first of the lanes
   Real* A;            ///< the pack's matrix                                 (n * n; W)
   Part by;            ///< what is multiplied by, beside factors of row and column
@@ -155,15 +155,15 @@ struct ColumnDealer {
     Real turned[kEdge][kEdge];
     transpose_tile(from, turned);
     const Part zero(0);
-    const Part of_row = of(room.factor + row);
+    const Part of_row = of(workspace.factor + row);
     const auto put = [&](Index k) {
       const Index column = first_column + k;
       Part value;
       load_lanes(turned[k], value);
-      if constexpr (kPadded) value = select(of(room.present + column) > zero, value, zero);
+      if constexpr (kPadded) value = select(of(workspace.present + column) > zero, value, zero);
       trace = fma_(value, zero, trace);
-      value = zero + (value * by) * (of_row * of(room.factor + column));
-      Real* const line = A + (row + Offset{room.n} * column) * W + part;
+      value = zero + (value * by) * (of_row * of(workspace.factor + column));
+      Real* const line = A + (row + Offset{workspace.n} * column) * W + part;
       if constexpr (!kAll) {
         Part old;
         load_lanes(line, old);
@@ -180,11 +180,12 @@ struct ColumnDealer {
   /// All tiles of all rows.
   template <bool kPadded, bool kAll>
   void deal_rows(Index tile_count) {
-    for (Index r = 0; r < room.n; ++r)
+    for (Index r = 0; r < workspace.n; ++r)
       for (Index t = 0; t < tile_count; ++t) {
         const Real* from[kEdge];
-        for (Index l = 0; l < kEdge; ++l) from[l] = room.row[r * W + part + l] + room.column[t * W + part + l];
-        deal<kPadded, kAll>(from, r, room.tile[t].first, room.tile[t].count);
+        for (Index l = 0; l < kEdge; ++l)
+          from[l] = workspace.row[r * W + part + l] + workspace.column[t * W + part + l];
+        deal<kPadded, kAll>(from, r, workspace.tile[t].first, workspace.tile[t].count);
       }
   }
 };
@@ -192,33 +193,33 @@ struct ColumnDealer {
 /// The matrices of those who enter, each into its lane and scaled there. In a lane every number has a cache line of its
 /// own, and each line is visited once for all. Returns in which lanes a number is not finite.
 template <class Real, int W>
-Mask<Pack<Real, W>> deal_matrices(const DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room,
+Mask<Pack<Real, W>> deal_matrices(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                                   const Entrant<Real>* entrants, int count, const Pack<Real, W>& scale_a,
                                   const Pack<Real, W>& enters) {
   using Dealer = ColumnDealer<Real, W>;
   constexpr Index kEdge = Dealer::kEdge;
   const Index n = pack.n;
-  for (Index k = 0; k < n + LaneRoom<Real, W>::kLine; ++k) room.zeros[k] = 0;
-  for (Index k = 0; k < n * W; ++k) room.row[k] = room.zeros;
+  for (Index k = 0; k < n + PackWorkspace<Real, W>::kLine; ++k) workspace.zeros[k] = 0;
+  for (Index k = 0; k < n * W; ++k) workspace.row[k] = workspace.zeros;
   bool is_padded = false;
   for (int e = 0; e < count; ++e) {
-    find_rows(room, entrants[e]);
-    const auto factor = LaneRoom<Real, W>::lane_of(room.factor, entrants[e].lane);
-    const auto scale = LaneRoom<Real, W>::lane_of(room.scale, entrants[e].lane);
+    find_rows(workspace, entrants[e]);
+    const auto factor = PackWorkspace<Real, W>::lane_of(workspace.factor, entrants[e].lane);
+    const auto scale = PackWorkspace<Real, W>::lane_of(workspace.scale, entrants[e].lane);
     for (Index r = 0; r < n; ++r) factor[r] = entrants[e].is_scaled ? Real(1) : scale[r];
     is_padded = is_padded || entrants[e].env->n != n;
   }
-  const Index tile_count = cut_columns(room, entrants, count);
-  for (Index k = 0; k < tile_count * W; ++k) room.column[k] = 0;
+  const Index tile_count = cut_columns(workspace, entrants, count);
+  for (Index k = 0; k < tile_count * W; ++k) workspace.column[k] = 0;
   for (int e = 0; e < count; ++e)
     for (Index t = 0; t < tile_count; ++t) {
-      const Index first = room.tile[t].first;
-      const Index i = room.rows_of(entrants[e].lane)[first];
-      room.column[t * W + entrants[e].lane] = entrants[e].is_written ? first : i >= 0 ? i : 0;
+      const Index first = workspace.tile[t].first;
+      const Index i = workspace.rows_of(entrants[e].lane)[first];
+      workspace.column[t * W + entrants[e].lane] = entrants[e].is_written ? first : i >= 0 ? i : 0;
     }
   auto broken = Pack<Real, W>(0) > Pack<Real, W>(0);
   for (int part = 0; part < W; part += static_cast<int>(kEdge)) {
-    Dealer dealer{room, part, reinterpret_cast<Real*>(pack.A.data), {}, {}, typename Dealer::Part(0)};
+    Dealer dealer{workspace, part, reinterpret_cast<Real*>(pack.A.data), {}, {}, typename Dealer::Part(0)};
     dealer.by = dealer.of(&scale_a);
     dealer.entering = dealer.of(&enters) > typename Dealer::Part(0);
     if (!any(dealer.entering)) continue;
@@ -251,7 +252,7 @@ Mask<Lanes> asymmetric_lanes(const DenseSystem<Lanes>& pack) {
 /// What the final residual needs and no iteration changes, in the lanes of those who enter: the weight of each cone,
 /// from the diagonal in double.
 template <class Real, int W>
-void weigh_cones(const ConeCounts& slots, const LaneRoom<Real, W>& room, const Pack<Real, W>& enters) {
+void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& enters) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   for (int first = 0; first < W; first += kWideLanes<Real, W>) {
     const auto entering = widened(enters, first) > Wide(0.0);
@@ -261,9 +262,9 @@ void weigh_cones(const ConeCounts& slots, const LaneRoom<Real, W>& room, const P
         Wide trace(0.0);
         for (int k = 0; k < kRows; ++k) {
           const Index row = first_row + c * kRows + k;
-          trace = trace + (widened(room.compliance[row], first) + widened(room.entry[row], first));
+          trace = trace + (widened(workspace.compliance[row], first) + widened(workspace.entry[row], first));
         }
-        double* const weight = room.weight + Offset{first_cone + c} * W + first;
+        double* const weight = workspace.weight + Offset{first_cone + c} * W + first;
         Wide old;
         load_lanes(weight, old);
         const Wide mean = kRows == 1 ? trace : div_(trace, Wide(static_cast<double>(kRows)));
@@ -275,8 +276,9 @@ void weigh_cones(const ConeCounts& slots, const LaneRoom<Real, W>& room, const P
 
 /// The same in one lane, whose rows may have more than one entry on the diagonal, or none.
 template <class Real, int W>
-void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const LaneRoom<Real, W>& room, int lane) {
-  const Index* const batch_row = room.rows_of(lane);
+void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
+                    int lane) {
+  const Index* const batch_row = workspace.rows_of(lane);
   for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
@@ -285,7 +287,7 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Lan
         const Index i = batch_row[first_row + c * kRows + k];
         if (i >= 0) trace = trace + row_diagonal(env, i, static_cast<double>(env.R[i]));
       }
-      room.weight[Offset{first_cone + c} * W + lane] = residual_weight(div_(trace, static_cast<double>(kRows)));
+      workspace.weight[Offset{first_cone + c} * W + lane] = residual_weight(div_(trace, static_cast<double>(kRows)));
     }
   });
 }
@@ -293,17 +295,17 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Lan
 /// load_system() of all entrants; their flags tell who has entered. Whoever has not leaves numbers of no account.
 template <class Real, int W>
 void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
-                   const LaneRoom<Real, W>& room, LoadRules rules, Entrant<Real>* entrants, int count) {
+                   const PackWorkspace<Real, W>& workspace, LoadRules rules, Entrant<Real>* entrants, int count) {
   using Lanes = Pack<Real, W>;
   const auto is_sound = [](std::uint32_t flags) { return (flags & ~kHarmlessFlags) == 0; };
   Lanes enters(0);
   for (int e = 0; e < count; ++e) {
     const int lane = entrants[e].lane;
     enters.v[lane] = Real(1);
-    gather_rows(entrants[e], lanes[lane], room);
+    gather_rows(entrants[e], lanes[lane], workspace);
   }
-  sum_diagonals(lanes, room, entrants, count);
-  const LanesSeen<Lanes> looked = inspect_lanes(pack, room, enters > Lanes(0));
+  sum_diagonals(lanes, workspace, entrants, count);
+  const LanesSeen<Lanes> looked = inspect_lanes(pack, workspace, enters > Lanes(0));
   Lanes scale_a(1);
   Entrant<Real> sound[W];
   int sound_count = 0;
@@ -323,24 +325,24 @@ void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Rea
     if (env.warm_start != nullptr && !takes_warm_start(env, seen))
       for (Index r = 0; r < s.n; ++r) s.x[r] = 0;
     if (entrant.is_scaled) {
-      const auto scale = LaneRoom<Real, W>::lane_of(room.scale, lane);
-      write_rows(env, s.n, room.rows_of(lane), &scale, s.scalar[kScaleA], room.column,
-                 room.written + Offset{s.n} * s.n * lane);
+      const auto scale = PackWorkspace<Real, W>::lane_of(workspace.scale, lane);
+      write_rows(env, s.n, workspace.rows_of(lane), &scale, s.scalar[kScaleA], workspace.column,
+                 workspace.written + Offset{s.n} * s.n * lane);
     } else {
       scale_a.v[lane] = s.scalar[kScaleA];
     }
     sound[sound_count++] = entrant;
   }
-  weigh_cones(pack.counts, room, enters);
+  weigh_cones(pack.counts, workspace, enters);
   for (int e = 0; e < sound_count; ++e)
-    if (sound[e].is_scaled) weigh_cones_of(*sound[e].env, pack.counts, room, sound[e].lane);
-  const auto broken = deal_matrices(pack, room, sound, sound_count, scale_a, enters);
+    if (sound[e].is_scaled) weigh_cones_of(*sound[e].env, pack.counts, workspace, sound[e].lane);
+  const auto broken = deal_matrices(pack, workspace, sound, sound_count, scale_a, enters);
   const auto entering = enters > Lanes(0);
   const LoadScales<Lanes> scales = load_scales(pack);
   for (Index r = 0; r < pack.n; ++r) {
     Lanes& diagonal = pack.A[r + Offset{pack.n} * r];
-    const Lanes scale = room.scale[r];
-    diagonal = select(entering, diagonal + (room.compliance[r] * scales.a) * (scale * scale), diagonal);
+    const Lanes scale = workspace.scale[r];
+    diagonal = select(entering, diagonal + (workspace.compliance[r] * scales.a) * (scale * scale), diagonal);
   }
   auto asymmetric = Lanes(0) > Lanes(0);
   if (rules.needs_symmetry) asymmetric = asymmetric_lanes(pack);
@@ -357,10 +359,11 @@ void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Rea
 
 /// What is left to do for the environments in the lanes of `entering`, and the record of their first iterates.
 template <class Method, Law kLaw, class Real, int W>
-void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const LaneRoom<Real, W>& room, Mask<Pack<Real, W>> entering) {
+void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                 Mask<Pack<Real, W>> entering) {
   SerialTeam team;
   const auto scales = load_scales(pack);
-  for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(entering, room.scale[r], pack.best[r]);
+  for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(entering, workspace.scale[r], pack.best[r]);
   pack.for_each_cone(team,
                      [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, entering); });
   refresh_motion(team, pack, entering);

@@ -14,7 +14,7 @@ struct ColumnTile {
 
 /// What a pack of W environments needs beside its system. `Lanes` arrays hold a number of each lane side by side.
 template <class Real, int W>
-struct LaneRoom {
+struct PackWorkspace {
   using Lanes = Pack<Real, W>;
   static_assert(W % kTileEdge<Real> == 0);
   /// No tile is wider: how far behind a row's last number one may reach.
@@ -53,7 +53,7 @@ struct LaneRoom {
     return W * (n * n + (11 + 3 * kDouble) * n + (2 + kDouble) * cones + tail_of(n) + kLine + kFour * kDouble);
   }
 
-  LaneRoom(Real* memory, Index rows, Index cones) : n(rows), tail_length(static_cast<Index>(tail_of(rows))) {
+  PackWorkspace(Real* memory, Index rows, Index cones) : n(rows), tail_length(static_cast<Index>(tail_of(rows))) {
     const auto take = [&memory](Offset count) {
       Real* const part = memory;
       memory += count * W;

@@ -9,7 +9,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Beside a pack's system, numbers of double of all lanes side by side, by body as in BodySystem::exact.
-struct ExactRoom {
+struct ExactWorkspace {
   double* twists;  ///< free ones, or those under the returned impulses  (6 * (bodies + 1); W)
   double* sums;    ///< impulses on the bodies while those are computed  (6 * (bodies + 1); W)
 };
@@ -113,8 +113,8 @@ PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw
 /// begin_substep() of those who enter, but for answers of zero: biases, and max|b| [w] of each lane. `kept`: contacts
 /// of the lanes that enter, 0 in the others. The room has their free twists.
 template <class T, int W, Law kLaw>
-void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params, const ExactRoom& room,
-                 Pack<T, W> kept, double (&largest)[W]) {
+void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
+                 const ExactWorkspace& workspace, Pack<T, W> kept, double (&largest)[W]) {
   using Lanes = WideLanes<T, W, kLaw>;
   using Wide = typename Lanes::Real;
   for (int first = 0; first < W; first += Lanes::kLanes) {
@@ -130,7 +130,7 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       const Wide bias = bias_of(params, contact, lanes.start(a), lanes.start(b), lanes.number(s.depth.at(0, p)),
                                 lanes.number(s.restitution[p]));
       const Wide value =
-          largest_free_motion(contact, lanes.twist(room.twists, a), lanes.twist(room.twists, b), bias, most);
+          largest_free_motion(contact, lanes.twist(workspace.twists, a), lanes.twist(workspace.twists, b), bias, most);
       most = select(exists, value, most);
       store_lanes(reinterpret_cast<T*>(&kept_bias) + first,
                   narrowed<Pack<T, Lanes::kLanes>>(select(exists, bias, lanes.number(kept_bias))));
@@ -168,7 +168,7 @@ struct LaneJudge {
   const PackEnv<T, W>& env;
   const BodyPack<T, W, kLaw>& s;
   const SiParams& params;
-  const ExactRoom& room;
+  const ExactWorkspace& workspace;
   const AskedLanes<T, W>& asked;
   Lanes lanes;
 
@@ -190,10 +190,10 @@ struct LaneJudge {
   /// same order. What is added where nothing is pushed is not looked at. The room has free twists.
   void gather() const {
     const Vector3<Wide> zero{Wide(0.0), Wide(0.0), Wide(0.0)};
-    for (Index body = 0; body <= asked.bodies; ++body) lanes.set_twist(room.sums, Lanes::slot(body), {zero, zero});
+    for (Index body = 0; body <= asked.bodies; ++body) lanes.set_twist(workspace.sums, Lanes::slot(body), {zero, zero});
     const auto add = [&](const LaneSlots<T, W>& at, const Vector3<Wide>& arm, const Vector3<Wide>& impulse) {
-      const Twist<Wide> sum = lanes.twist(room.sums, at);
-      lanes.set_twist(room.sums, at,
+      const Twist<Wide> sum = lanes.twist(workspace.sums, at);
+      lanes.set_twist(workspace.sums, at,
                       {add_scaled(sum.linear, Wide(1.0), impulse), add_cross(sum.angular, arm, impulse)});
     };
     for (Index p = 0; p < asked.contacts; ++p) {
@@ -206,10 +206,10 @@ struct LaneJudge {
     }
     for (Index body = 0; body < asked.bodies; ++body) {
       const auto at = Lanes::slot(body);
-      const Twist<Wide> sum = lanes.twist(room.sums, at);
-      const Twist<Wide> free = lanes.twist(room.twists, at);
+      const Twist<Wide> sum = lanes.twist(workspace.sums, at);
+      const Twist<Wide> free = lanes.twist(workspace.twists, at);
       const Twist<Wide> moved = pushed(free, lanes.mass(at), sum.linear, sum.angular);
-      lanes.set_twist(room.twists, at, where(is_pushed(body), moved, free));
+      lanes.set_twist(workspace.twists, at, where(is_pushed(body), moved, free));
     }
   }
 
@@ -230,7 +230,7 @@ struct LaneJudge {
       Wide motion[3];
       BodyJudgement<Wide> with_this = judged;
       judge_contact<kLaw, Wide>(
-          contact, [&](int side) { return lanes.twist(room.twists, side == 0 ? a : b); },
+          contact, [&](int side) { return lanes.twist(workspace.twists, side == 0 ? a : b); },
           [&](int side) { return lanes.mass(side == 0 ? a : b); }, bias, lanes.number(s.field.at(kFieldMu, p)), r,
           lambda, motion, with_this);
       const auto is_here = exists(p);
@@ -269,12 +269,12 @@ struct LaneJudge {
 /// the reactions.
 template <class T, int W, Law kLaw>
 void judge_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
-                      const ExactRoom& room, const AskedLanes<T, W>& asked, Judgement (&judged)[W]) {
+                      const ExactWorkspace& workspace, const AskedLanes<T, W>& asked, Judgement (&judged)[W]) {
   using Judge = LaneJudge<T, W, kLaw>;
   constexpr int kLanes = Judge::Lanes::kLanes;
   for (int first = 0; first < W; first += kLanes) {
     if (asked.is_empty(first, kLanes)) continue;
-    const Judge judge{env, s, params, room, asked, {s, first}};
+    const Judge judge{env, s, params, workspace, asked, {s, first}};
     judge.gather();
     const auto found = judge.judge();
     const auto largest = sqrt_(found.largest);

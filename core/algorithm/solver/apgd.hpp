@@ -13,7 +13,7 @@ namespace stiction::inline STICTION_ISA {
 /// a fixed-point iteration instead of a descent.
 struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
-  static STICTION_HD constexpr MethodRoom room() { return {6}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.vectors = 6}; }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// (Collatz-Wielandt); a cone uses the largest d of its rows. Maxima are exact, so no sum crosses lanes.
 struct Jacobi {
   static constexpr SolverKind kKind = SolverKind::jacobi;
-  static STICTION_HD constexpr MethodRoom room() { return {2}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.vectors = 2}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   template <class System>
   static constexpr bool kKeepsMotion = true;

@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 /// decision does not depend on an order of summation).
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
-  static STICTION_HD constexpr MethodRoom room() { return {2}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.vectors = 2}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   static constexpr bool kTakesPairs = true;  ///< as Pgs
   template <class System>

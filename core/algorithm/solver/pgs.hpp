@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 /// form).
 struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
-  static STICTION_HD constexpr MethodRoom room() { return {}; }
+  static STICTION_HD constexpr Workspace workspace() { return {}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether it iterates on a SystemPair as well.
   static constexpr bool kTakesPairs = true;

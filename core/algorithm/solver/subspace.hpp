@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 /// their convergence. It is taken only where the residual falls.
 struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
-  static STICTION_HD constexpr MethodRoom room() { return {kVectors, 0, 0, 0, kDirectRows, 1}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.vectors = kVectors, .real_matrices = 1}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   static constexpr bool kTakesPairs = Npgs::kTakesPairs;
   template <class System>

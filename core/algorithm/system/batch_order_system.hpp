@@ -22,16 +22,16 @@ struct FileOrderSystem : SystemArrays<RealType, 1> {
   Strided<Real, 1> R;       ///< compliance in the solver's coordinates             (n)
   Strided<Real, 1> blocks;  ///< diagonal block of the cone at row r from 6 r on    (6 n)
 
-  static Offset elements(Offset rows, Offset cone_total, const MethodRoom& room) {
-    return SystemArrays<Real, 1>::elements(rows, cone_total, room) + 7 * rows;
+  static Offset elements(Offset rows, Offset cone_total, const Workspace& workspace) {
+    return SystemArrays<Real, 1>::elements(rows, cone_total, workspace) + 7 * rows;
   }
 
   STICTION_HD explicit FileOrderSystem(const EnvView<Real>& environment)
       : env(&environment), n(environment.n), cones(environment.cone_count) {}
 
   /// Lays all arrays out; returns the first element behind them.
-  STICTION_HD Strided<Real, 1> carve_all(Real* memory, const MethodRoom& room) {
-    R = this->carve({this->carve_wide(memory, n, room)}, n, cones, room);
+  STICTION_HD Strided<Real, 1> carve_all(Real* memory, const Workspace& workspace) {
+    R = this->carve({this->carve_wide(memory, n, workspace)}, n, cones, workspace);
     blocks = R.from(n);
     return blocks.from(Offset{6} * n);
   }

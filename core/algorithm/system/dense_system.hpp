@@ -24,15 +24,15 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   Strided<Real, kStride> A;  ///< A + diag R in the solver's coordinates, column-major  (n * n)
   Strided<Real, kStride> K;  ///< the method's own matrix, where it has one             (n * n)
 
-  static Offset elements(const ConeCounts& counts, const MethodRoom& room) {
+  static Offset elements(const ConeCounts& counts, const Workspace& workspace) {
     const Offset rows = row_count(counts);
-    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), room) + rows * rows +
-           room.square_elements(rows);
+    return SystemArrays<Real, kStride>::elements(rows, cone_count(counts), workspace) + rows * rows +
+           workspace.square_elements(rows);
   }
 
-  STICTION_HD DenseSystem(const ConeCounts& layout, const MethodRoom& room, Real* memory)
+  STICTION_HD DenseSystem(const ConeCounts& layout, const Workspace& workspace, Real* memory)
       : counts(layout), n(row_count(layout)), cones(cone_count(layout)) {
-    A = this->carve({this->carve_wide(memory, n, room)}, n, cones, room);
+    A = this->carve({this->carve_wide(memory, n, workspace)}, n, cones, workspace);
     K = A.from(Offset{n} * n);
   }
 

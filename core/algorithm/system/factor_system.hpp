@@ -20,16 +20,16 @@ struct FactorSystem : FileOrderSystem<RealType> {
   Strided<Real, 1> Y;  ///< factor in the solver's coordinates, row-major               (n * dofs)
   Strided<Real, 1> u;  ///< velocity Y' x                                               (dofs)
 
-  static Offset elements(Offset rows, Offset cone_total, Offset dofs, const MethodRoom& room) {
-    return FileOrderSystem<Real>::elements(rows, cone_total, room) + dofs * (rows + 3);
+  static Offset elements(Offset rows, Offset cone_total, Offset dofs, const Workspace& workspace) {
+    return FileOrderSystem<Real>::elements(rows, cone_total, workspace) + dofs * (rows + 3);
   }
 
-  STICTION_HD FactorSystem(const EnvView<Real>& environment, const MethodRoom& room, Real* memory)
+  STICTION_HD FactorSystem(const EnvView<Real>& environment, const Workspace& workspace, Real* memory)
       : FileOrderSystem<Real>(environment),
         dofs(environment.dofs),
         // First, where any scratch is aligned for it.
         exact(reinterpret_cast<double*>(memory)) {
-    Y = this->carve_all(memory + Offset{2} * dofs, room);
+    Y = this->carve_all(memory + Offset{2} * dofs, workspace);
     u = Y.from(Offset{this->n} * dofs);
   }
 

@@ -12,13 +12,13 @@ struct SparseSystem : FileOrderSystem<RealType> {
 
   Strided<Real, 1> value;  ///< CSR values in the solver's coordinates, without R  (entry span)
 
-  static Offset elements(Offset rows, Offset cone_total, Offset nonzeros, const MethodRoom& room) {
-    return FileOrderSystem<Real>::elements(rows, cone_total, room) + nonzeros;
+  static Offset elements(Offset rows, Offset cone_total, Offset nonzeros, const Workspace& workspace) {
+    return FileOrderSystem<Real>::elements(rows, cone_total, workspace) + nonzeros;
   }
 
-  STICTION_HD SparseSystem(const EnvView<Real>& environment, const MethodRoom& room, Real* memory)
+  STICTION_HD SparseSystem(const EnvView<Real>& environment, const Workspace& workspace, Real* memory)
       : FileOrderSystem<Real>(environment) {
-    value = this->carve_all(memory, room);
+    value = this->carve_all(memory, workspace);
   }
 
   /// start + row i of A times in, over four interleaved partial sums in stored order; in double if `in` is.

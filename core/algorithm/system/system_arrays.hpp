@@ -53,25 +53,25 @@ struct SystemArrays {
   Strided<Real, kStride> share;     ///< of the tangential rows in that metric             (cones)
   Strided<Real, kStride> lo, hi;    ///< bounds of box cones, by cone                      (cones)
   Strided<Real, kStride> scalar;    ///< StateScalar                                       (kStateScalars)
-  double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (MethodRoom::doubles)
+  double* wide = nullptr;           ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
   bool has_matrices = false;        ///< whether matrices are among them, or what a method has instead
 
-  static constexpr Offset elements(Offset n, Offset cones, const MethodRoom& room) {
-    return (4 + room.vectors) * n + 8 * cones + kStateScalars + room.double_elements<Real>(n);
+  static constexpr Offset elements(Offset n, Offset cones, const Workspace& workspace) {
+    return (4 + workspace.vectors) * n + 8 * cones + kStateScalars + workspace.double_elements<Real>(n);
   }
   /// The method's vector k of doubles; its matrices follow the last.
   [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
 
   /// Takes the method's doubles from the beginning of the memory, where it is aligned for them; returns what is behind.
-  STICTION_HD Real* carve_wide(Real* memory, Offset n, const MethodRoom& room) {
-    if (!room.is_direct()) return memory;
+  STICTION_HD Real* carve_wide(Real* memory, Offset n, const Workspace& workspace) {
+    if (!workspace.is_direct()) return memory;
     wide = reinterpret_cast<double*>(memory);
-    has_matrices = room.has_matrices(n);
-    return memory + room.double_elements<Real>(n);
+    has_matrices = workspace.has_matrices(n);
+    return memory + workspace.double_elements<Real>(n);
   }
   /// Lays the arrays out one after the other from `memory`; returns the first element behind them.
   STICTION_HD Strided<Real, kStride> carve(Strided<Real, kStride> memory, Offset n, Offset cones,
-                                           const MethodRoom& room) {
+                                           const Workspace& workspace) {
     const auto take = [&memory](Offset count) {
       const Strided<Real, kStride> part = memory;
       memory = memory.from(count);
@@ -81,7 +81,7 @@ struct SystemArrays {
     x = take(n);
     y = take(n);
     best = take(n);
-    extra = take(room.vectors * n);
+    extra = take(workspace.vectors * n);
     trace = take(cones);
     inv_n = take(cones);
     inv_t = take(cones);

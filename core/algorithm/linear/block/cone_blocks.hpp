@@ -18,11 +18,11 @@ STICTION_HD void store(const double (&from)[M], double* to, Index row) {
 }
 
 /// Doubles of the cones' blocks for every row.
-inline constexpr Index kConeBlockRoom = kMaxConeRows;
+inline constexpr Index kConeBlockWorkspace = kMaxConeRows;
 
 /// Where the cone at `row` has its block.
 STICTION_HD double* cone_place(double* blocks, Index row) {
-  return blocks + static_cast<Offset>(row) * kConeBlockRoom;
+  return blocks + static_cast<Offset>(row) * kConeBlockWorkspace;
 }
 
 /// The cone's block of A + diag R, symmetrised.
@@ -55,7 +55,7 @@ STICTION_HD void factor_cone_block(const double (&K)[M][M], double* L) {
 template <class System>
 struct ConeBlocks {
   const System* s;
-  double* factors;  ///< (kConeBlockRoom n)
+  double* factors;  ///< (kConeBlockWorkspace n)
 
   template <Team TeamT>
   STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {

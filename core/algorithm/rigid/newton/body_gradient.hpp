@@ -10,9 +10,9 @@ namespace stiction::inline STICTION_ISA {
 /// J p for one contact and a vector of twists: rows n, t1, t2. A body that is not pushed has no change.
 STICTION_HD void relative_motion(const SpaceContact& contact, const double* twists, double (&rows)[3]) {
   Vector3<double> u{0.0, 0.0, 0.0};
-  if (is_pushed(contact.side_b)) u = point_velocity(SpaceRoom::twist(twists, contact.side_b), contact.arm_b);
+  if (is_pushed(contact.side_b)) u = point_velocity(SpaceWorkspace::twist(twists, contact.side_b), contact.arm_b);
   if (is_pushed(contact.side_a))
-    u = subtract(u, point_velocity(SpaceRoom::twist(twists, contact.side_a), contact.arm_a));
+    u = subtract(u, point_velocity(SpaceWorkspace::twist(twists, contact.side_a), contact.arm_a));
   rows[0] = dot(u, contact.frame.n);
   rows[1] = dot(u, contact.frame.t1);
   rows[2] = dot(u, contact.frame.t2);
@@ -26,15 +26,15 @@ STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], 
 
 /// J' of the contacts' impulses for one body: force and torque. `impulse_of(contact, row)` gives the impulse on b.
 template <class F>
-STICTION_HD Twist<double> gather_wrench(const SpaceRoom& room, Index row, F&& impulse_of) {
+STICTION_HD Twist<double> gather_wrench(const SpaceWorkspace& workspace, Index row, F&& impulse_of) {
   Twist<double> wrench{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-  const BlockPattern& pattern = room.stream.pattern;
+  const BlockPattern& pattern = workspace.stream.pattern;
   for (Index block = pattern.offsets[row]; block < pattern.offsets[row + 1]; ++block) {
     if (pattern.columns[block] != row) continue;
-    for (Index k = room.stream.block_offsets[block]; k < room.stream.block_offsets[block + 1]; ++k) {
-      const Index entry = room.stream.block_contacts[k];
+    for (Index k = workspace.stream.block_offsets[block]; k < workspace.stream.block_offsets[block + 1]; ++k) {
+      const Index entry = workspace.stream.block_contacts[k];
       const bool is_b = entry >= 0;
-      const SpaceContact& contact = room.contact[is_b ? entry : ~entry];
+      const SpaceContact& contact = workspace.contact[is_b ? entry : ~entry];
       const double sign = is_b ? 1.0 : -1.0;
       const double* const x = impulse_of(contact);
       const Vector3<double> impulse = to_world(contact.frame, sign * x[0], sign * x[1], sign * x[2]);
@@ -53,27 +53,28 @@ STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>
 
 /// Descent and force for the reactions that are there.
 template <Team TeamT>
-STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceRoom& room) {
-  for_each(team, room.bodies, [&](Index row) {
-    const SpaceBody& body = room.body[row];
-    const Twist<double> p = SpaceRoom::twist(room.point, row);
-    const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.reaction; });
+STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceWorkspace& workspace) {
+  for_each(team, workspace.bodies, [&](Index row) {
+    const SpaceBody& body = workspace.body[row];
+    const Twist<double> p = SpaceWorkspace::twist(workspace.point, row);
+    const Twist<double> wrench =
+        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.reaction; });
     const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     const Twist<double> pushed_by = pushed(still, body.inverse, wrench.linear, wrench.angular);
     const Twist<double> descent{subtract(pushed_by.linear, p.linear), subtract(pushed_by.angular, p.angular)};
-    put_twist(room.descent + static_cast<Offset>(row) * kBodyBlock, descent);
-    put_twist(room.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(body, descent));
+    put_twist(workspace.descent + static_cast<Offset>(row) * kBodyBlock, descent);
+    put_twist(workspace.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(body, descent));
   });
 }
 
 /// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
 /// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
 template <Team TeamT>
-STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceRoom& room) {
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& workspace) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     double u[3];
-    relative_motion(contact, room.point, u);
+    relative_motion(contact, workspace.point, u);
     for (int k = 0; k < 3; ++k) contact.u[k] = (u[k] + contact.free[k]) + (k == 0 ? contact.shift : 0.0);
   });
 }
@@ -81,9 +82,9 @@ STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceRoom& room) 
 /// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
 /// descent would bring to a contact [w]: zero where the gradient is.
 template <Team TeamT>
-STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceRoom& room, double compliance) {
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     unprojected(contact, contact.u, compliance, contact.z);
     const ConePoint point = project_friction_cone(contact.z, contact.mu);
     double slide[3];
@@ -93,25 +94,26 @@ STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceRoom& room, d
     }
     // A contact that is held does not slide: what is left of its motion goes with the proximal term.
     const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
-    contact.sliding =
-        is_held || room.law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+    contact.sliding = is_held || workspace.law == Law::convex
+                          ? 0.0
+                          : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
   });
-  renew_descent(team, room);
-  return max_over<double>(team, room.contacts, [&](Index p) {
+  renew_descent(team, workspace);
+  return max_over<double>(team, workspace.contacts, [&](Index p) {
     double change[3];
-    relative_motion(room.contact[p], room.descent, change);
+    relative_motion(workspace.contact[p], workspace.descent, change);
     return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
   });
 }
 
 /// d'Md: the curvature that bodies add, everywhere on the line.
 template <Team TeamT>
-STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceRoom& room) {
+STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceWorkspace& workspace) {
   return sum_leaves<double>(team, [&](Index leaf) {
     double part = 0.0;
-    for (Index row = leaf; row < room.bodies; row += kReduceLeaves) {
-      const Twist<double> d = SpaceRoom::twist(room.step, row);
-      const Twist<double> momentum = momentum_of(room.body[row], d);
+    for (Index row = leaf; row < workspace.bodies; row += kReduceLeaves) {
+      const Twist<double> d = SpaceWorkspace::twist(workspace.step, row);
+      const Twist<double> momentum = momentum_of(workspace.body[row], d);
       part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
     }
     return part;
@@ -120,10 +122,10 @@ STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceRoom& room) {
 
 /// `bodies`: what they add at alpha = 0.
 template <Team TeamT>
-STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceRoom& room, const LinePoint& bodies, double compliance,
-                                         double alpha) {
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
+                                         double compliance, double alpha) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     double u[3];
     for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
     double z[3];
@@ -143,7 +145,7 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceRoom& room, con
   const auto sum = [&](double SpaceContact::*part) {
     return sum_leaves<double>(team, [&](Index leaf) {
       double total = 0.0;
-      for (Index p = leaf; p < room.contacts; p += kReduceLeaves) total = total + room.contact[p].*part;
+      for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves) total = total + workspace.contact[p].*part;
       return total;
     });
   };
@@ -155,11 +157,11 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceRoom& room, con
 /// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
 /// answers to the rounding of its motion as it does to motion.
 template <Team TeamT>
-STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceRoom& room, double compliance) {
+STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
   const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
-    for (Index p = leaf; p < room.contacts; p += kReduceLeaves) {
-      const SpaceContact& contact = room.contact[p];
+    for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves) {
+      const SpaceContact& contact = workspace.contact[p];
       for (int k = 0; k < 3; ++k) {
         const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.pull);
         sum = fma_(abs_(contact.along[k]), answer, sum);
@@ -175,9 +177,9 @@ inline constexpr double kSpaceSlopeLeft = 1e-2;
 
 /// The alpha at which the function is smallest on the line.
 template <Team TeamT>
-STICTION_HD_OUTLINE double search_along(TeamT& team, const SpaceRoom& room, const LinePoint& bodies, double compliance,
-                                        double slope, double noise) {
-  return search_line([&](double alpha) { return look_along(team, room, bodies, compliance, alpha); }, slope,
+STICTION_HD_OUTLINE double search_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
+                                        double compliance, double slope, double noise) {
+  return search_line([&](double alpha) { return look_along(team, workspace, bodies, compliance, alpha); }, slope,
                      kSpaceSlopeLeft, noise);
 }
 

@@ -60,14 +60,14 @@ STICTION_HD void start_diagonal(double* sum, const SpaceBody& body) {
 }
 
 /// One block of M + J'WJ.
-STICTION_HD void assemble_block(const SpaceRoom& room, Index row, Index k, double* sum) {
-  const NewtonStream& stream = room.stream;
+STICTION_HD void assemble_block(const SpaceWorkspace& workspace, Index row, Index k, double* sum) {
+  const NewtonStream& stream = workspace.stream;
   const bool is_diagonal = stream.pattern.columns[k] == row;
   for (Index i = 0; i < kBlockEntries; ++i) sum[i] = 0.0;
-  if (is_diagonal) start_diagonal(sum, room.body[row]);
+  if (is_diagonal) start_diagonal(sum, workspace.body[row]);
   for (Index e = stream.block_offsets[k]; e < stream.block_offsets[k + 1]; ++e) {
     const Index entry = stream.block_contacts[e];
-    const SpaceContact& contact = room.contact[entry >= 0 ? entry : ~entry];
+    const SpaceContact& contact = workspace.contact[entry >= 0 ? entry : ~entry];
     const Vector3<double>& own = entry >= 0 ? contact.arm_b : contact.arm_a;
     const Vector3<double>& other = entry >= 0 ? contact.arm_a : contact.arm_b;
     add_stiffness(sum, contact.stiffness, is_diagonal ? 1.0 : -1.0, own, is_diagonal ? own : other);
@@ -77,38 +77,38 @@ STICTION_HD void assemble_block(const SpaceRoom& room, Index row, Index k, doubl
 /// Fills room.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper half
 /// is its mirror image, so that H is symmetric to the last bit.
 template <Team TeamT>
-STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceRoom& room, double compliance) {
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P, div_(1.0, compliance + contact.pull));
   });
-  const BlockPattern& pattern = room.stream.pattern;
-  for_each(team, room.bodies, [&](Index row) {
+  const BlockPattern& pattern = workspace.stream.pattern;
+  for_each(team, workspace.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1] && pattern.columns[k] <= row; ++k) {
-      double* const sum = room.H.block(k);
-      assemble_block(room, row, k, sum);
+      double* const sum = workspace.H.block(k);
+      assemble_block(workspace, row, k, sum);
       if (pattern.columns[k] != row) continue;
       for (Index i = 0; i < kBodyBlock; ++i)
         for (Index j = 0; j < i; ++j) sum[j * kBodyBlock + i] = sum[i * kBodyBlock + j];
     }
   });
-  for_each(team, room.bodies, [&](Index row) {
+  for_each(team, workspace.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k) {
       if (pattern.columns[k] <= row) continue;
-      const double* const lower = room.H.block(room.stream.mirror[k]);
+      const double* const lower = workspace.H.block(workspace.stream.mirror[k]);
       for (Index i = 0; i < kBodyBlock; ++i)
-        for (Index j = 0; j < kBodyBlock; ++j) room.H.block(k)[i * kBodyBlock + j] = lower[j * kBodyBlock + i];
+        for (Index j = 0; j < kBodyBlock; ++j) workspace.H.block(k)[i * kBodyBlock + j] = lower[j * kBodyBlock + i];
     }
   });
 }
 
 /// Fills room.sliding for the stiffnesses that the contacts have.
 template <Team TeamT>
-STICTION_HD_OUTLINE void assemble_sliding(TeamT& team, const SpaceRoom& room) {
-  const BlockPattern& pattern = room.stream.pattern;
-  for_each(team, room.bodies, [&](Index row) {
+STICTION_HD_OUTLINE void assemble_sliding(TeamT& team, const SpaceWorkspace& workspace) {
+  const BlockPattern& pattern = workspace.stream.pattern;
+  for_each(team, workspace.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k)
-      assemble_block(room, row, k, room.sliding.block(k));
+      assemble_block(workspace, row, k, workspace.sliding.block(k));
   });
 }
 

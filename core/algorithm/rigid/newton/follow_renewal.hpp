@@ -79,24 +79,24 @@ STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedCon
 /// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
 /// Coulomb's law itself; without, they become what they should have been before it.
 template <Team TeamT>
-STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {
-  assemble_curvature(team, room, compliance);
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+  assemble_curvature(team, workspace, compliance);
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     const FollowedContact followed = followed_contact(contact, compliance, with_sliding);
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
     if (with_sliding) turn_followed_stiffness(contact, followed);
   });
-  renew_descent(team, room);
-  if (with_sliding) assemble_sliding(team, room);
-  solve_space(team, room, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+  renew_descent(team, workspace);
+  if (with_sliding) assemble_sliding(team, workspace);
+  solve_space(team, workspace, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     const double before = contact.shift;
     double d[3];
-    relative_motion(contact, room.step, d);
+    relative_motion(contact, workspace.step, d);
     contact.shift = contact.sliding;
     if (with_sliding && contact.sliding > 0.0) {
       contact.shift = before;  // followed_contact reads it
@@ -105,7 +105,8 @@ STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceRoom& room, cons
     for (int k = 0; k < 3; ++k) contact.u[k] = contact.u[k] + d[k];
     contact.u[0] = contact.u[0] + (contact.shift - before);
   });
-  for_each(team, room.bodies * kBodyBlock, [&](Index i) { room.point[i] = room.point[i] + room.step[i]; });
+  for_each(team, workspace.bodies * kBodyBlock,
+           [&](Index i) { workspace.point[i] = workspace.point[i] + workspace.step[i]; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

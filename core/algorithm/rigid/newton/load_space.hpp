@@ -37,13 +37,13 @@ STICTION_HD double largest_moment(const Symmetric3<double>& inertia) {
 
 /// Inverse masses as they are, and mass matrices.
 template <Team TeamT, class Real>
-STICTION_HD_OUTLINE void load_space_bodies(TeamT& team, const BodyEnv<Real>& env, const SpaceRoom& room) {
+STICTION_HD_OUTLINE void load_space_bodies(TeamT& team, const BodyEnv<Real>& env, const SpaceWorkspace& workspace) {
   const auto inverse_of = [&](Index row) { return exact_mass(env, env.is_kinematic(row) ? ~row : row); };
-  const double most_mass = max_over<double>(team, room.bodies, [&](Index row) { return inverse_of(row).mass; });
+  const double most_mass = max_over<double>(team, workspace.bodies, [&](Index row) { return inverse_of(row).mass; });
   const double most_inertia =
-      max_over<double>(team, room.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
-  for_each(team, room.bodies, [&](Index row) {
-    SpaceBody& body = room.body[row];
+      max_over<double>(team, workspace.bodies, [&](Index row) { return largest_moment(inverse_of(row).inertia); });
+  for_each(team, workspace.bodies, [&](Index row) {
+    SpaceBody& body = workspace.body[row];
     body.inverse = inverse_of(row);
     body.mass = 1.0;
     body.inertia = {1.0, 0.0, 0.0, 1.0, 0.0, 1.0};
@@ -59,10 +59,10 @@ STICTION_HD_OUTLINE void load_space_bodies(TeamT& team, const BodyEnv<Real>& env
 /// Geometry, friction and weight of contacts.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE void load_space_contacts(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
-                                             const SpaceRoom& room) {
+                                             const SpaceWorkspace& workspace) {
   const double compliance = div_(params.cfm, params.step);
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     const ExactContact exact = exact_contact(env, p);
     contact.side_a = exact.side_a;
     contact.side_b = exact.side_b;
@@ -79,20 +79,20 @@ STICTION_HD_OUTLINE void load_space_contacts(TeamT& team, const BodyEnv<Real>& e
 
 /// Where bodies are, if contacts touch: arms lead from the lowest body of every island to all others.
 template <Team TeamT>
-STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceRoom& room) {
-  const NewtonStream& stream = room.stream;
+STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceWorkspace& workspace) {
+  const NewtonStream& stream = workspace.stream;
   for (Index level = 0; level < stream.levels; ++level) {
     const Index first = stream.level_offsets[level];
     for_each(team, stream.level_offsets[level + 1] - first, [&](Index k) {
-      double* const place = room.positions + 3 * static_cast<Offset>(stream.level_bodies[first + k]);
+      double* const place = workspace.positions + 3 * static_cast<Offset>(stream.level_bodies[first + k]);
       Vector3<double> x{0.0, 0.0, 0.0};
       if (level > 0) {
         const Index link = stream.level_links[first + k];
-        const SpaceContact& contact = room.contact[link >= 0 ? link : ~link];
+        const SpaceContact& contact = workspace.contact[link >= 0 ? link : ~link];
         const Index other = link >= 0 ? contact.side_a : contact.side_b;
         const Vector3<double> step =
             subtract(link >= 0 ? contact.arm_a : contact.arm_b, link >= 0 ? contact.arm_b : contact.arm_a);
-        x = add_scaled(load3<double>(room.positions + 3 * static_cast<Offset>(other)), 1.0, step);
+        x = add_scaled(load3<double>(workspace.positions + 3 * static_cast<Offset>(other)), 1.0, step);
       }
       place[0] = x.x;
       place[1] = x.y;
@@ -104,9 +104,9 @@ STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceRoom& room) {
 /// What a sub-step begins with.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                     const SiParams& params, const SpaceRoom& room) {
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+                                     const SiParams& params, const SpaceWorkspace& workspace) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
                                                 free_twist(env, s, params, slot_of(contact.side_b)), contact.arm_b);
     contact.free[0] = dot(u, contact.frame.n) + bias_of(env, s, params, p, exact_contact(env, p));
@@ -119,21 +119,23 @@ STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, cons
 /// p, the centre of the proximal term and under Coulomb's law the shifts from the impulses that s.x stands for.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                          const SpaceRoom& room, double compliance) {
-  for_each(team, room.contacts, [&](Index p) {
-    for (Index k = 0; k < 3; ++k) room.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
+                                          const SpaceWorkspace& workspace, double compliance) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    for (Index k = 0; k < 3; ++k)
+      workspace.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
-  for_each(team, room.bodies, [&](Index row) {
-    const Twist<double> wrench = gather_wrench(room, row, [](const SpaceContact& contact) { return contact.centre; });
+  for_each(team, workspace.bodies, [&](Index row) {
+    const Twist<double> wrench =
+        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.centre; });
     const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    put_twist(room.point + static_cast<Offset>(row) * kBodyBlock,
-              pushed(still, room.body[row].inverse, wrench.linear, wrench.angular));
+    put_twist(workspace.point + static_cast<Offset>(row) * kBodyBlock,
+              pushed(still, workspace.body[row].inverse, wrench.linear, wrench.angular));
   });
   if constexpr (kLaw == Law::coulomb) {
-    for_each(team, room.contacts, [&](Index p) {
-      SpaceContact& contact = room.contact[p];
+    for_each(team, workspace.contacts, [&](Index p) {
+      SpaceContact& contact = workspace.contact[p];
       double u[3];
-      relative_motion(contact, room.point, u);
+      relative_motion(contact, workspace.point, u);
       double slide[3];
       for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.centre[k], u[k] + contact.free[k]);
       contact.shift = contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
@@ -143,9 +145,10 @@ STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env,
 
 /// s.x from the reactions, in coordinates in which the cone is the unit cone.
 template <Team TeamT, class Real, Law kLaw>
-STICTION_HD_OUTLINE void store_reactions(TeamT& team, const BodySystem<Real, kLaw>& s, const SpaceRoom& room) {
-  for_each(team, room.contacts, [&](Index p) {
-    const SpaceContact& contact = room.contact[p];
+STICTION_HD_OUTLINE void store_reactions(TeamT& team, const BodySystem<Real, kLaw>& s,
+                                         const SpaceWorkspace& workspace) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    const SpaceContact& contact = workspace.contact[p];
     for (Index k = 0; k < 3; ++k) {
       const double scale = k == 0 ? 1.0 : contact.mu;
       s.x.at(k, p) = canonical_zero(static_cast<Real>(scale > 0.0 ? div_(contact.reaction[k], scale) : 0.0));

@@ -72,45 +72,46 @@ STICTION_HD void take_best(TeamT& team, const BodySystem<Real, kLaw>& s) {
 }
 
 template <Team TeamT>
-STICTION_HD void set_pull(TeamT& team, const SpaceRoom& room, double weight) {
-  for_each(team, room.contacts, [&](Index p) { room.contact[p].pull = weight * room.contact[p].mean; });
+STICTION_HD void set_pull(TeamT& team, const SpaceWorkspace& workspace, double weight) {
+  for_each(team, workspace.contacts, [&](Index p) { workspace.contact[p].pull = weight * workspace.contact[p].mean; });
 }
 
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
 template <Team TeamT>
-STICTION_HD_OUTLINE void renew_problem(TeamT& team, const SpaceRoom& room, SpaceProgress& progress) {
-  for_each(team, room.contacts, [&](Index p) {
-    for (int k = 0; k < 3; ++k) room.contact[p].centre[k] = room.contact[p].reaction[k];
+STICTION_HD_OUTLINE void renew_problem(TeamT& team, const SpaceWorkspace& workspace, SpaceProgress& progress) {
+  for_each(team, workspace.contacts, [&](Index p) {
+    for (int k = 0; k < 3; ++k) workspace.contact[p].centre[k] = workspace.contact[p].reaction[k];
   });
   progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
   if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
-  set_pull(team, room, progress.pull);
+  set_pull(team, workspace, progress.pull);
   progress.reference = 0.0;
 }
 
 /// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
 /// rounding.
 template <Team TeamT>
-STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                           double compliance, SpaceProgress& progress) {
-  const Index n = room.bodies * kBodyBlock;
-  const double energy = max_(dot_product(team, n, room.descent, room.force), 0.0);
+  const Index n = workspace.bodies * kBodyBlock;
+  const double energy = max_(dot_product(team, n, workspace.descent, workspace.force), 0.0);
   progress.reference = max_(energy, progress.reference);
   const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
-  assemble_curvature(team, room, compliance);
-  solve_space(team, room, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
-  for_each(team, room.contacts, [&](Index p) { relative_motion(room.contact[p], room.step, room.contact[p].along); });
-  const double noise = slope_noise(team, room, compliance);
+  assemble_curvature(team, workspace, compliance);
+  solve_space(team, workspace, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
+  for_each(team, workspace.contacts,
+           [&](Index p) { relative_motion(workspace.contact[p], workspace.step, workspace.contact[p].along); });
+  const double noise = slope_noise(team, workspace, compliance);
   // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
   // that nothing can move keeps M and the inverse masses from being each other's inverse.
-  const double slope = 0.0 - dot_product(team, n, room.force, room.step);
-  const LinePoint contacts = look_along(team, room, LinePoint{0.0, 0.0}, compliance, 0.0);
-  const LinePoint bodies{slope - contacts.slope, body_curvature(team, room)};
+  const double slope = 0.0 - dot_product(team, n, workspace.force, workspace.step);
+  const LinePoint contacts = look_along(team, workspace, LinePoint{0.0, 0.0}, compliance, 0.0);
+  const LinePoint bodies{slope - contacts.slope, body_curvature(team, workspace)};
   const bool is_exhausted = !(slope < 0.0 - noise);
-  const double alpha = is_exhausted ? 1.0 : search_along(team, room, bodies, compliance, slope, noise);
-  for_each(team, n, [&](Index i) { room.point[i] = fma_(alpha, room.step[i], room.point[i]); });
-  for_each(team, room.contacts, [&](Index p) {
-    SpaceContact& contact = room.contact[p];
+  const double alpha = is_exhausted ? 1.0 : search_along(team, workspace, bodies, compliance, slope, noise);
+  for_each(team, n, [&](Index i) { workspace.point[i] = fma_(alpha, workspace.step[i], workspace.point[i]); });
+  for_each(team, workspace.contacts, [&](Index p) {
+    SpaceContact& contact = workspace.contact[p];
     for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
   });
   return is_exhausted;
@@ -119,7 +120,8 @@ STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceRoom& room, co
 /// Sweeps from the best iterate, and a first problem there. Returns what renew_reactions does.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE double sweep_closer(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                        const SiParams& params, const SpaceRoom& room, SpaceProgress& progress) {
+                                        const SiParams& params, const SpaceWorkspace& workspace,
+                                        SpaceProgress& progress) {
   take_best(team, s);
   refresh_bodies(team, env, s, params);
   SiMomentum<Real> momentum;
@@ -131,36 +133,36 @@ STICTION_HD_OUTLINE double sweep_closer(TeamT& team, const BodyEnv<Real>& env, c
   progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
   take_best(team, s);
   const double compliance = div_(params.cfm, params.step);
-  start_at_iterate(team, env, s, room, compliance);
+  start_at_iterate(team, env, s, workspace, compliance);
   progress.pull = kPullStart;
   progress.reference = 0.0;
   progress.renewed = __builtin_huge_val();
   progress.inner_steps = 0;
-  set_pull(team, room, progress.pull);
-  renew_space_motion(team, room);
-  return renew_reactions(team, room, compliance);
+  set_pull(team, workspace, progress.pull);
+  renew_space_motion(team, workspace);
+  return renew_reactions(team, workspace, compliance);
 }
 
 /// Solves a sub-step from s.x. The best iterate is in s.best; the steps taken are added to `steps`.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                           const SiParams& params, const BodySpaceOptions& space, const SpaceRoom& room,
-                                           SpaceProgress& progress, Index& steps) {
+                                           const SiParams& params, const BodySpaceOptions& space,
+                                           const SpaceWorkspace& workspace, SpaceProgress& progress, Index& steps) {
   double residual = look_at_iterate(team, env, s, params, progress);
   if (is_met(progress)) return kSpaceMet;
   if (!finite_(residual)) return kSpaceBroken;
   if (params.iterations == 0) return kSpaceOutOfSteps;
   const double compliance = div_(params.cfm, params.step);
-  const double mean = max_over<double>(team, room.contacts, [&](Index p) { return room.contact[p].mean; });
+  const double mean = max_over<double>(team, workspace.contacts, [&](Index p) { return workspace.contact[p].mean; });
   progress.pull_end = compliance >= kEnoughCompliance * mean ? 0.0 : kPullLeast;
-  double inner = sweep_closer(team, env, s, params, room, progress);
+  double inner = sweep_closer(team, env, s, params, workspace, progress);
   if (is_met(progress)) return kSpaceMet;
   Index since_best = 0;
   for (Index k = 0; k < params.iterations; ++k) {
-    const bool is_exhausted = take_newton_step(team, room, space, compliance, progress);
+    const bool is_exhausted = take_newton_step(team, workspace, space, compliance, progress);
     ++steps;
-    inner = renew_reactions(team, room, compliance);
-    store_reactions(team, s, room);
+    inner = renew_reactions(team, workspace, compliance);
+    store_reactions(team, s, workspace);
     const double before = progress.best;
     residual = look_at_iterate(team, env, s, params, progress);
     if (is_met(progress)) return kSpaceMet;
@@ -172,17 +174,17 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env
     const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
     const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
     if (kLaw == Law::coulomb && (is_long || (is_solved && residual > progress.renewed))) {
-      inner = sweep_closer(team, env, s, params, room, progress);
+      inner = sweep_closer(team, env, s, params, workspace, progress);
       if (is_met(progress)) return kSpaceMet;
     } else if (is_renewed && is_solved) {
       const bool with_sliding = kLaw == Law::coulomb;
       progress.renewed = residual;
       progress.inner_steps = 0;
-      renew_problem(team, room, progress);
-      follow_renewal(team, room, space, compliance, with_sliding);
+      renew_problem(team, workspace, progress);
+      follow_renewal(team, workspace, space, compliance, with_sliding);
       ++steps;
       ++k;
-      inner = renew_reactions(team, room, compliance);
+      inner = renew_reactions(team, workspace, compliance);
     }
   }
   return kSpaceOutOfSteps;
@@ -200,22 +202,22 @@ STICTION_HD void leave_with_best(TeamT& team, const BodyEnv<Real>& env, const Bo
 /// One environment from its numbers to its status.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                     SiParams params, const BodySpaceOptions& space, const SpaceRoom& room) {
+                                     SiParams params, const BodySpaceOptions& space, const SpaceWorkspace& workspace) {
   SiProgress<Real> entry;
   if (!start_bodies(team, env, s, params, entry)) return;
-  load_space_bodies(team, env, room);
-  load_space_contacts(team, env, params, room);
-  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(team, room);
+  load_space_bodies(team, env, workspace);
+  load_space_contacts(team, env, params, workspace);
+  if (space.preconditioner == BodyPreconditioner::multigrid) place_bodies(team, workspace);
   Index steps = 0;
   SpaceEnd end = kSpaceMet;
   SpaceProgress progress;
   for (Index step = 0; step < params.substeps; ++step) {
     if (step > 0) enter_substep(team, env, s, params, entry);
-    enter_space(team, env, s, params, room);
+    enter_space(team, env, s, params, workspace);
     progress = SpaceProgress{};
     progress.scale = entry.scale;
     progress.tolerance = params.tolerance;
-    end = solve_substep(team, env, s, params, space, room, progress, steps);
+    end = solve_substep(team, env, s, params, space, workspace, progress, steps);
     if (step + 1 < params.substeps) leave_with_best(team, env, s, params);
   }
   double absolute = judge_bodies(team, env, s, params, entry.scale);
@@ -244,8 +246,9 @@ struct BodyNewton {
                                 double* exact) {
     const SiParams params = si_params(job.stepping, job.options);
     const System system(env.kept, env.bodies, params, numbers, exact);
-    const SpaceRoom room(kLaw, env.kept, env.bodies, env.newton_stream, exact + System::exact_elements(env.bodies));
-    solve_bodies_newton(team, env, system, params, job.options.space, room);
+    const SpaceWorkspace workspace(kLaw, env.kept, env.bodies, env.newton_stream,
+                                   exact + System::exact_elements(env.bodies));
+    solve_bodies_newton(team, env, system, params, job.options.space, workspace);
   }
 };
 

@@ -40,7 +40,7 @@ inline Offset preconditioner_doubles(const NewtonStream& stream, const BodySpace
 /// Doubles that Newton's method needs for an environment of `contacts` that are solved. For the host.
 inline Offset newton_doubles(Offset contacts, const Index* integers, const BodySpaceOptions& space) {
   const NewtonStream stream = take_newton_stream(integers);
-  return SpaceRoom::doubles(contacts, stream.pattern.rows, stream.pattern.blocks()) +
+  return SpaceWorkspace::doubles(contacts, stream.pattern.rows, stream.pattern.blocks()) +
          preconditioner_doubles(stream, space);
 }
 
@@ -49,47 +49,47 @@ enum class SpaceSystem { symmetric, sliding };
 
 /// d into room.step, by a preconditioner that is prepared.
 template <Team TeamT, class Preconditioner>
-STICTION_HD_OUTLINE void solve_with(TeamT& team, const SpaceRoom& room, const Preconditioner& preconditioner,
+STICTION_HD_OUTLINE void solve_with(TeamT& team, const SpaceWorkspace& workspace, const Preconditioner& preconditioner,
                                     SpaceSystem system, double tolerance) {
-  const GradientProblem problem{room.H.unknowns(), room.force, room.step,
-                                room.gradients,    tolerance,  kMostGradientSteps};
+  const GradientProblem problem{workspace.H.unknowns(), workspace.force, workspace.step,
+                                workspace.gradients,    tolerance,       kMostGradientSteps};
   if (system == SpaceSystem::symmetric)
-    solve_gradients(team, room.H, problem, preconditioner);
+    solve_gradients(team, workspace.H, problem, preconditioner);
   else
-    solve_stabilized(team, room.sliding, problem, preconditioner);
+    solve_stabilized(team, workspace.sliding, problem, preconditioner);
 }
 template <Team TeamT, class Preconditioner>
-STICTION_HD_OUTLINE void prepare_and_solve(TeamT& team, const SpaceRoom& room, const Preconditioner& preconditioner,
-                                           SpaceSystem system, double tolerance) {
-  preconditioner.prepare(team, room.H);
-  solve_with(team, room, preconditioner, system, tolerance);
+STICTION_HD_OUTLINE void prepare_and_solve(TeamT& team, const SpaceWorkspace& workspace,
+                                           const Preconditioner& preconditioner, SpaceSystem system, double tolerance) {
+  preconditioner.prepare(team, workspace.H);
+  solve_with(team, workspace, preconditioner, system, tolerance);
 }
 
 /// The same with the preconditioner that the options name.
 template <Team TeamT>
-STICTION_HD_OUTLINE void solve_space(TeamT& team, const SpaceRoom& room, const BodySpaceOptions& space,
+STICTION_HD_OUTLINE void solve_space(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                      SpaceSystem system, double tolerance) {
-  const Index rows = room.stream.pattern.rows;
-  const Index* own = room.stream.preconditioner;
-  double* const memory = room.preconditioner;
+  const Index rows = workspace.stream.pattern.rows;
+  const Index* own = workspace.stream.preconditioner;
+  double* const memory = workspace.preconditioner;
   switch (space.preconditioner) {
     case BodyPreconditioner::diagonal:
-      return prepare_and_solve(team, room, ScalarDiagonal{rows, memory}, system, tolerance);
+      return prepare_and_solve(team, workspace, ScalarDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::block_diagonal:
-      return prepare_and_solve(team, room, BlockDiagonal{rows, memory}, system, tolerance);
+      return prepare_and_solve(team, workspace, BlockDiagonal{rows, memory}, system, tolerance);
     case BodyPreconditioner::incomplete_cholesky:
-      return prepare_and_solve(team, room, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
+      return prepare_and_solve(team, workspace, IncompleteCholesky{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::sparse_inverse:
-      return prepare_and_solve(team, room, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
+      return prepare_and_solve(team, workspace, SparseInverse::in(take_sparse_inverse(own), memory), system, tolerance);
     case BodyPreconditioner::factor:
-      return prepare_and_solve(team, room, BlockLdl{take_block_factor(own), memory}, system, tolerance);
+      return prepare_and_solve(team, workspace, BlockLdl{take_block_factor(own), memory}, system, tolerance);
     case BodyPreconditioner::multigrid: {
       Multigrid multigrid;
       multigrid.plan = take_multigrid(own);
       multigrid.cycle = space.multigrid.cycle;
       multigrid.memory = memory;
-      multigrid.prepare(team, room.H, room.positions);
-      solve_with(team, room, multigrid, system, tolerance);
+      multigrid.prepare(team, workspace.H, workspace.positions);
+      solve_with(team, workspace, multigrid, system, tolerance);
     }
   }
 }

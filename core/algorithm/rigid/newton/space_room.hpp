@@ -37,7 +37,7 @@ struct SpaceBody {
 
 /// Everything of one environment; pointers into its scratch and its stream. Twists are kept as the change that
 /// reactions make, p = v - v_free, 6 numbers a body.
-struct SpaceRoom {
+struct SpaceWorkspace {
   NewtonStream stream;
   Law law;
   Index contacts, bodies;
@@ -65,8 +65,8 @@ struct SpaceRoom {
            2 * blocks * kBlockEntries;
   }
 
-  STICTION_HD SpaceRoom(Law law_of_friction, Index contact_count, Index body_count, const Index* integers,
-                        double* memory)
+  STICTION_HD SpaceWorkspace(Law law_of_friction, Index contact_count, Index body_count, const Index* integers,
+                             double* memory)
       : stream(take_newton_stream(integers)), law(law_of_friction), contacts(contact_count), bodies(body_count) {
     const auto take = [&memory](Offset count) {
       double* const part = memory;

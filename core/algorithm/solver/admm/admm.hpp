@@ -11,7 +11,10 @@ namespace stiction::inline STICTION_ISA {
 /// Saxce's shift is taken from the dual. Anderson's acceleration on the whole iteration, and a ladder of rho.
 struct Admm {
   static constexpr SolverKind kKind = SolverKind::admm;
-  static STICTION_HD constexpr MethodRoom room() { return {0, AdmmState::kVectors, 1, AdmmState::kGradientRoom}; }
+  static STICTION_HD constexpr Workspace workspace() {
+    return {
+        .f64_vectors = AdmmState::kVectors, .dense_matrices = 1, .matrix_free_vectors = AdmmState::kMatrixFreeVectors};
+  }
   static constexpr Index kChunk = 4;
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>

@@ -50,7 +50,8 @@ struct AdmmState {
   double* answer;        ///< gradients: the v before, from which they start
 
   static constexpr Index kVectors = 8 + 2 * kAndersonMemory;
-  static constexpr Index kGradientRoom = kConeBlockRoom + kGradientVectors + 1;  ///< vectors, instead of the matrix
+  static constexpr Index kMatrixFreeVectors =
+      kConeBlockWorkspace + kGradientVectors + 1;  ///< vectors, instead of the matrix
 
   template <class System>
   static STICTION_HD AdmmState of(const System& s) {
@@ -72,8 +73,8 @@ struct AdmmState {
                 spare,
                 spare,
                 vector(kVectors),
-                vector(kVectors + kConeBlockRoom),
-                vector(kVectors + kConeBlockRoom + kGradientVectors)};
+                vector(kVectors + kConeBlockWorkspace),
+                vector(kVectors + kConeBlockWorkspace + kGradientVectors)};
     if constexpr (kHasVelocity<System>)
       if (a.form == AdmmForm::velocity) a.factor.n = s.dofs;
     return a;
@@ -85,9 +86,9 @@ struct AdmmState {
   template <class System>
   static STICTION_HD AdmmForm form_of(const System& s) {
     if constexpr (kMultipliesWide<System>) {
-      const Offset room = s.has_matrices ? Offset{s.n} * s.n : Offset{kGradientRoom} * s.n;
+      const Offset workspace = s.has_matrices ? Offset{s.n} * s.n : Offset{kMatrixFreeVectors} * s.n;
       if constexpr (kHasVelocity<System>)
-        if (prefers_velocity(s) && Offset{s.dofs} * s.dofs <= room) return AdmmForm::velocity;
+        if (prefers_velocity(s) && Offset{s.dofs} * s.dofs <= workspace) return AdmmForm::velocity;
       if (!s.has_matrices) return AdmmForm::gradients;
     }
     return AdmmForm::matrix;

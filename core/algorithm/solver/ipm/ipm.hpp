@@ -12,8 +12,10 @@ namespace stiction::inline STICTION_ISA {
 /// de Saxce's shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
 struct Ipm {
   static constexpr SolverKind kKind = SolverKind::ipm;
-  static STICTION_HD constexpr MethodRoom room() {
-    return {0, IpmSpace::kVectors, IpmSpace::kMatrices, IpmSpace::kGradientRoom};
+  static STICTION_HD constexpr Workspace workspace() {
+    return {.f64_vectors = IpmSpace::kVectors,
+            .dense_matrices = IpmSpace::kMatrices,
+            .matrix_free_vectors = IpmSpace::kMatrixFreeVectors};
   }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }

@@ -32,7 +32,7 @@ struct IpmSpace {
     kVectors
   };
   static constexpr Index kMatrices = 2;
-  static constexpr Index kGradientRoom = kGradientVectors + kMaxConeRows + 1;  ///< vectors, instead of matrices
+  static constexpr Index kMatrixFreeVectors = kGradientVectors + kMaxConeRows + 1;  ///< vectors, instead of matrices
 
   Index n;
   bool has_matrices;    ///< else steps are found by conjugate gradients, and A and K are not there

@@ -16,9 +16,9 @@ STICTION_HD double mean_diagonal(const System& s, const IpmSpace& p, Index row) 
 }
 
 /// A slack and its multiplier with slack * multiplier = gap, or an absent bound's.
-STICTION_HD void start_bound(bool present, double room, double gap, double& slack, double& multiplier) {
-  slack = present ? room : 1.0;
-  multiplier = present ? div_(gap, room) : 0.0;
+STICTION_HD void start_bound(bool present, double workspace, double gap, double& slack, double& multiplier) {
+  slack = present ? workspace : 1.0;
+  multiplier = present ? div_(gap, workspace) : 0.0;
 }
 
 /// A row's first point: `wish`, pushed at least `margin` inside its bounds or to the middle between them.

@@ -13,7 +13,7 @@ namespace stiction::inline STICTION_ISA {
 /// beginning of another path.
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
-  static STICTION_HD constexpr MethodRoom room() { return {0, Tableau::kVectors, 1}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = Tableau::kVectors, .dense_matrices = 1}; }
   /// A pivot costs as much as a look at the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most

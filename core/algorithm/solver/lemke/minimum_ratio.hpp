@@ -58,12 +58,12 @@ STICTION_HD_OUTLINE Blocking first_blocking(TeamT& team, const Tableau& t, Index
     t.ratio[i] = step;
     shortest = min_(step, shortest);
   }
-  const double room = opening || entering >= n ? infinite : t.hi[entering] - t.lo[entering];
-  shortest = min_(room, 0.0 - team.max(0.0 - shortest));
+  const double workspace = opening || entering >= n ? infinite : t.hi[entering] - t.lo[entering];
+  shortest = min_(workspace, 0.0 - team.max(0.0 - shortest));
   if (!(shortest < infinite)) return {Blocking::kNothing, infinite};
 
   const auto is_tied = [&](Index i) {
-    if (i == n) return (room - shortest) <= kTie * size;
+    if (i == n) return (workspace - shortest) <= kTie * size;
     return t.ratio[i] < infinite && (t.ratio[i] - shortest) * abs_(t.T(i, c)) <= kTie * size;
   };
   double lowest = infinite;
@@ -88,7 +88,7 @@ STICTION_HD_OUTLINE Blocking first_blocking(TeamT& team, const Tableau& t, Index
       return best;
     });
   }
-  return {row, row == n ? room : t.ratio[row]};
+  return {row, row == n ? workspace : t.ratio[row]};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -11,8 +11,11 @@ namespace stiction::inline STICTION_ISA {
 /// search. Anything else: semismooth Newton on the natural map with a proximal term, in alternation with sweeps.
 struct Newton {
   static constexpr SolverKind kKind = SolverKind::newton;
-  static STICTION_HD constexpr MethodRoom room() {
-    return {Npgs::room().vectors, kNewtonVectors, kNewtonMatrices, kNewtonGradientRoom};
+  static STICTION_HD constexpr Workspace workspace() {
+    return {.vectors = Npgs::workspace().vectors,
+            .f64_vectors = kNewtonVectors,
+            .dense_matrices = kNewtonMatrices,
+            .matrix_free_vectors = kNewtonMatrixFreeVectors};
   }
   /// Under the Coulomb law there is no function to descend, and nothing is lost by trying on an asymmetric A.
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
@@ -25,7 +28,7 @@ struct Newton {
   /// tangential axes that have no friction.
   template <Team TeamT, class Real, class System>
   static STICTION_HD_OUTLINE void load(TeamT& team, const EnvView<Real>& env, System& s) {
-    const NewtonRoom room = newton_room(s);
+    const NewtonWorkspace workspace = newton_room(s);
     const Real scale_a = s.scalar[kScaleA];
     for_each_place(team, env, s, [&](Index cone, ConePlace place) {
       const Index first = env.cone_row(cone);
@@ -33,7 +36,7 @@ struct Newton {
       for (Index k = 0; k < size; ++k) {
         const Index i = env.row_of(first, size, k);
         const Real scale = row_scale(env, env.kind[cone], k, i);
-        room.vector(kCompliance)[place.row + k] = static_cast<double>((env.R[i] * scale_a) * (scale * scale));
+        workspace.vector(kCompliance)[place.row + k] = static_cast<double>((env.R[i] * scale_a) * (scale * scale));
       }
     });
   }
@@ -78,13 +81,13 @@ struct Newton {
   /// Whether every row that can react has compliance to speak of.
   template <Team TeamT, class System>
   static STICTION_HD_OUTLINE bool is_compliant(TeamT& team, const System& s) {
-    const NewtonRoom room = newton_room(s);
+    const NewtonWorkspace workspace = newton_room(s);
     double stiff = 0.0;
     s.for_each_cone(team, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
         const auto diagonal = static_cast<double>(s.block_entry(row, k, k));
         const bool without_friction = k > 0 && !(diagonal > 0.0);
-        if (!without_friction && !(room.vector(kCompliance)[row + k] > kLeastCompliance * diagonal)) stiff = 1.0;
+        if (!without_friction && !(workspace.vector(kCompliance)[row + k] > kLeastCompliance * diagonal)) stiff = 1.0;
       }
     });
     return !(team.max(stiff) > 0.0);

@@ -28,21 +28,21 @@ enum NewtonVector : Index {
   kTrial = kFactor + 1,        ///< proximal: the point tried
   kTrialMotion = kFactor + 2,  ///< proximal: its motion
   // Instead of matrices.
-  kDiagonal = kNewtonVectors,                   ///< of A; proximal: of A + R
-  kTurned,                                      ///< primal: C times a vector; proximal: derivative of norm(y_t)
-  kGuess,                                       ///< primal: where the search for t begins
-  kConeFactors,                                 ///< the cones' blocks of the step's matrix: factors; proximal: inverses
-  kDerivative = kConeFactors + kConeBlockRoom,  ///< proximal: P', six columns
-  kGradients = kDerivative + kConeBlockRoom,    ///< vectors of the method of gradients
+  kDiagonal = kNewtonVectors,  ///< of A; proximal: of A + R
+  kTurned,                     ///< primal: C times a vector; proximal: derivative of norm(y_t)
+  kGuess,                      ///< primal: where the search for t begins
+  kConeFactors,                ///< the cones' blocks of the step's matrix: factors; proximal: inverses
+  kDerivative = kConeFactors + kConeBlockWorkspace,  ///< proximal: P', six columns
+  kGradients = kDerivative + kConeBlockWorkspace,    ///< vectors of the method of gradients
   kNewtonEnd = kGradients + kStabilizedVectors,
 };
 static_assert(kGradientVectors <= kStabilizedVectors);
 
 inline constexpr Index kNewtonMatrices = 2;
-inline constexpr Index kNewtonGradientRoom = kNewtonEnd - kNewtonVectors;  ///< vectors, instead of the matrices
+inline constexpr Index kNewtonMatrixFreeVectors = kNewtonEnd - kNewtonVectors;  ///< vectors, instead of the matrices
 
 /// The vectors and matrices of one environment.
-struct NewtonRoom {
+struct NewtonWorkspace {
   double* first;
   Index n;
   bool has_matrices;  ///< else steps are found by gradients
@@ -57,7 +57,7 @@ struct NewtonRoom {
   }
 };
 template <class System>
-STICTION_HD NewtonRoom newton_room(const System& s) {
+STICTION_HD NewtonWorkspace newton_room(const System& s) {
   return {s.wide, s.n, s.has_matrices};
 }
 
@@ -71,9 +71,9 @@ STICTION_HD void read_cone(const Vector& from, Index row, double (&to)[M]) {
 template <bool kCompliance, Team TeamT, class System, class Base, class Store>
 STICTION_HD_OUTLINE void multiply_motion(TeamT& team, const System& s, const double* in, const Base& base,
                                          const Store& store) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   if constexpr (kMultipliesWide<System>)
-    if (!room.has_matrices) {
+    if (!workspace.has_matrices) {
       prepare_wide_product(team, s, in);
       for_each(team, s.n, [&](Index i) {
         const double start = kCompliance ? fma_(static_cast<double>(s.R[i]), in[i], base(i)) : base(i);
@@ -81,16 +81,16 @@ STICTION_HD_OUTLINE void multiply_motion(TeamT& team, const System& s, const dou
       });
       return;
     }
-  multiply_dense(team, room.matrix(0), in, base, store);
+  multiply_dense(team, workspace.matrix(0), in, base, store);
 }
 
 /// One vector's motion, b included, into another.
 template <bool kCompliance, Team TeamT, class System>
 STICTION_HD_OUTLINE void renew_motion(TeamT& team, const System& s, Index point, Index motion) {
-  const NewtonRoom room = newton_room(s);
-  double* const y = room.vector(motion);
+  const NewtonWorkspace workspace = newton_room(s);
+  double* const y = workspace.vector(motion);
   multiply_motion<kCompliance>(
-      team, s, room.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
+      team, s, workspace.vector(point), [&](Index i) { return static_cast<double>(s.b[i]); },
       [&](Index i, double value) { y[i] = value; });
 }
 

@@ -20,23 +20,23 @@ inline constexpr Index kMostPrimalSteps = 500;
 /// itself would (C C'H projects onto the directions in which its reaction can change), so that the residual that is
 /// left is that of the cones' own laws instead of a reaction's.
 template <class Shape, int M>
-STICTION_HD void guess_unknown(Shape, const NewtonRoom& room, Index row, const CompliantPoint<M>& point,
+STICTION_HD void guess_unknown(Shape, const NewtonWorkspace& workspace, Index row, const CompliantPoint<M>& point,
                                const double (&R)[M], const double (&C)[M][M]) {
   double force[M];
   double along = 0.0;
-  for (int k = 0; k < M; ++k) force[k] = R[k] * room.vector(kGap)[row + k];
+  for (int k = 0; k < M; ++k) force[k] = R[k] * workspace.vector(kGap)[row + k];
   if constexpr (Shape::kKind == ConeKind::friction)
     if (point.zone == kSlides) {
-      for (int k = 1; k < M; ++k) along = fma_(point.s[k], room.vector(kGap)[row + k], along);
+      for (int k = 1; k < M; ++k) along = fma_(point.s[k], workspace.vector(kGap)[row + k], along);
       for (int k = 1; k < M; ++k) {
-        const double across = fma_(0.0 - along, point.s[k], room.vector(kGap)[row + k]);
+        const double across = fma_(0.0 - along, point.s[k], workspace.vector(kGap)[row + k]);
         force[k] = fma_(point.stiffness, across, force[k]);
       }
     }
   for (int j = 0; j < M; ++j) {
     double sum = 0.0;
     for (int k = 0; k < M; ++k) sum = fma_(C[k][j], force[k], sum);
-    room.vector(kGuess)[row + j] = sum;
+    workspace.vector(kGuess)[row + j] = sum;
   }
 }
 
@@ -47,9 +47,9 @@ struct CurvatureOperator {
 
   template <Team TeamT>
   STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
-    const NewtonRoom room = newton_room(*s);
-    const double* const C = room.vector(kFactor);
-    double* const turned = room.vector(kTurned);
+    const NewtonWorkspace workspace = newton_room(*s);
+    const double* const C = workspace.vector(kFactor);
+    double* const turned = workspace.vector(kTurned);
     s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       for (int k = 0; k < kRows; ++k) {
@@ -75,14 +75,14 @@ struct CurvatureOperator {
 /// Factors of the cones' blocks of I + C'AC.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void prepare_curvature(TeamT& team, const System& s) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
-    const double* const C = room.vector(kFactor) + Offset{6} * row;
+    const double* const C = workspace.vector(kFactor) + Offset{6} * row;
     double A[kRows][kRows];
     double K[kRows][kRows];
     read_cone_block(s, row, A);
-    for (int k = 0; k < kRows; ++k) A[k][k] = room.vector(kDiagonal)[row + k];
+    for (int k = 0; k < kRows; ++k) A[k][k] = workspace.vector(kDiagonal)[row + k];
     for (int j = 0; j < kRows; ++j) {
       double image[kRows];
       for (int k = 0; k < kRows; ++k) {
@@ -94,19 +94,19 @@ STICTION_HD_OUTLINE void prepare_curvature(TeamT& team, const System& s) {
         for (int k = 0; k < kRows; ++k) K[i][j] = fma_(C[6 * k + i], image[k], K[i][j]);
       }
     }
-    factor_cone_block(K, cone_place(room.vector(kConeFactors), row));
+    factor_cone_block(K, cone_place(workspace.vector(kConeFactors), row));
   });
 }
 
 /// kUnknown becomes the solution for the right-hand side that it is. Overwrites kImage.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void solve_curvature_by_gradients(TeamT& team, const System& s, double accuracy) {
-  const NewtonRoom room = newton_room(s);
-  double* const t = room.vector(kUnknown);
-  double* const found = room.vector(kImage);
+  const NewtonWorkspace workspace = newton_room(s);
+  double* const t = workspace.vector(kUnknown);
+  double* const found = workspace.vector(kImage);
   solve_gradients(team, CurvatureOperator<System>{&s},
-                  {s.n, t, found, room.vector(kGradients), accuracy, kMostPrimalSteps},
-                  ConeBlocks<System>{&s, room.vector(kConeFactors)});
+                  {s.n, t, found, workspace.vector(kGradients), accuracy, kMostPrimalSteps},
+                  ConeBlocks<System>{&s, workspace.vector(kConeFactors)});
   for_each(team, s.n, [&](Index i) { t[i] = found[i]; });
 }
 

@@ -28,21 +28,21 @@ STICTION_HD CompliantPoint<Shape::kRows> point_at(Shape shape, const System& s, 
 /// Takes the compliance from A + R, and s.x as the first point.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void start_primal(TeamT& team, System& s) {
-  const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
-  double* const R = room.vector(kCompliance);
-  if (room.has_matrices) fill_matrix(team, s, A);
+  const NewtonWorkspace workspace = newton_room(s);
+  const DenseMatrix A = workspace.matrix(0);
+  double* const R = workspace.vector(kCompliance);
+  if (workspace.has_matrices) fill_matrix(team, s, A);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (int k = 0; k < kRows; ++k) {
-      double& diagonal = room.has_matrices ? A(row + k, row + k) : room.vector(kDiagonal)[row + k];
-      if (!room.has_matrices) diagonal = static_cast<double>(s.block_entry(row, k, k));
+      double& diagonal = workspace.has_matrices ? A(row + k, row + k) : workspace.vector(kDiagonal)[row + k];
+      if (!workspace.has_matrices) diagonal = static_cast<double>(s.block_entry(row, k, k));
       diagonal = diagonal - R[row + k];
       // An axis without friction has no motion here either, and any compliance keeps its reaction at zero.
       if (!(R[row + k] > 0.0)) R[row + k] = R[row];
-      room.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
+      workspace.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
     }
-    room.vector(kZones)[cone] = -1.0;
+    workspace.vector(kZones)[cone] = -1.0;
   });
   renew_motion<false>(team, s, kPoint, kMotion);
 }
@@ -50,23 +50,23 @@ STICTION_HD_OUTLINE void start_primal(TeamT& team, System& s) {
 /// Gap zeta - x(u) and the factor C of every cone; whether the matrix factored last is another one now.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE bool linearise(TeamT& team, System& s) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   double changed = 0.0;
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
     double R[kRows];
     double C[kRows][kRows];
-    read_cone(room.vector(kMotion), row, u);
+    read_cone(workspace.vector(kMotion), row, u);
     const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
     compliance_factor(shape, point, R, C);
     for (int k = 0; k < kRows; ++k) {
-      room.vector(kGap)[row + k] = room.vector(kPoint)[row + k] - point.x[k];
-      for (int j = 0; j < kRows; ++j) room.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
+      workspace.vector(kGap)[row + k] = workspace.vector(kPoint)[row + k] - point.x[k];
+      for (int j = 0; j < kRows; ++j) workspace.vector(kFactor)[Offset{6} * (row + k) + j] = C[k][j];
     }
     if constexpr (kMultipliesWide<System>)
-      if (!room.has_matrices) guess_unknown(shape, room, row, point, R, C);
-    double& zone = room.vector(kZones)[cone];
+      if (!workspace.has_matrices) guess_unknown(shape, workspace, row, point, R, C);
+    double& zone = workspace.vector(kZones)[cone];
     const auto now = static_cast<double>(point.zone);
     if (zone != now || point.zone == kSlides) changed = 1.0;
     zone = now;
@@ -77,15 +77,15 @@ STICTION_HD_OUTLINE bool linearise(TeamT& team, System& s) {
 /// The second matrix becomes the factors of I + C'AC; its cones' blocks are factored where it has no room.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void factor_curvature(TeamT& team, const System& s) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   if constexpr (kMultipliesWide<System>)
-    if (!room.has_matrices) {
+    if (!workspace.has_matrices) {
       prepare_curvature(team, s);
       return;
     }
-  const DenseMatrix A = room.matrix(0);
-  const DenseMatrix K = room.matrix(1);
-  const double* const C = room.vector(kFactor);
+  const DenseMatrix A = workspace.matrix(0);
+  const DenseMatrix K = workspace.matrix(1);
+  const double* const C = workspace.vector(kFactor);
   SerialTeam alone;
   s.for_each_cone(alone, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
@@ -124,23 +124,23 @@ STICTION_HD_OUTLINE void factor_curvature(TeamT& team, const System& s) {
 /// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
 template <Team TeamT, class System>
 STICTION_HD void solve_curvature(TeamT& team, const System& s, double accuracy) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   if constexpr (kMultipliesWide<System>)
-    if (!room.has_matrices) {
+    if (!workspace.has_matrices) {
       solve_curvature_by_gradients(team, s, accuracy);
       return;
     }
-  solve_ldl(team, room.matrix(1), room.vector(kUnknown));
+  solve_ldl(team, workspace.matrix(1), workspace.vector(kUnknown));
 }
 
 /// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double accuracy) {
-  const NewtonRoom room = newton_room(s);
-  double* const image = room.vector(kImage);
-  double* const t = room.vector(kUnknown);
-  double* const d = room.vector(kStep);
-  const double* const C = room.vector(kFactor);
+  const NewtonWorkspace workspace = newton_room(s);
+  double* const image = workspace.vector(kImage);
+  double* const t = workspace.vector(kUnknown);
+  double* const d = workspace.vector(kStep);
+  const double* const C = workspace.vector(kFactor);
   const auto zero = [](Index) { return 0.0; };
   const auto into_image = [&](Index i, double value) { image[i] = value; };
   const auto add_answers = [&](const double* unknown) {
@@ -150,8 +150,8 @@ STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double acc
         for (int j = 0; j < kRows; ++j) d[row + k] = fma_(C[Offset{6} * (row + k) + j], unknown[row + j], d[row + k]);
     });
   };
-  for_each(team, s.n, [&](Index i) { d[i] = 0.0 - room.vector(kGap)[i]; });
-  if (!room.has_matrices) add_answers(room.vector(kGuess));
+  for_each(team, s.n, [&](Index i) { d[i] = 0.0 - workspace.vector(kGap)[i]; });
+  if (!workspace.has_matrices) add_answers(workspace.vector(kGuess));
   multiply_motion<false>(team, s, d, zero, into_image);
   s.for_each_cone(team, [&](auto shape, Index, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
@@ -159,7 +159,7 @@ STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double acc
       double sum = 0.0;
       for (int k = 0; k < kRows; ++k) sum = fma_(C[Offset{6} * (row + k) + j], image[row + k], sum);
       t[row + j] = 0.0 - sum;
-      if (!room.has_matrices) t[row + j] = t[row + j] - room.vector(kGuess)[row + j];
+      if (!workspace.has_matrices) t[row + j] = t[row + j] - workspace.vector(kGuess)[row + j];
     }
   });
   solve_curvature(team, s, accuracy);
@@ -170,7 +170,7 @@ STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double acc
 /// phi' and phi'' on the line, at zeta + alpha d.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double alpha) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
@@ -179,10 +179,10 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double al
     double zeta[kRows];
     double R[kRows];
     double C[kRows][kRows];
-    read_cone(room.vector(kStep), row, d);
-    read_cone(room.vector(kImage), row, image);
-    read_cone(room.vector(kPoint), row, zeta);
-    read_cone(room.vector(kMotion), row, u);
+    read_cone(workspace.vector(kStep), row, d);
+    read_cone(workspace.vector(kImage), row, image);
+    read_cone(workspace.vector(kPoint), row, zeta);
+    read_cone(workspace.vector(kMotion), row, u);
     for (int k = 0; k < kRows; ++k) u[k] = fma_(alpha, image[k], u[k]);
     const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
     compliance_factor(shape, point, R, C);
@@ -197,25 +197,25 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double al
       for (int k = 0; k < kRows; ++k) sum = fma_(C[k][j], image[k], sum);
       curvature = fma_(sum, sum, curvature);
     }
-    room.vector(kOfCone)[cone] = slope;
-    room.vector(kOfConeToo)[cone] = curvature;
+    workspace.vector(kOfCone)[cone] = slope;
+    workspace.vector(kOfConeToo)[cone] = curvature;
   });
-  const double slope = sum_values(team, room.vector(kOfCone), s.cones);
-  return {slope, sum_values(team, room.vector(kOfConeToo), s.cones)};
+  const double slope = sum_values(team, workspace.vector(kOfCone), s.cones);
+  return {slope, sum_values(team, workspace.vector(kOfConeToo), s.cones)};
 }
 
 /// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
 /// rounding of its motion as it does to motion.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE double slope_noise(TeamT& team, const System& s) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
-      const double reaction = abs_(room.vector(kPoint)[i]);
-      const double motion = fma_(room.diagonal(i), reaction, abs_(room.vector(kMotion)[i]));
-      const double answer = reaction + div_(motion, room.vector(kCompliance)[i]);
-      sum = fma_(abs_(room.vector(kImage)[i]), answer, sum);
+      const double reaction = abs_(workspace.vector(kPoint)[i]);
+      const double motion = fma_(workspace.diagonal(i), reaction, abs_(workspace.vector(kMotion)[i]));
+      const double answer = reaction + div_(motion, workspace.vector(kCompliance)[i]);
+      sum = fma_(abs_(workspace.vector(kImage)[i]), answer, sum);
     }
     return sum;
   });
@@ -226,12 +226,12 @@ STICTION_HD_OUTLINE double slope_noise(TeamT& team, const System& s) {
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE bool iterate_primal(TeamT& team, System& s) {
   using Real = typename System::Real;
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   if (linearise(team, s)) factor_curvature(team, s);
   find_direction(team, s, kPrimalAccuracy);
   double noise = slope_noise(team, s);
   LinePoint here = look_along(team, s, 0.0);
-  if (!room.has_matrices && !(here.slope < 0.0 - noise)) {
+  if (!workspace.has_matrices && !(here.slope < 0.0 - noise)) {
     find_direction(team, s, kPrimalCare);
     noise = slope_noise(team, s);
     here = look_along(team, s, 0.0);
@@ -240,14 +240,15 @@ STICTION_HD_OUTLINE bool iterate_primal(TeamT& team, System& s) {
   const double alpha =
       is_exhausted ? 1.0
                    : search_line([&](double at) { return look_along(team, s, at); }, here.slope, kSlopeLeft, noise);
-  for_each(team, s.n,
-           [&](Index i) { room.vector(kPoint)[i] = fma_(alpha, room.vector(kStep)[i], room.vector(kPoint)[i]); });
+  for_each(team, s.n, [&](Index i) {
+    workspace.vector(kPoint)[i] = fma_(alpha, workspace.vector(kStep)[i], workspace.vector(kPoint)[i]);
+  });
   renew_motion<false>(team, s, kPoint, kMotion);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double u[kRows];
     double R[kRows];
-    read_cone(room.vector(kMotion), row, u);
+    read_cone(workspace.vector(kMotion), row, u);
     const CompliantPoint<kRows> point = point_at(shape, s, cone, row, u, R);
     for (int k = 0; k < kRows; ++k) s.x[row + k] = static_cast<Real>(point.x[k]);
   });

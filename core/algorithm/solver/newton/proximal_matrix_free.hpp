@@ -15,19 +15,21 @@ inline constexpr Index kMostProximalSteps = 250;
 
 /// Keeps a cone's slope for the operator.
 template <int M>
-STICTION_HD void keep_slope(const NewtonRoom& room, Index row, const NaturalSlope<M>& slope) {
+STICTION_HD void keep_slope(const NewtonWorkspace& workspace, Index row, const NaturalSlope<M>& slope) {
   for (int i = 0; i < M; ++i) {
-    room.vector(kTurned)[row + i] = slope.turn[i];
-    for (int k = 0; k < M; ++k) room.vector(kDerivative)[Offset{kConeBlockRoom} * (row + i) + k] = slope.P[i][k];
+    workspace.vector(kTurned)[row + i] = slope.turn[i];
+    for (int k = 0; k < M; ++k)
+      workspace.vector(kDerivative)[Offset{kConeBlockWorkspace} * (row + i) + k] = slope.P[i][k];
   }
 }
 template <int M, class System>
 STICTION_HD NaturalSlope<M> kept_slope(const System& s, Index cone, Index row, double pull) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   NaturalSlope<M> slope;
   for (int i = 0; i < M; ++i) {
-    slope.turn[i] = room.vector(kTurned)[row + i];
-    for (int k = 0; k < M; ++k) slope.P[i][k] = room.vector(kDerivative)[Offset{kConeBlockRoom} * (row + i) + k];
+    slope.turn[i] = workspace.vector(kTurned)[row + i];
+    for (int k = 0; k < M; ++k)
+      slope.P[i][k] = workspace.vector(kDerivative)[Offset{kConeBlockWorkspace} * (row + i) + k];
   }
   slope.D = natural_step(s, cone);
   slope.pull = pull;
@@ -117,8 +119,8 @@ struct InvertedBlocks {
 /// A cone's slope kept, and its own block of F' inverted.
 template <int M, class System>
 STICTION_HD void prepare_slope(const System& s, Index row, const NaturalSlope<M>& slope) {
-  const NewtonRoom room = newton_room(s);
-  keep_slope(room, row, slope);
+  const NewtonWorkspace workspace = newton_room(s);
+  keep_slope(workspace, row, slope);
   double K[M][M];
   for (int j = 0; j < M; ++j) {
     double v[M];
@@ -131,18 +133,18 @@ STICTION_HD void prepare_slope(const System& s, Index row, const NaturalSlope<M>
     slope.apply(v, image, column);
     for (int k = 0; k < M; ++k) K[k][j] = column[k];
   }
-  invert_cone_block(K, cone_place(room.vector(kConeFactors), row));
+  invert_cone_block(K, cone_place(workspace.vector(kConeFactors), row));
 }
 
 /// kStep becomes the solution for the right-hand side that it is. Overwrites kUnknown.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void solve_natural_by_gradients(TeamT& team, const System& s, double pull) {
-  const NewtonRoom room = newton_room(s);
-  double* const d = room.vector(kStep);
-  double* const force = room.vector(kUnknown);
+  const NewtonWorkspace workspace = newton_room(s);
+  double* const d = workspace.vector(kStep);
+  double* const force = workspace.vector(kUnknown);
   for_each(team, s.n, [&](Index i) { force[i] = d[i]; });
   solve_stabilized(team, NaturalOperator<System>{&s, pull},
-                   {s.n, force, d, room.vector(kGradients), kProximalAccuracy, kMostProximalSteps},
+                   {s.n, force, d, workspace.vector(kGradients), kProximalAccuracy, kMostProximalSteps},
                    InvertedBlocks<System>{&s});
 }
 

@@ -61,44 +61,44 @@ struct Merit {
 };
 template <Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE Merit merit_at(TeamT& team, const System& s, Index point, Index motion, double pull) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
     double centre[kRows];
-    read_cone(room.vector(point), row, x);
-    read_cone(room.vector(motion), row, y);
-    read_cone(room.vector(kCentre), row, centre);
+    read_cone(workspace.vector(point), row, x);
+    read_cone(workspace.vector(motion), row, y);
+    read_cone(workspace.vector(kCentre), row, centre);
     const auto squares = [&](double weight) {
       const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, weight);
       double sum = 0.0;
       for (int k = 0; k < kRows; ++k) sum = fma_(at.gap[k], at.gap[k], sum);
       return (sum * at.weight) * at.weight;
     };
-    room.vector(kOfCone)[cone] = squares(0.0);
-    room.vector(kOfConeToo)[cone] = squares(pull);
+    workspace.vector(kOfCone)[cone] = squares(0.0);
+    workspace.vector(kOfConeToo)[cone] = squares(pull);
   });
-  const double natural = sum_values(team, room.vector(kOfCone), s.cones);
-  return {natural, sum_values(team, room.vector(kOfConeToo), s.cones)};
+  const double natural = sum_values(team, workspace.vector(kOfCone), s.cones);
+  return {natural, sum_values(team, workspace.vector(kOfConeToo), s.cones)};
 }
 
 /// Gap and derivative of the proximal natural map: the second matrix becomes F', its cones' blocks where it has no
 /// room.
 template <Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double pull) {
-  const NewtonRoom room = newton_room(s);
-  const DenseMatrix A = room.matrix(0);
-  const DenseMatrix K = room.matrix(1);
-  double* const d = room.vector(kStep);
+  const NewtonWorkspace workspace = newton_room(s);
+  const DenseMatrix A = workspace.matrix(0);
+  const DenseMatrix K = workspace.matrix(1);
+  double* const d = workspace.vector(kStep);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
     double centre[kRows];
-    read_cone(room.vector(kPoint), row, x);
-    read_cone(room.vector(kMotion), row, y);
-    read_cone(room.vector(kCentre), row, centre);
+    read_cone(workspace.vector(kPoint), row, x);
+    read_cone(workspace.vector(kMotion), row, y);
+    read_cone(workspace.vector(kCentre), row, centre);
     const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, pull);
     NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), pull};
     projection_derivative(shape, at.z, at.lo, at.hi, slope.P);
@@ -109,7 +109,7 @@ STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double
     }
     for (int k = 0; k < kRows; ++k) d[row + k] = 0.0 - at.gap[k];
     if constexpr (kMultipliesWide<System>)
-      if (!room.has_matrices) {
+      if (!workspace.has_matrices) {
         prepare_slope(s, row, slope);
         return;
       }
@@ -130,25 +130,25 @@ STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double
 /// kStep, the right-hand side, becomes the solution.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void solve_natural(TeamT& team, const System& s, double pull) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   if constexpr (kMultipliesWide<System>)
-    if (!room.has_matrices) {
+    if (!workspace.has_matrices) {
       solve_natural_by_gradients(team, s, pull);
       return;
     }
-  factor_lu(team, room.matrix(1), room.vector(kPivots));
-  solve_lu(team, room.matrix(1), room.vector(kPivots), room.vector(kStep));
+  factor_lu(team, workspace.matrix(1), workspace.vector(kPivots));
+  solve_lu(team, workspace.matrix(1), workspace.vector(kPivots), workspace.vector(kStep));
 }
 
 /// Mean diagonal of A + R, the unit of the proximal term's weight.
 template <class Real, Team TeamT>
-STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonRoom& room) {
+STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonWorkspace& workspace) {
   const double trace = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
-    for (Index i = leaf; i < room.n; i += kReduceLeaves) sum = sum + room.diagonal(i);
+    for (Index i = leaf; i < workspace.n; i += kReduceLeaves) sum = sum + workspace.diagonal(i);
     return sum;
   });
-  const double mean = div_(trace, static_cast<double>(room.n));
+  const double mean = div_(trace, static_cast<double>(workspace.n));
   return static_cast<Real>(mean > 0.0 ? mean : 1.0);
 }
 
@@ -157,16 +157,16 @@ STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonRoom& room) {
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void start_proximal(TeamT& team, System& s) {
   using Real = typename System::Real;
-  const NewtonRoom room = newton_room(s);
-  if (room.has_matrices) {
-    fill_matrix(team, s, room.matrix(0));
+  const NewtonWorkspace workspace = newton_room(s);
+  if (workspace.has_matrices) {
+    fill_matrix(team, s, workspace.matrix(0));
   } else {
     s.for_each_cone(team, [&](auto shape, Index, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k)
-        room.vector(kDiagonal)[row + k] = static_cast<double>(s.block_entry(row, k, k));
+        workspace.vector(kDiagonal)[row + k] = static_cast<double>(s.block_entry(row, k, k));
     });
   }
-  const Real mean = mean_diagonal<Real>(team, room);
+  const Real mean = mean_diagonal<Real>(team, workspace);
   single(team, [&] {
     s.scalar[kTheta] = Real(0);
     s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
@@ -179,7 +179,7 @@ template <Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE void sweep_closer(TeamT& team, System& s,
                                       const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   const bool afresh = s.scalar[kTheta] == Real(0);
   team.sync();
   if (afresh) {
@@ -188,21 +188,23 @@ STICTION_HD_OUTLINE void sweep_closer(TeamT& team, System& s,
   }
   for (int k = 0; k < kSweepsBefore; ++k) Npgs::iterate<kLaw>(team, s, params);
   Npgs::refresh(team, s, true);
-  for_each(team, s.n, [&](Index i) { room.vector(kPoint)[i] = room.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
+  for_each(team, s.n,
+           [&](Index i) { workspace.vector(kPoint)[i] = workspace.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
   renew_motion<true>(team, s, kPoint, kMotion);
 }
 
 /// The point `length` along d, projected onto the cones, and its motion.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void try_step(TeamT& team, const System& s, double length) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double still[kRows] = {};
-    for (int k = 0; k < kRows; ++k) x[k] = fma_(length, room.vector(kStep)[row + k], room.vector(kPoint)[row + k]);
+    for (int k = 0; k < kRows; ++k)
+      x[k] = fma_(length, workspace.vector(kStep)[row + k], workspace.vector(kPoint)[row + k]);
     proximal_point<Law::convex>(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]));
-    for (int k = 0; k < kRows; ++k) room.vector(kTrial)[row + k] = x[k];
+    for (int k = 0; k < kRows; ++k) workspace.vector(kTrial)[row + k] = x[k];
   });
   renew_motion<true>(team, s, kTrial, kTrialMotion);
 }
@@ -210,11 +212,11 @@ STICTION_HD_OUTLINE void try_step(TeamT& team, const System& s, double length) {
 /// The natural map that rounding leaves of a solution, squared.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE double merit_noise(TeamT& team, const System& s) {
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   const double terms = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < s.n; i += kReduceLeaves) {
-      const double term = room.diagonal(i) * room.vector(kPoint)[i];
+      const double term = workspace.diagonal(i) * workspace.vector(kPoint)[i];
       sum = fma_(term, term, sum);
     }
     return sum;
@@ -227,7 +229,7 @@ template <Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
                                           const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
-  const NewtonRoom room = newton_room(s);
+  const NewtonWorkspace workspace = newton_room(s);
   const Real weight = s.scalar[kLipschitz];
   team.sync();
   if (weight < Real(0)) sweep_closer<kLaw>(team, s, params);
@@ -248,17 +250,17 @@ STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
   const bool is_solved = is_better && there.proximal <= (kInnerPart * kInnerPart) * there.natural;
   if (is_better) {
     for_each(team, s.n, [&](Index i) {
-      const double x = room.vector(kTrial)[i];
-      room.vector(kPoint)[i] = x;
-      room.vector(kMotion)[i] = room.vector(kTrialMotion)[i];
-      if (is_solved) room.vector(kCentre)[i] = x;
+      const double x = workspace.vector(kTrial)[i];
+      workspace.vector(kPoint)[i] = x;
+      workspace.vector(kMotion)[i] = workspace.vector(kTrialMotion)[i];
+      if (is_solved) workspace.vector(kCentre)[i] = x;
       s.x[i] = static_cast<Real>(x);
     });
   }
   Real next = abs_(weight);
   if (is_solved) next = max_(next * Real(kProximalFall), Real(kProximalLeast));
   if (!is_better) {
-    const Real most = Real(kProximalMost) * mean_diagonal<Real>(team, room);
+    const Real most = Real(kProximalMost) * mean_diagonal<Real>(team, workspace);
     next = max_(next, min_(next * Real(kProximalRise), most));
   }
   single(team, [&] {
