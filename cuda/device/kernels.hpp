@@ -48,7 +48,7 @@ struct BodyKernels {
   SolveBodyKernels by_precision_and_law[2][2];
 };
 
-/// Bodies by Newton's method, one team per environment, by precision and law  (programs/newton_bodies_program.hpp).
+/// Bodies by Newton's method, one team per environment, by precision and law  (programs/bodies_program.hpp).
 struct NewtonBodyKernels {
   KernelRef by_precision_and_law[2][2];
 };
