@@ -10,7 +10,7 @@ template <class T, int W>
 using PackPlaces = typename PackMask<T, W>::Vector;
 
 /// base[place] in every lane. Without AVX-512 by loads of single numbers: AVX2's gather instructions take longer on Zen
-/// (docs/performance-log.md).
+/// (bench/log).
 template <class T, int W>
 STICTION_HD Pack<T, W> gather(const T* base, PackPlaces<T, W> place) {
   Pack<T, W> r;
