@@ -10,7 +10,7 @@ namespace stiction::c {
 
 namespace {
 
-/// A file's batch, in f64 as files are, and in f32 once somebody asks.
+/// A file's batch, in f64 as files are, and in f32 once it is asked for.
 struct ReadBatch {
   io::Recording recording;
   std::optional<ContactBatch<float>> rounded;

@@ -97,7 +97,7 @@ class BodyPackRun {
     std::fill_n(exact, Memory::exact_elements(shape), 0.0);
   }
 
-  /// Answers whoever is done and lets others enter. Whether there is anything to advance.
+  /// Answers finished environments and loads others. Whether there is anything to advance.
   bool refill() {
     go_on([](const Lane& lane) { return lane.left == 0; });
     for (;;) {
@@ -327,7 +327,7 @@ class BodyPackRun {
   Lanes pack_;
   PackEnv<Real, kWidth> env_;
   Lane lanes_[kWidth];
-  bool is_composed_ = false;  ///< nobody has entered since compose()
+  bool is_composed_ = false;  ///< none has entered since compose()
 };
 
 /// Whether environments of this room go through two packs in turns: as long as the second-level cache holds both. Only

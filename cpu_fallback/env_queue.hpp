@@ -20,12 +20,12 @@ struct EnvQueue {
 /// to be worth more than the idle lanes they end with.
 inline constexpr Offset kShortestForPairs = 2;
 
-/// A pack (PackRun) until nobody is left in it or in its queue.
+/// A pack (PackRun) until no environment is left in it or in its queue.
 template <class Run>
 void run_out(Run& pack) {
   while (pack.refill()) pack.advance();
 }
-/// Two that share a queue, in turns as long as both have somebody: what one does hides what the other waits for.
+/// Two that share a queue, in turns as long as both have one: what one does hides what the other waits for.
 template <class Run>
 void run_out(Run& a, Run& b) {
   bool a_is_busy = a.refill();

@@ -9,7 +9,7 @@ namespace stiction::cpu {
 /// A solve on this machine.
 template <class Real>
 struct Job : SolveJob<Real> {
-  const FullRows* full_rows = nullptr;  ///< of each environment, or null: nobody looked  (env_count)
+  const FullRows* full_rows = nullptr;  ///< of each environment, or null: not looked at  (env_count)
 };
 
 /// One solver under one law on one environment at a time, of any path.

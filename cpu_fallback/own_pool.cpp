@@ -50,7 +50,7 @@ class Call {
   std::exception_ptr failure_;
 };
 
-/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does what nobody takes,
+/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does what is not taken,
 /// so calls from several threads, and from within items, get on with however many helpers are free.
 class Pool {
  public:

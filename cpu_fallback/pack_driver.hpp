@@ -21,7 +21,7 @@ template <class Real>
 EnvView<Real> slice(const cpu::Job<Real>& job, Offset env) {
   return slice(job.batch, job.plan, job.law, job.warm_start, job.lambda, job.w, job.status, env);
 }
-/// The same for whoever is going to read all of A.
+/// One environment of the job, of which all of A is going to be read.
 template <class Real>
 EnvView<Real> slice_to_load(const cpu::Job<Real>& job, Offset env) {
   EnvView<Real> view = slice(job, env);
@@ -122,7 +122,7 @@ class PackRun {
     ask_ahead();
   }
 
-  /// Answers whoever is done and lets others enter. Whether there is anything to advance.
+  /// Answers finished environments and loads others. Whether there is anything to advance.
   bool refill() {
     settle(busy_);
     while (!queue_.is_empty() && busy_.count() <= kWidth - kTogether) settle(enter());
@@ -137,7 +137,7 @@ class PackRun {
   }
 
  private:
-  /// Much of entering is done in all lanes whoever enters: lanes that become free wait until so many are.
+  /// Much of loading is done in all lanes whichever load: lanes that become free wait until so many are.
   static constexpr int kTogether = kWidth > 2 ? (kWidth * 3 + 7) / 8 : 1;
   using Lanes = Pack<Real, kWidth>;
 

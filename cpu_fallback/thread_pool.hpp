@@ -9,7 +9,7 @@ namespace stiction::cpu {
 /// Threads to use when `requested` are asked for; 0 asks for all cores.
 int thread_count(int requested);
 
-/// work(item, worker): `worker` is in [0, threads) and nobody else's while the call lasts.
+/// work(item, worker): `worker` is in [0, threads) and no other thread's while the call lasts.
 using ItemWork = std::function<void(int item, int worker)>;
 
 /// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them, each

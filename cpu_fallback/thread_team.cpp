@@ -14,7 +14,7 @@ namespace stiction::cpu {
 namespace {
 
 /// Looks at the phase before a waiter yields, some hundred microseconds: on a busy machine a yield costs whole turns of
-/// everybody else, at every barrier.
+/// all others, at every barrier.
 constexpr int kSpins = 4000;
 
 void pause() {

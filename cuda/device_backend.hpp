@@ -37,7 +37,7 @@ class DeviceBackend final : public Backend {
   std::shared_ptr<DeviceApi> api_;
   Engine engine_;
   Staging staging_;
-  std::weak_ptr<const PlanData> planned_;  ///< whose integers the engine holds; expired: nobody's
+  std::weak_ptr<const PlanData> planned_;  ///< whose integers the engine holds; expired: no plan's
   std::mutex mutex_;
 };
 

@@ -15,7 +15,7 @@ namespace stiction::cuda {
 /// copied there and back.
 class DeviceBodies final : public BodyMachine {
  public:
-  /// `eager`: solves are complete on return, for a device that does nothing before somebody waits.
+  /// `eager`: solves are complete on return, for a device that does nothing before it is waited for.
   DeviceBodies(std::shared_ptr<DeviceApi> api, bool eager);
 
   void solve(const BodyRequest<float>& request) override;

@@ -114,7 +114,7 @@ void DeviceJacobian<Real>::launch(const KernelRef& kernel, const LaunchShape& sh
   api_->launch(kernel, own, &args, stream);
 }
 
-/// Queues work on the arrays behind whatever used them last. What is captured is ordered by whoever launches the graph.
+/// Queues work on the arrays behind whatever used them last. What is captured is ordered where the graph is launched.
 template <class Real>
 template <class Work>
 void DeviceJacobian<Real>::queue(StreamHandle stream, const Work& work) {

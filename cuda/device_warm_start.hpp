@@ -13,7 +13,7 @@ namespace stiction::cuda {
 template <class Real>
 class DeviceWarmStart final : public WarmStartMachine<Real> {
  public:
-  /// `eager`: every call is complete on return, for a device that does nothing before somebody waits.
+  /// `eager`: every call is complete on return, for a device that does nothing before it is waited for.
   DeviceWarmStart(std::shared_ptr<DeviceApi> api, const WarmStartCapacity& capacity, bool eager);
   /// Waits for the last list of reset(), which may still be on its way.
   ~DeviceWarmStart() override;

@@ -9,7 +9,7 @@
 namespace stiction::cuda {
 
 /// A world in device memory. A step brings to the host what planning reads, the contacts of each environment as numbers
-/// of bodies; everything else stays there until somebody asks for it.
+/// of bodies; everything else stays there until it is asked for.
 template <class Real>
 class DeviceWorld final : public WorldMachine<Real> {
  public:
@@ -47,7 +47,7 @@ class DeviceWorld final : public WorldMachine<Real> {
   Offset env_count_;
   Real keep_;
   bool limited_;         ///< planning reads depths, too
-  bool pushed_ = false;  ///< somebody may write wrenches
+  bool pushed_ = false;  ///< wrenches may be written
   WorldArrays<Real> host_;
   bool state_here_ = true, status_here_ = true, contacts_here_ = true;  ///< what of host_ is of the last step
   WorldJob<Real> job_{};

@@ -295,7 +295,7 @@ template <class Real>
 void Engine::queue_settled(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane,
                            StreamHandle stream) {
   const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
-  // An environment that nobody has to solve is answered in the name of the first rung.
+  // An environment without anything to solve is answered in the name of the first rung.
   const SolverKind solver =
       request.options.solver == SolverKind::automatic ? ladder_rung(0).solver : request.options.solver;
   const SettledArgs<Real> args{job, queue, plan_.flags, solver};
@@ -382,7 +382,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   const bool capturing = api_.capturing(stream);
   captured_ = captured_ || capturing;
   // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
-  // by whoever launches the graph.
+  // where the graph is launched.
   if (!capturing) api_.wait(stream, done_->get());
   timer_.attach(request.options.tracer, capturing);
   api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);

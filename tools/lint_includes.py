@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks who may include whom, and the few words that belong in one place only.
+"""Checks what each folder may include, and the few words that belong in one place only.
 
 Usage: lint_includes.py [--root DIR] [--self-test]
 

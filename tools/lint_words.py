@@ -18,6 +18,8 @@ SPELLS_THE_WORDS = {"tools/lint_words.py"}
 
 # The words are put together here so that a search for them finds unfinished work and not this list.
 LATER = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|not imple" r"mented|place" r"holder|for n" r"ow|st" r"ubs?)\b")
+# Data, code and machines are not persons: name what does it, or use the passive. CHANGELOG.md keeps what it said.
+PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"body|any" r"body)\b", re.IGNORECASE)
 MACHINE_PATH = re.compile(r"(?<![\w.$}])/(work|root|home/\w+)/\w")
 MACRO = re.compile(r"^\s*#\s*define\s+(\w+)")
 MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
@@ -32,6 +34,8 @@ def problems_of(path, text):
             found.append(f"{path}:{number}: '{LATER.search(line).group(0)}' promises later work; do it or drop it")
         if path not in SPELLS_THE_WORDS and MACHINE_PATH.search(line):
             found.append(f"{path}:{number}: '{MACHINE_PATH.search(line).group(0)}...' is a path of one machine")
+        if path not in SPELLS_THE_WORDS | {"CHANGELOG.md"} and not path.startswith("bench/results/") and suffix in CODE | {".md"} and PERSON.search(line):
+            found.append(f"{path}:{number}: '{PERSON.search(line).group(0)}' is a person; say what does it")
         macro = MACRO.match(line)
         if macro and suffix in {".hpp", ".cuh", ".h"} and not MACROS_ALLOWED.match(macro.group(1)):
             found.append(f"{path}:{number}: macro {macro.group(1)} must begin with STICTION_")
@@ -68,6 +72,8 @@ def self_test():
         ("a.py", "x = 1  # place" + "holder\n", 1),
         ("a.md", "see /wo" + "rk/main/core\n", 1),
         ("a.sh", "x=$HOME/wo" + "rk/core\n", 0),
+        ("a.md", "No" + "body waits.\n", 1),
+        ("a.hpp", "/// for who" + "ever asks\n", 1),
         ("a.hpp", "#define MIN(a) a\n", 1),
         ("a.hpp", "#define STICTION_HD inline\n", 0),
         ("a.cpp", "int x; \n", 1),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The comparisons again on problems that nobody has seen: every scene of `stiction generate` from a seed drawn now.
+"""The comparisons again on problems that are new: every scene of `stiction generate` from a seed drawn now.
 
     bench/peers/fresh.py STICTION --judge check_solution.py [--results DIR] [--bench-ratio build/bench/bench_ratio]
                          [--seed S] [--envs 8] [--seconds 0.3]
@@ -101,7 +101,7 @@ def main():
         for scene, size in SIZES.items():
             subprocess.run([arguments.stiction, "generate", scene, "--size", str(size), "--envs", str(arguments.envs),
                             "--seed", str(seed), "-o", str(scenes / f"{scene}.h5"), "--quiet"], check=True)
-        laws = "both" if importlib.util.find_spec("clarabel") else "file"  # nobody else knows the convex law
+        laws = "both" if importlib.util.find_spec("clarabel") else "file"  # no other peer knows the convex law
         subprocess.run([sys.executable, str(HERE / "against.py"), arguments.stiction, str(scenes), "--judge", arguments.judge,
                         "--results", str(results), "--goals", ",".join(GOALS), "--seconds", str(arguments.seconds),
                         "--solvers", "auto,npgs", "--laws", laws], check=True)

@@ -5,7 +5,7 @@
                          [--images DIR] [--goals 1e-4,1e-6] [--envs 64,1024,8192,32768] [--peers torch,mjx,warp] [--seconds 1]
 
 Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py; their environments are
-filled up to the same cones (padded.py) and repeated. Everybody gets the same arrays, in the memory of the device before the
+filled up to the same cones (padded.py) and repeated. Every peer gets the same arrays, in the memory of the device before the
 clock starts, and leaves the answer there:
 
     torch   PGS, APGD and ADMM written for this (torch_peers.py), given A; on a GPU also with a chunk captured as a CUDA graph
@@ -136,7 +136,7 @@ def optional(name):
 
 
 def offers(robot, envs, arguments):
-    """(name, how to make it) of everybody who might take part."""
+    """(name, how to make it) of every peer that might take part."""
     device, wanted = arguments.device, arguments.peers
     given = {precision: torch_peers.Given(robot.padded, envs, precision, device) for precision in ("f32", "f64")}
     for precision, tensors in given.items():

@@ -55,7 +55,7 @@ COLUMNS = ["robot", "environments", "rows", "dofs", "start", "goal", "form", "so
 
 
 class Robot:
-    """The problems of a file, repeated, and where everybody starts."""
+    """The problems of a file, repeated, and where every solver starts."""
 
     def __init__(self, path, envs, judge):
         self.path, self.name, self.judge = path, path.stem, judge
@@ -183,7 +183,7 @@ def race(robot, functions, arguments):
         for goal in arguments.goals:
             entrants = contenders([one for one in entrants if qualify(robot, one, goal, arguments.limit)])
             if len({isinstance(one, Ours) for one in entrants}) < 2:
-                print(f"{robot.name}: nobody on one side reaches {goal:g}", file=sys.stderr)
+                print(f"{robot.name}: no solver on one side reaches {goal:g}", file=sys.stderr)
                 break
             spent = turns(entrants, arguments.seconds) * 1e6 / len(robot.systems)
             rows += list(pairs(robot, entrants, spent, "warm" if warm else "cold", goal))

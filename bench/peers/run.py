@@ -69,7 +69,7 @@ def parts(a):
              [*script("scaling.py"), ours, *data, *judge, *results, *images], ("stiction", "matplotlib"), (ours,)),
         Part("roofline", "operations a second of sweeps, under the roof of one core (G10 on the CPU)", 60,
              [*script("roofline.py"), *results, *images], ("stiction", "matplotlib"), (HERE / "yardstick.c",)),
-        Part("fresh", "C1, C2 and C5 on scenes of a seed nobody has seen", 160,
+        Part("fresh", "C1, C2 and C5 on scenes of a new seed", 160,
              [*script("fresh.py"), ours, "--bench-ratio", ratio, *judge, *results, *seed], files=(ours, ratio), judge=True),
         Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 190,
              [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",

@@ -5,7 +5,7 @@
 
 #include "stiction/bodies.hpp"
 
-/// Scenes in body form, and the same environments as contact systems for whoever wants to check one by the other.
+/// Scenes in body form, and the same environments as contact systems to check one by the other.
 namespace stiction::scenes {
 
 /// A heap of spheres in an open box, with about as many contacts as asked for (>= 1): a shaken close packing in which

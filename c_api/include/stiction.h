@@ -141,7 +141,7 @@ STICTION_API stiction_code stiction_body_solver_create(const char* device, const
                                                        const stiction_body_options* options,
                                                        stiction_body_solver** solver);
 STICTION_API stiction_code stiction_body_solver_destroy(stiction_body_solver* solver);
-/** Plans a batch: colours, order, who touches whom. For batches in device memory, whose structure solve cannot see:
+/** Plans a batch: colours, order, which bodies touch. For batches in device memory, whose structure solve cannot see:
  * call it before the first solve and whenever offsets, body numbers, `kinematic` or, with max_contacts_per_env, depths
  * changed. */
 STICTION_API stiction_code stiction_body_solver_plan(stiction_body_solver* solver, const stiction_body_view* batch,

@@ -40,7 +40,7 @@ inline std::uint64_t priority_of(std::uint64_t key) {
   return x ^ x >> 31;
 }
 
-/// Bodies and manifolds, who is beside whom, and nothing derived but degrees.
+/// Bodies and manifolds, which are neighbours, and nothing derived but degrees.
 class BodyGraph {
  public:
   void add_body(Index body, bool moves);

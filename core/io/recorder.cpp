@@ -38,7 +38,7 @@ void extend_optional(std::vector<T>& all, std::size_t before, const std::vector<
 
 ContactBatch<double> joined(const ContactBatch<double>& first, const ContactBatch<double>& second) {
   auto all = first.arrays();
-  all.factor_offsets.clear();  // nobody has any
+  all.factor_offsets.clear();  // no environment has any
   const auto& more = second.arrays();
   extend_optional(all.cone_group, all.cone_kind.size(), more.cone_group, more.cone_kind.size(), Index{-1});
   extend_optional(all.env_flags, all.env_row_offsets.size() - 1, more.env_flags, more.env_row_offsets.size() - 1,

@@ -13,7 +13,7 @@ struct Rung {
 };
 
 /// The ladder, in the order in which it is climbed. None is left out of the order for an environment that begins higher
-/// up. The last three are for what nobody else could: gradients and sweeps, slow, but without a matrix and without a
+/// up. The last three are for what no other could: gradients and sweeps, slow, but without a matrix and without a
 /// region of convergence, and from where they came to rest Newton's method with patience.
 inline constexpr int kLadderRungs = 8;
 STICTION_HD constexpr Rung ladder_rung(int rung) {

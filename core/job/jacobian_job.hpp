@@ -41,7 +41,7 @@ struct JacobianArrays {
   FactorUse use;
 };
 
-/// What is made of a Jacobian batch whose integers are known to nobody but the device that it is on.
+/// What is made of a Jacobian batch whose integers are known to the device that it is on alone.
 template <class Real>
 struct JacobianBatchJob {
   JacobianBatchView<Real> batch;

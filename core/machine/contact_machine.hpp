@@ -22,7 +22,7 @@ struct SolveRequest {
   SolverOptions options;
   StreamRef stream;
   const std::vector<FullRows>* full_rows =
-      nullptr;  ///< of each environment of a batch on the host, or null: nobody looked
+      nullptr;  ///< of each environment of a batch on the host, or null: not looked at
 };
 
 /// A machine. There are three, reached through the factories below; none holds arithmetic.

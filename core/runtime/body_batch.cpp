@@ -88,7 +88,7 @@ std::string entry(const char* array, Offset env, const char* what, Index index, 
          "] = " + shortest_text(value);
 }
 
-/// How far a normal's squared length may be from 1: a scale of the impulses that nobody notices.
+/// How far a normal's squared length may be from 1: a scale of the impulses that does not show.
 constexpr float kNormalTolerance = 1e-3F;
 
 /// One look at a batch whose offsets are sound: whether it has no defect at all, which is what nearly every batch has.
@@ -168,7 +168,7 @@ class BodyValidator {
 
  private:
   /// see(part, env) for all environments, by a validator for each part of them. Their defects are reported in order,
-  /// whoever found them first. Returns whether there are none.
+  /// whichever part found them first. Returns whether there are none.
   template <class See>
   bool look(const ShareOut& share_out, const See& see) {
     std::mutex mutex;

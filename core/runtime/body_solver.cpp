@@ -43,7 +43,7 @@ bool looks_at_numbers(const BodySolverOptions& options, MemorySpace space) {
   return options.invalid == InvalidPolicy::reject && space == MemorySpace::host;
 }
 
-/// `is_used`: somebody will plan with them, for which an ordering's library has to be there.
+/// `is_used`: a plan will be made with them, for which an ordering's library has to be there.
 void check_space_options(const BodySpaceOptions& space, bool is_used) {
   if (static_cast<int>(space.preconditioner) >= kBodyPreconditionerCount)
     refuse("space.preconditioner = " + std::to_string(static_cast<int>(space.preconditioner)) +

@@ -48,7 +48,7 @@ class IslandSplit {
   std::vector<Index> place_;           ///< place in its piece of each row of the environment at hand
   ContactBatch<Real> pieces_;
   std::vector<Real> warm_start_;  ///< of the pieces' rows, or empty
-  Solution<Real> answer_;         ///< w is empty where nobody wants it
+  Solution<Real> answer_;         ///< w is empty where it is not wanted
 };
 
 }  // namespace stiction

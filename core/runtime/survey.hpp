@@ -96,7 +96,7 @@ class Survey {
            all_finite_nonnegative(std::span(batch_.mu, static_cast<std::size_t>(batch_.mu_count)));
   }
 
-  /// All numbers of some environments, room that nobody uses included.
+  /// All numbers of some environments, unused room included.
   [[nodiscard]] bool numbers_pass(Offset begin, Offset end) const {
     const Offset first = batch_.env_row_offsets[begin];
     const auto rows = static_cast<std::size_t>(batch_.env_row_offsets[end] - first);

@@ -29,8 +29,9 @@ struct EmulatedDeviceOptions {
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
-/// before somebody waits, and then in any order that streams and events allow, drawn from a seed: a missing dependency
-/// shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be made to fail.
+/// before it is waited for, and then in any order that streams and events allow, drawn from a seed: a missing
+/// dependency shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be
+/// made to fail.
 class EmulatedDevice final : public DeviceApi {
  public:
   explicit EmulatedDevice(const EmulatedDeviceOptions& options = {});
@@ -68,7 +69,7 @@ class EmulatedDevice final : public DeviceApi {
   void fail_call(DeviceCall call, int n);
   /// Calls of that kind so far.
   [[nodiscard]] int calls(DeviceCall call) const { return calls_[static_cast<int>(call)]; }
-  /// Allocations that nobody has released.
+  /// Allocations that are not released.
   [[nodiscard]] std::size_t live_allocations() const { return memory_.size(); }
   [[nodiscard]] std::size_t live_handles() const { return streams_.size() + events_.size() - 1; }
 
@@ -81,7 +82,7 @@ class EmulatedDevice final : public DeviceApi {
     std::function<void()> work;
     std::uint64_t set = 0;    ///< mark that this step sets, 0: none
     std::uint64_t after = 0;  ///< mark that must be set before, 0: none
-    /// set when the step is done, if somebody times it
+    /// set when the step is done, if it is timed
     std::shared_ptr<Stamp> stamp = nullptr;
   };
   struct EmulatedStream {
@@ -119,14 +120,14 @@ class EmulatedDevice final : public DeviceApi {
   int fail_at_[kDeviceCalls] = {-1, -1, -1, -1, -1};
 };
 
-/// The host device that Device::emulated() stands for: one for the process, as a GPU is, while anybody uses it.
+/// The device that Device::emulated() stands for: one for the process, as a GPU is, while it is in use.
 std::shared_ptr<EmulatedDevice> shared_emulated_device();
 
 class EmulatedDevice::Graph {
  private:
   friend class EmulatedDevice;
   EmulatedStream* origin = nullptr;
-  std::vector<EmulatedStream*> streams;         ///< that take part, the origin first
+  std::vector<EmulatedStream*> streams;     ///< that take part, the origin first
   std::vector<std::vector<Step>> branches;  ///< steps of each, marks counted within the graph
 };
 

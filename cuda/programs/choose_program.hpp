@@ -22,8 +22,8 @@ struct ChooseArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// Before every rung of the ladder: whom it gets. An environment that this rung does not solve goes to the settled
-/// class, which no rung launches.
+/// Before every rung of the ladder: which environments it gets. An environment that this rung does not solve goes to
+/// the settled class, which no rung launches.
 template <class Real>
 struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;

@@ -21,7 +21,7 @@ struct SettledArgs {
 namespace stiction::inline STICTION_ISA {
 
 /// Answers environments that need no iteration: those without rows, and those that planning refused. Of one whose
-/// structure is broken nothing is touched but its status, since nobody can say where its rows lie.
+/// structure is broken nothing is touched but its status, since the place of its rows is unknown.
 template <class Real>
 struct AnswerSettled {
   using Args = cuda::SettledArgs<Real>;

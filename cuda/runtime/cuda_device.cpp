@@ -10,7 +10,7 @@ namespace cuda {
 
 namespace {
 
-/// Name and meaning of an error, which is cleared so that nobody else finds it.
+/// Name and meaning of an error, which is cleared so that no later call finds it.
 std::string explain(cudaError_t error) {
   cudaGetLastError();
   return std::string(cudaGetErrorName(error)) + " (" + cudaGetErrorString(error) + ")";

@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 
 static_assert(sizeof(CudaTeamMemory) == cuda::kTeamBytes && sizeof(CudaGridMemory) == cuda::kGridBytes);
 
-/// One copy of the program in a kernel, whoever the team is.
+/// One copy of the program in a kernel, whatever the team is.
 template <class Program>
 __device__ __noinline__ void run_as(CudaTeam& team, const cuda::TeamId& id, const typename Program::Args& args) {
   Program::run(team, id, args);

@@ -8,8 +8,8 @@
 
 namespace stiction::python {
 
-/// Somebody else's array, imported through DLPack or the buffer protocol: never copied, never converted, alive as long
-/// as this is.
+/// An array of another library, imported through DLPack or the buffer protocol: never copied, never converted, alive as
+/// long as this is.
 class Array {
  public:
   /// \throws nanobind::type_error if the object has neither protocol.

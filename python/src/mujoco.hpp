@@ -43,7 +43,7 @@ using MujocoStage = void (*)(const void* model, void* data);
 
 /// Rows of all simulations as MuJoCo left them, one simulation behind the other: a Jacobian batch of accelerations and
 /// forces, and its answer. Degrees of freedom are in reversed order: MuJoCo has M = L' D L, and backwards that is the
-/// Cholesky factor (L' D^1/2 read from its last row and column) that nobody has to compute again. Room only grows.
+/// Cholesky factor (L' D^1/2 read from its last row and column) that need not be computed again. Room only grows.
 struct MujocoSystem {
   MujocoSystem();  ///< with some room everywhere, because a view of nothing still names arrays
 

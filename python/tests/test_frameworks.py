@@ -171,7 +171,7 @@ class TestJax:
 
 
 class Other:
-    """An array of a framework that nobody here knows: it speaks DLPack and nothing else."""
+    """An array of a framework that is not known here: it speaks DLPack and nothing else."""
 
     def __init__(self, array):
         self._array = array

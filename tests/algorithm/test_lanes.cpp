@@ -31,7 +31,7 @@ bool same_bits(Real a, Real b) {
   return bits_of(a) == bits_of(b);
 }
 
-/// Each environment, and behind it in memory one that is no numbers: whoever reads too far reads of those.
+/// Each environment, and behind it in memory one that is no numbers: what is read too far is read of those.
 std::vector<Environment<double>> with_broken_neighbours(const std::vector<Environment<double>>& environments) {
   std::vector<Environment<double>> crowd;
   for (const auto& env : environments) {
@@ -69,7 +69,7 @@ class Lanes {
         64);
     auto* const memory =
         reinterpret_cast<Real*>((reinterpret_cast<std::uintptr_t>(memory_.data()) + 63) & ~std::uintptr_t{63});
-    // What nobody wrote must not be missed: it is no number.
+    // What was not written must not be missed: it is no number.
     for (Offset k = elements; k < static_cast<Offset>(memory_.size()) - 64; ++k)
       memory[k] = std::numeric_limits<Real>::quiet_NaN();
     for (Offset k = 0; k < elements; ++k) memory[k] = 0;
@@ -347,7 +347,7 @@ TYPED_TEST(LanesOf, AreLookedAtAsAnEnvironmentIsByItself) {
     }
   }
   for (const int count : found) EXPECT_GT(count, 20);
-  // A lane that nobody is in is never due.
+  // A lane without an environment is never due.
   together.end(0);
   const auto idle = next_chunk<Npgs>(*lanes.pack, together.limits, together.search);
   EXPECT_EQ(idle.left.v[0], Real(0));

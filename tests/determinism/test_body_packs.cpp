@@ -14,7 +14,7 @@ namespace stiction::test {
 
 namespace {
 
-/// Two bodies without masses touch: a contact that nobody can solve.
+/// Two bodies without masses touch: a contact that cannot be solved.
 template <class Real>
 void make_immovable(BodyEnvironment<Real>& env) {
   for (std::size_t body : {0U, 1U}) {

@@ -1,4 +1,4 @@
-// An environment of a world has the same bits whoever is beside it, whatever computes it.
+// An environment of a world has the same bits whatever is beside it and whatever computes it.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 
@@ -124,7 +124,7 @@ TEST_P(DeviceFailures, become_errors_and_leave_nothing_behind) {
     }
     EXPECT_EQ(device->live_allocations(), 0U) << "call " << n;
     EXPECT_EQ(device->live_handles(), 0U) << "call " << n;
-    // A wait that fails while everything is given back, after the answer, is nobody's loss.
+    // A wait that fails while everything is given back, after the answer, loses nothing.
     if (!failed) {
       EXPECT_EQ(env_hashes(call.batch, call.answer), expected) << "call " << n;
       continue;

@@ -12,7 +12,7 @@
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
-/// Small environments whose chunks run with the system in registers: who does, and that nobody can tell from the bits.
+/// Small environments whose chunks run with the system in registers: which do, and that the bits do not tell.
 namespace stiction::test {
 namespace {
 

@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "core/runtime/world_model.hpp"
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_world.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/bits.hpp"
@@ -51,7 +51,7 @@ struct Calls {
 };
 
 TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
-  const auto held = cuda::shared_emulated_device();  // counts for as long as somebody holds it
+  const auto held = cuda::shared_emulated_device();  // counts for as long as it is held
   World<float> world = started<float>("walker", 6, {}, Device::emulated());
   run(world, 40);
   ASSERT_GT(world.contact_offsets().back(), 0);
@@ -77,7 +77,7 @@ TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
 }
 
 TEST(DeviceWorld, contacts_are_found_again_with_more_room_where_there_was_too_little) {
-  const auto held = cuda::shared_emulated_device();  // counts for as long as somebody holds it
+  const auto held = cuda::shared_emulated_device();  // counts for as long as it is held
   World<double> world = started<double>("stack", 2, {}, Device::emulated());
   World<double> here = started<double>("stack", 2);
   constexpr int kSteps = 12;

@@ -123,7 +123,7 @@ TEST(Factor, PoisonIsFlaggedWhereItIs) {
 
 TEST(Factor, ADeviceGivesTheCpusBits) {
   const auto jacobian = mixed(Law::convex);
-  ASSERT_FALSE(assemble(jacobian.view()).arrays().factor.empty()) << "kept by size unless somebody says otherwise";
+  ASSERT_FALSE(assemble(jacobian.view()).arrays().factor.empty()) << "kept by size unless told otherwise";
   const auto here = solve(jacobian, options(SolverKind::npgs, 1e-6, 100));
   const auto there = solve(jacobian, options(SolverKind::npgs, 1e-6, 100), Device::emulated());
   EXPECT_TRUE(same_bits(here.contact, there.contact));

@@ -22,7 +22,7 @@
 #include "tests/support/random_systems.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Looking at a batch and planning it in parts: the same as at once, however it is cut and whoever comes first.
+/// Looking at a batch and planning it in parts: the same as at once, however it is cut and whichever part comes first.
 namespace stiction::test {
 namespace {
 

@@ -52,7 +52,7 @@ TEST_F(SolverUse, MotionIsOptional) {
   out.w = nullptr;
   solver.solve(solver.plan(batch.view()), batch.view(), out);
   EXPECT_NEAR(lambda[3], 1.5, 1e-9);
-  EXPECT_EQ(w[0], 77) << "nobody wrote it";
+  EXPECT_EQ(w[0], 77) << "it was not written";
 }
 
 TEST_F(SolverUse, TheLawOfTheOptionsOverridesTheBatchs) {

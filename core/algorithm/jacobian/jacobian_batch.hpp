@@ -152,7 +152,7 @@ STICTION_HD void write_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
   if (assembled) assemble_env<RowTile<Real>>(team, job.job(), env, scratch);
 }
 
-/// The velocity of one environment, if anybody can say where it is.
+/// The velocity of one environment, if its place is known.
 template <Team TeamT, class Real>
 STICTION_HD void move_env(TeamT& team, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
   const JacobianExtent extent = extent_of(job.batch, env);

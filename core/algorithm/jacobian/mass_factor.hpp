@@ -119,7 +119,7 @@ STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index c
 }
 
 /// M = L L', right-looking, as many columns at a time as a vector has lanes: entry (i, j) takes its updates in the
-/// order of the columns, whoever makes them. Whether every pivot was positive and finite, on every lane; where one was
+/// order of the columns on every machine. Whether every pivot was positive and finite, on every lane; where one was
 /// not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
 template <class Tile, Team TeamT>
 STICTION_HD bool factor_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,

@@ -372,8 +372,8 @@ struct LoadRules {
   bool needs_symmetry;      ///< an asymmetric A is refused
   bool takes_any_diagonal;  ///< rows whose diagonal is not positive are not
 };
-/// Whoever goes without the matrices it has for smaller environments takes conjugate gradients, for which A has to be
-/// symmetric under any law.
+/// A method that goes without the matrices it has for smaller environments takes conjugate gradients, for which A has
+/// to be symmetric under any law.
 template <class Method, class System>
 STICTION_HD LoadRules load_rules(Law law, const System& s) {
   constexpr Workspace kWorkspace = Method::workspace();

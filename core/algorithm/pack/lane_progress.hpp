@@ -20,7 +20,7 @@ inline float rounded_down(double tolerance, float) {
   return static_cast<double>(nearest) > tolerance ? __builtin_nextafterf(nearest, 0.0F) : nearest;
 }
 
-/// Limits and searches of all lanes. Lanes that nobody is in have no iterations left: nothing is due there.
+/// Limits and searches of all lanes. Lanes without an environment have no iterations left: nothing is due there.
 template <class Real, int W>
 struct LaneSearch {
   using Lanes = Pack<Real, W>;

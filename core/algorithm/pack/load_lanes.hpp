@@ -292,7 +292,7 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
   });
 }
 
-/// load_system() of all entrants; their flags tell who has entered. Whoever has not leaves numbers of no account.
+/// load_system() of all entrants; their flags tell which have entered. The others leave numbers of no account.
 template <class Real, int W>
 void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
                    const PackWorkspace<Real, W>& workspace, LoadRules rules, Entrant<Real>* entrants, int count) {

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Which cones are swept as one (vertices) and which of those may not be swept at once (conflicts), in one piece of
 /// memory. Vertex v conflicts with those it stores an entry with, `stored`, sorted; and with those that store one with
-/// it though it stores none with them, `mirrored`: nobody is in both.
+/// it though it stores none with them, `mirrored`: no vertex is in both.
 struct ConflictGraph {
   Index vertices = 0;
   Index* vertex_begin;    ///< first cone of each vertex, closed by the cone count                (cones + 1)

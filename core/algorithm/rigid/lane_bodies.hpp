@@ -87,7 +87,7 @@ struct WideLanes {
 };
 
 /// What load_bodies() computes of contacts whose numbers are in the lanes, and the tangents. `kept`: contacts of each
-/// lane; `warm`: who enters with a warm start. It is done for whoever is there already, too, and gives the same
+/// lane; `warm`: those that enter with a warm start. It is done for those that are there already, and gives the same
 /// numbers. Returns in which lanes a contact cannot be solved.
 template <class T, int W, Law kLaw>
 PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,

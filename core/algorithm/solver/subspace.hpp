@@ -44,7 +44,7 @@ struct Subspace {
   }
 
   /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
-  /// makes no difference: what k iterations lead to must not depend on when somebody means to stop.
+  /// makes no difference: what k iterations lead to must not depend on the limit of iterations.
   template <Law kLaw, Team TeamT, class Real, int kStride>
   static STICTION_HD_OUTLINE void leap(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];

@@ -167,7 +167,7 @@ struct BodySolutionView {
 
 struct BodyPlanData;
 
-/// The integers of a body solve: colours, order, and who touches whom. Depends on offsets, body numbers, `kinematic`
+/// The integers of a body solve: colours, order, and which bodies touch. Depends on offsets, body numbers, `kinematic`
 /// and, in environments over capacity only, on depths. Cheap to copy.
 class BodyPlan {
  public:

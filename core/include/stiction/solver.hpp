@@ -85,7 +85,7 @@ struct SolverOptions {
   int threads = 0;              ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
   IslandMode islands = IslandMode::together;  ///< apart: batches in host memory only
-  Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: nobody
+  Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none
   /// Rows of the largest environment that a method which factorises takes a matrix for, 1024 to 32768: newton keeps two
   /// of rows x rows doubles for each thread, ipm two, admm and lemke one. Above, newton, admm and ipm take gradients
   /// and lemke refuses. Another number is for the CPU only, and not for SolverKind::automatic.

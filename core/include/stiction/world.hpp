@@ -95,7 +95,7 @@ class World {
   World& operator=(World&&) noexcept;
 
   /// One step of options.stepping.dt. An environment whose state or wrench is not finite ends as `invalid_input` and
-  /// stays where it is; nobody else notices.
+  /// stays where it is; no other environment changes.
   void step();
 
   [[nodiscard]] WorldState<Real> state() const;

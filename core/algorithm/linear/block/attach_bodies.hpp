@@ -30,8 +30,8 @@ struct Attachment {
     return sum;
   }
 
-  /// The body joins the aggregate that the graph gave it if a member of it holds the body, else that of whoever holds
-  /// it most firmly.
+  /// The body joins the aggregate that the graph gave it if a member of it holds the body, else that of the body that
+  /// holds it most firmly.
   [[nodiscard]] STICTION_HD double choose(Index body) const {
     double best = -1.0;
     double firmest = 0.0;

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// v'w over n numbers, in the order of leaves whoever sums.
+/// v'w over n numbers, in the order of leaves on every team.
 template <Team TeamT>
 STICTION_HD_OUTLINE double dot_product(TeamT& team, Index n, const double* v, const double* w) {
   return sum_leaves<double>(team, [&](Index leaf) {
