@@ -121,6 +121,7 @@ def main():
     arguments = parser.parse_args()
     if arguments.self_test:
         return self_test()
+    arguments.objects = [path for path in arguments.objects if path.suffix not in (".gch", ".pch")]  # precompiled headers
     if not arguments.objects:
         parser.error("no objects given")
     if shutil.which("objdump") is None:

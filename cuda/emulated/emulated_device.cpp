@@ -147,7 +147,8 @@ void EmulatedDevice::fill_zero(void* target, std::size_t bytes, StreamHandle str
   queue(stream, {[=] { std::memset(target, 0, bytes); }});
 }
 
-void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
+void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,
+                            StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   const bool lanes_fit =
       shape.lanes >= 1 && shape.lanes <= kMostLanes && (shape.lanes % kWarp == 0 || kWarp % shape.lanes == 0);
@@ -157,11 +158,11 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, c
   count(DeviceCall::launch, kernel.name);
   if (shape.teams == 0) return;
   EmulatedLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
-                    smaller_of(shape.lanes, options_.lanes),
-                    shape.whole_device ? static_cast<int>(options_.teams) : 0,
-                    shape.whole_device && options_.seed != 0 ? random_() : 0,
-                    shape.shared_bytes,
-                    {}};
+                        smaller_of(shape.lanes, options_.lanes),
+                        shape.whole_device ? static_cast<int>(options_.teams) : 0,
+                        shape.whole_device && options_.seed != 0 ? random_() : 0,
+                        shape.shared_bytes,
+                        {}};
   launch.order.resize(static_cast<std::size_t>(launch.teams));
   std::iota(launch.order.begin(), launch.order.end(), Offset{0});
   for (Offset k = launch.teams - 1; k > 0; --k)

@@ -1,9 +1,9 @@
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/device_bodies.hpp"
 #include "cuda/device_jacobian.hpp"
 #include "cuda/device_warm_start.hpp"
 #include "cuda/device_world.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 
 // Device::emulated(): the machines of a device over launches that threads of the CPU carry out. A build without tests
 // has core/machine/no_emulated.cpp instead.

@@ -5,8 +5,8 @@
 
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/box_scenes.hpp"
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_bodies.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/body_methods.hpp"
 
@@ -125,7 +125,8 @@ TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
         for (const int lanes : {1, 3}) {
           // One lane takes turns with itself: once for each kind of program is enough.
           if (lanes == 1 && options.space.preconditioner < BodyPreconditioner::factor) continue;
-          cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 2, 5}), true);
+          cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 2, 5}),
+                                     true);
           auto out = room_for(batch);
           machine.solve(request_of(batch, plan, options, out, nullptr));
           expect_same(expected, out);
@@ -170,7 +171,8 @@ TEST(DeviceBodies, a_lane_of_its_own_gives_the_bits_of_a_team) {
         const auto expected = solve_bodies(batch, {}, options, Device::cpu(), std::span<const Real>(warm));
         const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
         for (const std::size_t shared_kib : {std::size_t{227}, std::size_t{100}, std::size_t{0}}) {
-          const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5, shared_kib << 10});
+          const auto device =
+              std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5, shared_kib << 10});
           cuda::DeviceBodies machine(device, true);
           auto out = room_for(batch);
           auto request = request_of(batch, plan, options, out, nullptr);
@@ -208,8 +210,8 @@ TEST(DeviceBodies, lanes_teams_and_order_change_nothing) {
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   for (const int lanes : {1, 3})
     for (const std::uint64_t seed : {0, 1}) {
-      cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 1 + lanes, seed}),
-                                 true);
+      cuda::DeviceBodies machine(
+          std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 1 + lanes, seed}), true);
       auto out = room_for(batch);
       machine.solve(request_of(batch, plan, options, out, nullptr));
       expect_same(expected, out);

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/engine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"

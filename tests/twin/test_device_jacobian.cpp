@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/device_jacobian.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/bits.hpp"

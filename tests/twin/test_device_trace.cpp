@@ -4,8 +4,8 @@
 #include <set>
 #include <string>
 
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_backend.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "stiction/trace.hpp"
 #include "tests/support/device_batch.hpp"

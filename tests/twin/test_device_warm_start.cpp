@@ -3,8 +3,8 @@
 #include <memory>
 #include <vector>
 
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/device_warm_start.hpp"
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/error.hpp"
 #include "stiction/warm_start.hpp"
 #include "tests/support/warm_start_life.hpp"

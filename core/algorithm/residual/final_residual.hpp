@@ -106,16 +106,22 @@ inline constexpr double kHiddenBySquares = 0x1p-480;
 /// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half of
 /// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is less
 /// than a rounding.
+///
+/// Nor may a square overflow: de Saxce's shift, the norm of y's tangential part, would be infinite and let any contact
+/// go. Of at most kMaxConeRows numbers up to 2^510 the squares have a finite sum; beyond that all is hidden.
 template <Law kLaw, class Real, int M>
 STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
   Real reaction(0);
   Real size = abs_(y[0]);
   for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
+  Real tangential(0);
+  for (int k = 1; k < M; ++k) tangential = max_(abs_(y[k]), tangential);
   if constexpr (kLaw == Law::coulomb) {
     const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
-    for (int k = 1; k < M; ++k) size = select(is_open, size, max_(abs_(y[k]), size));
+    tangential = select(tangential > Real(0x1p510), Real(__builtin_huge_val()), tangential);
+    size = select(is_open, size, max_(tangential, size));
   } else {
-    for (int k = 1; k < M; ++k) size = max_(abs_(y[k]), size);
+    size = max_(tangential, size);
   }
   const Real largest = max_(reaction, size);
   return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
@@ -129,9 +135,9 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
 
 /// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
 /// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
-/// rounding is more than, only what squares hide counts.
+/// rounding is more than, only what squares hide counts, near zero or beyond the largest number.
 STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
-  const bool counts = allowed > 0.0 || judged.blur <= kHiddenBySquares;
+  const bool counts = allowed > 0.0 || judged.blur <= kHiddenBySquares || !finite_(judged.blur);
   const bool is_blind = counts && judged.blur > allowed && judged.blur > judged.residual;
   return is_blind ? judged.blur : judged.residual;
 }
