@@ -130,8 +130,8 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
     return program.serial || shape.whole_device ? 0 : static_cast<std::size_t>(threads / shape.lanes) * team_bytes;
   };
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
-  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(team) > facts_.resident_shared_bytes) block /= 2;
-  const std::size_t shared = shared_of(team);
+  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(block) > facts_.resident_shared_bytes) block /= 2;
+  const std::size_t shared = shared_of(block);
   const Offset teams_per_block = program.serial ? block : block / shape.lanes;
   const Offset resident = Offset{facts_.processors} * resident_blocks(program, block, shared);
   const Offset blocks =
