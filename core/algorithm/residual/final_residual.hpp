@@ -88,7 +88,7 @@ template <class Real, class Wide>
 STICTION_HD Real saturated(Wide value) {
   constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
   constexpr double kLargest = kIsFloat ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
-  return narrowed<Real>(max_(min_(value, Wide(kLargest)), Wide(-kLargest)));
+  return narrowed<Real>(select(value == value, clamp_(value, Wide(-kLargest), Wide(kLargest)), Wide(kLargest)));
 }
 
 /// What a judge sees of an answer.
