@@ -42,10 +42,10 @@ struct BodySingleKernels {
 template <class Real>
 struct BodyPackKernels {
   int width = 1;  ///< environments in lock-step
-  /// Scratch that packs of that room need, in numbers of Real and of double.
+  /// Scratch that packs of that shape need, in numbers of Real and of double.
   Offset (*elements)(const PackShape& shape, bool momentum) = nullptr;
   Offset (*exact_elements)(const PackShape& shape, bool momentum) = nullptr;
-  /// Solves environments envs[0 .. count), all within `room`, `width` at a time.
+  /// Solves environments envs[0 .. count), all within `shape`, `width` at a time.
   void (*solve)(const BodyJob<Real>& job, const Offset* envs, Offset count, const PackShape& shape, Real* scratch,
                 double* exact) = nullptr;
 };

@@ -12,7 +12,7 @@
 /// Feeds body environments through the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
 
-/// The memory of a pack for environments of at most `room`, cut into what it keeps. All of it lies in numbers of Real,
+/// The memory of a pack for environments of at most `shape`, cut into what it keeps. All of it lies in numbers of Real,
 /// but the twists in double.
 template <Law kLaw, class Real>
 struct BodyPackMemory {

@@ -70,7 +70,7 @@ struct WorldKernels {
 };
 
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
-/// the host device in emulated_kernels.cpp and for CUDA in cuda_kernels.cpp.
+/// the emulated device in emulated_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
   SolverKernels solvers[kSolverKindCount];  ///< by SolverKind
   KernelRef settled[2];  ///< by Precision                                  (programs/settled_program.hpp)

@@ -17,7 +17,7 @@ namespace stiction::cuda {
 namespace {
 
 [[noreturn]] void fail(const std::string& what) {
-  throw Error(ErrorCode::device_failure, "host device: " + what);
+  throw Error(ErrorCode::device_failure, "emulated device: " + what);
 }
 
 constexpr std::size_t kAlignment = 256;
@@ -50,7 +50,7 @@ void EmulatedDevice::count(DeviceCall call, const char* what) {
   const int index = static_cast<int>(call);
   ++calls_[index];
   if (fail_at_[index] < 0 || fail_at_[index]-- > 0) return;
-  const std::string message = std::string("host device: ") + what + " was told to fail";
+  const std::string message = std::string("emulated device: ") + what + " was told to fail";
   throw Error(call == DeviceCall::allocate ? ErrorCode::out_of_memory : ErrorCode::device_failure, message);
 }
 
@@ -71,7 +71,7 @@ void* EmulatedDevice::allocate(std::size_t bytes) {
   const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   void* memory = std::aligned_alloc(kAlignment, rounded);
   if (memory == nullptr)
-    throw Error(ErrorCode::out_of_memory, "host device: " + std::to_string(bytes) + " bytes cannot be had");
+    throw Error(ErrorCode::out_of_memory, "emulated device: " + std::to_string(bytes) + " bytes cannot be had");
   // What a program must not rely on, the same in every run.
   std::memset(memory, 0x5a, rounded);
   memory_[memory] = bytes;

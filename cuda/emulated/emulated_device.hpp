@@ -16,7 +16,7 @@
 
 namespace stiction::cuda {
 
-/// The calls that a host device can be told to fail.
+/// The calls that an emulated device can be told to fail.
 enum class DeviceCall : unsigned char { allocate, copy, launch, synchronize, create };
 inline constexpr int kDeviceCalls = 5;
 

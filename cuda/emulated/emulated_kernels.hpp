@@ -4,7 +4,7 @@
 
 namespace stiction::cuda {
 
-/// Every kernel, compiled for the host device.
+/// Every kernel, compiled for the emulated device.
 const KernelCatalogue& emulated_kernels();
 
 }  // namespace stiction::cuda

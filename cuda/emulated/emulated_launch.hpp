@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// How the host device runs one launch.
+/// How the emulated device runs one launch.
 struct EmulatedLaunch {
   Offset teams;               ///< that run, one after the other
   int lanes;                  ///< threads of a team, or of a block of the grid
@@ -18,7 +18,7 @@ struct EmulatedLaunch {
   std::vector<Offset> order;  ///< team indices as they are run
 };
 
-/// What KernelRef::entry points at on the host device.
+/// What KernelRef::entry points at on the emulated device.
 struct EmulatedKernel {
   void (*run)(const EmulatedLaunch& launch, const void* arguments);
 };
@@ -62,7 +62,7 @@ void run_program_on_host(const EmulatedLaunch& launch, const void* arguments) {
   });
 }
 
-/// The program, compiled for the host device.
+/// The program, compiled for the emulated device.
 template <class Program>
 KernelRef emulated_kernel(const char* name) {
   static constexpr EmulatedKernel kKernel{run_program_on_host<Program>};

@@ -53,8 +53,8 @@ struct EmulatedGridMemory {
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
-/// A team of the host device: threads that meet at a barrier and at nothing else. It offers what a Team promises and
-/// no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
+/// A team of the emulated device: threads that meet at a barrier and at nothing else. It offers what a Team promises
+/// and no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
 class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;

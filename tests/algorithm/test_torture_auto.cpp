@@ -6,7 +6,8 @@
 #include "tests/support/on_engine.hpp"
 
 /// The whole chain of SolverKind::automatic: which environment begins where, which climbs, the sorting between, and
-/// every rung from the answer before. Its teams are of the host device: threads that meet at barriers and nowhere else.
+/// every rung from the answer before. Its teams are of the emulated device: threads that meet at barriers and nowhere
+/// else.
 namespace stiction::test {
 namespace {
 

@@ -6,7 +6,7 @@
 
 namespace stiction::test {
 
-/// Hashes of what the GPU's engine answers on a host device; `finest` is the class of the smallest environments.
+/// Hashes of what the GPU's engine answers on an emulated device; `finest` is the class of the smallest environments.
 template <class Real>
 std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const ContactBatch<Real>& batch,
                                      const SolverOptions& options, SizeClass finest = SizeClass::bundle_four) {

@@ -10,7 +10,7 @@
 #include "stiction/error.hpp"
 #include "tests/support/body_methods.hpp"
 
-/// Bodies on the host device: what the GPU's host code queues gives the CPU's bits.
+/// Bodies on the emulated device: what the GPU's host code queues gives the CPU's bits.
 namespace stiction::test {
 namespace {
 

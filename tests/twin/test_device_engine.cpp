@@ -8,8 +8,8 @@
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
 
-/// The GPU's host code and kernels on the host device: what it queues, in any order the streams allow, gives the CPU's
-/// bits.
+/// The GPU's host code and kernels on the emulated device: what it queues, in any order the streams allow, gives the
+/// CPU's bits.
 namespace stiction::test {
 namespace {
 

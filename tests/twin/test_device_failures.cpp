@@ -176,7 +176,7 @@ TEST(DeviceCapture, what_waits_or_allocates_while_captured_is_an_error) {
 }
 
 TEST(DeviceOrder, a_stream_that_does_not_wait_may_run_first) {
-  // With some seed the second stream's copy comes before the first one's: the host device finds such mistakes.
+  // With some seed the second stream's copy comes before the first one's: the emulated device finds such mistakes.
   bool seen_early = false, seen_late = false;
   for (std::uint64_t seed = 1; seed < 40; ++seed) {
     cuda::EmulatedDevice device({1, 1, seed});

@@ -11,8 +11,8 @@
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
 
-/// One team that is the whole device: several blocks on the host device, whose lanes run at once, disagree about speed
-/// and meet at the grid's barrier alone.
+/// One team that is the whole device: several blocks on the emulated device, whose lanes run at once, disagree about
+/// speed and meet at the grid's barrier alone.
 namespace stiction::test {
 namespace {
 

@@ -14,8 +14,8 @@
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 
-/// The Jacobian form on a device, on the host device: the reactions, motion, velocities and records of the CPU, whose
-/// batch is assembled by other code.
+/// The Jacobian form on a device, on the emulated device: the reactions, motion, velocities and records of the CPU,
+/// whose batch is assembled by other code.
 namespace stiction::test {
 namespace {
 

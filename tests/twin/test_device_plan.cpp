@@ -21,7 +21,7 @@
 namespace stiction::test {
 namespace {
 
-/// A device's array on the host. The host device's memory is the host's.
+/// A device's array on the host. The emulated device's memory is the host's.
 template <class T>
 std::vector<T> array_of(const T* data, Offset count) {
   return {data, data + count};

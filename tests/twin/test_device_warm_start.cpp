@@ -9,7 +9,8 @@
 #include "stiction/warm_start.hpp"
 #include "tests/support/warm_start_life.hpp"
 
-/// The warm-start store of a device, on the host device: the same guesses and records as the CPU's, to the last bit.
+/// The warm-start store of a device, on the emulated device: the same guesses and records as the CPU's, to the last
+/// bit.
 namespace stiction::test {
 namespace {
 
@@ -72,7 +73,7 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
   const auto here = make_cpu_warm_start<float>(kRoom, 1);
   const cuda::Stream own(*device);
   const StreamRef stream(own.get());
-  // Device memory with room for any step; the host device reads the host's.
+  // Device memory with room for any step; the emulated device reads the host's.
   std::vector<Offset> env_rows(10), env_cones(10), cone_rows(2001);
   std::vector<ConeKind> kind(2000);
   std::vector<std::uint64_t> id(2000);

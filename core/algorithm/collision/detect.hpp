@@ -142,7 +142,7 @@ STICTION_HD void drop_leaving(const WorldJob<Real>& job, Offset env, const World
   found.count = count;
 }
 
-/// Fills the room; returns how many contacts there are.
+/// Fills the workspace; returns how many contacts there are.
 template <Team TeamT, class Real>
 STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
                                 const DetectWorkspace<Real>& workspace) {

@@ -14,7 +14,7 @@ struct Search {
   Real best = Real(0);                        ///< that residual, once iterations or best_at moved
   Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not worth a second look
 };
-/// The same of an environment. Lanes of a block hold equal copies.
+/// The same of an environment. Lanes of a team hold equal copies.
 template <class Real>
 struct EnvProgress : Search<Real> {
   std::uint32_t flags = 0;  ///< EnvFlag bits from preparing

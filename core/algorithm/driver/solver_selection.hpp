@@ -20,7 +20,7 @@ struct EnvFeatures {
 
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) {
-  // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a block has.
+  // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a team has.
   double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
   Index friction_cones = 0;
   for (Index cone = 0; cone < env.cone_count; ++cone)

@@ -66,7 +66,7 @@ struct PackWorkspace {
     motion = reinterpret_cast<double*>(take(kDouble * n));
     row = reinterpret_cast<const Real**>(take(kDouble * n));
     wide = reinterpret_cast<double*>(take(kDouble * (n + kFour)));
-    moved = wide + n + kFour;  // W times the room for one
+    moved = wide + n + kFour;  // W times what one needs
     batch_row = reinterpret_cast<Index*>(take(n));
     column = reinterpret_cast<Index*>(take(n));
     tile = reinterpret_cast<ColumnTile*>(take(n));

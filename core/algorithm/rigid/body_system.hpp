@@ -58,7 +58,7 @@ STICTION_HD void put_twist(const Array& row, const Twist<T>& twist) {
   row[5] = twist.angular.z;
 }
 
-/// What a block works on: the contacts in visiting order, the bodies, and the world as a last body that stands still.
+/// What a team works on: the contacts in visiting order, the bodies, and the world as a last body that stands still.
 /// x are impulses in coordinates in which the friction cone is the unit cone: x_t = lambda_t / mu.
 ///
 /// With a stride above 1 that many systems interleave their numbers: each belongs to one lane, which visits its
@@ -155,7 +155,7 @@ struct BodySystem {
   }
 };
 
-/// f(i) for every i in [0, n), shared out in runs of neighbours as long as the block likes them; ends in a sync. The
+/// f(i) for every i in [0, n), shared out in runs of neighbours as long as the team takes them; ends in a sync. The
 /// f(i) must not depend on each other.
 template <Team TeamT, class F>
 STICTION_HD void share_out(TeamT& team, Index n, F&& f) {

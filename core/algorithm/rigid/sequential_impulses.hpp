@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// Sweeps between two looks at the residual; twists are computed afresh as often. Part of the numerics epoch.
 inline constexpr Index kSiChunk = 16;
 
-/// What momentum remembers between sweeps. Lanes of a block hold equal copies.
+/// What momentum remembers between sweeps. Lanes of a team hold equal copies.
 template <class Real>
 struct SiMomentum {
   Real theta = Real(1);
@@ -75,7 +75,7 @@ STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const 
   }
 }
 
-/// Where a solve stands between two chunks of sweeps. Lanes of a block hold equal copies.
+/// Where a solve stands between two chunks of sweeps. Lanes of a team hold equal copies.
 template <class Real>
 struct SiProgress {
   SiMomentum<Real> momentum;

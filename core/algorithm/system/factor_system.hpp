@@ -5,7 +5,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Partial sums of a row's product with a velocity, over k = p, p + 4, ...: few enough for every row of a cone to have
-/// them among the leaves of a block.
+/// them among the leaves of a team.
 inline constexpr Index kRowParts = 4;
 
 /// An environment whose A is kept as Y Y', Y being n x dofs: the velocity u = Y' x stands between the rows, and a cone

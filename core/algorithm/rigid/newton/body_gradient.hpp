@@ -67,7 +67,7 @@ STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceWorkspace& worksp
   });
 }
 
-/// Motion, with its shift, at room.point. Steps add to it what they change: computed afresh, its rounding would be
+/// Motion, with its shift, at workspace.point. Steps add to it what they change: computed afresh, its rounding would be
 /// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
 template <Team TeamT>
 STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& workspace) {
@@ -79,8 +79,8 @@ STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& w
   });
 }
 
-/// Reactions, descent and force at room.point, whose motion is there. Returns the largest relative velocity that the
-/// descent would bring to a contact [w]: zero where the gradient is.
+/// Reactions, descent and force at workspace.point, whose motion is there. Returns the largest relative velocity that
+/// the descent would bring to a contact [w]: zero where the gradient is.
 template <Team TeamT>
 STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
   for_each(team, workspace.contacts, [&](Index p) {

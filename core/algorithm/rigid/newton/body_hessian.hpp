@@ -74,8 +74,8 @@ STICTION_HD void assemble_block(const SpaceWorkspace& workspace, Index row, Inde
   }
 }
 
-/// Fills room.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper half
-/// is its mirror image, so that H is symmetric to the last bit.
+/// Fills workspace.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper
+/// half is its mirror image, so that H is symmetric to the last bit.
 template <Team TeamT>
 STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
   for_each(team, workspace.contacts, [&](Index p) {
@@ -102,7 +102,7 @@ STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceWorkspace& w
   });
 }
 
-/// Fills room.sliding for the stiffnesses that the contacts have.
+/// Fills workspace.sliding for the stiffnesses that the contacts have.
 template <Team TeamT>
 STICTION_HD_OUTLINE void assemble_sliding(TeamT& team, const SpaceWorkspace& workspace) {
   const BlockPattern& pattern = workspace.stream.pattern;

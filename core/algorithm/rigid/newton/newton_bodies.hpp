@@ -32,7 +32,7 @@ inline constexpr Index kSpacePatience = 100;
 /// How a sub-step ended.
 enum SpaceEnd : int { kSpaceMet, kSpaceStalled, kSpaceBroken, kSpaceOutOfSteps };
 
-/// Where a sub-step stands. Lanes of a block hold equal copies.
+/// Where a sub-step stands. Lanes of a team hold equal copies.
 struct SpaceProgress {
   double scale = 0.0;                  ///< max|b| [w]
   double tolerance = 0.0;              ///< on the residual over it
@@ -88,8 +88,8 @@ STICTION_HD_OUTLINE void renew_problem(TeamT& team, const SpaceWorkspace& worksp
   progress.reference = 0.0;
 }
 
-/// One Newton step from room.point, whose reactions and descent are there. Whether there was nothing left to gain but
-/// rounding.
+/// One Newton step from workspace.point, whose reactions and descent are there. Whether there was nothing left to gain
+/// but rounding.
 template <Team TeamT>
 STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                           double compliance, SpaceProgress& progress) {

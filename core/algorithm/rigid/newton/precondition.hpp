@@ -44,10 +44,10 @@ inline Offset newton_doubles(Offset contacts, const Index* integers, const BodyS
          preconditioner_doubles(stream, space);
 }
 
-/// Which system is solved: H d = force, or that of room.sliding, which H preconditions.
+/// Which system is solved: H d = force, or that of workspace.sliding, which H preconditions.
 enum class SpaceSystem { symmetric, sliding };
 
-/// d into room.step, by a preconditioner that is prepared.
+/// d into workspace.step, by a preconditioner that is prepared.
 template <Team TeamT, class Preconditioner>
 STICTION_HD_OUTLINE void solve_with(TeamT& team, const SpaceWorkspace& workspace, const Preconditioner& preconditioner,
                                     SpaceSystem system, double tolerance) {
