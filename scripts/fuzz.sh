@@ -5,16 +5,21 @@
 #   scripts/fuzz.sh [SECONDS] [FUZZER ...]        default: 60 for each of fuzz_read fuzz_c_api fuzz_solve
 #   scripts/fuzz.sh --runs COUNT [FUZZER ...]     a campaign: so many executions of each
 #
+# The seed is STICTION_FUZZ_SEED, else 1: without a corpus of before, the same build goes through the same inputs, as far as the
+# seconds reach. A campaign draws one, and the log says which.
+#
 # What was found to reach new code is kept in build-fuzz/corpus and used again.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 limit=-max_total_time=60
+seed=${STICTION_FUZZ_SEED:-1}
 effort="60 s"
 if [ "${1:-}" = --runs ]; then
   limit=-runs=${2:?--runs needs a count}
   effort="$2 runs"
+  seed=${STICTION_FUZZ_SEED:-0}  # libFuzzer draws one
   shift 2
 elif [ $# -gt 0 ] && [[ $1 =~ ^[0-9]+$ ]]; then
   limit=-max_total_time=$1
@@ -62,7 +67,7 @@ fuzz() {
     own=("-dict=$root/tests/fuzz/hdf5.dict")
     folders+=("$build/seeds")
   fi
-  "$build/tests/fuzz/$fuzzer" "${folders[@]}" "$limit" "${own[@]}" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=60 \
+  "$build/tests/fuzz/$fuzzer" "${folders[@]}" "$limit" -seed="$seed" "${own[@]}" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=60 \
     -artifact_prefix="$findings/$fuzzer-" -print_final_stats=1
 }
 declare -A process

@@ -135,9 +135,9 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
 
 /// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
 /// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
-/// rounding is more than, only what squares hide counts, near zero or beyond the largest number.
+/// rounding is more than, only a square that overflows counts.
 STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
-  const bool counts = allowed > 0.0 || judged.blur <= kHiddenBySquares || !finite_(judged.blur);
+  const bool counts = allowed > 0.0 || !finite_(judged.blur);
   const bool is_blind = counts && judged.blur > allowed && judged.blur > judged.residual;
   return is_blind ? judged.blur : judged.residual;
 }

@@ -15,10 +15,16 @@ STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real 
   for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
   proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
   Real sum(0);
+  Real largest(0);
   for (int k = 0; k < M; ++k) {
     const Real r = ax[k] - z[k];
+    largest = max_(abs_(r), largest);
     sum = fma_(r, r, sum);
   }
+  // Squares that vanish, as those of numbers below 2^-537 do, count as the smallest number: only r = 0 is 0. In single
+  // precision this is an estimate only.
+  if constexpr (sizeof(Scalar<Real>) == sizeof(double))
+    sum = select(and_(sum == Real(0), largest > Real(0)), Real(0x1p-1074), sum);
   Real input(0);
   for (int k = 0; k < M; ++k) input = input + (ax[k] + y[k]);
   return select(and_(finite_(sum), finite_(input)), sum, Real(__builtin_huge_valf()));
