@@ -299,7 +299,7 @@ void count_lanes(const Setting& setting, const std::string& name, const ContactB
   std::vector<std::pair<int, Index>> queue;
   for (Offset env = 0; env < view.env_count; ++env) {
     const SizeClass own = class_of(view, env);
-    if (own == SizeClass::settled || own <= SizeClass::sparse_block) continue;
+    if (own == SizeClass::trivial || own <= SizeClass::sparse_block) continue;
     const Index iterations = problem.status()[static_cast<std::size_t>(env)].iterations;
     queue.emplace_back(sort_key(own, row_count(view, env)), (iterations + kChunk - 1) / kChunk);
   }

@@ -28,8 +28,8 @@ inline std::span<const ClassModel> class_models() {
   static constexpr const char* kFree = "prototype without matrix, a lane each, 64 contacts";
   static constexpr const char* kStream = "A in blocks of 3 x 3, 20 a contact, streamed at 4.3 TB/s";
   static constexpr ClassModel kModels[] = {
-      {SizeClass::bundle_four, "bundle_four", "stack", 4, 1.79, kLanes4, 0.0019, "issue, a thread each, 4 contacts"},
-      {SizeClass::bundle_six, "bundle_six", "face", 6, 3.8, kLanes8, 0.0024, "issue, a thread each, 6 contacts"},
+      {SizeClass::thread_small, "thread_small", "stack", 4, 1.79, kLanes4, 0.0019, "issue, a thread each, 4 contacts"},
+      {SizeClass::thread_medium, "thread_medium", "face", 6, 3.8, kLanes8, 0.0024, "issue, a thread each, 6 contacts"},
       {SizeClass::dense_tile, "dense_tile", "face", 8, 3.8, kLanes8, 0.0065, "issue, 4 lanes each, 8 contacts"},
       {SizeClass::dense_warp, "dense_warp", "face", 22, 7.7, "prototype, a lane each, 22 contacts", 0.060,
        "latency, 32 lanes each, 22 contacts"},

@@ -54,13 +54,13 @@ inline LaneChunks refilled(std::span<const Index> chunks, std::size_t lanes) {
   }
 }
 
-/// Sizes of cuda/programs/solve_bundles.hpp.
+/// Sizes of cuda/programs/solve_thread_per_env.hpp.
 struct BundleShape {
   std::size_t slots = 128, intake = 32, warp = 32;
 };
 
 /// Teams that move their unfinished environments together when that frees a warp or makes room for new ones, as
-/// solve_bundles does. The teams take turns, a chunk each.
+/// solve_thread_per_env does. The teams take turns, a chunk each.
 inline LaneChunks compacted(std::span<const Index> chunks, std::size_t teams, const BundleShape& shape = {}) {
   LaneChunks total;
   std::vector<std::vector<Index>> running(teams);  // chunks left of the environments a team looks at, by position

@@ -6,7 +6,7 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/machine/body_machine.hpp"
-#include "cpu_fallback/body_deal.hpp"
+#include "cpu_fallback/body_work_items.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
@@ -52,8 +52,9 @@ void run(const BodyRequest<Real>& request) {
     return packs.elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
            pack_exact(room) * static_cast<Offset>(sizeof(double));
   };
-  const cpu::BodyDeal deal = cpu::deal_out(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
-                                           {threads, is_newton ? 1 : packs.width, pack_bytes});
+  const cpu::BodyWorkItems deal =
+      cpu::make_body_work_items(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
+                                {threads, is_newton ? 1 : packs.width, pack_bytes});
   for (const Offset env : deal.large) {
     Scratch scratch;
     Real* const memory = numbers(env, scratch);
@@ -64,7 +65,7 @@ void run(const BodyRequest<Real>& request) {
   std::vector<Scratch> scratch(static_cast<std::size_t>(threads));
   cpu::parallel_for(threads, static_cast<int>(deal.work.size()), [&](int index, int worker) {
     Scratch& own = scratch[static_cast<std::size_t>(worker)];
-    const cpu::BodyWork& work = deal.work[static_cast<std::size_t>(index)];
+    const cpu::BodyWorkItem& work = deal.work[static_cast<std::size_t>(index)];
     if (work.packed) {
       Real* const memory = own.numbers.reserve<Real>(packs.elements(work.shape, request.options.momentum));
       packs.solve(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.shape, memory,
@@ -79,8 +80,8 @@ class CpuBodies final : public BodyMachine {
  public:
   void solve(const BodyRequest<float>& request) override { run(request); }
   void solve(const BodyRequest<double>& request) override { run(request); }
-  void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
-    cpu::share_out(cpu::thread_count(threads), count, work);
+  void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
+    cpu::parallel_for(cpu::thread_count(threads), count, work);
   }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
     std::memcpy(target, source, bytes);

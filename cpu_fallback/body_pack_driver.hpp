@@ -56,19 +56,19 @@ struct BodyLane {
 /// The sides of all lanes, once more after some lanes have another environment.
 template <class Real, int W>
 void write_sides(const PackSides<Real, W>& sides, const BodyLane<Real> (&lanes)[W], Index contacts) {
-  for (Offset place = 0; place < 2 * Offset{contacts}; ++place) {
+  for (Offset side_index = 0; side_index < 2 * Offset{contacts}; ++side_index) {
     Index slot = -1;
     bool uniform = true;
     for (const BodyLane<Real>& lane : lanes) {
-      if (!lane.busy || place >= 2 * Offset{lane.env.kept}) continue;
-      const Index own = slot_of(lane.env.side(place));
+      if (!lane.busy || side_index >= 2 * Offset{lane.env.kept}) continue;
+      const Index own = slot_of(lane.env.side(side_index));
       if (slot < 0) slot = own;
       uniform = uniform && own == slot;
     }
-    sides.is_uniform[place] = uniform ? 1 : 0;
+    sides.is_uniform[side_index] = uniform ? 1 : 0;
     for (int l = 0; l < W; ++l)
-      sides.side[place * W + l] =
-          lanes[l].busy && place < 2 * Offset{lanes[l].env.kept} ? lanes[l].env.side(place) : ~slot;
+      sides.side[side_index * W + l] =
+          lanes[l].busy && side_index < 2 * Offset{lanes[l].env.kept} ? lanes[l].env.side(side_index) : ~slot;
   }
 }
 
@@ -99,15 +99,15 @@ class BodyPackRun {
 
   /// Answers finished environments and loads others. Whether there is anything to advance.
   bool refill() {
-    go_on([](const Lane& lane) { return lane.left == 0; });
+    check_convergence([](const Lane& lane) { return lane.left == 0; });
     for (;;) {
       int entered = 0;
       for (int l = 0; l < kWidth; ++l)
         while (!lanes_[l].busy && !queue_.is_empty())
-          if (enter(l, queue_.take())) ++entered;
+          if (load_lane(l, queue_.take())) ++entered;
       if (entered == 0) break;
       load_new();
-      look_at_new(entered);
+      evaluate_new(entered);
     }
     return measure();
   }
@@ -118,7 +118,7 @@ class BodyPackRun {
     const Index count = sweeps_to_go();
     SiMomentum<Packed> momentum = momentum_of_lanes();
     run_sweeps(team_, env_, pack_, params_, count, momentum);
-    settle(count, momentum);
+    end_chunks(count, momentum);
   }
   /// Of two packs in turns.
   static void advance(BodyPackRun& a, BodyPackRun& b) {
@@ -128,8 +128,8 @@ class BodyPackRun {
     NumberPair<SiMomentum<Packed>> momentum{a.momentum_of_lanes(), b.momentum_of_lanes()};
     run_sweeps(a.team_, EnvPair<PackEnv<Real, kWidth>>{a.env_, b.env_}, SystemPair<const Lanes>{a.pack_, b.pack_},
                a.params_, count, momentum);
-    a.settle(count, momentum.a);
-    b.settle(count, momentum.b);
+    a.end_chunks(count, momentum.a);
+    b.end_chunks(count, momentum.b);
   }
 
  private:
@@ -141,12 +141,12 @@ class BodyPackRun {
     return system;
   }
 
-  /// In the lanes that `is_due` says, all of them busy, a chunk has ended: settle_bodies() answers the environment, or
+  /// In the lanes that `is_due` says, all of them busy, a chunk has ended: check_bodies() finishes the environment, or
   /// it begins another.
   template <class F>
-  void go_on(F&& is_due) {
+  void check_convergence(F&& is_due) {
     AskedLanes<Real, kWidth> asked;
-    SiLook looks[kWidth];
+    SiPoll polls[kWidth];
     unsigned due = 0;
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
@@ -154,20 +154,20 @@ class BodyPackRun {
       due |= 1U << l;
       const auto system = system_of(l);
       if (!reach_last_substep(team_, lane.env, system, params_, lane.progress)) continue;
-      looks[l] = look_at_last(team_, system, params_, lane.progress);
-      if (!looks[l].is_asked) continue;
+      polls[l] = poll_last_substep(team_, system, params_, lane.progress);
+      if (!polls[l].is_asked) continue;
       set_exact(l);
       asked.add(l, lane.env);
     }
-    Judgement judged[kWidth];
-    judge_body_lanes(env_, pack_, params_, exact_, asked, judged);
+    FinalResidual evaluated[kWidth];
+    evaluate_body_lanes(env_, pack_, params_, exact_, asked, evaluated);
     for (int l = 0; l < kWidth; ++l) {
       if ((due >> l & 1U) == 0) continue;
       Lane& lane = lanes_[l];
       const auto system = system_of(l);
       if (asked.env[l] != nullptr) {
-        const double absolute = seen_residual(judged[l], params_.tolerance * lane.progress.scale);
-        lane.busy = !conclude_bodies(team_, lane.env, system, params_, looks[l], absolute, lane.progress);
+        const double absolute = reported_residual(evaluated[l], params_.tolerance * lane.progress.scale);
+        lane.busy = !finalize_bodies(team_, lane.env, system, params_, polls[l], absolute, lane.progress);
         if (!lane.busy) continue;
       }
       lane.left = next_chunk(params_, lane.progress);
@@ -177,7 +177,7 @@ class BodyPackRun {
   }
 
   /// Takes an environment's numbers into a lane. Whether they can be used.
-  bool enter(int l, Offset env) {
+  bool load_lane(int l, Offset env) {
     Lane& lane = lanes_[l];
     lane.env = slice_bodies(job_, env);
     lane.busy = lane.is_new = admit_bodies(team_, lane.env, params_, lane.progress);
@@ -229,7 +229,7 @@ class BodyPackRun {
   }
 
   /// First looks at the environments that have entered; some are answered by that.
-  void look_at_new(int entered) {
+  void evaluate_new(int entered) {
     // A look at all lanes takes as long as some at one each.
     const bool is_together = 4 * entered > kWidth;
     if (is_together) {
@@ -241,10 +241,10 @@ class BodyPackRun {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.is_new) continue;
-      if (!is_together) look_first(team_, lane.env, system_of(l), params_, lane.progress);
+      if (!is_together) evaluate_first(team_, lane.env, system_of(l), params_, lane.progress);
       lane.substep = 0;
     }
-    go_on([](const Lane& lane) { return lane.is_new; });
+    check_convergence([](const Lane& lane) { return lane.is_new; });
     for (Lane& lane : lanes_) lane.is_new = false;
   }
 
@@ -265,8 +265,8 @@ class BodyPackRun {
   void compose() {
     if (is_composed_) return;
     write_sides(env_.sides, lanes_, pack_.contacts);
-    for (Offset place = 0; place < 2 * Offset{pack_.contacts}; ++place)
-      if (const auto slots = slot_of(env_.side(place)); !slots.is_uniform) pack_.keep_masses(slots);
+    for (Offset side_index = 0; side_index < 2 * Offset{pack_.contacts}; ++side_index)
+      if (const auto slots = slot_of(env_.side(side_index)); !slots.is_uniform) pack_.keep_masses(slots);
     is_composed_ = true;
   }
 
@@ -303,7 +303,7 @@ class BodyPackRun {
 
   /// After so many sweeps: what follows a chunk in the lanes where one has ended, which of two packs in turns may be
   /// none.
-  void settle(Index count, const SiMomentum<Packed>& momentum) {
+  void end_chunks(Index count, const SiMomentum<Packed>& momentum) {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
       if (!lane.busy) continue;

@@ -10,9 +10,9 @@
 #include "core/base/fp_env.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "cpu_fallback/isa.hpp"
-#include "cpu_fallback/partition.hpp"
 #include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/work_items.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {
@@ -37,8 +37,8 @@ class CpuBackend final : public Backend {
  public:
   void solve(const SolveRequest<float>& request) override { run(request); }
   void solve(const SolveRequest<double>& request) override { run(request); }
-  void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
-    cpu::share_out(cpu::thread_count(threads), count, work);
+  void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
+    cpu::parallel_for(cpu::thread_count(threads), count, work);
   }
   void* allocate(std::size_t bytes) override { return ::operator new (bytes, std::align_val_t{64}); }
   void release(void* memory) noexcept override { ::operator delete (memory, std::align_val_t{64}); }
@@ -68,7 +68,7 @@ class CpuBackend final : public Backend {
                         request.law},
                        request.full_rows == nullptr ? nullptr : request.full_rows->data()};
     if (options.solver == SolverKind::automatic) {
-      climb(request, job);
+      run_fallbacks(request, job);
     } else {
       job.direct_rows = options.direct_rows;
       solve_by(request, job, options.solver, [](Offset) { return true; });
@@ -85,7 +85,7 @@ class CpuBackend final : public Backend {
     const cpu::SingleKernels<Real>& single = set.single.of<Real>(request.law);
     const cpu::PackKernels<Real>& packs = set.packs.of<Real>(request.law);
     const int threads = cpu::thread_count(options.threads);
-    const auto items = cpu::partition(plan, takes, packs.width, sizeof(Real), threads);
+    const auto items = cpu::make_work_items(plan, takes, packs.width, sizeof(Real), threads);
     std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
       const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
@@ -102,9 +102,9 @@ class CpuBackend final : public Backend {
     });
   }
 
-  /// Rung by rung, each from the answer so far, those environments that have come to it (docs/math/auto.md).
+  /// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md).
   template <class Real>
-  void climb(const SolveRequest<Real>& request, cpu::Job<Real> job) const {
+  void run_fallbacks(const SolveRequest<Real>& request, cpu::Job<Real> job) const {
     const Offset envs = request.batch.env_count;
     const int threads = cpu::thread_count(request.options.threads);
     std::vector<EnvFeatures> seen(static_cast<std::size_t>(envs));
@@ -116,21 +116,21 @@ class CpuBackend final : public Backend {
         const auto e = static_cast<std::size_t>(env);
         EnvView<Real> view = slice(job, env);
         view.is_full = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;
-        begin_climb(team, view);
+        begin_fallbacks(team, view);
         seen[e] = features(team, view);
-        assigned[e] = first_rung(seen[e]);
+        assigned[e] = first_stage(seen[e]);
       }
     });
     job.warm_start = job.lambda;
     const Real omega = job.omega;
-    for (int rung = 0; rung < kLadderRungs; ++rung) {
-      if (std::find(assigned.begin(), assigned.end(), rung) == assigned.end()) continue;
-      job.rung = rung;
-      job.omega = omega * static_cast<Real>(ladder_rung(rung).omega);
-      solve_by(request, job, ladder_rung(rung).solver,
-               [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == rung; });
+    for (int stage = 0; stage < kFallbackStages; ++stage) {
+      if (std::find(assigned.begin(), assigned.end(), stage) == assigned.end()) continue;
+      job.stage = stage;
+      job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
+      solve_by(request, job, fallback_stage(stage).solver,
+               [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == stage; });
       for (std::size_t env = 0; env < assigned.size(); ++env)
-        if (assigned[env] == rung && falls_short(job.status[env])) assigned[env] = next_rung(rung, seen[env]);
+        if (assigned[env] == stage && falls_short(job.status[env])) assigned[env] = next_stage(stage, seen[env]);
     }
   }
 

@@ -11,7 +11,7 @@ struct EnvQueue {
   const Offset* envs;
   Offset count;
   Offset next = 0;
-  Offset asked_for = 0;  ///< until here memory has been asked for them
+  Offset prefetched = 0;  ///< until here memory has been asked for them
   [[nodiscard]] bool is_empty() const { return next == count; }
   Offset take() { return envs[next++]; }
 };

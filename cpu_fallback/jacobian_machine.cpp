@@ -70,7 +70,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.Y = at_least(Y_, static_cast<std::size_t>(arrays_.factor_room));
     arrays_.b = at_least(b_, rows);
     const JacobianBatchJob<Real> job{batch, arrays_};
-    place_envs(team, job);
+    scan_envs(team, job);
     for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/algorithm/driver/solve_environment.hpp"
-#include "core/algorithm/pack/judge_lanes.hpp"
+#include "core/algorithm/pack/evaluate_lanes.hpp"
 #include "core/algorithm/pack/lane_progress.hpp"
 #include "core/algorithm/pack/load_lanes.hpp"
 #include "core/base/extents.hpp"
@@ -31,7 +31,7 @@ EnvView<Real> slice_to_load(const cpu::Job<Real>& job, Offset env) {
 }
 
 template <class T>
-void ask_for(const T* first, Offset count) {
+void prefetch_span(const T* first, Offset count) {
   constexpr Offset kMostBytes = 1 << 15;
   constexpr Offset kLine = 64;
   const auto* byte = reinterpret_cast<const char*>(first);
@@ -39,22 +39,23 @@ void ask_for(const T* first, Offset count) {
   for (Offset at = 0; at < bytes && at < kMostBytes; at += kLine) __builtin_prefetch(byte + at, 0, 3);
 }
 template <class Real>
-void ask_for_matrix(const EnvView<Real>& env) {
-  ask_for(env.A + env.row_offsets[0], env.entry_span());
+void prefetch_matrix(const EnvView<Real>& env) {
+  prefetch_span(env.A + env.row_offsets[0], env.entry_span());
 }
-/// Asks for the numbers of an environment that is to be loaded soon, while others are worked on.
+/// Prefetches the numbers of an environment that is to be loaded soon, while others are worked on.
 template <class Real>
 void prefetch(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
-  ask_for_matrix(view);
-  if (job.full_rows == nullptr || job.full_rows[env] != FullRows::known) ask_for(view.columns(0), view.entry_span());
-  ask_for(view.row_offsets, view.n);
-  ask_for(view.cone_rows, view.cone_count);
-  ask_for(view.cone_order, view.cone_count);
-  ask_for(view.kind, view.cone_count);
-  for (const Real* numbers : {view.b, view.R, view.lo, view.hi}) ask_for(numbers, view.n);
-  if (view.mu_offsets == nullptr) ask_for(view.mu, view.n);
-  if (view.warm_start != nullptr) ask_for(view.warm_start, view.n);
+  prefetch_matrix(view);
+  if (job.full_rows == nullptr || job.full_rows[env] != FullRows::known)
+    prefetch_span(view.columns(0), view.entry_span());
+  prefetch_span(view.row_offsets, view.n);
+  prefetch_span(view.cone_rows, view.cone_count);
+  prefetch_span(view.cone_order, view.cone_count);
+  prefetch_span(view.kind, view.cone_count);
+  for (const Real* numbers : {view.b, view.R, view.lo, view.hi}) prefetch_span(numbers, view.n);
+  if (view.mu_offsets == nullptr) prefetch_span(view.mu, view.n);
+  if (view.warm_start != nullptr) prefetch_span(view.warm_start, view.n);
 }
 
 /// One lane of a pack, as an environment's own system.
@@ -66,7 +67,7 @@ std::array<Lane<Real>, kPackWidth<Real>> lanes_of(const ConeCounts& slots, const
   return {Lane<Real>(slots, workspace, memory + kLanes)...};
 }
 
-/// Some of a pack's lanes.
+/// A set of lanes of a pack.
 class LaneSet {
  public:
   LaneSet() = default;
@@ -87,7 +88,7 @@ class LaneSet {
   unsigned bits_ = 0;
 };
 
-/// The same as numbers are compared.
+/// The mask of a set of lanes.
 template <class Real, int W>
 Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
   Pack<Real, W> marked(0);
@@ -95,9 +96,9 @@ Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
   return marked > Pack<Real, W>(0);
 }
 
-/// A queue of environments through the lanes of one pack, or of several. They enter and leave at chunk boundaries, so
-/// the vector stays nearly full until the queue ends. Each one starts at a chunk boundary with its own count of
-/// iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
+/// Feeds a queue of environments through the lanes of one pack, or of several. They are loaded and released at chunk
+/// boundaries, so the vector stays nearly full until the queue ends. Each one starts at a chunk boundary with its own
+/// count of iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
 template <class Method, Law kLaw, class Real>
 class PackRun {
  public:
@@ -110,22 +111,22 @@ class PackRun {
   PackRun(const cpu::Job<Real>& job, EnvQueue& queue, const ConeCounts& slots, Real* scratch)
       : job_(job),
         queue_(queue),
-        params_{job.omega, job.is_rung()},
+        params_{job.omega, job.is_fallback_stage()},
         pack_(slots, Method::workspace(), reinterpret_cast<Lanes*>(scratch)),
         lanes_(lanes_of<Real>(slots, Method::workspace(), scratch, std::make_integer_sequence<int, kWidth>{})),
         workspace_(scratch + elements(slots), pack_.n, pack_.cones),
         rules_(load_rules<Method>(kLaw, lanes_[0])) {
-    if (params_.is_rung) rules_.needs_symmetry = false;
+    if (params_.is_fallback_stage) rules_.needs_symmetry = false;
     // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep
     // it out of every lane that counts.
     for (Offset i = 0; i < elements(slots); ++i) scratch[i] = Real(0);
-    ask_ahead();
+    prefetch_ahead();
   }
 
-  /// Answers finished environments and loads others. Whether there is anything to advance.
+  /// Finishes environments that are due and loads others. Whether there is anything to advance.
   bool refill() {
-    settle(busy_);
-    while (!queue_.is_empty() && busy_.count() <= kWidth - kTogether) settle(enter());
+    check_convergence(busy_);
+    while (!queue_.is_empty() && busy_.count() <= kWidth - kTogether) check_convergence(load_free_lanes());
     return !busy_.is_empty();
   }
 
@@ -141,7 +142,7 @@ class PackRun {
   static constexpr int kTogether = kWidth > 2 ? (kWidth * 3 + 7) / 8 : 1;
   using Lanes = Pack<Real, kWidth>;
 
-  struct Guest {
+  struct LaneState {
     EnvView<Real> env;
     StopRule rule;
     std::uint32_t flags;
@@ -152,75 +153,75 @@ class PackRun {
     return kWidth * DenseSystem<Real>::elements(slots, Method::workspace());
   }
 
-  /// Asks for as many environments as there are lanes, before they are needed.
-  void ask_ahead() {
+  /// Prefetches as many environments as there are lanes, before they are needed.
+  void prefetch_ahead() {
     EnvQueue& q = queue_;
-    for (q.asked_for = larger_of(q.asked_for, q.next); q.asked_for < q.count && q.asked_for < q.next + kWidth;
-         ++q.asked_for)
-      prefetch(job_, q.envs[q.asked_for]);
+    for (q.prefetched = larger_of(q.prefetched, q.next); q.prefetched < q.count && q.prefetched < q.next + kWidth;
+         ++q.prefetched)
+      prefetch(job_, q.envs[q.prefetched]);
   }
 
-  /// The next environments into all lanes that are free. Returns the lanes of those that can be solved.
-  LaneSet enter() {
-    Entrant<Real> entrants[kWidth];
-    int entering = 0;
+  /// Loads the next environments into all free lanes. Returns the lanes of those that can be solved.
+  LaneSet load_free_lanes() {
+    PendingLoad<Real> loads[kWidth];
+    int load_count = 0;
     for (int l = 0; l < kWidth && !queue_.is_empty(); ++l) {
       if (busy_.has(l)) continue;
-      Guest& guest = guests_[l];
+      LaneState& state = states_[l];
       const Offset env = queue_.take();
-      ::new (static_cast<void*>(&guest.env)) EnvView<Real>(slice_to_load(job_, env));  // made where it stays
-      guest.rule = stop_rule(job_, env);
-      ask_for_matrix(guest.env);
-      entrants[entering++] = {&guest.env, l, 0U, nullptr};
+      ::new (static_cast<void*>(&state.env)) EnvView<Real>(slice_to_load(job_, env));  // made where it stays
+      state.rule = stop_rule(job_, env);
+      prefetch_matrix(state.env);
+      loads[load_count++] = {&state.env, l, 0U, nullptr};
     }
-    load_lanes_of(pack_, lanes_.data(), workspace_, rules_, entrants, entering);
-    LaneSet taken;
-    for (int k = 0; k < entering; ++k) {
-      const int l = entrants[k].lane;
-      Guest& guest = guests_[l];
-      guest.flags = entrants[k].flags | unsupported_flags<Method>(lanes_[l]);
-      if (is_solvable(guest.flags)) {
-        guest.residual_scale = residual_scale(team_, guest.env);
-        searches_.begin(l, guest.rule);
-        taken.add(l);
+    load_lanes_of(pack_, lanes_.data(), workspace_, rules_, loads, load_count);
+    LaneSet loaded;
+    for (int k = 0; k < load_count; ++k) {
+      const int l = loads[k].lane;
+      LaneState& state = states_[l];
+      state.flags = loads[k].flags | unsupported_flags<Method>(lanes_[l]);
+      if (is_solvable(state.flags)) {
+        state.residual_scale = residual_scale(team_, state.env);
+        searches_.begin(l, state.rule);
+        loaded.add(l);
       } else {
-        refuse(team_, guest.env, Method::kKind, guest.flags);
+        reject(team_, state.env, Method::kKind, state.flags);
       }
     }
-    begin_lanes<Method, kLaw>(pack_, workspace_, mask_of<Real, kWidth>(taken));
-    taken.for_each([&](int l) {
-      start_method<Method, kLaw>(team_, guests_[l].env, lanes_[l]);
+    begin_lanes<Method, kLaw>(pack_, workspace_, mask_of<Real, kWidth>(loaded));
+    loaded.for_each([&](int l) {
+      start_method<Method, kLaw>(team_, states_[l].env, lanes_[l]);
       busy_.add(l);
     });
-    ask_ahead();
-    return taken;
+    prefetch_ahead();
+    return loaded;
   }
 
-  /// settle() of those lanes.
-  void settle(LaneSet among) {
-    const auto looks = look_at<Lanes>(pack_, searches_.limits, searches_.search);
-    const LaneSet asked = among & LaneSet(lane_bits(or_(looks.nominated, looks.ended)));
+  /// Checks the convergence of those lanes, and releases the finished ones.
+  void check_convergence(LaneSet among) {
+    const auto polls = poll_progress<Lanes>(pack_, searches_.limits, searches_.search);
+    const LaneSet asked = among & LaneSet(lane_bits(or_(polls.has_candidate, polls.ended)));
     if (asked.is_empty()) return;
     const EnvView<Real>* envs[kWidth];
     int lanes[kWidth];
     int count = 0;
     asked.for_each([&](int l) {
-      envs[l] = &guests_[l].env;
+      envs[l] = &states_[l].env;
       lanes[count++] = l;
     });
-    Judgement judged[kWidth];
-    judge_lanes<kLaw>(pack_, workspace_, envs, lanes, count, judged);
+    FinalResidual evaluated[kWidth];
+    evaluate_lanes<kLaw>(pack_, workspace_, envs, lanes, count, evaluated);
     asked.for_each([&](int l) {
-      const Guest& guest = guests_[l];
-      EnvProgress<Real> progress = searches_.of(l, guest.flags);
-      const bool is_done = settle_judged<Method>(team_, guest.env, lanes_[l], guest.rule, look_of(looks, l), judged[l],
-                                                 guest.residual_scale, progress);
+      const LaneState& state = states_[l];
+      EnvProgress<Real> progress = searches_.of(l, state.flags);
+      const bool is_done = check_evaluated<Method>(team_, state.env, lanes_[l], state.rule, poll_of_lane(polls, l),
+                                                   evaluated[l], state.residual_scale, progress);
       searches_.search.verified.v[l] = progress.verified;
-      if (is_done) leave(l);
+      if (is_done) release(l);
     });
   }
 
-  void leave(int lane) {
+  void release(int lane) {
     busy_.remove(lane);
     searches_.end(lane);
   }
@@ -237,7 +238,7 @@ class PackRun {
   LoadRules rules_;
   LaneSearch<Real, kWidth> searches_;
   LaneSet busy_;
-  Guest guests_[kWidth];
+  LaneState states_[kWidth];
 };
 
 template <class Method>
@@ -288,12 +289,12 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
 template <class Method, Law kLaw, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
-  const MethodParams<Real> params{job.omega, job.is_rung()};
+  const MethodParams<Real> params{job.omega, job.is_fallback_stage()};
   const EnvView<Real> view = slice_to_load(job, env);
   const Workspace workspace = Method::workspace().up_to(job.direct_rows);
   SerialTeam team;
   if (job.plan.path[env] == EnvPath::empty) {
-    answer_empty(team, view, Method::kKind);
+    write_empty(team, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
     DenseSystem<Real> system(view.counts, workspace, scratch);
     solve_environment<Method, kLaw>(team, view, system, params, rule);

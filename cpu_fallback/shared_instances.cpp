@@ -4,8 +4,8 @@ namespace stiction::inline STICTION_ISA {
 
 // Packs load their lanes themselves.
 #if defined(STICTION_PACKS_ALONE)
-template Judgement final_residual(SerialTeam&, const EnvView<float>&, const StoredRows<float>&);
-template Judgement final_residual(SerialTeam&, const EnvView<double>&, const StoredRows<double>&);
+template FinalResidual final_residual(SerialTeam&, const EnvView<float>&, const StoredRows<float>&);
+template FinalResidual final_residual(SerialTeam&, const EnvView<double>&, const StoredRows<double>&);
 #else
 STICTION_SHARED_BODIES(, SerialTeam)
 #endif

@@ -66,7 +66,7 @@ void parallel_for(int threads, int items, const ItemWork& work) {
   parallel_for(chosen, threads, items, work);
 }
 
-void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work) {
+void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work) {
   // Waking a thread takes as long as looking at some hundred environments.
   constexpr Offset kPart = 512;
   const auto parts = static_cast<int>((count + kPart - 1) / kPart);

@@ -18,8 +18,8 @@ using ItemWork = std::function<void(int item, int worker)>;
 /// when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
 
-/// The same in parts: a ShareOut for work on environments that takes some ten nanoseconds each.
-void share_out(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
+/// The same in parts: a ParallelFor for work on environments that takes some ten nanoseconds each.
+void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
 
 /// Who deals the items out: threads of our own that sleep between calls, or oneTBB's.
 enum class PoolKind : unsigned char { own, tbb };

@@ -21,10 +21,10 @@ void list_one(const WorldJob<Real>& job, Offset env, void* workspace, FoundConta
   list_contacts(team, job, env, DetectWorkspace<Real>(job.model, workspace), out);
 }
 template <class Real>
-void hand_over_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
-                   const FoundContact<Real>* found) {
+void emit_contacts_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
+                       const FoundContact<Real>* found) {
   SerialTeam team;
-  hand_over(team, job.model, sink, env, found);
+  emit_contacts(team, job.model, sink, env, found);
 }
 template <class Real>
 void integrate_one(const WorldJob<Real>& job, Offset env) {
@@ -38,7 +38,8 @@ WorldMotion motion_one(const WorldJob<Real>& job, Offset env) {
 
 template <class Real>
 cpu::WorldKernels<Real> kernels() {
-  return {room_bytes<Real>, find_one<Real>, list_one<Real>, hand_over_one<Real>, integrate_one<Real>, motion_one<Real>};
+  return {room_bytes<Real>,        find_one<Real>,      list_one<Real>,
+          emit_contacts_one<Real>, integrate_one<Real>, motion_one<Real>};
 }
 
 }  // namespace

@@ -10,8 +10,8 @@ struct WorldKernels {
   std::size_t (*room_bytes)(const WorldModelView<Real>& model);  ///< scratch of the first two
   Index (*find_contacts)(const WorldJob<Real>& job, Offset env, void* workspace);
   void (*list_contacts)(const WorldJob<Real>& job, Offset env, void* workspace, FoundContact<Real>* out);
-  void (*hand_over)(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
-                    const FoundContact<Real>* found);
+  void (*emit_contacts)(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
+                        const FoundContact<Real>* found);
   void (*integrate)(const WorldJob<Real>& job, Offset env);
   WorldMotion (*motion)(const WorldJob<Real>& job, Offset env);
 };

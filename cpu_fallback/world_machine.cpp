@@ -67,7 +67,7 @@ class CpuWorld final : public WorldMachine<Real> {
     if (!(keep_ > 0)) sink.last.offsets = nullptr;
     for_each_run_of_environments([&](int run, int, Offset begin, Offset end) {
       for (Offset env = begin; env < end; ++env)
-        kernels_.hand_over(job, sink, env, found_[at(run)].data() + begin_[at(env)]);
+        kernels_.emit_contacts(job, sink, env, found_[at(run)].data() + begin_[at(env)]);
     });
     const BodyBatchView<Real> batch = arrays_.batch();
     return {batch,

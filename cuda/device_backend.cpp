@@ -96,7 +96,7 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
   planned_.reset();
   engine_.solve(EngineRequest<Real>{batch, request.solution, request.warm_start, request.law, request.options, planned,
                                     request.stream.handle()});
-  // The ladder sorts the environments anew for every rung.
+  // The fallback chain sorts the environments anew for every stage.
   if (!capturing && request.options.solver != SolverKind::automatic) planned_ = owner;
 }
 

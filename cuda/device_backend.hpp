@@ -14,7 +14,7 @@ namespace stiction::cuda {
 class DeviceBackend final : public Backend {
  public:
   explicit DeviceBackend(std::shared_ptr<DeviceApi> api, Offset piece_bytes = kPieceBytes,
-                         SizeClass finest = SizeClass::bundle_four);
+                         SizeClass finest = SizeClass::thread_small);
 
   void solve(const SolveRequest<float>& request) override;
   void solve(const SolveRequest<double>& request) override;

@@ -43,7 +43,7 @@ DeviceWorld<Real>::DeviceWorld(std::shared_ptr<DeviceApi> api, const WorldModelV
   teams_ = smaller_of(env_count, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   queue_all(*api_, stream_.get(), [&] {
     place_bodies();
-    place_offsets();
+    scan_offsets();
     api_->synchronize(stream_.get());
   });
 }
@@ -92,7 +92,7 @@ void DeviceWorld<Real>::place_bodies() {
 
 /// No contacts so far.
 template <class Real>
-void DeviceWorld<Real>::place_offsets() {
+void DeviceWorld<Real>::scan_offsets() {
   Mover mover(*api_, stream_.get());
   for (const Contacts* contacts : {&now_, &next_})
     mover.to_device(contacts->view.offsets, host_.contacts.offsets.data(), env_count_ + 1);
@@ -160,13 +160,13 @@ WorldSolve<Real> DeviceWorld<Real>::find_contacts() {
   host_.contacts.resize(count);
   make_room(next_, count);
   mover.to_device(next_.view.offsets, offsets.data(), env_count_ + 1);
-  WorldHandOverArgs<Real> args{job_.model,
-                               {next_.view, now_.view, keep_},
-                               env_count_,
-                               reinterpret_cast<const FoundContact<Real>*>(found_.get()),
-                               most_};
+  EmitWorldContactsArgs<Real> args{job_.model,
+                                   {next_.view, now_.view, keep_},
+                                   env_count_,
+                                   reinterpret_cast<const FoundContact<Real>*>(found_.get()),
+                                   most_};
   if (!(keep_ > 0)) args.sink.last.offsets = nullptr;
-  launch(kernels_.hand_over, env_count_, lanes_for(most_), &args);
+  launch(kernels_.emit_contacts, env_count_, lanes_for(most_), &args);
   std::swap(now_, next_);
   fetch_structure();
   const WorldContacts<Real>& now = now_.view;

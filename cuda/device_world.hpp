@@ -34,7 +34,7 @@ class DeviceWorld final : public WorldMachine<Real> {
   };
 
   void place_bodies();
-  void place_offsets();
+  void scan_offsets();
   void count_contacts();
   void make_room(Contacts& contacts, Offset count);
   void fetch_structure();

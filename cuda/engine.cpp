@@ -12,8 +12,8 @@
 #include "core/job/fallback_chain.hpp"
 #include "core/plan/structure_view.hpp"
 #include "cuda/programs/choose_program.hpp"
-#include "cuda/programs/settled_program.hpp"
-#include "cuda/programs/solve_bundles.hpp"
+#include "cuda/programs/solve_thread_per_env.hpp"
+#include "cuda/programs/trivial_program.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cuda {
@@ -49,7 +49,7 @@ bool is_sparse(SizeClass size_class) {
 }
 
 bool is_bundle(SizeClass size_class) {
-  return size_class == SizeClass::bundle_six || size_class == SizeClass::bundle_four;
+  return size_class == SizeClass::thread_medium || size_class == SizeClass::thread_small;
 }
 
 const char* name_of(SizeClass size_class) {
@@ -68,12 +68,12 @@ const char* name_of(SizeClass size_class) {
       return "dense_warp";
     case SizeClass::dense_tile:
       return "dense_tile";
-    case SizeClass::bundle_six:
-      return "bundle_six";
-    case SizeClass::bundle_four:
-      return "bundle_four";
-    case SizeClass::settled:
-      return "settled";
+    case SizeClass::thread_medium:
+      return "thread_medium";
+    case SizeClass::thread_small:
+      return "thread_small";
+    case SizeClass::trivial:
+      return "trivial";
   }
   return "?";
 }
@@ -85,10 +85,10 @@ int lanes_of(SizeClass size_class) {
     case SizeClass::dense_warp:
     case SizeClass::factor_warp:
       return kWarp;
-    case SizeClass::bundle_six:
-    case SizeClass::bundle_four:
+    case SizeClass::thread_medium:
+    case SizeClass::thread_small:
       return kBundle;
-    case SizeClass::settled:
+    case SizeClass::trivial:
       return 1;
     default:
       return kMostLanes;
@@ -152,7 +152,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   ClassShape shape;
   shape.launch.lanes = lanes_of(size_class);
   shape.launch.teams = capacity.envs;
-  if (size_class == SizeClass::settled) return shape;
+  if (size_class == SizeClass::trivial) return shape;
 
   Offset elements = 0;
   Offset per_processor = 2;
@@ -211,12 +211,12 @@ Workspace Engine::method_room(SolverKind solver) const {
   const SolverKernels* const solvers = api_.kernels().solvers;
   if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].room;
   Workspace room;
-  for (int rung = 0; rung < kLadderRungs; ++rung)
-    room = room.joined(solvers[static_cast<std::size_t>(ladder_rung(rung).solver)].room);
+  for (int stage = 0; stage < kFallbackStages; ++stage)
+    room = room.joined(solvers[static_cast<std::size_t>(fallback_stage(stage).solver)].room);
   return room;
 }
 
-/// Class of the smallest dense environments under a solver. The ladder's rungs sort anew.
+/// Class of the smallest dense environments under a solver. The fallback chain's stages sort anew.
 SizeClass Engine::finest_for(SolverKind solver) const {
   return solver != SolverKind::automatic && method_room(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
                                                                             : finest_;
@@ -262,7 +262,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   arrays.add(plan.order, envs);
   arrays.add(plan.key_begin, kSortKeys + 1);
   arrays.add(plan.class_begin, kSizeClasses + 1);
-  arrays.add(plan.ticket, kSizeClasses);
+  arrays.add(plan.work_counter, kSizeClasses);
   arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
   arrays.add(plan.graph_scratch, graph_teams * plan.graph_slot);
   for (ClassShape& shape : shapes)
@@ -292,16 +292,16 @@ void Engine::queue_plan(const EngineRequest<Real>& request) {
 }
 
 template <class Real>
-void Engine::queue_settled(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane,
+void Engine::queue_trivial(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane,
                            StreamHandle stream) {
-  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
-  // An environment without anything to solve is answered in the name of the first rung.
+  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.work_counter};
+  // An environment without anything to solve is answered in the name of the first stage.
   const SolverKind solver =
-      request.options.solver == SolverKind::automatic ? ladder_rung(0).solver : request.options.solver;
-  const SettledArgs<Real> args{job, queue, plan_.flags, solver};
-  const KernelRef& kernel = api_.kernels().settled[static_cast<std::size_t>(kPrecisionOf<Real>)];
-  const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::settled)].launch;
-  timer_.time(name_of(SizeClass::settled), kernel.name, lane, stream,
+      request.options.solver == SolverKind::automatic ? fallback_stage(0).solver : request.options.solver;
+  const TrivialArgs<Real> args{job, queue, plan_.flags, solver};
+  const KernelRef& kernel = api_.kernels().trivial[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::trivial)].launch;
+  timer_.time(name_of(SizeClass::trivial), kernel.name, lane, stream,
               [&] { api_.launch(kernel, shape, &args, stream); });
 }
 
@@ -309,7 +309,7 @@ template <class Real>
 void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                          SizeClass size_class, int lane, StreamHandle stream) {
   const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
-  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.ticket};
+  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.work_counter};
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(solver)]
@@ -327,7 +327,7 @@ void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real
 /// Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
 template <class Real>
 void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
-                           bool with_settled) {
+                           bool with_trivial) {
   const StreamHandle stream = request.stream;
   api_.record(forked_->get(), stream);
   for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
@@ -336,11 +336,11 @@ void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Re
     const auto size_class = static_cast<SizeClass>(k);
     if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
     if (is_bundle(size_class) && size_class > finest_for(solver)) continue;
-    if (size_class == SizeClass::settled && !with_settled) continue;
+    if (size_class == SizeClass::trivial && !with_trivial) continue;
     const int lane = next++ % (kBranches + 1);
     const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
-    if (size_class == SizeClass::settled)
-      queue_settled(request, job, lane, own);
+    if (size_class == SizeClass::trivial)
+      queue_trivial(request, job, lane, own);
     else
       queue_class(request, job, solver, size_class, lane, own);
   }
@@ -351,27 +351,27 @@ void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Re
   }
 }
 
-/// Rung by rung, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they are
-/// is decided on the device.
+/// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they
+/// are is decided on the device.
 template <class Real>
 void Engine::queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream;
-  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::settled};
+  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::trivial};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const Real omega = job.omega;
-  job.rung = 0;
-  queue_settled(request, job, 0, stream);
-  for (int rung = 0; rung < kLadderRungs; ++rung) {
-    const SolverKind solver = ladder_rung(rung).solver;
-    const ChooseArgs<Real> args{job, plan_, assigned_, rung, finest_for(solver)};
+  job.stage = 0;
+  queue_trivial(request, job, 0, stream);
+  for (int stage = 0; stage < kFallbackStages; ++stage) {
+    const SolverKind solver = fallback_stage(stage).solver;
+    const ChooseArgs<Real> args{job, plan_, assigned_, stage, finest_for(solver)};
     timer_.time("choose", to_string(solver), 0, stream, [&] {
       api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
       api_.launch(api_.kernels().plan.sort, {1, kSortLanes}, &plan, stream);
-      api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
+      api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
     });
     job.warm_start = job.lambda;
-    job.rung = rung;
-    job.omega = omega * static_cast<Real>(ladder_rung(rung).omega);
+    job.stage = stage;
+    job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
     queue_classes(request, job, solver, false);
   }
 }
@@ -385,7 +385,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   // where the graph is launched.
   if (!capturing) api_.wait(stream, done_->get());
   timer_.attach(request.options.tracer, capturing);
-  api_.fill_zero(plan_.ticket, kSizeClasses * sizeof(Offset), stream);
+  api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
   if (!request.planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
 
   const SolverOptions& options = request.options;

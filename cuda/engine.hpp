@@ -34,7 +34,7 @@ class Engine {
  public:
   /// Dense environments go to `finest` or a class of larger ones, however small they are: for measuring, and for tests
   /// that a class changes no bit.
-  explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::bundle_four);
+  explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::thread_small);
   ~Engine();
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
@@ -83,13 +83,13 @@ class Engine {
   template <class Real>
   void queue_solve(const EngineRequest<Real>& request);
   template <class Real>
-  void queue_settled(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
+  void queue_trivial(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
   template <class Real>
   void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                    SizeClass size_class, int lane, StreamHandle stream);
   template <class Real>
   void queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
-                     bool with_settled);
+                     bool with_trivial);
   template <class Real>
   void queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job);
   template <class Real>
@@ -104,7 +104,7 @@ class Engine {
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
-  std::uint8_t* assigned_ = nullptr;  ///< ladder: the rung that each environment stands on
+  std::uint8_t* assigned_ = nullptr;  ///< fallback chain: the stage that each environment stands on
   std::array<ClassShape, kSizeClasses> shapes_;
   LaunchShape graph_;  ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;

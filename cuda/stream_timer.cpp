@@ -41,7 +41,7 @@ StreamTimer::Timed* StreamTimer::begin(const char* name, const char* detail, int
   return pending_.back().get();
 }
 
-bool StreamTimer::hand_over(const Timed& timed) {
+bool StreamTimer::export_spans(const Timed& timed) {
   if (!timed.complete) {
     owner_->leave_out(1);
     return true;
@@ -62,7 +62,7 @@ void StreamTimer::collect() noexcept {
     std::vector<std::unique_ptr<Timed>> waiting;
     waiting.reserve(pending_.size());
     unused_.reserve(unused_.size() + pending_.size());
-    for (auto& timed : pending_) (hand_over(*timed) ? unused_ : waiting).push_back(std::move(timed));
+    for (auto& timed : pending_) (export_spans(*timed) ? unused_ : waiting).push_back(std::move(timed));
     pending_ = std::move(waiting);
   } catch (const std::exception&) {
     owner_->leave_out(pending_.size());

@@ -58,7 +58,7 @@ class StreamTimer {
   /// The device's and the tracer's clock, looked at together.
   void set_zero();
   /// Whether the span is off our hands.
-  [[nodiscard]] bool hand_over(const Timed& timed);
+  [[nodiscard]] bool export_spans(const Timed& timed);
 
   DeviceApi& api_;
   Tracer* tracer_ = nullptr;  ///< null: what is queued is not timed

@@ -7,38 +7,38 @@ namespace stiction::inline STICTION_ISA {
 
 /// An integer for each lane, as wide as the numbers: what places are counted in.
 template <class T, int W>
-using PackPlaces = typename PackMask<T, W>::Vector;
+using PackIndices = typename PackMask<T, W>::Vector;
 
 /// base[place] in every lane. Without AVX-512 by loads of single numbers: AVX2's gather instructions take longer on Zen
 /// (bench/log).
 template <class T, int W>
-STICTION_HD Pack<T, W> gather(const T* base, PackPlaces<T, W> place) {
+STICTION_HD Pack<T, W> gather(const T* base, PackIndices<T, W> index) {
   Pack<T, W> r;
-  for (int lane = 0; lane < W; ++lane) r.v[lane] = base[place[lane]];
+  for (int lane = 0; lane < W; ++lane) r.v[lane] = base[index[lane]];
   return r;
 }
 /// base[place] = value in every lane; no two places are the same.
 template <class T, int W>
-STICTION_HD void scatter(T* base, PackPlaces<T, W> place, Pack<T, W> value) {
-  for (int lane = 0; lane < W; ++lane) base[place[lane]] = value.v[lane];
+STICTION_HD void scatter(T* base, PackIndices<T, W> index, Pack<T, W> value) {
+  for (int lane = 0; lane < W; ++lane) base[index[lane]] = value.v[lane];
 }
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
 template <>
-STICTION_HD Pack<float, 16> gather<float, 16>(const float* base, PackPlaces<float, 16> place) {
-  return Pack<float, 16>(_mm512_i32gather_ps((__m512i)place, base, 4));
+STICTION_HD Pack<float, 16> gather<float, 16>(const float* base, PackIndices<float, 16> index) {
+  return Pack<float, 16>(_mm512_i32gather_ps((__m512i)index, base, 4));
 }
 template <>
-STICTION_HD Pack<double, 8> gather<double, 8>(const double* base, PackPlaces<double, 8> place) {
-  return Pack<double, 8>(_mm512_i64gather_pd((__m512i)place, base, 8));
+STICTION_HD Pack<double, 8> gather<double, 8>(const double* base, PackIndices<double, 8> index) {
+  return Pack<double, 8>(_mm512_i64gather_pd((__m512i)index, base, 8));
 }
 template <>
-STICTION_HD void scatter<float, 16>(float* base, PackPlaces<float, 16> place, Pack<float, 16> value) {
-  _mm512_i32scatter_ps(base, (__m512i)place, value.v, 4);
+STICTION_HD void scatter<float, 16>(float* base, PackIndices<float, 16> index, Pack<float, 16> value) {
+  _mm512_i32scatter_ps(base, (__m512i)index, value.v, 4);
 }
 template <>
-STICTION_HD void scatter<double, 8>(double* base, PackPlaces<double, 8> place, Pack<double, 8> value) {
-  _mm512_i64scatter_pd(base, (__m512i)place, value.v, 8);
+STICTION_HD void scatter<double, 8>(double* base, PackIndices<double, 8> index, Pack<double, 8> value) {
+  _mm512_i64scatter_pd(base, (__m512i)index, value.v, 8);
 }
 #endif
 

@@ -14,9 +14,9 @@ enum class SizeClass : std::uint8_t {
   dense_block,        ///< dense, a block each, system in shared memory
   dense_warp,         ///< dense, a warp each
   dense_tile,         ///< dense, a part of a warp each
-  bundle_six,         ///< dense, a lane each (up to six contacts of three rows)
-  bundle_four,        ///< dense, a lane each (up to four contacts)
-  settled,            ///< nothing to iterate: no rows, or refused
+  thread_medium,      ///< dense, a lane each (up to six contacts of three rows)
+  thread_small,       ///< dense, a lane each (up to four contacts)
+  trivial,            ///< nothing to iterate: no rows, or refused
 };
 inline constexpr int kSizeClasses = 10;
 
@@ -31,9 +31,9 @@ STICTION_HD constexpr Index class_rows(SizeClass size_class) {
       return 72;
     case SizeClass::dense_tile:
       return 36;
-    case SizeClass::bundle_six:
+    case SizeClass::thread_medium:
       return 18;
-    case SizeClass::bundle_four:
+    case SizeClass::thread_small:
       return 12;
     default:
       return 0;
@@ -48,10 +48,10 @@ inline constexpr int kBucketsPerClass = 8;
 inline constexpr int kSortKeys = kSizeClasses * kBucketsPerClass;
 
 STICTION_HD constexpr SizeClass size_class(EnvPath path, Index rows) {
-  if (path == EnvPath::empty) return SizeClass::settled;
+  if (path == EnvPath::empty) return SizeClass::trivial;
   if (path == EnvPath::sparse) return rows >= kWholeDeviceRows ? SizeClass::sparse_device : SizeClass::sparse_block;
   if (path == EnvPath::factor) return SizeClass::factor_warp;
-  int smallest = static_cast<int>(SizeClass::bundle_four);
+  int smallest = static_cast<int>(SizeClass::thread_small);
   while (rows > class_rows(static_cast<SizeClass>(smallest))) --smallest;
   return static_cast<SizeClass>(smallest);
 }
@@ -65,7 +65,7 @@ STICTION_HD constexpr int sort_key(SizeClass size_class, Index rows) {
     for (Index limit = size_class == SizeClass::sparse_device ? kWholeDeviceRows : 64; limit < rows && bucket > 0;
          limit *= 2)
       --bucket;
-  } else if (size_class != SizeClass::settled) {
+  } else if (size_class != SizeClass::trivial) {
     const Index limit = class_rows(size_class);
     bucket = static_cast<int>((limit - rows) * kBucketsPerClass / limit);
   }

@@ -21,11 +21,11 @@ struct SolveJob {
   Index stall_window;
   Real omega;
   Law law;
-  int rung =
-      -1;  ///< of the ladder, none below 0: iterations are the rung's, and an answer that is there is not given up
+  int stage = -1;  ///< of the fallback chain, none below 0: iterations are the stage's, and an answer that is there is
+                   ///< not given up
   Index direct_rows = kDirectRows;  ///< rows of the largest environment that gets a method's matrices
 
-  [[nodiscard]] STICTION_HD bool is_rung() const { return rung >= 0; }
+  [[nodiscard]] STICTION_HD bool is_fallback_stage() const { return stage >= 0; }
 };
 
 }  // namespace stiction

@@ -27,7 +27,7 @@ class BodyMachine {
   virtual void solve(const BodyRequest<float>& request) = 0;
   virtual void solve(const BodyRequest<double>& request) = 0;
   /// Shares work on a batch on the host among the threads that a solve may use.
-  virtual void share_out(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
+  virtual void parallel_for(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
     all_at_once(count, work);
   }
   /// A host copy of `bytes` bytes at `source` in this machine's memory, ordered after the work on `stream`.
@@ -41,9 +41,10 @@ std::unique_ptr<BodyMachine> make_cuda_bodies(int ordinal);
 
 /// The structural defects alone: what validate() lists first. Only the integers are read.
 template <class Real>
-std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out);
+std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit,
+                                       const ParallelFor& parallel_for);
 /// validate() by several threads.
 template <class Real>
-std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out);
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ParallelFor& parallel_for);
 
 }  // namespace stiction

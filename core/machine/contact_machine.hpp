@@ -34,7 +34,7 @@ class Backend {
   /// Makes room for solves, where a machine has room of its own. \throws Error(out_of_memory).
   virtual void reserve(const Capacity&, SolverKind) {}
   /// Shares work on a batch on the host among the threads that a solve may use.
-  virtual void share_out(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
+  virtual void parallel_for(int /*threads*/, Offset count, const std::function<void(Offset, Offset)>& work) {
     all_at_once(count, work);
   }
   /// Finds the islands of a batch in this machine's memory; only its integers are looked at.

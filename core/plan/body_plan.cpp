@@ -251,7 +251,7 @@ void choose_contacts(const Real* depth, Index contacts, Index capacity, std::vec
 }  // namespace
 
 template <class Real>
-BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ShareOut& share_out) {
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ParallelFor& parallel_for) {
   const auto envs = at(batch.env_count), bodies = at(batch.body_count), contacts = at(batch.contact_count);
   BodyPlanData plan;
   plan.env_body_offsets.assign(batch.env_body_offsets, batch.env_body_offsets + batch.env_count + 1);
@@ -264,7 +264,7 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, co
   plan.color_offsets.resize(contacts + envs);
   plan.body_offsets.resize(bodies + envs);
   plan.body_contacts.resize(2 * contacts);
-  share_out(batch.env_count, [&](Offset begin, Offset end) {
+  parallel_for(batch.env_count, [&](Offset begin, Offset end) {
     const auto part_of = [&](Offset e) {
       const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
       return EnvPlan{plan.kept.data() + e,
@@ -312,8 +312,8 @@ bool fits(const BodyPlanData& plan, const BodyBatchView<Real>& batch) {
   return true;
 }
 
-template BodyPlanData make_body_plan(const BodyBatchView<float>&, Index, const ShareOut&);
-template BodyPlanData make_body_plan(const BodyBatchView<double>&, Index, const ShareOut&);
+template BodyPlanData make_body_plan(const BodyBatchView<float>&, Index, const ParallelFor&);
+template BodyPlanData make_body_plan(const BodyBatchView<double>&, Index, const ParallelFor&);
 template bool fits(const BodyPlanData&, const BodyBatchView<float>&);
 template bool fits(const BodyPlanData&, const BodyBatchView<double>&);
 

@@ -52,7 +52,8 @@ struct BodyPlanData {
 ///
 /// An environment with more than `capacity` contacts (0: no limit) keeps the deepest, the lower index among equals.
 template <class Real>
-BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ShareOut& share_out = all_at_once);
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity,
+                            const ParallelFor& parallel_for = all_at_once);
 
 /// Whether a plan was made for bodies and contacts like this host batch's.
 template <class Real>

@@ -293,13 +293,13 @@ void order_environments(const Structure& structure, PlanData& plan) {
 }
 
 /// What every environment has. The others' order of cones is left to be found.
-void plan_dense(const Structure& structure, const ShareOut& share_out, PlanData& plan) {
+void plan_dense(const Structure& structure, const ParallelFor& parallel_for, PlanData& plan) {
   const auto envs = static_cast<std::size_t>(structure.env_count);
   plan.counts.resize(envs);
   plan.path.resize(envs);
   plan.color_count.resize(envs);
   plan.cone_order.resize(static_cast<std::size_t>(structure.cone_count));
-  share_out(structure.env_count, [&](Offset begin, Offset end) {
+  parallel_for(structure.env_count, [&](Offset begin, Offset end) {
     for (Offset e = begin; e < end; ++e) {
       const EnvStructure env(structure, e);
       ConeCounts& counts = plan.counts[static_cast<std::size_t>(e)];
@@ -310,13 +310,13 @@ void plan_dense(const Structure& structure, const ShareOut& share_out, PlanData&
   });
 }
 
-PlanData plan_structure(const Structure& structure, const ShareOut& share_out) {
+PlanData plan_structure(const Structure& structure, const ParallelFor& parallel_for) {
   PlanData plan;
   plan.env_count = structure.env_count;
   plan.cone_count = structure.cone_count;
   plan.row_count = structure.row_count;
   plan.nonzero_count = structure.nonzero_count;
-  plan_dense(structure, share_out, plan);
+  plan_dense(structure, parallel_for, plan);
   const auto envs = static_cast<std::size_t>(structure.env_count);
   plan.dense_order.reserve(envs);
   plan.env_vertex_offsets.reserve(envs + 1);
@@ -350,7 +350,7 @@ bool in_canonical_order(const EnvStructure& env, const Index* order) {
   return true;
 }
 
-bool fits_structure(const PlanData& plan, const Structure& structure, const ShareOut& share_out) {
+bool fits_structure(const PlanData& plan, const Structure& structure, const ParallelFor& parallel_for) {
   if (plan.env_count != structure.env_count || plan.cone_count != structure.cone_count ||
       plan.row_count != structure.row_count || plan.nonzero_count != structure.nonzero_count)
     return false;
@@ -361,7 +361,7 @@ bool fits_structure(const PlanData& plan, const Structure& structure, const Shar
            (plan.path[index] != EnvPath::dense || in_canonical_order(env, plan.cone_order.data() + env.first_cone));
   };
   std::vector<unsigned char> fitting(static_cast<std::size_t>(structure.env_count));
-  share_out(structure.env_count, [&](Offset begin, Offset end) {
+  parallel_for(structure.env_count, [&](Offset begin, Offset end) {
     for (Offset e = begin; e < end; ++e) fitting[static_cast<std::size_t>(e)] = env_fits(e) ? 1 : 0;
   });
   return std::find(fitting.begin(), fitting.end(), 0) == fitting.end();
@@ -378,18 +378,18 @@ Structure structure_of(const ContactBatchView<Real>& batch) {
 }  // namespace
 
 template <class Real>
-PlanData make_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out) {
-  return plan_structure(structure_of(batch), share_out);
+PlanData make_plan(const ContactBatchView<Real>& batch, const ParallelFor& parallel_for) {
+  return plan_structure(structure_of(batch), parallel_for);
 }
 
 template <class Real>
-bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ShareOut& share_out) {
-  return fits_structure(plan, structure_of(batch), share_out);
+bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ParallelFor& parallel_for) {
+  return fits_structure(plan, structure_of(batch), parallel_for);
 }
 
-template PlanData make_plan(const ContactBatchView<float>&, const ShareOut&);
-template PlanData make_plan(const ContactBatchView<double>&, const ShareOut&);
-template bool fits(const PlanData&, const ContactBatchView<float>&, const ShareOut&);
-template bool fits(const PlanData&, const ContactBatchView<double>&, const ShareOut&);
+template PlanData make_plan(const ContactBatchView<float>&, const ParallelFor&);
+template PlanData make_plan(const ContactBatchView<double>&, const ParallelFor&);
+template bool fits(const PlanData&, const ContactBatchView<float>&, const ParallelFor&);
+template bool fits(const PlanData&, const ContactBatchView<double>&, const ParallelFor&);
 
 }  // namespace stiction

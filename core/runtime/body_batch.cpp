@@ -98,9 +98,9 @@ class BodySurvey {
  public:
   explicit BodySurvey(const BodyBatchView<Real>& batch) : batch_(batch) {}
 
-  [[nodiscard]] bool passes(const ShareOut& share_out, bool with_values) const {
+  [[nodiscard]] bool passes(const ParallelFor& parallel_for, bool with_values) const {
     std::atomic<bool> passes = true;
-    share_out(batch_.env_count, [&](Offset begin, Offset end) {
+    parallel_for(batch_.env_count, [&](Offset begin, Offset end) {
       if (!sides_pass(begin, end) || (with_values && !(bodies_pass(begin, end) && contacts_pass(begin, end))))
         passes.store(false, std::memory_order_relaxed);
     });
@@ -153,16 +153,16 @@ class BodyValidator {
  public:
   BodyValidator(const BodyBatchView<Real>& batch, std::size_t limit) : batch_(batch), limit_(limit), report_(limit) {}
 
-  std::vector<Defect> run(const ShareOut& share_out) {
-    if (offsets_hold(true) && !BodySurvey<Real>(batch_).passes(share_out, true) && sides_hold(share_out))
-      look(share_out, [](BodyValidator& part, Offset env) {
+  std::vector<Defect> run(const ParallelFor& parallel_for) {
+    if (offsets_hold(true) && !BodySurvey<Real>(batch_).passes(parallel_for, true) && sides_hold(parallel_for))
+      look(parallel_for, [](BodyValidator& part, Offset env) {
         part.see_bodies(env);
         part.see_contacts(env);
       });
     return report_.take();
   }
-  std::vector<Defect> run_structure(const ShareOut& share_out) {
-    if (offsets_hold(false) && !BodySurvey<Real>(batch_).passes(share_out, false)) sides_hold(share_out);
+  std::vector<Defect> run_structure(const ParallelFor& parallel_for) {
+    if (offsets_hold(false) && !BodySurvey<Real>(batch_).passes(parallel_for, false)) sides_hold(parallel_for);
     return report_.take();
   }
 
@@ -170,10 +170,10 @@ class BodyValidator {
   /// see(part, env) for all environments, by a validator for each part of them. Their defects are reported in order,
   /// whichever part found them first. Returns whether there are none.
   template <class See>
-  bool look(const ShareOut& share_out, const See& see) {
+  bool look(const ParallelFor& parallel_for, const See& see) {
     std::mutex mutex;
     std::map<Offset, std::vector<Defect>> found;
-    share_out(batch_.env_count, [&](Offset begin, Offset end) {
+    parallel_for(batch_.env_count, [&](Offset begin, Offset end) {
       BodyValidator part(batch_, limit_);
       for (Offset env = begin; env < end && !part.report_.full(); ++env) see(part, env);
       std::vector<Defect> defects = part.report_.take();
@@ -207,8 +207,8 @@ class BodyValidator {
     return sound;
   }
 
-  bool sides_hold(const ShareOut& share_out) {
-    return look(share_out, [](BodyValidator& part, Offset env) { part.see_sides(env); });
+  bool sides_hold(const ParallelFor& parallel_for) {
+    return look(parallel_for, [](BodyValidator& part, Offset env) { part.see_sides(env); });
   }
 
   void see_sides(Offset env) {
@@ -274,8 +274,8 @@ class BodyValidator {
 }  // namespace
 
 template <class Real>
-std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out) {
-  return BodyValidator<Real>(batch, limit).run(share_out);
+std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit, const ParallelFor& parallel_for) {
+  return BodyValidator<Real>(batch, limit).run(parallel_for);
 }
 
 template <class Real>
@@ -285,17 +285,18 @@ std::vector<Defect> validate(const BodyBatchView<Real>& batch, std::size_t limit
 }
 
 template <class Real>
-std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit, const ShareOut& share_out) {
-  return BodyValidator<Real>(batch, limit).run_structure(share_out);
+std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit,
+                                       const ParallelFor& parallel_for) {
+  return BodyValidator<Real>(batch, limit).run_structure(parallel_for);
 }
 
 template class BodyBatch<float>;
 template class BodyBatch<double>;
 template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t);
 template std::vector<Defect> validate(const BodyBatchView<double>&, std::size_t);
-template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t, const ShareOut&);
-template std::vector<Defect> validate(const BodyBatchView<double>&, std::size_t, const ShareOut&);
-template std::vector<Defect> validate_structure(const BodyBatchView<float>&, std::size_t, const ShareOut&);
-template std::vector<Defect> validate_structure(const BodyBatchView<double>&, std::size_t, const ShareOut&);
+template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t, const ParallelFor&);
+template std::vector<Defect> validate(const BodyBatchView<double>&, std::size_t, const ParallelFor&);
+template std::vector<Defect> validate_structure(const BodyBatchView<float>&, std::size_t, const ParallelFor&);
+template std::vector<Defect> validate_structure(const BodyBatchView<double>&, std::size_t, const ParallelFor&);
 
 }  // namespace stiction

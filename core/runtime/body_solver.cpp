@@ -32,9 +32,9 @@ void check_stepping(const TimeStepping& stepping) {
 }
 
 /// Work on a batch on the host, among the threads that its solve may use.
-ShareOut sharing(BodyMachine& machine, const BodySolverOptions& options) {
+ParallelFor sharing(BodyMachine& machine, const BodySolverOptions& options) {
   return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
-    machine.share_out(threads, count, work);
+    machine.parallel_for(threads, count, work);
   };
 }
 

@@ -22,7 +22,7 @@ namespace stiction {
 /// and may be null, so that a structure copied from a device can be checked before it is planned.
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
-                                       const ShareOut& share_out = all_at_once,
+                                       const ParallelFor& parallel_for = all_at_once,
                                        std::vector<FullRows>* full_rows = nullptr);
 
 /// Of those the ones of offsets and cones: a batch without them can be gone through, whatever its columns are.
@@ -32,7 +32,7 @@ std::vector<Defect> validate_offsets(const ContactBatchView<Real>& batch, std::s
 /// validate(), which looks at all columns and can say what it saw: which environments store their rows in full.
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
-                             const ShareOut& share_out, std::vector<FullRows>& full_rows);
+                             const ParallelFor& parallel_for, std::vector<FullRows>& full_rows);
 
 /// Collects defects up to a limit. Building a message costs more than looking: ask full() first.
 class DefectReport {

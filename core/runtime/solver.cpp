@@ -75,16 +75,16 @@ const char* solve_span(const ContactBatchView<Real>& batch) {
 }
 
 /// Work on a batch on the host, among the threads that its solve may use.
-ShareOut sharing(Backend& machine, const SolverOptions& options) {
+ParallelFor sharing(Backend& machine, const SolverOptions& options) {
   return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
-    machine.share_out(threads, count, work);
+    machine.parallel_for(threads, count, work);
   };
 }
 
 template <class Real>
-PlanData traced_plan(const ContactBatchView<Real>& batch, const ShareOut& share_out, Tracer* tracer) {
+PlanData traced_plan(const ContactBatchView<Real>& batch, const ParallelFor& parallel_for, Tracer* tracer) {
   const ScopedSpan span(tracer, "plan", nullptr, 0, batch.env_count);
-  return make_plan(batch, share_out);
+  return make_plan(batch, parallel_for);
 }
 
 }  // namespace
@@ -137,9 +137,9 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
   const ScopedFpEnv fp_env;
   const ScopedSpan span(options_.tracer, "plan", nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) {
-    const ShareOut share_out = sharing(*backend_, options_);
-    reject(validate_structure(batch, 1, share_out));
-    return Plan(std::make_shared<const PlanData>(make_plan(batch, share_out)));
+    const ParallelFor parallel_for = sharing(*backend_, options_);
+    reject(validate_structure(batch, 1, parallel_for));
+    return Plan(std::make_shared<const PlanData>(make_plan(batch, parallel_for)));
   }
   check_space(batch.space, device_);
   const HostStructure<Real> host(batch, *backend_, stream);
@@ -162,32 +162,32 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
            std::to_string(batch.nonzero_count) + ": make a new plan when the structure changes");
   if (batch.space != MemorySpace::host) {
     check_request(batch, solution, warm_start);
-    hand_over(&data, batch, solution, warm_start, stream, nullptr);
+    dispatch(&data, batch, solution, warm_start, stream, nullptr);
     return;
   }
   // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
   // at in this call.
-  const ShareOut share_out = sharing(*backend_, options_);
+  const ParallelFor parallel_for = sharing(*backend_, options_);
   std::vector<FullRows> full_rows;
   std::vector<Defect> defects = options_.invalid == InvalidPolicy::reject
-                                    ? validate(batch, 1, options_.solver, share_out, full_rows)
-                                    : validate_structure(batch, 1, share_out, &full_rows);
+                                    ? validate(batch, 1, options_.solver, parallel_for, full_rows)
+                                    : validate_structure(batch, 1, parallel_for, &full_rows);
   std::optional<BrokenColumns<Real>> isolated;
   if (!defects.empty() && defects.front().structural) {
     if (options_.invalid == InvalidPolicy::reject) reject(defects);
     reject(validate_offsets(batch, 1));
     isolated.emplace(batch);
-    defects = validate_structure(isolated->view(), 1, share_out, &full_rows);
+    defects = validate_structure(isolated->view(), 1, parallel_for, &full_rows);
     reject(defects);
   }
   const ContactBatchView<Real>& sound = isolated ? isolated->view() : batch;
-  if (!fits(data, sound, share_out))
+  if (!fits(data, sound, parallel_for))
     refuse(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
         "plan when the structure changes");
   check_request(batch, solution, warm_start);
   reject(defects);
-  hand_over(&data, sound, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
+  dispatch(&data, sound, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
 template <class Real>
@@ -197,13 +197,13 @@ void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>
   const ScopedSpan span(options_.tracer, solve_span(batch), nullptr, 0, batch.env_count);
   std::vector<FullRows> full_rows;
   check(batch, solution, warm_start, full_rows);
-  hand_over(nullptr, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
+  dispatch(nullptr, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
 /// Solves a batch that was checked: as it is, or every island by itself.
 template <class Real>
-void Solver::hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                       const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
+void Solver::dispatch(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                      const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
   if (options_.islands == IslandMode::together) {
     run(plan, batch, solution, warm_start, stream, full_rows);
     return;

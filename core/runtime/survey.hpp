@@ -26,10 +26,10 @@ class Survey {
   Survey(const ContactBatchView<Real>& batch, bool with_values, bool takes_any_diagonal)
       : batch_(batch), with_values_(with_values), takes_any_diagonal_(takes_any_diagonal) {}
 
-  bool passes(const ShareOut& share_out) {
+  bool passes(const ParallelFor& parallel_for) {
     columns_.resize(static_cast<std::size_t>(batch_.env_count));
     std::atomic<bool> passes = !with_values_ || shared_frictions_pass();
-    share_out(batch_.env_count, [&](Offset begin, Offset end) {
+    parallel_for(batch_.env_count, [&](Offset begin, Offset end) {
       if (!part_passes(begin, end)) passes.store(false, std::memory_order_relaxed);
     });
     return passes.load();

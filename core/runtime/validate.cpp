@@ -35,12 +35,13 @@ class Validator {
 
   /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: what was seen of rows, or
   /// null; of account if there is no structural defect.
-  std::vector<Defect> run(bool with_values, const ShareOut& share_out, std::vector<FullRows>* full_rows = nullptr) {
+  std::vector<Defect> run(bool with_values, const ParallelFor& parallel_for,
+                          std::vector<FullRows>* full_rows = nullptr) {
     Survey<Real> survey(batch_, with_values, pivots_);
     bool passes = false;
     if (check_view(with_values)) {
       check_all_offsets();
-      passes = offsets_are_sound() && survey.passes(share_out);
+      passes = offsets_are_sound() && survey.passes(parallel_for);
       if (!passes) check_environments(with_values);
     }
     if (full_rows != nullptr) {
@@ -123,13 +124,13 @@ class Validator {
                                     batch_.row_count, "rows", env_place, report_);
     env_cones_sound_ = check_offsets("env_cone_offsets", offsets(batch_.env_cone_offsets, batch_.env_count),
                                      batch_.cone_count, "cones", env_place, report_);
-    const auto cone_place = [&](Offset i) {
+    const auto cone_block = [&](Offset i) {
       if (!env_cones_sound_ || i >= batch_.cone_count) return Defect{};
       const Offset env = owner_of(batch_.env_cone_offsets, batch_.env_count, i);
       return Defect{env, static_cast<Index>(i - batch_.env_cone_offsets[env]), -1, true, {}};
     };
     cone_rows_sound_ = check_offsets("cone_row_offsets", offsets(batch_.cone_row_offsets, batch_.cone_count),
-                                     batch_.row_count, "rows", cone_place, report_);
+                                     batch_.row_count, "rows", cone_block, report_);
     const auto row_place = [&](Offset i) {
       if (!env_rows_sound_ || i >= batch_.row_count) return Defect{};
       const Offset env = owner_of(batch_.env_row_offsets, batch_.env_count, i);
@@ -461,16 +462,16 @@ std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t li
 
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
-                             const ShareOut& share_out, std::vector<FullRows>& full_rows) {
+                             const ParallelFor& parallel_for, std::vector<FullRows>& full_rows) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, solver).run(true, share_out, &full_rows);
+  return Validator<Real>(batch, limit, solver).run(true, parallel_for, &full_rows);
 }
 
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit,
-                                       const ShareOut& share_out, std::vector<FullRows>* full_rows) {
+                                       const ParallelFor& parallel_for, std::vector<FullRows>* full_rows) {
   expect_host(batch);
-  return Validator<Real>(batch, limit, SolverKind::npgs).run(false, share_out, full_rows);
+  return Validator<Real>(batch, limit, SolverKind::npgs).run(false, parallel_for, full_rows);
 }
 
 template <class Real>
@@ -483,13 +484,13 @@ template std::vector<Defect> validate_offsets(const ContactBatchView<float>&, st
 template std::vector<Defect> validate_offsets(const ContactBatchView<double>&, std::size_t);
 template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind);
 template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind);
-template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, const ShareOut&,
+template std::vector<Defect> validate(const ContactBatchView<float>&, std::size_t, SolverKind, const ParallelFor&,
                                       std::vector<FullRows>&);
-template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind, const ShareOut&,
+template std::vector<Defect> validate(const ContactBatchView<double>&, std::size_t, SolverKind, const ParallelFor&,
                                       std::vector<FullRows>&);
-template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t, const ShareOut&,
+template std::vector<Defect> validate_structure(const ContactBatchView<float>&, std::size_t, const ParallelFor&,
                                                 std::vector<FullRows>*);
-template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t, const ShareOut&,
+template std::vector<Defect> validate_structure(const ContactBatchView<double>&, std::size_t, const ParallelFor&,
                                                 std::vector<FullRows>*);
 
 }  // namespace stiction

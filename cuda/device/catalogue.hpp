@@ -7,9 +7,9 @@
 #include "cuda/programs/choose_program.hpp"
 #include "cuda/programs/jacobian_program.hpp"
 #include "cuda/programs/plan_program.hpp"
-#include "cuda/programs/settled_program.hpp"
-#include "cuda/programs/solve_bundles.hpp"
 #include "cuda/programs/solve_teams.hpp"
+#include "cuda/programs/solve_thread_per_env.hpp"
+#include "cuda/programs/trivial_program.hpp"
 #include "cuda/programs/warm_start_program.hpp"
 #include "cuda/programs/world_program.hpp"
 
@@ -22,7 +22,7 @@ KernelRef bundles_kernel() {
   if constexpr (Method::workspace().is_direct()) {
     return {};
   } else {
-    return Make::template kernel<SolveBundles<Method, kLaw, Real>>("solve_bundles");
+    return Make::template kernel<SolveThreadPerEnv<Method, kLaw, Real>>("solve_thread_per_env");
   }
 }
 
@@ -66,7 +66,7 @@ JacobianKernels jacobian_kernels() {
 template <class Make, class Real>
 WorldKernels world_kernels() {
   return {Make::template kernel<FindWorldContacts<Real>>("world_find"),
-          Make::template kernel<HandOverWorldContacts<Real>>("world_hand_over"),
+          Make::template kernel<EmitWorldContacts<Real>>("world_emit_contacts"),
           Make::template kernel<IntegrateWorlds<Real>>("world_integrate"),
           Make::template kernel<MeasureWorlds<Real>>("world_measure")};
 }

@@ -9,8 +9,8 @@ namespace stiction::cuda {
 
 /// One solver, precision and law.
 struct SolveKernels {
-  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_bundles.hpp); none
-                      ///< if the method factorises
+  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (programs/solve_thread_per_env.hpp);
+                      ///< none if the method factorises
   KernelRef dense;    ///< one team per environment, dense system                  (programs/solve_teams.hpp)
   KernelRef sparse;   ///< one team per environment, sparse system
   KernelRef factor;   ///< one team per environment, factor and velocity
@@ -63,17 +63,17 @@ struct JacobianKernels {
 
 /// Worlds, in one precision (programs/world_program.hpp).
 struct WorldKernels {
-  KernelRef find;       ///< inputs of the solve, contacts
-  KernelRef hand_over;  ///< contacts to the solver, with first guesses
-  KernelRef integrate;  ///< positions
-  KernelRef measure;    ///< energy and momentum
+  KernelRef find;           ///< inputs of the solve, contacts
+  KernelRef emit_contacts;  ///< contacts to the solver, with first guesses
+  KernelRef integrate;      ///< positions
+  KernelRef measure;        ///< energy and momentum
 };
 
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the emulated device in emulated_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
   SolverKernels solvers[kSolverKindCount];  ///< by SolverKind
-  KernelRef settled[2];  ///< by Precision                                  (programs/settled_program.hpp)
+  KernelRef trivial[2];  ///< by Precision                                  (programs/trivial_program.hpp)
   KernelRef choose[2];   ///< by Precision                                  (programs/choose_program.hpp)
   PlanKernels plan;
   WarmStartKernels warm_start[2];  ///< by Precision

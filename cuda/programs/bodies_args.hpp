@@ -8,9 +8,9 @@ namespace stiction::cuda {
 
 /// The body environments that one launch answers.
 struct BodyQueue {
-  const Offset* order;  ///< environments by class, the largest first          (env_count)
-  Offset begin, end;    ///< this class in `order`
-  Offset* ticket;       ///< how many of them teams have taken
+  const Offset* order;   ///< environments by class, the largest first          (env_count)
+  Offset begin, end;     ///< this class in `order`
+  Offset* work_counter;  ///< how many of them teams have taken
 };
 
 /// What a kernel that solves bodies by teams is given.

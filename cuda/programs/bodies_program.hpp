@@ -18,7 +18,7 @@ struct SolveBodies {
     std::byte* const memory = args.workspace + id.index * args.slot_bytes;
     Real* const numbers = reinterpret_cast<Real*>(memory);
     for (;;) {
-      const Offset position = args.queue.begin + team.fetch(args.queue.ticket);
+      const Offset position = args.queue.begin + team.fetch(args.queue.work_counter);
       if (position >= args.queue.end) return;
       const BodyEnv<Real> env = slice_bodies(args.job, args.queue.order[position]);
       Real* const behind = numbers + Method::System::elements(env.kept, env.bodies, args.job.options.momentum);

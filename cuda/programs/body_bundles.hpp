@@ -37,7 +37,7 @@ struct SolveBodyBundles {
     bool more = true;
     for (;;) {
       if (const Index free = kSlots - count_bits(busy); more && free >= kIntake) {
-        const Offset first = args.queue.begin + team.fetch(args.queue.ticket, free);
+        const Offset first = args.queue.begin + team.fetch(args.queue.work_counter, free);
         more = first + free < args.queue.end;
         busy |= slots_where(team, ~busy, [&](Index index, std::uint32_t bit) {
           const Offset position = first + count_bits(~busy & (bit - 1U));
@@ -48,7 +48,7 @@ struct SolveBodyBundles {
       }
       if (busy == 0 && !more) return;
       busy = slots_where(team, busy, [&](Index index, std::uint32_t) {
-        return on_slot(args, params, head, index, [&](auto&... state) { return !settle_bodies(state...); });
+        return on_slot(args, params, head, index, [&](auto&... state) { return !check_bodies(state...); });
       });
       slots_where(team, busy, [&](Index index, std::uint32_t) {
         return on_slot(args, params, head, index, [&](auto&... state) {

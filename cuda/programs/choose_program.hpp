@@ -13,8 +13,8 @@ template <class Real>
 struct ChooseArgs {
   SolveJob<Real> job;      ///< with the caller's warm start
   PlanArrays plan;         ///< sound; the keys are written
-  std::uint8_t* assigned;  ///< the rung that each environment stands on, kept from rung to rung  (envs)
-  int rung;                ///< the one to be solved next
+  std::uint8_t* assigned;  ///< the stage that each environment stands on, kept from stage to stage  (envs)
+  int stage;               ///< the one to be solved next
   SizeClass finest;        ///< class of the smallest dense environments under its solver
 };
 
@@ -22,8 +22,8 @@ struct ChooseArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// Before every rung of the ladder: which environments it gets. An environment that this rung does not solve goes to
-/// the settled class, which no rung launches.
+/// Before every stage of the fallback chain: which environments it gets. An environment that this stage does not solve
+/// goes to the trivial class, which no stage launches.
 template <class Real>
 struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;
@@ -33,9 +33,9 @@ struct ChooseEnvironments {
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset index = id.index; index < args.job.batch.env_count; index += id.count) {
       const EnvPath path = args.plan.path[index];
-      SizeClass own = SizeClass::settled;
+      SizeClass own = SizeClass::trivial;
       Index rows = 0;
-      if (path != EnvPath::empty && assign(team, args, index) == args.rung) {
+      if (path != EnvPath::empty && assign(team, args, index) == args.stage) {
         rows = args.job.batch.env_rows(index);
         own = size_class(path, rows);
         if (path == EnvPath::dense && own > args.finest) own = args.finest;
@@ -45,22 +45,22 @@ struct ChooseEnvironments {
   }
 
  private:
-  /// The rung that an environment stands on now, on every lane.
+  /// The stage that an environment stands on now, on every lane.
   template <Team TeamT>
   static STICTION_HD int assign(TeamT& team, const Args& args, Offset index) {
     std::uint8_t& assigned = args.assigned[index];
     const EnvView<Real> env = slice(args.job, index);
-    int rung = assigned;
-    if (args.rung == 0) {
-      begin_climb(team, env);
-      rung = first_rung(features(team, env));
-    } else if (rung == args.rung - 1 && falls_short(*env.status)) {
-      rung = next_rung(rung, features(team, env));
+    int stage = assigned;
+    if (args.stage == 0) {
+      begin_fallbacks(team, env);
+      stage = first_stage(features(team, env));
+    } else if (stage == args.stage - 1 && falls_short(*env.status)) {
+      stage = next_stage(stage, features(team, env));
     }
     // Every lane has read who it was.
     team.sync();
-    single(team, [&] { assigned = static_cast<std::uint8_t>(rung); });
-    return rung;
+    single(team, [&] { assigned = static_cast<std::uint8_t>(stage); });
+    return stage;
   }
 };
 

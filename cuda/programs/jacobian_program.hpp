@@ -43,7 +43,7 @@ struct PlaceJacobians {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    if (id.index == 0) place_envs(team, args.job);
+    if (id.index == 0) scan_envs(team, args.job);
   }
 };
 

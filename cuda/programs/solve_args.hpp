@@ -9,7 +9,7 @@ namespace stiction::cuda {
 struct ClassQueue {
   const Offset* order;        ///< environments by sort key                                  (env_count)
   const Offset* class_begin;  ///< position in `order` where each class begins               (kSizeClasses + 1)
-  Offset* ticket;             ///< per class, how many pieces of work teams have taken       (kSizeClasses)
+  Offset* work_counter;       ///< per class, how many pieces of work teams have taken       (kSizeClasses)
 };
 
 /// What a solving kernel is given: the job, and the class of environments that it answers.

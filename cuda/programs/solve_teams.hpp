@@ -26,11 +26,11 @@ struct SolveTeams {
         args.workspace == nullptr ? static_cast<Real*>(id.shared) : args.workspace + id.index * args.slot_elements;
     const SolveJob<Real>& job = args.job;
     for (;;) {
-      const Offset position = begin + team.fetch(args.queue.ticket + size_class);
+      const Offset position = begin + team.fetch(args.queue.work_counter + size_class);
       if (position >= end) return;
       const Offset index = args.queue.order[position];
       const EnvView<Real> env = slice(job, index);
-      const MethodParams<Real> params{job.omega, job.is_rung()};
+      const MethodParams<Real> params{job.omega, job.is_fallback_stage()};
       const StopRule rule = stop_rule(job, index);
       if constexpr (kPath == EnvPath::dense) {
         DenseSystem<Real> system(env.counts, Method::workspace(), memory);

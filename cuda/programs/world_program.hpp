@@ -20,7 +20,7 @@ struct WorldFindArgs {
 
 /// What handing them to the solver takes.
 template <class Real>
-struct WorldHandOverArgs {
+struct EmitWorldContactsArgs {
   WorldModelView<Real> model;
   ContactSink<Real> sink;
   Offset env_count;
@@ -58,14 +58,14 @@ struct FindWorldContacts {
 };
 
 template <class Real>
-struct HandOverWorldContacts {
-  using Args = cuda::WorldHandOverArgs<Real>;
+struct EmitWorldContacts {
+  using Args = cuda::EmitWorldContactsArgs<Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     for (Offset env = id.index; env < args.env_count; env += id.count)
-      hand_over(team, args.model, args.sink, env, args.found + env * args.most);
+      emit_contacts(team, args.model, args.sink, env, args.found + env * args.most);
   }
 };
 

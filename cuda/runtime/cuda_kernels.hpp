@@ -21,7 +21,7 @@ SolverKernels cuda_lemke_kernels();
 SolverKernels cuda_ipm_kernels();
 SolverKernels cuda_subspace_kernels();
 PlanKernels cuda_plan_kernels();
-KernelRef cuda_settled_kernel(Precision precision);
+KernelRef cuda_trivial_kernel(Precision precision);
 KernelRef cuda_choose_kernel(Precision precision);
 WarmStartKernels cuda_warm_start_kernels(Precision precision);
 BodyKernels cuda_body_kernels();

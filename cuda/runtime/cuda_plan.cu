@@ -7,9 +7,9 @@ PlanKernels cuda_plan_kernels() {
   return plan_kernels<MakeCudaKernel>();
 }
 
-KernelRef cuda_settled_kernel(Precision precision) {
-  return precision == Precision::f32 ? MakeCudaKernel::kernel<AnswerSettled<float>>("answer_settled")
-                                     : MakeCudaKernel::kernel<AnswerSettled<double>>("answer_settled");
+KernelRef cuda_trivial_kernel(Precision precision) {
+  return precision == Precision::f32 ? MakeCudaKernel::kernel<AnswerTrivial<float>>("answer_trivial")
+                                     : MakeCudaKernel::kernel<AnswerTrivial<double>>("answer_trivial");
 }
 
 KernelRef cuda_choose_kernel(Precision precision) {

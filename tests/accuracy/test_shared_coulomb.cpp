@@ -35,7 +35,7 @@ TEST_P(SharedCoulomb, AllButTheKnownOnesAreSolvedByTheJudge) {
   expect_solved_but_for(one.file, io::read_batch(path).batch, options(one.solver, one.tolerance, 20000), one.unsolved);
 }
 
-/// What is left of `planar` is solved where islands are iterated apart: the last rung then has 526 rows.
+/// What is left of `planar` is solved where islands are iterated apart: the last stage then has 526 rows.
 TEST(SharedCoulombFiles, PlanarGranularFlowIsSolvedIslandByIsland) {
   const auto path = shared_file("coulomb/planar.h5");
   if (!std::filesystem::exists(path)) GTEST_SKIP() << absent(path);

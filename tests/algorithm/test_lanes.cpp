@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/algorithm/driver/solve_environment.hpp"
-#include "core/algorithm/pack/judge_lanes.hpp"
+#include "core/algorithm/pack/evaluate_lanes.hpp"
 #include "core/algorithm/pack/lane_progress.hpp"
 #include "core/algorithm/pack/load_lanes.hpp"
 #include "core/algorithm/solver/npgs.hpp"
@@ -85,14 +85,14 @@ class Lanes {
 
   /// Loads environment e into lane lane[e] for those given, and begins there. Returns the flags of each.
   std::vector<std::uint32_t> enter(const std::vector<std::pair<std::size_t, int>>& which, LoadRules rules = {}) {
-    std::vector<Entrant<Real>> entrants;
-    for (const auto& [e, lane] : which) entrants.push_back({&envs[e], lane, 0U, nullptr});
-    load_lanes_of(*pack, lanes.data(), *workspace, rules, entrants.data(), static_cast<int>(entrants.size()));
+    std::vector<PendingLoad<Real>> loads;
+    for (const auto& [e, lane] : which) loads.push_back({&envs[e], lane, 0U, nullptr});
+    load_lanes_of(*pack, lanes.data(), *workspace, rules, loads.data(), static_cast<int>(loads.size()));
     Packed taken(0);
     std::vector<std::uint32_t> flags;
-    for (const auto& entrant : entrants) {
-      flags.push_back(entrant.flags);
-      if ((entrant.flags & ~kHarmlessFlags) == 0) taken.v[entrant.lane] = Real(1);
+    for (const auto& load : loads) {
+      flags.push_back(load.flags);
+      if ((load.flags & ~kHarmlessFlags) == 0) taken.v[load.lane] = Real(1);
     }
     begin_lanes<Npgs, kLaw>(*pack, *workspace, taken > Packed(0));
     return flags;
@@ -116,19 +116,19 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
   Prepared<Npgs, kLaw, Dense, Real> alone(environment);
   const auto& one = alone.system();
   const auto& s = lanes.lanes[static_cast<std::size_t>(lane)];
-  std::vector<Index> place(static_cast<std::size_t>(s.n), -1);  // row of `one` in each row of the lane
-  std::vector<Index> cone_place(static_cast<std::size_t>(s.cones), -1);
+  std::vector<Index> slot(static_cast<std::size_t>(s.n), -1);  // row of `one` in each row of the lane
+  std::vector<Index> cone_block(static_cast<std::size_t>(s.cones), -1);
   SerialTeam team;
-  for_each_place(team, lanes.envs[e], s, [&](Index cone, ConePlace there) {
-    ConePlace here{0, 0};
-    for_each_place(team, alone.env, one, [&](Index other, ConePlace at) {
+  for_each_slot(team, lanes.envs[e], s, [&](Index cone, ConeSlot there) {
+    ConeSlot here{0, 0};
+    for_each_slot(team, alone.env, one, [&](Index other, ConeSlot at) {
       if (other == cone) here = at;
     });
-    cone_place[static_cast<std::size_t>(there.cone)] = here.cone;
-    for (Index k = 0; k < alone.env.cone_size(cone); ++k) place[static_cast<std::size_t>(there.row + k)] = here.row + k;
+    cone_block[static_cast<std::size_t>(there.cone)] = here.cone;
+    for (Index k = 0; k < alone.env.cone_size(cone); ++k) slot[static_cast<std::size_t>(there.row + k)] = here.row + k;
   });
   for (Index i = 0; i < s.n; ++i) {
-    const Index own = place[static_cast<std::size_t>(i)];
+    const Index own = slot[static_cast<std::size_t>(i)];
     const auto expect = [&](const char* what, Real got, Real want) {
       EXPECT_TRUE(same_bits(got, want)) << what << " of row " << i << " is " << got << ", not " << want;
     };
@@ -137,7 +137,7 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
     expect("y", s.y[i], own < 0 ? Real(0) : one.y[own]);
     expect("best", s.best[i], own < 0 ? Real(0) : one.best[own]);
     for (Index j = 0; j < s.n; ++j) {
-      const Index other = place[static_cast<std::size_t>(j)];
+      const Index other = slot[static_cast<std::size_t>(j)];
       const bool is_there = own >= 0 && other >= 0;
       const Real want = is_there ? one.A[own + one.n * other] : Real(0);
       const Real got = s.A[i + s.n * j];
@@ -145,13 +145,13 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
     }
   }
   for (Index c = 0; c < s.cones; ++c) {
-    const Index own = cone_place[static_cast<std::size_t>(c)];
+    const Index own = cone_block[static_cast<std::size_t>(c)];
     const auto expect = [&](const char* what, auto&& array_of) {
       const Real want = own < 0 ? Real(0) : array_of(one)[own];
       const Real got = array_of(s)[c];
       EXPECT_TRUE(same_bits(got, want)) << what << " of cone " << c << " is " << got << ", not " << want;
     };
-    expect("trace", [](const auto& system) { return system.trace; });
+    expect("residual_weight", [](const auto& system) { return system.residual_weight; });
     expect("inv_n", [](const auto& system) { return system.inv_n; });
     expect("inv_t", [](const auto& system) { return system.inv_t; });
     expect("inv_cone", [](const auto& system) { return system.inv_cone; });
@@ -210,17 +210,17 @@ TYPED_TEST(LanesOf, HoldWhatAnEnvironmentHasByItself) {
   for (const bool alike : {true, false}) {
     const std::vector<Environment<double>> all = guests(alike);
     Lanes<Real, kWidth> lanes(all);
-    std::array<std::size_t, kWidth> guest{};
+    std::array<std::size_t, kWidth> state{};
     // All lanes at once, then one or two at a time beside guests that stay.
     std::vector<std::pair<std::size_t, int>> entering;
     for (int l = 0; l < kWidth; ++l) entering.emplace_back(static_cast<std::size_t>(l), l);
     auto next = static_cast<std::size_t>(kWidth);
     for (int round = 0; next + 2 <= all.size(); ++round) {
       for (const std::uint32_t flags : lanes.enter(entering)) EXPECT_EQ(flags, 0U);
-      for (const auto& [e, lane] : entering) guest[static_cast<std::size_t>(lane)] = e;
+      for (const auto& [e, lane] : entering) state[static_cast<std::size_t>(lane)] = e;
       for (int l = 0; l < kWidth; ++l) {
         SCOPED_TRACE(testing::Message() << "alike " << alike << ", round " << round << ", lane " << l);
-        expect_lane_is(lanes, guest[static_cast<std::size_t>(l)], l, all[guest[static_cast<std::size_t>(l)]]);
+        expect_lane_is(lanes, state[static_cast<std::size_t>(l)], l, all[state[static_cast<std::size_t>(l)]]);
       }
       entering.assign(1, {next++, round % kWidth});
       if (round % 2 == 1) entering.emplace_back(next++, (round + 1) % kWidth);
@@ -258,10 +258,10 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
     for (const int first : {kWidth - 1, 0}) {
       std::array<int, kWidth> asked{};
       for (int l = first; l < kWidth; ++l) asked[static_cast<std::size_t>(l - first)] = l;
-      std::array<Judgement, kWidth> judged{};
+      std::array<FinalResidual, kWidth> evaluated{};
       for (auto& env : lanes.envs)
         for (Index i = 0; i < env.n; ++i) env.lambda[i] = Real(77);
-      judge_lanes<kLaw>(*lanes.pack, *lanes.workspace, views.data(), asked.data(), kWidth - first, judged.data());
+      evaluate_lanes<kLaw>(*lanes.pack, *lanes.workspace, views.data(), asked.data(), kWidth - first, evaluated.data());
       for (int l = 0; l < kWidth; ++l) {
         SCOPED_TRACE(testing::Message() << "alike " << alike << ", first " << first << ", lane " << l);
         EnvView<Real>& env = lanes.envs[static_cast<std::size_t>(l)];
@@ -270,12 +270,12 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
           continue;
         }
         const std::vector<Real> lambda(env.lambda, env.lambda + env.n), w(env.w, env.w + env.n);
-        publish(team, env, lanes.lanes[static_cast<std::size_t>(l)]);
+        write_solution(team, env, lanes.lanes[static_cast<std::size_t>(l)]);
         env.is_full = false;  // the long way
-        const Judgement alone = final_residual(team, env);
+        const FinalResidual alone = final_residual(team, env);
         unsolved += alone.residual > 0.0 ? 1 : 0;
-        EXPECT_EQ(judged[static_cast<std::size_t>(l)].residual, alone.residual);
-        EXPECT_EQ(judged[static_cast<std::size_t>(l)].blur, alone.blur);
+        EXPECT_EQ(evaluated[static_cast<std::size_t>(l)].residual, alone.residual);
+        EXPECT_EQ(evaluated[static_cast<std::size_t>(l)].rounding_floor, alone.rounding_floor);
         for (Index i = 0; i < env.n; ++i) {
           EXPECT_TRUE(same_bits(lambda[static_cast<std::size_t>(i)], env.lambda[i])) << "row " << i;
           EXPECT_TRUE(same_bits(w[static_cast<std::size_t>(i)], env.w[i])) << "row " << i;
@@ -321,20 +321,20 @@ TYPED_TEST(LanesOf, AreLookedAtAsAnEnvironmentIsByItself) {
       s.scalar[kLastResidual] = rng.chance(0.05) ? std::numeric_limits<Real>::infinity() : Real(1);
       s.scalar[kOutcome] = Real(rng.chance(0.05) ? kFinished : kRunning);
     }
-    const auto looks = look_at<Pack<Real, kWidth>>(*lanes.pack, together.limits, together.search);
+    const auto polls = poll_progress<Pack<Real, kWidth>>(*lanes.pack, together.limits, together.search);
     for (int l = 0; l < kWidth; ++l) {
       SCOPED_TRACE(testing::Message() << "round " << round << ", lane " << l);
       const auto i = static_cast<std::size_t>(l);
-      const Look want = look_at<Real>(lanes.lanes[i], rules[i], alone[i]);
-      const Look got = look_of(looks, l);
-      const std::array<bool, 5> wanted{want.broken, want.stalled, want.stopped, want.ended, want.nominated};
-      EXPECT_EQ((std::array<bool, 5>{got.broken, got.stalled, got.stopped, got.ended, got.nominated}), wanted);
+      const EnvPoll want = poll_progress<Real>(lanes.lanes[i], rules[i], alone[i]);
+      const EnvPoll got = poll_of_lane(polls, l);
+      const std::array<bool, 5> wanted{want.broken, want.stalled, want.stopped, want.ended, want.has_candidate};
+      EXPECT_EQ((std::array<bool, 5>{got.broken, got.stalled, got.stopped, got.ended, got.has_candidate}), wanted);
       for (std::size_t k = 0; k < wanted.size(); ++k) found[k] += wanted[k] ? 1 : 0;
       const EnvProgress<Real> lane = together.of(l, 0U);
       EXPECT_EQ(lane.iterations, alone[i].iterations);
       EXPECT_EQ(lane.best_at, alone[i].best_at);
       EXPECT_EQ(lane.best, alone[i].best);
-      if (want.nominated && rng.chance(0.5))  // judged, and not found to be an answer
+      if (want.has_candidate && rng.chance(0.5))  // judged, and not found to be an answer
         together.search.verified.v[l] = alone[i].verified = lanes.lanes[i].scalar[kBestResidual];
       if (want.ended) begin(l);
     }

@@ -29,11 +29,11 @@ struct Iterated {
     EXPECT_TRUE(is_solvable(prepared.flags)) << prepared.flags;
     while (iterations < limit && s.scalar[kOutcome] == double(kRunning)) {
       Newton::iterate<kLaw>(prepared.team, s, Params{1.0});
-      record<Newton, kLaw>(prepared.team, s, true);
+      update_best<Newton, kLaw>(prepared.team, s, true);
       residuals.push_back(s.scalar[kLastResidual]);
       ++iterations;
     }
-    publish(prepared.team, prepared.env, s);
+    write_solution(prepared.team, prepared.env, s);
     absolute = final_residual(prepared.team, prepared.env).residual;
   }
   double absolute = 0.0;

@@ -83,7 +83,7 @@ void expect_minimisers() {
     EXPECT_LE(x_t, point.x[0] * (1 + 1e-15L));
     EXPECT_GE(y_n - y_t, -1e-13L * largest) << M << ", trial " << trial;
     EXPECT_LE(std::abs(product), 1e-12L * size) << M << ", trial " << trial;
-    if (point.zone != kSlides) continue;
+    if (point.contact_state != kSliding) continue;
     ++slid;
     const long double tau = normal_by_halving<M>(u, R);
     EXPECT_NEAR(static_cast<double>(point.x[0] / tau), 1.0, 1e-10) << M << ", trial " << trial;
@@ -114,7 +114,7 @@ void expect_derivative(Shape shape, double lo, double hi) {
     double C[M][M], compliance[M];
     for (std::size_t k = 0; k < M; ++k) compliance[k] = R[k];
     compliance_factor(shape, point, compliance, C);
-    ++seen.at(static_cast<std::size_t>(point.zone));
+    ++seen.at(static_cast<std::size_t>(point.contact_state));
     for (std::size_t j = 0; j < M; ++j) {
       constexpr double kStepLength = 1e-6;
       Vector<Shape::kRows> ahead = u, behind = u;
@@ -122,22 +122,23 @@ void expect_derivative(Shape shape, double lo, double hi) {
       behind[j] -= kStepLength;
       const auto after = reaction(shape, ahead, R, lo, hi);
       const auto before = reaction(shape, behind, R, lo, hi);
-      if (after.zone != point.zone || before.zone != point.zone) continue;
+      if (after.contact_state != point.contact_state || before.contact_state != point.contact_state) continue;
       for (std::size_t i = 0; i < M; ++i) {
         double w = 0.0;
         for (std::size_t k = 0; k < M; ++k) w += C[i][k] * C[j][k];
         // A central difference: rounding 1e-16 / 1e-6, and the square of the step times a third derivative, which
         // grows as the inverse square of the distance from the apex.
-        EXPECT_NEAR(w, (before.x[i] - after.x[i]) / (2 * kStepLength), 1e-6) << i << j << ", zone " << point.zone;
+        EXPECT_NEAR(w, (before.x[i] - after.x[i]) / (2 * kStepLength), 1e-6)
+            << i << j << ", zone " << point.contact_state;
       }
     }
   }
-  EXPECT_GT(seen[kHeld], 10);
+  EXPECT_GT(seen[kSticking], 10);
   if (Shape::kKind != ConeKind::free) {
-    EXPECT_GT(seen[kOpen], 10);
+    EXPECT_GT(seen[kSeparating], 10);
   }
   if (Shape::kKind == ConeKind::friction) {
-    EXPECT_GT(seen[kSlides], 10);
+    EXPECT_GT(seen[kSliding], 10);
   }
 }
 TEST(CompliantCone, its_factor_is_that_of_the_derivative) {

@@ -41,7 +41,7 @@ TEST(Prepare, FrictionRowsAreMultipliedByTheirMuOnBothSides) {
   EXPECT_EQ(s.block_entry(0, 1, 2), 0.125 * 0.125);
   EXPECT_EQ(s.b[1], 0.5);
   EXPECT_EQ(s.b[2], 0.25);
-  EXPECT_EQ(s.trace[0], 1.0) << "the residual's weight is the mean diagonal before mu";
+  EXPECT_EQ(s.residual_weight[0], 1.0) << "the residual's weight is the mean diagonal before mu";
 }
 
 TEST(Prepare, DuplicatesAddUpAndComplianceJoinsTheDiagonal) {
@@ -54,7 +54,7 @@ TEST(Prepare, DuplicatesAddUpAndComplianceJoinsTheDiagonal) {
   env.b = {-1};
   DensePgs dense(env);
   EXPECT_EQ(dense.system().A[0], 1.125);
-  EXPECT_EQ(dense.system().trace[0], 1.125);
+  EXPECT_EQ(dense.system().residual_weight[0], 1.125);
   SparsePgs sparse(env);
   EXPECT_EQ(sparse.system().block_entry(0, 0, 0), 1.125);
 }
@@ -77,20 +77,20 @@ TEST(Prepare, DenseAndSparseFormsHoldTheSameNumbersOfEveryCone) {
     SparsePgs sparse(env);
     auto& d = dense.system();
     auto& s = sparse.system();
-    for_each_place(dense.team, dense.env, d, [&](Index cone, ConePlace place) {
+    for_each_slot(dense.team, dense.env, d, [&](Index cone, ConeSlot slot) {
       const Index row = dense.env.cone_row(cone);
-      EXPECT_EQ(d.trace[place.cone], s.trace[cone]);
-      EXPECT_EQ(d.inv_n[place.cone], s.inv_n[cone]);
-      EXPECT_EQ(d.inv_t[place.cone], s.inv_t[cone]);
-      EXPECT_EQ(d.inv_cone[place.cone], s.inv_cone[cone]);
-      EXPECT_EQ(d.damping[place.cone], s.damping[cone]);
-      EXPECT_EQ(d.share[place.cone], s.share[cone]);
-      EXPECT_EQ(d.lo[place.cone], s.lo[cone]);
-      EXPECT_EQ(d.hi[place.cone], s.hi[cone]);
+      EXPECT_EQ(d.residual_weight[slot.cone], s.residual_weight[cone]);
+      EXPECT_EQ(d.inv_n[slot.cone], s.inv_n[cone]);
+      EXPECT_EQ(d.inv_t[slot.cone], s.inv_t[cone]);
+      EXPECT_EQ(d.inv_cone[slot.cone], s.inv_cone[cone]);
+      EXPECT_EQ(d.damping[slot.cone], s.damping[cone]);
+      EXPECT_EQ(d.share[slot.cone], s.share[cone]);
+      EXPECT_EQ(d.lo[slot.cone], s.lo[cone]);
+      EXPECT_EQ(d.hi[slot.cone], s.hi[cone]);
       for (Index k = 0; k < dense.env.cone_size(cone); ++k) {
-        EXPECT_EQ(d.b[place.row + k], s.b[row + k]);
+        EXPECT_EQ(d.b[slot.row + k], s.b[row + k]);
         for (Index j = 0; j < dense.env.cone_size(cone); ++j)
-          EXPECT_EQ(d.block_entry(place.row, k, j), s.block_entry(row, k, j));
+          EXPECT_EQ(d.block_entry(slot.row, k, j), s.block_entry(row, k, j));
       }
     });
   }

@@ -5,8 +5,8 @@
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
 
-/// The whole chain of SolverKind::automatic: which environment begins where, which climbs, the sorting between, and
-/// every rung from the answer before. Its teams are of the emulated device: threads that meet at barriers and nowhere
+/// The whole chain of SolverKind::automatic: which environment begins where, which goes on, the sorting between, and
+/// every stage from the answer before. Its teams are of the emulated device: threads that meet at barriers and nowhere
 /// else.
 namespace stiction::test {
 namespace {
@@ -16,14 +16,14 @@ SolverOptions chain(Law law, double tolerance) {
   options.solver = SolverKind::automatic;
   options.law = law;
   options.tolerance = tolerance;
-  options.max_iterations = 2;  // most climb to the last rung
+  options.max_iterations = 2;  // most reach the last stage
   options.invalid = InvalidPolicy::isolate;
   options.threads = 1;
   return options;
 }
 
-/// Of every scene those of at most that many rows, and what has no friction, to which the pivoting rung is open.
-ContactBatch<double> climbers(Index rows) {
+/// Of every scene those of at most that many rows, and what has no friction, to which the pivoting stage is open.
+ContactBatch<double> late_stages(Index rows) {
   const ContactBatch<double> with_friction = up_to(ragged_batch(1, 4), rows);
   const ContactBatch<double> without = up_to(linearise(up_to(ragged_batch(1, 6), rows), 4).batch, rows);
   ContactBatch<double> batch(Law::coulomb);
@@ -34,16 +34,16 @@ ContactBatch<double> climbers(Index rows) {
 
 /// On teams of `lanes` lanes, small environments included.
 template <class Real>
-void expect_the_same_on_teams(const ContactBatch<double>& climbing, Law law, double tolerance, int lanes) {
+void expect_the_same_on_teams(const ContactBatch<double>& batch_of_doubles, Law law, double tolerance, int lanes) {
   SCOPED_TRACE(std::to_string(lanes) + " lanes, " + to_string(law));
-  const ContactBatch<Real> batch = convert<Real>(climbing);
+  const ContactBatch<Real> batch = convert<Real>(batch_of_doubles);
   const SolverOptions options = chain(law, tolerance);
   cuda::EmulatedDevice device({lanes, 2, static_cast<std::uint64_t>(lanes)});
   EXPECT_EQ(on_engine(device, batch, options, SizeClass::dense_block), solve_hashes(batch, options));
 }
 
 TEST(torture, the_ladder_has_the_same_bits_on_teams_of_a_few_lanes) {
-  const ContactBatch<double> batch = climbers(40);
+  const ContactBatch<double> batch = late_stages(40);
   ASSERT_GE(batch.env_count(), 8);
   for (const int lanes : {1, 2, 3, 8}) {
     expect_the_same_on_teams<float>(batch, Law::convex, 1e-6, lanes);
@@ -52,13 +52,13 @@ TEST(torture, the_ladder_has_the_same_bits_on_teams_of_a_few_lanes) {
 }
 
 TEST(torture, the_ladder_has_the_same_bits_on_teams_of_more_lanes_than_rows) {
-  const ContactBatch<double> batch = climbers(12);
+  const ContactBatch<double> batch = late_stages(12);
   ASSERT_GE(batch.env_count(), 2);
   expect_the_same_on_teams<float>(batch, Law::coulomb, 1e-6, 33);
   expect_the_same_on_teams<double>(batch, Law::convex, 1e-10, 33);
 }
 
-/// A sparse environment, whose rungs run on another kind of system.
+/// A sparse environment, whose stages run on another kind of system.
 TEST(torture, the_ladder_has_the_same_bits_on_a_sparse_environment) {
   ContactBatch<double> batch(Law::coulomb);
   batch.add(scenes::make("stack", 5, 0, 7).system);
@@ -66,12 +66,12 @@ TEST(torture, the_ladder_has_the_same_bits_on_a_sparse_environment) {
   expect_the_same_on_teams<double>(batch, Law::coulomb, 1e-10, 3);
 }
 
-/// What the chain above is worth: rungs that answer when each may iterate as long as it takes.
+/// What the chain above is worth: stages that answer when each may iterate as long as it takes.
 TEST(torture, environments_of_the_chain_end_on_several_rungs) {
   SolverOptions patient = chain(Law::coulomb, 1e-9);
   patient.max_iterations = 500;
   std::set<SolverKind> answered;
-  for (const EnvStatus& status : solve(climbers(70), patient).status) answered.insert(status.solver);
+  for (const EnvStatus& status : solve(late_stages(70), patient).status) answered.insert(status.solver);
   EXPECT_GE(answered.size(), 2U);
 }
 

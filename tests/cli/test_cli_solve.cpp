@@ -223,7 +223,7 @@ TEST_F(Solve, TheTraceIsAChromeTraceOfTheSolve) {
       }
     }
     for (const char* name : {"load", "plan", "solve", "write"}) EXPECT_EQ(names.count(name), 1U) << name;
-    for (const char* name : {"upload", "download", "bundle_four"})
+    for (const char* name : {"upload", "download", "thread_small"})
       EXPECT_EQ(names.count(name), device == "cpu" ? 0U : 1U);
     EXPECT_EQ(environments, device == "cpu" ? 40 : 0);
   }

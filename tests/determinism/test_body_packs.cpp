@@ -4,7 +4,7 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "cpu_fallback/body_deal.hpp"
+#include "cpu_fallback/body_work_items.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -141,11 +141,11 @@ TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
   }
   plan.sides.assign(static_cast<std::size_t>(2 * contacts.back()), 0);
   const auto bytes = [](const cpu::PackShape& room) { return Offset{room.contacts} * 3000; };
-  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {2, 4, bytes});
+  const cpu::BodyWorkItems deal = cpu::make_body_work_items(plan, bodies.data(), contacts.data(), {2, 4, bytes});
   EXPECT_EQ(deal.large, std::vector<Offset>{2});
   std::vector<int> seen(plan.kept.size());
   std::vector<bool> packed(plan.kept.size());
-  for (const cpu::BodyWork& work : deal.work)
+  for (const cpu::BodyWorkItem& work : deal.work)
     for (const Offset env : work.envs) {
       const auto e = static_cast<std::size_t>(env);
       ++seen[e];
@@ -173,7 +173,7 @@ TEST(body_packs, environments_whose_contacts_are_between_the_same_bodies_come_to
     contacts.push_back(contacts.back() + 2);
   }
   const auto bytes = [](const cpu::PackShape&) { return Offset{1}; };
-  const cpu::BodyDeal deal = cpu::deal_out(plan, bodies.data(), contacts.data(), {1, 4, bytes});
+  const cpu::BodyWorkItems deal = cpu::make_body_work_items(plan, bodies.data(), contacts.data(), {1, 4, bytes});
   ASSERT_EQ(deal.work.size(), 1U);
   int changes = 0;
   for (std::size_t k = 1; k < deal.work[0].envs.size(); ++k)

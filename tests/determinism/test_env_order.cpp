@@ -43,7 +43,7 @@ class EnvOrder : public testing::Test {
     std::vector<std::uint64_t> hashes_;
   };
 
-  /// f(whole) for every solver and the ladder.
+  /// f(whole) for every solver and the fallback chain.
   template <class F>
   static void for_every_solver(const F& f) {
     for (const SolverKind solver : kEveryChoice) {

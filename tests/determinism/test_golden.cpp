@@ -85,7 +85,7 @@ bool may_only_sweep(const std::vector<std::string>& row) {
 std::string may_agree_with(const std::string& name) {
   std::vector<std::string> row = parts_of(name);
   if (may_only_sweep(row)) row[2] = "npgs";
-  // The rung of auto that answers takes the way that its solver takes alone.
+  // The stage of auto that answers takes the way that its solver takes alone.
   if (row[0] == "pyramid" && row[2] == "auto") row[2] = "ipm";
   // A factor without fill is whole, where few bodies touch or each the next.
   if (row[0] == "bodies" && (row[1] == "crowd" || row[1] == "stack") && row[2] == "newton incomplete_cholesky")

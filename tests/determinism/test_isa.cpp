@@ -124,7 +124,7 @@ TYPED_TEST(Isa, EveryBuildPackedOrScalarGivesEveryEnvironmentTheSameBits) {
         const auto dealt_out = solve_hashes(batch, o);
         if (expected.empty()) expected = dealt_out;
         EXPECT_EQ(dealt_out, expected) << "as solve() deals them out";
-        // The ladder has no kernels but its rungs'.
+        // The fallback chain has no kernels but its stages'.
         if (solver == SolverKind::automatic) continue;
         Direct<TypeParam> direct(batch, o);
         EXPECT_EQ(direct.one_by_one(), expected) << "scalar";

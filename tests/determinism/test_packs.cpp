@@ -174,7 +174,7 @@ TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAlone) {
         }
 }
 
-/// Rungs of the ladder that minimise take an asymmetric A, in lanes as alone.
+/// Stages of the fallback chain that minimise take an asymmetric A, in lanes as alone.
 TYPED_TEST(Packs, GiveEachOfACrowdTheBitsItHasAloneOnTheLadder) {
   for (const char* name : usable_isas())
     for (const Law law : kBothLaws) {

@@ -76,7 +76,7 @@ struct HashOfMatrix {
   }
 };
 
-/// Every scene by every solver, and by auto. With tolerance 0 every rung of auto runs, else those that are needed.
+/// Every scene by every solver, and by auto. With tolerance 0 every stage of auto runs, else those that are needed.
 inline void add_matrix_goldens(GoldenCases& cases) {
   for (const GoldenScene& golden : kGoldenScenes) {
     const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(golden));

@@ -58,7 +58,8 @@ GradientOutcome iterate(const BlockMatrix& H, const Preconditioner& precondition
   x.assign(b.size(), 0.0);
   std::vector<double> memory(b.size() * kGradientVectors);
   SerialTeam team;
-  return solve_gradients(team, H, {H.unknowns(), b.data(), x.data(), memory.data(), tolerance, most}, preconditioner);
+  return conjugate_gradient(team, H, {H.unknowns(), b.data(), x.data(), memory.data(), tolerance, most},
+                            preconditioner);
 }
 
 }  // namespace stiction::test

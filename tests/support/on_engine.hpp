@@ -9,7 +9,7 @@ namespace stiction::test {
 /// Hashes of what the GPU's engine answers on an emulated device; `finest` is the class of the smallest environments.
 template <class Real>
 std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const ContactBatch<Real>& batch,
-                                     const SolverOptions& options, SizeClass finest = SizeClass::bundle_four) {
+                                     const SolverOptions& options, SizeClass finest = SizeClass::thread_small) {
   const Capacity need = Capacity::of(batch.view());
   cuda::Engine engine(device, finest);
   engine.reserve(need, options.solver, need.precision);

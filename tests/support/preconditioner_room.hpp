@@ -106,9 +106,9 @@ struct PreconditionerWorkspace {
     SerialTeam team;
     GradientOutcome outcome;
     use(team, [&](const auto& preconditioner) {
-      outcome = solve_gradients(team, system.matrix(),
-                                {system.matrix().unknowns(), b.data(), x.data(), vectors.data(), tolerance, most},
-                                preconditioner);
+      outcome = conjugate_gradient(team, system.matrix(),
+                                   {system.matrix().unknowns(), b.data(), x.data(), vectors.data(), tolerance, most},
+                                   preconditioner);
     });
     return outcome;
   }

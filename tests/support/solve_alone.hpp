@@ -50,7 +50,7 @@ void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Of
           env, kWorkspace, workspace(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, kWorkspace))));
       break;
     case EnvPath::empty:
-      run([&](auto& team) { answer_empty(team, env, Method::kKind); });
+      run([&](auto& team) { write_empty(team, env, Method::kKind); });
   }
 }
 

@@ -92,7 +92,7 @@ TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
   const SolverOptions options = twin_options(solver, law);
   const auto expected = env_hashes(batch, solve(batch, options));
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
-                                 SizeClass::dense_tile, SizeClass::bundle_six}) {
+                                 SizeClass::dense_tile, SizeClass::thread_medium}) {
     cuda::DeviceBackend backend(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes, finest);
     Solution<float> answer = solve(batch, options);
     for (float& value : answer.lambda) value = -1.0F;

@@ -22,7 +22,7 @@ SolverOptions quick(SolverKind solver) {
   return options;
 }
 
-/// Every solver and the ladder in one precision; what is costly on all but the largest.
+/// Every solver and the fallback chain in one precision; what is costly on all but the largest.
 template <class Real>
 void expect_the_cpus_bits_of_every_solver() {
   cuda::EmulatedDevice device({2, 3, 11});
@@ -62,7 +62,7 @@ TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
-                                 SizeClass::dense_tile, SizeClass::bundle_six}) {
+                                 SizeClass::dense_tile, SizeClass::thread_medium}) {
     cuda::EmulatedDevice device({2, 3, 4});
     EXPECT_EQ(on_engine(device, batch, options, finest), expected) << static_cast<int>(finest);
   }

@@ -27,7 +27,7 @@ struct Seen {
   std::uint32_t combined[kWidth] = {};
   double largest[kWidth] = {};
   double sum[kWidth] = {};
-  Offset ticket[kWidth] = {};
+  Offset work_counter[kWidth] = {};
   Index neighbours[kWidth] = {};
   bool is_grid[kWidth] = {};
 };
@@ -57,7 +57,7 @@ struct LookAround {
       seen.combined[rank] |= team.combine(1U << rank);
       seen.largest[rank] += team.max(static_cast<double>((rank + round) % kWidth));
       seen.sum[rank] += sum_leaves<double>(team, [&](Index leaf) { return static_cast<double>(leaf + round); });
-      seen.ticket[rank] = team.fetch(args.counter);
+      seen.work_counter[rank] = team.fetch(args.counter);
     }
   }
 };
@@ -77,7 +77,7 @@ Seen alone() {
     SerialTeam team;
     seen.largest[0] += kWidth - 1;
     seen.sum[0] += sum_leaves<double>(team, [&](Index leaf) { return static_cast<double>(leaf + round); });
-    seen.ticket[0] = round - 1;
+    seen.work_counter[0] = round - 1;
   }
   return seen;
 }
@@ -106,7 +106,7 @@ TEST(DeviceGrid, lanes_of_all_blocks_run_at_once_and_meet_at_one_barrier) {
       EXPECT_EQ(seen.combined[rank], expected.combined[0]);
       EXPECT_EQ(seen.largest[rank], expected.largest[0]);
       EXPECT_EQ(seen.sum[rank], expected.sum[0]);
-      EXPECT_EQ(seen.ticket[rank], expected.ticket[0]);
+      EXPECT_EQ(seen.work_counter[rank], expected.work_counter[0]);
     }
     EXPECT_EQ(counter, LookAround::kRounds);
   }

@@ -145,7 +145,7 @@ TEST(DevicePlan, islands_are_found_through_the_solver) {
 
 TEST(SizeClasses, keys_order_classes_and_then_sizes) {
   int last = kSortKeys;
-  SizeClass last_class = SizeClass::settled;
+  SizeClass last_class = SizeClass::trivial;
   for (Index rows = 1; rows <= 1024; ++rows) {
     const SizeClass own = size_class(EnvPath::dense, rows);
     EXPECT_LE(rows, class_rows(own));

@@ -30,7 +30,7 @@ using Ready = Prepared<Method, kLaw, Dense, float>;
 
 Index window_for(const Environment<double>& environment) {
   Ready<Pgs, Law::coulomb> ready(environment);
-  return window_of(ready.system());
+  return register_capacity(ready.system());
 }
 
 TEST(DeviceRegisters, up_to_six_contacts_of_three_rows_fit_into_a_window) {
@@ -50,16 +50,16 @@ TEST(DeviceRegisters, other_cones_do_not_fit) {
 TEST(DeviceRegisters, a_matrix_that_is_not_its_transpose_to_the_bit_does_not_fit) {
   Ready<Npgs, Law::convex> ready(contacts(2, 6));
   auto& s = ready.system();
-  ASSERT_EQ(window_of(s), 4);
+  ASSERT_EQ(register_capacity(s), 4);
   const float entry = s.A[1];
   s.A[1] = std::nextafter(entry, 2.0F);
-  EXPECT_EQ(window_of(s), 0);
+  EXPECT_EQ(register_capacity(s), 0);
   s.A[1] = entry;
-  ASSERT_EQ(window_of(s), 4);
+  ASSERT_EQ(register_capacity(s), 4);
   // Signs of zero count: they are where equal algorithms differ first.
   s.A[5 * s.n] = 0.0F;
   s.A[5] = -0.0F;
-  EXPECT_EQ(window_of(s), 0);
+  EXPECT_EQ(register_capacity(s), 0);
 }
 
 /// Everything iterations change, as bits.
@@ -81,7 +81,7 @@ template <class Method, Law kLaw>
 void expect_equal_chunks(int count) {
   const Environment<double> environment = contacts(count, static_cast<std::uint64_t>(40 + count));
   Ready<Method, kLaw> plain(environment), windowed(environment);
-  const Index window = window_of(windowed.system());
+  const Index window = register_capacity(windowed.system());
   ASSERT_GT(window, 0);
   const StopRule rule{0.0, 38, 0};
   const MethodParams<float> params{1.1F};
@@ -110,7 +110,7 @@ TEST(DeviceRegisters, every_chunk_leaves_the_bits_of_the_dense_system) {
 std::vector<std::uint32_t> one_chunk_without_lower_half(Index max_iterations, bool with_window, bool overwritten) {
   Ready<Npgs, Law::coulomb> ready(contacts(5, 9));
   auto& s = ready.system();
-  const Index window = with_window ? window_of(s) : 0;
+  const Index window = with_window ? register_capacity(s) : 0;
   if (overwritten)
     for (Index j = 0; j < s.n; ++j)
       for (Index i = j + 1; i < s.n; ++i) s.A[i + s.n * j] = 0.25F;

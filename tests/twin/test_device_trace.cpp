@@ -57,8 +57,8 @@ TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
     EXPECT_GT(pieces, 2U);
     EXPECT_EQ(names.count("download"), pieces);
     EXPECT_EQ(names.count("plan"), pieces);
-    EXPECT_EQ(names.count("settled"), pieces);
-    EXPECT_EQ(names.count("bundle_four"), pieces);
+    EXPECT_EQ(names.count("trivial"), pieces);
+    EXPECT_EQ(names.count("thread_small"), pieces);
     // Piece by piece: up before its plan, the plan before its classes, those before down.
     std::map<std::string, std::vector<Span>> by_name;
     for (const Span& span : tracer.spans())
@@ -66,12 +66,12 @@ TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
     const auto end = [](const Span& span) { return span.start + span.duration; };
     for (std::size_t k = 0; k < pieces; ++k) {
       EXPECT_LE(end(by_name["upload"][k]), by_name["plan"][k].start);
-      for (const char* kernel : {"settled", "bundle_four"}) {
+      for (const char* kernel : {"trivial", "thread_small"}) {
         EXPECT_LE(end(by_name["plan"][k]), by_name[kernel][k].start) << kernel;
         EXPECT_LE(end(by_name[kernel][k]), by_name["download"][k].start) << kernel;
       }
-      EXPECT_GE(by_name["bundle_four"][k].duration, 0);
-      EXPECT_NE(by_name["bundle_four"][k].detail, nullptr);
+      EXPECT_GE(by_name["thread_small"][k].duration, 0);
+      EXPECT_NE(by_name["thread_small"][k].detail, nullptr);
     }
     EXPECT_EQ(tracer.left_out(), 0U);
   }
@@ -113,7 +113,7 @@ TEST(DeviceTrace, ADeviceBatchsSpansComeWhenItIsWaitedFor) {
     EXPECT_EQ(env_hashes(batch, answer), solve_hashes(batch, traced(nullptr)));
   }
   EXPECT_EQ(device_names(tracer).count("plan"), 1U) << "the second solve had its plan";
-  EXPECT_EQ(device_names(tracer).count("settled"), 2U) << "the last spans came with the solver's end";
+  EXPECT_EQ(device_names(tracer).count("trivial"), 2U) << "the last spans came with the solver's end";
 }
 
 TEST(DeviceTrace, NothingIsTimedInACaptureAndNothingIsMadeWithoutATracer) {

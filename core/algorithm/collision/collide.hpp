@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Contacts of two placed shapes, whatever they are. Of two planes none.
 template <class T>
-STICTION_HD_OUTLINE Manifold<T> touch(const PlacedShape<T>& a, const PlacedShape<T>& b, T margin) {
+STICTION_HD_OUTLINE Manifold<T> collide(const PlacedShape<T>& a, const PlacedShape<T>& b, T margin) {
   Manifold<T> found;
   // The kinds ascend sphere, capsule, box, plane: each function takes the later kind first.
   const bool swapped = a.kind < b.kind;

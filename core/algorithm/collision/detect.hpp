@@ -41,7 +41,7 @@ STICTION_HD Twist<Real> twist_of(const Real* p) {
 
 /// Twist a body would have after the step without contacts.
 template <class Real>
-STICTION_HD Twist<Real> unhindered(const WorldJob<Real>& job, Offset body) {
+STICTION_HD Twist<Real> free_twist(const WorldJob<Real>& job, Offset body) {
   const Twist<Real> now = twist_of(job.twist + 6 * body);
   const Twist<Real> change = twist_of(job.twist_change + 6 * body);
   return {added(now.linear, change.linear), added(now.angular, change.angular)};
@@ -60,29 +60,29 @@ template <Team TeamT, class Real>
 STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset env) {
   const WorldModelView<Real>& model = job.model;
   for_each(team, model.bodies, [&](Index body) {
-    const Offset place = env * model.bodies + body;
+    const Offset slot = env * model.bodies + body;
     const WorldBodyData<Real>& data = model.body[body];
-    const Axes3<Real> axes = axes_of(load_quaternion(job.orientation + 4 * place));
+    const Axes3<Real> axes = axes_of(load_quaternion(job.orientation + 4 * slot));
     const Vector3<Real> d = load3<Real>(data.inv_inertia);
     const Symmetric3<Real> inverse =
         data.isotropic ? Symmetric3<Real>{d.x, Real(0), Real(0), d.x, Real(0), d.x} : spread(axes, d);
-    Real* const inertia = job.inv_inertia + 6 * place;
+    Real* const inertia = job.inv_inertia + 6 * slot;
     inertia[0] = inverse.xx;
     inertia[1] = inverse.xy;
     inertia[2] = inverse.xz;
     inertia[3] = inverse.yy;
     inertia[4] = inverse.yz;
     inertia[5] = inverse.zz;
-    const Vector3<Real> force = load3<Real>(job.wrench + 6 * place);
-    const Vector3<Real> torque = load3<Real>(job.wrench + 6 * place + 3);
+    const Vector3<Real> force = load3<Real>(job.wrench + 6 * slot);
+    const Vector3<Real> torque = load3<Real>(job.wrench + 6 * slot + 3);
     Vector3<Real> pull = scaled(model.step, add_scaled(load3<Real>(model.gravity), data.inv_mass, force));
     // A body that is nowhere touches nothing, so its environment would go on as if it were sound: the solver's own
     // check of its numbers is made to find it.
-    pull.x = pull.x + nothing_if_finite(job.position + 3 * place, 3);
-    pull.y = pull.y + nothing_if_finite(job.orientation + 4 * place, 4);
+    pull.x = pull.x + nothing_if_finite(job.position + 3 * slot, 3);
+    pull.y = pull.y + nothing_if_finite(job.orientation + 4 * slot, 4);
     const Vector3<Real> twist =
         scaled(model.step, add_product(Vector3<Real>{Real(0), Real(0), Real(0)}, inverse, torque));
-    Real* const change = job.twist_change + 6 * place;
+    Real* const change = job.twist_change + 6 * slot;
     change[0] = canonical_zero(pull.x);
     change[1] = canonical_zero(pull.y);
     change[2] = canonical_zero(pull.z);
@@ -93,7 +93,7 @@ STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset en
 }
 
 template <class Real>
-STICTION_HD MovingShape<Real> place_shape(const WorldJob<Real>& job, Offset env, Index shape) {
+STICTION_HD MovingShape<Real> pose_shape(const WorldJob<Real>& job, Offset env, Index shape) {
   const WorldShapeData<Real>& data = job.model.shape[shape];
   MovingShape<Real> moving{{data.kind,
                             load3<Real>(data.position),
@@ -107,14 +107,14 @@ STICTION_HD MovingShape<Real> place_shape(const WorldJob<Real>& job, Offset env,
   PlacedShape<Real>& placed = moving.placed;
   placed.centre = added(load3<Real>(job.position + 3 * body), along(axes, placed.centre));
   placed.axes = {along(axes, placed.axes.x), along(axes, placed.axes.y), along(axes, placed.axes.z)};
-  const Twist<Real> twist = unhindered(job, body);
+  const Twist<Real> twist = free_twist(job, body);
   moving.travel = job.model.step * fma_(length(twist.angular), data.reach, length(twist.linear));
   return moving;
 }
 
 /// Whether two shapes are near enough to look closer.
 template <class Real>
-STICTION_HD bool may_touch(const MovingShape<Real>& a, const MovingShape<Real>& b, Real margin) {
+STICTION_HD bool bounds_overlap(const MovingShape<Real>& a, const MovingShape<Real>& b, Real margin) {
   const Vector3<Real> apart = subtract(b.placed.centre, a.placed.centre);
   const Real reach = (a.bound + b.bound) + margin;
   if (a.placed.kind == ShapeKind::plane) return dot(apart, a.placed.axes.z) <= reach;
@@ -124,12 +124,12 @@ STICTION_HD bool may_touch(const MovingShape<Real>& a, const MovingShape<Real>& 
 
 /// Keeps the contacts that lie within the model's margin or would come there within the step.
 template <class Real>
-STICTION_HD void drop_leaving(const WorldJob<Real>& job, Offset env, const WorldPair<Real>& pair,
-                              Manifold<Real>& found) {
+STICTION_HD void cull_separating(const WorldJob<Real>& job, Offset env, const WorldPair<Real>& pair,
+                                 Manifold<Real>& found) {
   const auto velocity = [&](Index body, const Vector3<Real>& point) {
     if (body < 0) return Vector3<Real>{Real(0), Real(0), Real(0)};
-    const Offset place = env * job.model.bodies + body;
-    return point_velocity(unhindered(job, place), subtract(point, load3<Real>(job.position + 3 * place)));
+    const Offset slot = env * job.model.bodies + body;
+    return point_velocity(free_twist(job, slot), subtract(point, load3<Real>(job.position + 3 * slot)));
   };
   Index count = 0;
   for (Index k = 0; k < found.count; ++k) {
@@ -147,7 +147,7 @@ template <Team TeamT, class Real>
 STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
                                 const DetectWorkspace<Real>& workspace) {
   const WorldModelView<Real>& model = job.model;
-  for_each(team, model.shapes, [&](Index shape) { workspace.shape[shape] = place_shape(job, env, shape); });
+  for_each(team, model.shapes, [&](Index shape) { workspace.shape[shape] = pose_shape(job, env, shape); });
   for_each(team, model.pairs, [&](Index p) {
     const WorldPair<Real>& pair = model.pair[p];
     const MovingShape<Real>& a = workspace.shape[pair.shape_a];
@@ -155,9 +155,9 @@ STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset e
     Manifold<Real>& found = workspace.manifold[p];
     found.count = 0;
     const Real margin = model.margin + (a.travel + b.travel);
-    if (!may_touch(a, b, margin)) return;
-    found = touch(a.placed, b.placed, margin);
-    drop_leaving(job, env, pair, found);
+    if (!bounds_overlap(a, b, margin)) return;
+    found = collide(a.placed, b.placed, margin);
+    cull_separating(job, env, pair, found);
   });
   return team.broadcast([&] {
     Index count = 0;
@@ -198,8 +198,8 @@ STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset en
 
 /// Moves one environment's found contacts into the batch, each with the impulse its namesake ended the last step with.
 template <Team TeamT, class Real>
-STICTION_HD void hand_over(TeamT& team, const WorldModelView<Real>& model, const ContactSink<Real>& sink, Offset env,
-                           const FoundContact<Real>* found) {
+STICTION_HD void emit_contacts(TeamT& team, const WorldModelView<Real>& model, const ContactSink<Real>& sink,
+                               Offset env, const FoundContact<Real>* found) {
   const WorldContacts<Real>& now = sink.now;
   const WorldContacts<Real>& last = sink.last;
   const bool remembers = last.offsets != nullptr;
@@ -213,16 +213,16 @@ STICTION_HD void hand_over(TeamT& team, const WorldModelView<Real>& model, const
     const std::uint64_t id =
         static_cast<std::uint64_t>(contact.pair) * kFeatures + static_cast<std::uint64_t>(contact.feature);
     // Ids ascend.
-    const Offset namesake = first + lower_bound(last.id + first, remembered, id,
+    const Offset previous = first + lower_bound(last.id + first, remembered, id,
                                                 [](std::uint64_t one, std::uint64_t other) { return one < other; });
-    const bool has_namesake = namesake < first + remembered && last.id[namesake] == id;
+    const bool has_namesake = previous < first + remembered && last.id[previous] == id;
     now.body_a[c] = pair.body_a;
     now.body_b[c] = pair.body_b;
     for (Index j = 0; j < 3; ++j) {
       now.arm_a[3 * c + j] = contact.arm_a[j];
       now.arm_b[3 * c + j] = contact.arm_b[j];
       now.normal[3 * c + j] = contact.normal[j];
-      now.guess[3 * c + j] = has_namesake ? sink.keep * last.impulse[3 * namesake + j] : Real(0);
+      now.guess[3 * c + j] = has_namesake ? sink.keep * last.impulse[3 * previous + j] : Real(0);
     }
     now.mu[c] = pair.mu;
     now.depth[c] = contact.depth;

@@ -21,11 +21,11 @@ STICTION_HD void integrate_world(TeamT& team, const WorldJob<Real>& job, Offset 
   const EnvCode code = job.status[env].code;
   if (code == EnvCode::invalid_input || code == EnvCode::unsupported) return;
   for_each(team, model.bodies, [&](Index body) {
-    const Offset place = env * model.bodies + body;
+    const Offset slot = env * model.bodies + body;
     const WorldBodyData<Real>& data = model.body[body];
-    const Twist<Real> solved = twist_of(job.solved_twist + 6 * place);
-    store3(job.position + 3 * place, add_scaled(load3<Real>(job.position + 3 * place), model.step, solved.linear));
-    const Quaternion<Real> before = load_quaternion(job.orientation + 4 * place);
+    const Twist<Real> solved = twist_of(job.solved_twist + 6 * slot);
+    store3(job.position + 3 * slot, add_scaled(load3<Real>(job.position + 3 * slot), model.step, solved.linear));
+    const Quaternion<Real> before = load_quaternion(job.orientation + 4 * slot);
     Vector3<Real> spin = solved.angular;
     Quaternion<Real> after;
     if (data.isotropic) {
@@ -37,13 +37,13 @@ STICTION_HD void integrate_world(TeamT& team, const WorldJob<Real>& job, Offset 
       after = turned(before, stretched(axes_of(half_way), inverse, momentum), model.step);
       spin = stretched(axes_of(after), inverse, momentum);
     }
-    Real* const orientation = job.orientation + 4 * place;
+    Real* const orientation = job.orientation + 4 * slot;
     orientation[0] = canonical_zero(after.w);
     orientation[1] = canonical_zero(after.x);
     orientation[2] = canonical_zero(after.y);
     orientation[3] = canonical_zero(after.z);
-    store3(job.twist + 6 * place, solved.linear);
-    store3(job.twist + 6 * place + 3, spin);
+    store3(job.twist + 6 * slot, solved.linear);
+    store3(job.twist + 6 * slot + 3, spin);
   });
 }
 
@@ -55,12 +55,12 @@ STICTION_HD WorldMotion motion_of(const WorldJob<Real>& job, Offset env) {
   Vector3<double> momentum{0.0, 0.0, 0.0};
   Vector3<double> angular{0.0, 0.0, 0.0};
   for (Index body = 0; body < job.model.bodies; ++body) {
-    const Offset place = env * job.model.bodies + body;
+    const Offset slot = env * job.model.bodies + body;
     const WorldBodyData<Real>& data = job.model.body[body];
-    const Vector3<double> position = load3<double>(job.position + 3 * place);
-    const Vector3<double> velocity = load3<double>(job.twist + 6 * place);
-    const Vector3<double> spin = load3<double>(job.twist + 6 * place + 3);
-    const Real* q = job.orientation + 4 * place;
+    const Vector3<double> position = load3<double>(job.position + 3 * slot);
+    const Vector3<double> velocity = load3<double>(job.twist + 6 * slot);
+    const Vector3<double> spin = load3<double>(job.twist + 6 * slot + 3);
+    const Real* q = job.orientation + 4 * slot;
     const Axes3<double> axes = axes_of(Quaternion<double>{static_cast<double>(q[0]), static_cast<double>(q[1]),
                                                           static_cast<double>(q[2]), static_cast<double>(q[3])});
     const Vector3<double> own = stretched(axes, load3<double>(data.inertia), spin);

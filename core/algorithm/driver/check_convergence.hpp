@@ -6,15 +6,15 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What is remembered of the search for an answer between two looks at it: of one environment, or in every lane.
+/// What one check of convergence leaves to the next: of one environment, or in every lane.
 template <class Real>
 struct Search {
   Counts<Real> iterations = Counts<Real>(0);  ///< done so far
   Counts<Real> best_at = Counts<Real>(0);     ///< iteration at which the best residual was recorded
   Real best = Real(0);                        ///< that residual, once iterations or best_at moved
-  Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not worth a second look
+  Real verified = Real(-1);  ///< estimate whose iterate failed the final residual; not evaluated a second time
 };
-/// The same of an environment. Lanes of a team hold equal copies.
+/// Progress of one environment. Lanes of a team hold equal copies.
 template <class Real>
 struct EnvProgress : Search<Real> {
   std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
@@ -28,10 +28,10 @@ STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode cod
   });
 }
 
-/// The safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since w = b
-/// could carry the very NaN; for an unsupported system w = b.
+/// Writes the safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since
+/// w = b could carry the very NaN; for an unsupported system w = b.
 template <Team TeamT, class Real>
-STICTION_HD_OUTLINE void refuse(TeamT& team, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
+STICTION_HD_OUTLINE void reject(TeamT& team, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
   const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom | kFlagUnsupportedCone)) == 0;
   for_each(team, env.n, [&](Index i) {
     env.lambda[i] = 0;
@@ -42,63 +42,63 @@ STICTION_HD_OUTLINE void refuse(TeamT& team, const EnvView<Real>& env, SolverKin
                infinite);
 }
 
-/// An environment without rows is solved by saying so.
+/// Writes the status of an environment without rows, which is solved.
 template <Team TeamT, class Real>
-STICTION_HD void answer_empty(TeamT& team, const EnvView<Real>& env, SolverKind solver) {
+STICTION_HD void write_empty(TeamT& team, const EnvView<Real>& env, SolverKind solver) {
   write_status(team, env, EnvCode::solved, solver, env.flags, 0, 0.0, 0.0);
 }
 
-/// The best iterate back in the batch's units and order.
+/// Writes the best iterate in the batch's units and order.
 template <Team TeamT, class Real, class System>
-STICTION_HD_SHARED void publish(TeamT& team, const EnvView<Real>& env, const System& s) {
+STICTION_HD_SHARED void write_solution(TeamT& team, const EnvView<Real>& env, const System& s) {
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
-  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
+  for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Index first = env.cone_row(cone);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
       const Real scale = row_scale(env, env.kind[cone], k, i);
-      env.lambda[i] = canonical_zero((s.best[place.row + k] * scale) * unscale);
+      env.lambda[i] = canonical_zero((s.best[slot.row + k] * scale) * unscale);
     }
   });
 }
 
-/// Relative residual beyond which no reaction at all is looked at as an answer: a method that collapsed, not one that
+/// Relative residual beyond which no reaction at all is tried as an answer: a method that collapsed, not one that
 /// was short of iterations.
 inline constexpr double kWorseThanNothing = 1e3;
 
-/// What a look between chunks has found: at one environment, or in every lane.
+/// What polling between chunks has found: of one environment, or in every lane.
 template <class Condition>
-struct Findings {
-  Condition broken;     ///< the latest iterate is not of numbers
-  Condition stalled;    ///< no better one was found for as long as was allowed
-  Condition stopped;    ///< the method has ended by itself
-  Condition ended;      ///< one of these, or no iterations are left
-  Condition nominated;  ///< the best iterate may be an answer
+struct Poll {
+  Condition broken;         ///< the latest iterate is not of numbers
+  Condition stalled;        ///< no better one was found for as long as was allowed
+  Condition stopped;        ///< the method has ended by itself
+  Condition ended;          ///< one of these, or no iterations are left
+  Condition has_candidate;  ///< the best iterate may be an answer
 };
-using Look = Findings<bool>;
+using EnvPoll = Poll<bool>;
 
 template <class Real>
 STICTION_HD bool is_within(Real residual, double tolerance) {
   return static_cast<double>(residual) <= tolerance;
 }
 
-/// Takes note of the best iterate so far.
+/// Updates the best iterate so far and tells whether anything is to be done.
 template <class Real, class System, class Tolerance>
-STICTION_HD Findings<Mask<Real>> look_at(const System& s, const Limits<Tolerance, Counts<Real>>& rule,
-                                         Search<Real>& search) {
+STICTION_HD Poll<Mask<Real>> poll_progress(const System& s, const Limits<Tolerance, Counts<Real>>& rule,
+                                           Search<Real>& search) {
   const Real best = s.scalar[kBestResidual];
   const auto is_better = or_(of_reals<Real>(search.iterations == Counts<Real>(0)), best < search.best);
   search.best = select(is_better, best, search.best);
   search.best_at = select(of_counts<Real>(is_better), search.iterations, search.best_at);
   const Counts<Real> waited = search.iterations - search.best_at;
-  Findings<Mask<Real>> look;
-  look.broken = not_(finite_(s.scalar[kLastResidual]));
-  look.stalled = of_reals<Real>(and_(rule.stall_window > Counts<Real>(0), waited >= rule.stall_window));
-  look.stopped = s.scalar[kOutcome] != Real(kRunning);
-  look.ended =
-      or_(or_(look.broken, look.stalled), or_(look.stopped, of_reals<Real>(search.iterations >= rule.max_iterations)));
-  look.nominated = and_(is_within(best, rule.tolerance), best != search.verified);
-  return look;
+  Poll<Mask<Real>> poll;
+  poll.broken = not_(finite_(s.scalar[kLastResidual]));
+  poll.stalled = of_reals<Real>(and_(rule.stall_window > Counts<Real>(0), waited >= rule.stall_window));
+  poll.stopped = s.scalar[kOutcome] != Real(kRunning);
+  poll.ended =
+      or_(or_(poll.broken, poll.stalled), or_(poll.stopped, of_reals<Real>(search.iterations >= rule.max_iterations)));
+  poll.has_candidate = and_(is_within(best, rule.tolerance), best != search.verified);
+  return poll;
 }
 
 /// Whether a relative residual is of an answer that zero is to be compared with, if it is the last.
@@ -107,57 +107,59 @@ STICTION_HD bool is_collapsed(double relative) {
 }
 
 /// True when the environment is finished with an answer of that residual, and then its status is written. `best`: the
-/// estimate that was judged.
+/// estimate of the candidate.
 template <class Method, Team TeamT, class Real>
-STICTION_HD bool conclude(TeamT& team, const EnvView<Real>& env, const StopRule& rule, const Look& look, Real best,
+STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const StopRule& rule, const EnvPoll& poll, Real best,
                           double absolute, double scale, EnvProgress<Real>& progress) {
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
-  if (!solved && !look.ended) return false;
+  if (!solved && !poll.ended) return false;
   const EnvCode code = solved                         ? EnvCode::solved
-                       : look.broken                  ? EnvCode::numerical
-                       : look.stalled || look.stopped ? EnvCode::stalled
+                       : poll.broken                  ? EnvCode::numerical
+                       : poll.stalled || poll.stopped ? EnvCode::stalled
                                                       : EnvCode::max_iterations;
   write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
   return true;
 }
 
 /// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
-/// with only nominates; the residual that decides, and is reported, is computed in double from the batch's own numbers
-/// and the very bits of lambda that are returned.
+/// with only proposes a candidate; the residual that decides, and is reported, is computed in double from the batch's
+/// own numbers and the very bits of lambda that are returned.
 template <class Method, Team TeamT, class Real, class System>
-STICTION_HD_OUTLINE bool answer(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule,
-                                const Look& look, EnvProgress<Real>& progress) {
+STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& env, const System& s,
+                                            const StopRule& rule, const EnvPoll& poll, EnvProgress<Real>& progress) {
   const Real best = s.scalar[kBestResidual];
-  publish(team, env, s);
+  write_solution(team, env, s);
   const double scale = residual_scale(team, env);
   const double allowed = rule.tolerance * scale;
-  const auto judge = [&] { return seen_residual(final_residual(team, env, residual_rows(team, env, s)), allowed); };
-  double absolute = judge();
-  if (look.ended && is_collapsed(div_(absolute, scale))) {
+  const auto evaluate = [&] {
+    return reported_residual(final_residual(team, env, residual_rows(team, env, s)), allowed);
+  };
+  double absolute = evaluate();
+  if (poll.ended && is_collapsed(div_(absolute, scale))) {
     // Not one iterate had an answer of any use in the batch's units: zero always does.
     for_each(team, env.n, [&](Index i) { env.lambda[i] = 0; });
-    const double of_nothing = judge();
+    const double of_nothing = evaluate();
     if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
-      publish(team, env, s);
-      absolute = judge();
+      write_solution(team, env, s);
+      absolute = evaluate();
     } else {
       absolute = of_nothing;
     }
   }
-  return conclude<Method>(team, env, rule, look, best, absolute, scale, progress);
+  return finalize<Method>(team, env, rule, poll, best, absolute, scale, progress);
 }
 
-/// Looks at an environment between chunks: true when it is finished.
+/// Checks an environment between chunks: true when it is finished.
 template <class Method, Team TeamT, class Real, class System>
-STICTION_HD bool settle(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule,
-                        EnvProgress<Real>& progress) {
-  const Look look = look_at<Real>(s, rule, progress);
+STICTION_HD bool check_convergence(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule,
+                                   EnvProgress<Real>& progress) {
+  const EnvPoll poll = poll_progress<Real>(s, rule, progress);
   if (s.scalar[kOutcome] == Real(kRayDetected)) progress.flags |= kFlagRay;
   // Every lane has read the scalars before one of them goes on to the next chunk and writes them.
   team.sync();
-  return (look.nominated || look.ended) && answer<Method>(team, env, s, rule, look, progress);
+  return (poll.has_candidate || poll.ended) && evaluate_candidate<Method>(team, env, s, rule, poll, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -20,7 +20,7 @@ inline constexpr bool kHasWindows = (Method::kKind == SolverKind::pgs || Method:
 
 /// The window that a loaded system fits into: room for so many cones, or 0 for none.
 template <class Real, int kStride>
-STICTION_HD_OUTLINE Index window_of(const DenseSystem<Real, kStride>& s) {
+STICTION_HD_OUTLINE Index register_capacity(const DenseSystem<Real, kStride>& s) {
   using Shape = ConeShape<ConeKind::friction, 3>;
   if (s.cones == 0 || s.cones > kLargeWindow || s.counts.friction[Shape::kRows] != s.cones) return 0;
   unsigned differ = 0;
@@ -33,15 +33,15 @@ STICTION_HD_OUTLINE Index window_of(const DenseSystem<Real, kStride>& s) {
 
 /// kChunk iterations of a system that fits into a window of kCones.
 template <class Method, Law kLaw, Index kCones, class Real, int kStride>
-STICTION_HD void iterate_in_window(DenseSystem<Real, kStride>& s, const MethodParams<Real>& params) {
+STICTION_HD void iterate_in_registers(DenseSystem<Real, kStride>& s, const MethodParams<Real>& params) {
   SerialTeam team;
   RegisterSystem<Real, kCones, kStride> window(s);
   for (Index k = 0; k < kChunk; ++k) Method::template iterate<kLaw>(team, window, params);
   window.store(s);
 }
 
-/// The next chunk of an environment for which window_of() returned `window`. A chunk that is cut short is recorded in
-/// its middle, which the dense system is for.
+/// The next chunk of an environment for which register_capacity() returned `window`. A chunk that is cut short is
+/// recorded in its middle, which the dense system is for.
 template <class Method, Law kLaw, class Real, int kStride>
 STICTION_HD void advance_chunk(SerialTeam& team, DenseSystem<Real, kStride>& s, const MethodParams<Real>& params,
                                const StopRule& rule, EnvProgress<Real>& progress, Index window) {
@@ -50,9 +50,9 @@ STICTION_HD void advance_chunk(SerialTeam& team, DenseSystem<Real, kStride>& s, 
     return;
   }
   if (window == kSmallWindow) {
-    iterate_in_window<Method, kLaw, kSmallWindow>(s, params);
+    iterate_in_registers<Method, kLaw, kSmallWindow>(s, params);
   } else {
-    iterate_in_window<Method, kLaw, kLargeWindow>(s, params);
+    iterate_in_registers<Method, kLaw, kLargeWindow>(s, params);
   }
   end_chunk<Method, kLaw>(team, s, static_cast<Real>(progress.iterations % kRefreshInterval), true);
   progress.iterations += kChunk;

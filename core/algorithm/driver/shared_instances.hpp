@@ -9,13 +9,13 @@
 /// of once for every solver, with `kind` being `extern` where it is used and empty in the one unit that holds it.
 #define STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, ...)                                       \
   kind template std::uint32_t load_system(BlockType&, const EnvView<Real>&, __VA_ARGS__&, LoadRules); \
-  kind template void publish(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);
+  kind template void write_solution(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);
 
-#define STICTION_SHARED_BODIES_OF(kind, BlockType, Real)                                             \
-  kind template Judgement final_residual(BlockType&, const EnvView<Real>&, const StoredRows<Real>&); \
-  kind template Judgement final_residual(BlockType&, const EnvView<Real>&, const FactorRows<Real>&); \
-  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, DenseSystem<Real, 1>)                           \
-  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, SparseSystem<Real>)                             \
+#define STICTION_SHARED_BODIES_OF(kind, BlockType, Real)                                                 \
+  kind template FinalResidual final_residual(BlockType&, const EnvView<Real>&, const StoredRows<Real>&); \
+  kind template FinalResidual final_residual(BlockType&, const EnvView<Real>&, const FactorRows<Real>&); \
+  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, DenseSystem<Real, 1>)                               \
+  STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, SparseSystem<Real>)                                 \
   STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, FactorSystem<Real>)
 
 #define STICTION_SHARED_BODIES(kind, BlockType)     \

@@ -30,8 +30,9 @@ STICTION_HD void end_chunk(TeamT& team, System& s, typename System::Real phase, 
   using Real = typename System::Real;
   const auto stale = phase == Real(kRefreshInterval - chunk_of<Method>());
   if (any(stale)) Method::refresh(team, s, stale);
-  if (any(due)) record<Method, kLaw>(team, s, due);
-  if constexpr (requires { Method::template leap<kLaw>(team, s, due); }) Method::template leap<kLaw>(team, s, due);
+  if (any(due)) update_best<Method, kLaw>(team, s, due);
+  if constexpr (requires { Method::template subspace_step<kLaw>(team, s, due); })
+    Method::template subspace_step<kLaw>(team, s, due);
 }
 
 /// A system on its way through a chunk. Lanes may differ in `phase`, their iterations so far modulo the refresh
@@ -53,10 +54,10 @@ STICTION_HD void advance(TeamT& team, const MethodParams<Real>& params, Advancin
     if (is_last) {
       end_chunk<Method, kLaw>(team, one.s, one.phase, one.left >= Lanes(0));
     } else if (const auto due = one.left == Lanes(0); any(due)) {
-      record<Method, kLaw>(team, one.s, due);
+      update_best<Method, kLaw>(team, one.s, due);
     }
   };
-  auto&& systems = together(each.s...);
+  auto&& systems = as_pair(each.s...);
   for (Index k = 1; k <= chunk_of<Method>(); ++k) {
     Method::template iterate<kLaw>(team, systems, params);
     (count_down(each, k == chunk_of<Method>()), ...);
@@ -85,13 +86,14 @@ template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void solve_loaded(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                               const StopRule& rule, std::uint32_t flags) {
   if (!is_solvable(flags)) {
-    refuse(team, env, Method::kKind, flags);
+    reject(team, env, Method::kKind, flags);
     return;
   }
   begin_method<Method, kLaw>(team, env, s);
   EnvProgress<Real> progress;
   progress.flags = flags;
-  while (!settle<Method>(team, env, s, rule, progress)) advance_chunk<Method, kLaw>(team, s, params, rule, progress);
+  while (!check_convergence<Method>(team, env, s, rule, progress))
+    advance_chunk<Method, kLaw>(team, s, params, rule, progress);
 }
 
 /// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
@@ -99,7 +101,7 @@ template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void solve_environment(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
   LoadRules rules = load_rules<Method>(kLaw, s);
-  if (params.is_rung) rules.needs_symmetry = false;
+  if (params.is_fallback_stage) rules.needs_symmetry = false;
   const std::uint32_t flags = load_system(team, env, s, rules) | unsupported_flags<Method>(s);
   solve_loaded<Method, kLaw>(team, env, s, params, rule, flags);
 }

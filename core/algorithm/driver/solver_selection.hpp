@@ -58,9 +58,9 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   return seen;
 }
 
-/// The first guess becomes the answer so far, from which every rung starts.
+/// The first guess becomes the answer so far, from which every stage starts.
 template <Team TeamT, class Real>
-STICTION_HD void begin_climb(TeamT& team, const EnvView<Real>& env) {
+STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
   for_each(team, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
 }
 
@@ -77,25 +77,25 @@ STICTION_HD bool is_smooth(const EnvFeatures& seen) {
   return seen.law == Law::convex && seen.is_compliant;
 }
 
-/// The rung that an environment begins on.
-STICTION_HD int first_rung(const EnvFeatures& seen) {
+/// The stage that an environment begins on.
+STICTION_HD int first_stage(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
-  const auto can_stand_on = [&](int rung) { return can_treat(ladder_rung(rung).solver, seen); };
-  if (seen.is_pivots && can_stand_on(kPivotingRung)) return kPivotingRung;
-  if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_stand_on(kSplittingRung)) return kSplittingRung;
+  const auto can_start_at = [&](int stage) { return can_treat(fallback_stage(stage).solver, seen); };
+  if (seen.is_pivots && can_start_at(kPivotingStage)) return kPivotingStage;
+  if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_start_at(kSplittingStage)) return kSplittingStage;
   return 0;
 }
 
-/// The rung after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
+/// The stage after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
 /// smooth Newton's method comes right after sweeps; where it is a minimum all the same the interior point comes instead
 /// of it, right after sweeps if there is no friction cone, else after splitting: each then ends in some ten
 /// factorisations.
-STICTION_HD int next_rung(int tried, const EnvFeatures& seen) {
-  const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingRung);
-  const int shortcut = is_smooth(seen) ? kNewtonRung : is_certain ? kInteriorRung : 0;
-  if (tried < kNewtonRung && shortcut > tried && can_treat(ladder_rung(shortcut).solver, seen)) return shortcut;
-  for (int rung = tried + 1; rung < kLadderRungs; ++rung)
-    if (can_treat(ladder_rung(rung).solver, seen)) return rung;
+STICTION_HD int next_stage(int tried, const EnvFeatures& seen) {
+  const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingStage);
+  const int shortcut = is_smooth(seen) ? kNewtonStage : is_certain ? kInteriorStage : 0;
+  if (tried < kNewtonStage && shortcut > tried && can_treat(fallback_stage(shortcut).solver, seen)) return shortcut;
+  for (int stage = tried + 1; stage < kFallbackStages; ++stage)
+    if (can_treat(fallback_stage(stage).solver, seen)) return stage;
   return tried;
 }
 

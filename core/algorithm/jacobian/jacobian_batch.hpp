@@ -82,8 +82,8 @@ STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
 /// Where the entries of all environments begin, from how many each has. What ends beyond the room gets none, nor does
 /// any that comes behind.
 template <Team TeamT>
-STICTION_HD void place_entries(TeamT& team, Offset* entries, Index envs, Offset room, std::uint32_t* flags,
-                               Offset* parts) {
+STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset room, std::uint32_t* flags,
+                              Offset* parts) {
   const Offset total = exclusive_scan(team, entries, envs, parts);
   single(team, [&] { entries[envs] = total; });
   if (total <= room) return;
@@ -106,12 +106,12 @@ STICTION_HD void place_entries(TeamT& team, Offset* entries, Index envs, Offset 
 /// The places of all environments, and the end of each one's rows in the contact batch: that is where the next one with
 /// rows begins, which may be too broken to say so. One team's work.
 template <Team TeamT, class Real>
-STICTION_HD void place_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
+STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   const JacobianBatchView<Real>& batch = job.batch;
   const JacobianArrays<Real>& to = job.to;
   const auto envs = static_cast<Index>(batch.env_count);
-  place_entries(team, to.matrix, envs, to.matrix_room, to.flags, to.parts);
-  place_entries(team, to.factor, envs, to.factor_room, to.flags, to.parts);
+  scan_entries(team, to.matrix, envs, to.matrix_room, to.flags, to.parts);
+  scan_entries(team, to.factor, envs, to.factor_room, to.flags, to.parts);
   for_each(team, envs, [&](Index env) {
     if (used_part(batch.env_row_offsets, nullptr, env, batch.row_count) > 0)
       to.row_offsets[batch.env_row_offsets[env + 1]] = to.matrix[env + 1];

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/system/cone_slots.hpp"
 #include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
 #include "core/team/reduce.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -65,7 +66,7 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<
 }
 
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
-/// cone's diagonal in the system's trace.
+/// cone's diagonal in the system's residual_weight.
 template <Team TeamT, class Real, class System>
 STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, System& s) {
   std::uint32_t flags = env.flags;
@@ -81,7 +82,7 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
   if (broken != 0) flags |= kFlagNonFiniteInput;
   if (negative != 0) flags |= kFlagNegativeCompliance;
   const bool is_finite = env.is_full && all_finite(env.A + env.row_offsets[0], Offset{env.n} * env.n);
-  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
+  for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
@@ -105,7 +106,7 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
       sum = sum + row.diagonal;
       largest_diagonal = max_(abs_(row.diagonal), largest_diagonal);
     }
-    s.trace[place.cone] = sum;
+    s.residual_weight[slot.cone] = sum;
   });
   if (env.warm_start != nullptr)
     for (Index i = team.rank(); i < env.n; i += team.size())

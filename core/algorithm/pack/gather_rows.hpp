@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// An environment on its way into a lane.
 template <class Real>
-struct Entrant {
+struct PendingLoad {
   const EnvView<Real>* env;
   int lane;
   std::uint32_t flags;      ///< as load_system() returns them
@@ -29,7 +29,7 @@ bool is_canonical(const EnvView<Real>& env) {
 /// Finds the row of the batch for each of a lane's rows. Returns whether, kind after kind, neighbours in the lane are
 /// neighbours in the batch.
 template <class Real, int W>
-bool place_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* batch_row) {
+bool list_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* batch_row) {
   if (is_canonical(env)) {
     Index next = 0;
     Index first = 0;
@@ -44,10 +44,10 @@ bool place_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* 
   }
   SerialTeam team;
   for (Index r = 0; r < s.n; ++r) batch_row[r] = -1;
-  for_each_place(team, env, s, [&](Index cone, ConePlace place) {
+  for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
-    for (Index k = 0; k < size; ++k) batch_row[place.row + k] = env.row_of(first, size, k);
+    for (Index k = 0; k < size; ++k) batch_row[slot.row + k] = env.row_of(first, size, k);
   });
   Index apart = 0;
   Index first = 0;
@@ -72,13 +72,13 @@ bool columns_ascend(const EnvView<Real>& env) {
 }
 
 /// A of one environment by rows of the lane. `scale` null: as the batch has it, none of whose rows has a column twice.
-/// Else in the solver's coordinates, by the same operations as assemble(). `place`: room for a number of each of the
+/// Else in the solver's coordinates, by the same operations as assemble(). `slot`: room for a number of each of the
 /// environment's rows.
 template <class Real, int W>
 void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const Strided<Real, W>* scale, Real scale_a,
-                Index* place, Real* A) {
+                Index* slot, Real* A) {
   for (Index r = 0; r < n; ++r)
-    if (batch_row[r] >= 0) place[batch_row[r]] = r;
+    if (batch_row[r] >= 0) slot[batch_row[r]] = r;
   for (Index k = 0; k < n * n; ++k) A[k] = 0;
   for (Index r = 0; r < n; ++r) {
     const Index i = batch_row[r];
@@ -87,10 +87,10 @@ void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const
     const Index* const column = env.columns(i);
     const Index count = env.entries(i);
     Real* const to = A + Offset{n} * r;
-    for (Index t = 0; scale == nullptr && t < count; ++t) to[place[column[t]]] = a[t];
+    for (Index t = 0; scale == nullptr && t < count; ++t) to[slot[column[t]]] = a[t];
     for (Index t = 0; scale != nullptr && t < count; ++t) {
-      Real& entry = to[place[column[t]]];
-      entry = entry + (a[t] * scale_a) * ((*scale)[r] * (*scale)[place[column[t]]]);
+      Real& entry = to[slot[column[t]]];
+      entry = entry + (a[t] * scale_a) * ((*scale)[r] * (*scale)[slot[column[t]]]);
     }
   }
 }
@@ -98,19 +98,19 @@ void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const
 /// An environment's rows into its lane, in the batch's units: b and the guess into the system, all else into the room.
 /// Finds its matrix, but where rows have columns twice, which take part in sums once they are scaled.
 template <class Real, int W>
-void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const PackWorkspace<Real, W>& workspace) {
-  const EnvView<Real>& env = *entrant.env;
-  const int lane = entrant.lane;
+void gather_rows(PendingLoad<Real>& load, const DenseSystem<Real, W>& s, const PackWorkspace<Real, W>& workspace) {
+  const EnvView<Real>& env = *load.env;
+  const int lane = load.lane;
   const auto of = [lane](auto* lanes) { return PackWorkspace<Real, W>::lane_of(lanes, lane); };
   Index* const batch_row = workspace.rows_of(lane);
-  const bool is_in_order = place_rows(env, s, batch_row);
-  entrant.is_written = !is_in_order || !env.is_full;
-  entrant.is_scaled = !env.is_full && !columns_ascend(env);
-  entrant.matrix = env.A + env.row_offsets[0];
-  if (entrant.is_written) {
+  const bool is_in_order = list_rows(env, s, batch_row);
+  load.is_written = !is_in_order || !env.is_full;
+  load.is_scaled = !env.is_full && !columns_ascend(env);
+  load.matrix = env.A + env.row_offsets[0];
+  if (load.is_written) {
     Real* const own = workspace.written + Offset{s.n} * s.n * lane;
-    if (!entrant.is_scaled) write_rows<Real, W>(env, s.n, batch_row, nullptr, Real(1), workspace.column, own);
-    entrant.matrix = own;
+    if (!load.is_scaled) write_rows<Real, W>(env, s.n, batch_row, nullptr, Real(1), workspace.column, own);
+    load.matrix = own;
   }
   // One array after the other: of all at once not even the addresses fit into registers.
   const auto put = [&](Strided<Real, W> to, auto&& value) {
@@ -128,12 +128,12 @@ void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const Pa
   put(of(workspace.compliance), [R = env.R](Index, Index i) { return R[i]; });
   put(of(workspace.present), [](Index, Index) { return Real(1); });
   put(of(workspace.scale), [](Index, Index) { return Real(1); });
-  const auto put_diagonal = [&, A = entrant.matrix](Index stride, bool is_by_lane) {
+  const auto put_diagonal = [&, A = load.matrix](Index stride, bool is_by_lane) {
     put(of(workspace.entry), [=](Index r, Index i) { return A[Offset{stride} * (is_by_lane ? r : i)]; });
   };
-  if (entrant.is_scaled) {
+  if (load.is_scaled) {
     put_zeros(of(workspace.entry));
-  } else if (entrant.is_written) {
+  } else if (load.is_written) {
     put_diagonal(s.n + 1, true);
   } else {
     put_diagonal(env.n + 1, false);
@@ -156,15 +156,15 @@ void gather_rows(Entrant<Real>& entrant, const DenseSystem<Real, W>& s, const Pa
 /// The diagonal of A + diag R in the batch's units, once those of A and of R are there.
 template <class Real, int W>
 void sum_diagonals(const DenseSystem<Real, W>* lanes, const PackWorkspace<Real, W>& workspace,
-                   const Entrant<Real>* entrants, int count) {
+                   const PendingLoad<Real>* loads, int count) {
   for (Index r = 0; r < workspace.n; ++r) workspace.diagonal[r] = workspace.compliance[r] + workspace.entry[r];
   for (int e = 0; e < count; ++e) {
-    const Entrant<Real>& entrant = entrants[e];
-    if (!entrant.is_scaled) continue;
-    const auto diagonal = PackWorkspace<Real, W>::lane_of(workspace.diagonal, entrant.lane);
-    const Index* const batch_row = workspace.rows_of(entrant.lane);
+    const PendingLoad<Real>& load = loads[e];
+    if (!load.is_scaled) continue;
+    const auto diagonal = PackWorkspace<Real, W>::lane_of(workspace.diagonal, load.lane);
+    const Index* const batch_row = workspace.rows_of(load.lane);
     for (Index r = 0; r < workspace.n; ++r)
-      if (batch_row[r] >= 0) diagonal[r] = scan_row(*entrant.env, lanes[entrant.lane], batch_row[r], true).diagonal;
+      if (batch_row[r] >= 0) diagonal[r] = scan_row(*load.env, lanes[load.lane], batch_row[r], true).diagonal;
   }
 }
 

@@ -46,11 +46,11 @@ struct LaneSearch {
   }
 };
 
-/// One lane of what a look at all of them has found.
+/// One lane of what polling has found.
 template <class T, int W>
-Look look_of(const Findings<PackMask<T, W>>& look, int lane) {
-  return {is_set(look.broken, lane), is_set(look.stalled, lane), is_set(look.stopped, lane), is_set(look.ended, lane),
-          is_set(look.nominated, lane)};
+EnvPoll poll_of_lane(const Poll<PackMask<T, W>>& poll, int lane) {
+  return {is_set(poll.broken, lane), is_set(poll.stalled, lane), is_set(poll.stopped, lane), is_set(poll.ended, lane),
+          is_set(poll.has_candidate, lane)};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -23,11 +23,11 @@ struct LanesSeen {
   Lanes largest_b, largest_diagonal;
 };
 
-/// inspect() of all lanes, but for entries of A that are not on the diagonal. Of those who are `entering` it leaves
+/// inspect() of all lanes, but for entries of A that are not on the diagonal. In the lanes that are `loading` it leaves
 /// bounds and the sum of each cone's diagonal in the system, and marks in inv_cone which cones there are.
 template <class Real, int W>
 LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                                       Mask<Pack<Real, W>> entering) {
+                                       Mask<Pack<Real, W>> loading) {
   using Lanes = Pack<Real, W>;
   const Lanes zero(0);
   const auto none = zero > zero;
@@ -65,10 +65,10 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
         note(seen.broken, or_(lo != lo, hi != hi));
         note(seen.crossed_bounds, lo > hi);
       }
-      pack.trace[cone] = select(entering, sum, pack.trace[cone]);
-      pack.inv_cone[cone] = select(entering, workspace.present[row], pack.inv_cone[cone]);
-      pack.lo[cone] = select(entering, lo, pack.lo[cone]);
-      pack.hi[cone] = select(entering, hi, pack.hi[cone]);
+      pack.residual_weight[cone] = select(loading, sum, pack.residual_weight[cone]);
+      pack.inv_cone[cone] = select(loading, workspace.present[row], pack.inv_cone[cone]);
+      pack.lo[cone] = select(loading, lo, pack.lo[cone]);
+      pack.hi[cone] = select(loading, hi, pack.hi[cone]);
     }
   });
   return seen;
@@ -91,15 +91,15 @@ Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvVi
 /// Cuts a lane's columns into tiles and returns how many there are. Where a lane has padding it goes on reading what is
 /// next, up to the next cut.
 template <class Real, int W>
-Index cut_columns(const PackWorkspace<Real, W>& workspace, const Entrant<Real>* entrants, int count) {
+Index cut_columns(const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>* loads, int count) {
   ColumnTile* const tiles = workspace.tile;
   Index found = 0;
   for (Index c = 0; c < workspace.n; ++c) {
     bool is_cut = c == 0 || tiles[found - 1].count == kTileEdge<Real>;
     for (int e = 0; e < count && !is_cut; ++e) {
-      const Index* const batch_row = workspace.rows_of(entrants[e].lane);
+      const Index* const batch_row = workspace.rows_of(loads[e].lane);
       const bool goes_on = batch_row[c - 1] >= 0 && batch_row[c] == batch_row[c - 1] + 1;
-      is_cut = !entrants[e].is_written && batch_row[c] >= 0 && !goes_on;
+      is_cut = !loads[e].is_written && batch_row[c] >= 0 && !goes_on;
     }
     if (is_cut) tiles[found++] = {c, 0};
     ++tiles[found - 1].count;
@@ -110,38 +110,38 @@ Index cut_columns(const PackWorkspace<Real, W>& workspace, const Entrant<Real>* 
 /// Where an entrant's rows lie. The last rows of a matrix that is read where it is stored are copied, so that a tile
 /// may reach beyond its end.
 template <class Real, int W>
-void find_rows(const PackWorkspace<Real, W>& workspace, const Entrant<Real>& entrant) {
+void find_rows(const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>& load) {
   constexpr Index kLine = PackWorkspace<Real, W>::kLine;
-  const Index* const batch_row = workspace.rows_of(entrant.lane);
-  const Index rows = entrant.env->n;
+  const Index* const batch_row = workspace.rows_of(load.lane);
+  const Index rows = load.env->n;
   const Index some = (kLine - 1 + rows - 1) / rows;
   const Index first = some < rows ? rows - some : 0;
-  Real* const tail = workspace.tail + Offset{workspace.tail_length} * entrant.lane;
-  if (!entrant.is_written)
-    for (Index k = 0; k < (rows - first) * rows; ++k) tail[k] = entrant.matrix[Offset{rows} * first + k];
+  Real* const tail = workspace.tail + Offset{workspace.tail_length} * load.lane;
+  if (!load.is_written)
+    for (Index k = 0; k < (rows - first) * rows; ++k) tail[k] = load.matrix[Offset{rows} * first + k];
   for (Index r = 0; r < workspace.n; ++r) {
     const Index i = batch_row[r];
-    workspace.row[r * W + entrant.lane] = i < 0                ? workspace.zeros
-                                          : entrant.is_written ? entrant.matrix + Offset{workspace.n} * r
-                                          : i < first          ? entrant.matrix + Offset{rows} * i
-                                                               : tail + Offset{rows} * (i - first);
+    workspace.row[r * W + load.lane] = i < 0             ? workspace.zeros
+                                       : load.is_written ? load.matrix + Offset{workspace.n} * r
+                                       : i < first       ? load.matrix + Offset{rows} * i
+                                                         : tail + Offset{rows} * (i - first);
   }
 }
 
 /// Some columns of every row from rows that lie in memory into lanes, scaled. A part of a line of lanes at a time: as
 /// many as a tile has rows.
 template <class Real, int W>
-struct ColumnDealer {
+struct TileTransposer {
   static constexpr Index kEdge = kTileEdge<Real>;
   using Part = Pack<Real, kEdge>;
   using PartMask = Mask<Part>;
 
   const PackWorkspace<Real, W>& workspace;
-  int part;           ///< first of the lanes
-  Real* A;            ///< the pack's matrix                                 (n * n; W)
-  Part by;            ///< what is multiplied by, beside factors of row and column
-  PartMask entering;  ///< who is to be changed
-  Part trace;         ///< zero where all that was read is finite
+  int part;          ///< first of the lanes
+  Real* A;           ///< the pack's matrix                                 (n * n; W)
+  Part by;           ///< what is multiplied by, beside factors of row and column
+  PartMask loading;  ///< lanes that change
+  Part poison;       ///< zero where all that was read is finite
 
   [[nodiscard]] Part of(const Pack<Real, W>* lanes) const {
     Part values;
@@ -151,7 +151,7 @@ struct ColumnDealer {
   /// The first `count` columns of a tile whose rows begin at from[l]. kPadded: in some lane some are no columns of its
   /// own. kAll: all lanes enter.
   template <bool kPadded, bool kAll>
-  void deal(const Real* const (&from)[kEdge], Index row, Index first_column, Index count) {
+  void transpose(const Real* const (&from)[kEdge], Index row, Index first_column, Index count) {
     Real turned[kEdge][kEdge];
     transpose_tile(from, turned);
     const Part zero(0);
@@ -161,13 +161,13 @@ struct ColumnDealer {
       Part value;
       load_lanes(turned[k], value);
       if constexpr (kPadded) value = select(of(workspace.present + column) > zero, value, zero);
-      trace = fma_(value, zero, trace);
+      poison = fma_(value, zero, poison);
       value = zero + (value * by) * (of_row * of(workspace.factor + column));
       Real* const line = A + (row + Offset{workspace.n} * column) * W + part;
       if constexpr (!kAll) {
         Part old;
         load_lanes(line, old);
-        value = select(entering, value, old);
+        value = select(loading, value, old);
       }
       store_lanes(line, value);
     };
@@ -179,57 +179,59 @@ struct ColumnDealer {
   }
   /// All tiles of all rows.
   template <bool kPadded, bool kAll>
-  void deal_rows(Index tile_count) {
+  void transpose_rows(Index tile_count) {
     for (Index r = 0; r < workspace.n; ++r)
       for (Index t = 0; t < tile_count; ++t) {
         const Real* from[kEdge];
         for (Index l = 0; l < kEdge; ++l)
           from[l] = workspace.row[r * W + part + l] + workspace.column[t * W + part + l];
-        deal<kPadded, kAll>(from, r, workspace.tile[t].first, workspace.tile[t].count);
+        transpose<kPadded, kAll>(from, r, workspace.tile[t].first, workspace.tile[t].count);
       }
   }
 };
 
-/// The matrices of those who enter, each into its lane and scaled there. In a lane every number has a cache line of its
-/// own, and each line is visited once for all. Returns in which lanes a number is not finite.
+/// The matrices of the environments being loaded, each into its lane and scaled there. In a lane every number has a
+/// cache line of its own, and each line is visited once for all. Returns in which lanes a number is not finite.
 template <class Real, int W>
-Mask<Pack<Real, W>> deal_matrices(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                                  const Entrant<Real>* entrants, int count, const Pack<Real, W>& scale_a,
-                                  const Pack<Real, W>& enters) {
-  using Dealer = ColumnDealer<Real, W>;
-  constexpr Index kEdge = Dealer::kEdge;
+Mask<Pack<Real, W>> transpose_into_lanes(const DenseSystem<Pack<Real, W>>& pack,
+                                         const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>* loads,
+                                         int count, const Pack<Real, W>& scale_a, const Pack<Real, W>& loading_mark) {
+  using Transposer = TileTransposer<Real, W>;
+  constexpr Index kEdge = Transposer::kEdge;
   const Index n = pack.n;
   for (Index k = 0; k < n + PackWorkspace<Real, W>::kLine; ++k) workspace.zeros[k] = 0;
   for (Index k = 0; k < n * W; ++k) workspace.row[k] = workspace.zeros;
   bool is_padded = false;
   for (int e = 0; e < count; ++e) {
-    find_rows(workspace, entrants[e]);
-    const auto factor = PackWorkspace<Real, W>::lane_of(workspace.factor, entrants[e].lane);
-    const auto scale = PackWorkspace<Real, W>::lane_of(workspace.scale, entrants[e].lane);
-    for (Index r = 0; r < n; ++r) factor[r] = entrants[e].is_scaled ? Real(1) : scale[r];
-    is_padded = is_padded || entrants[e].env->n != n;
+    find_rows(workspace, loads[e]);
+    const auto factor = PackWorkspace<Real, W>::lane_of(workspace.factor, loads[e].lane);
+    const auto scale = PackWorkspace<Real, W>::lane_of(workspace.scale, loads[e].lane);
+    for (Index r = 0; r < n; ++r) factor[r] = loads[e].is_scaled ? Real(1) : scale[r];
+    is_padded = is_padded || loads[e].env->n != n;
   }
-  const Index tile_count = cut_columns(workspace, entrants, count);
+  const Index tile_count = cut_columns(workspace, loads, count);
   for (Index k = 0; k < tile_count * W; ++k) workspace.column[k] = 0;
   for (int e = 0; e < count; ++e)
     for (Index t = 0; t < tile_count; ++t) {
       const Index first = workspace.tile[t].first;
-      const Index i = workspace.rows_of(entrants[e].lane)[first];
-      workspace.column[t * W + entrants[e].lane] = entrants[e].is_written ? first : i >= 0 ? i : 0;
+      const Index i = workspace.rows_of(loads[e].lane)[first];
+      workspace.column[t * W + loads[e].lane] = loads[e].is_written ? first : i >= 0 ? i : 0;
     }
   auto broken = Pack<Real, W>(0) > Pack<Real, W>(0);
   for (int part = 0; part < W; part += static_cast<int>(kEdge)) {
-    Dealer dealer{workspace, part, reinterpret_cast<Real*>(pack.A.data), {}, {}, typename Dealer::Part(0)};
-    dealer.by = dealer.of(&scale_a);
-    dealer.entering = dealer.of(&enters) > typename Dealer::Part(0);
-    if (!any(dealer.entering)) continue;
-    const bool is_all = !any(not_(dealer.entering));
+    Transposer transposer{workspace, part, reinterpret_cast<Real*>(pack.A.data), {}, {}, typename Transposer::Part(0)};
+    transposer.by = transposer.of(&scale_a);
+    transposer.loading = transposer.of(&loading_mark) > typename Transposer::Part(0);
+    if (!any(transposer.loading)) continue;
+    const bool is_all = !any(not_(transposer.loading));
     if (is_padded) {
-      is_all ? dealer.template deal_rows<true, true>(tile_count) : dealer.template deal_rows<true, false>(tile_count);
+      is_all ? transposer.template transpose_rows<true, true>(tile_count)
+             : transposer.template transpose_rows<true, false>(tile_count);
     } else {
-      is_all ? dealer.template deal_rows<false, true>(tile_count) : dealer.template deal_rows<false, false>(tile_count);
+      is_all ? transposer.template transpose_rows<false, true>(tile_count)
+             : transposer.template transpose_rows<false, false>(tile_count);
     }
-    const auto broken_here = dealer.trace != typename Dealer::Part(0);
+    const auto broken_here = transposer.poison != typename Transposer::Part(0);
     for (Index l = 0; l < kEdge; ++l) broken.v[part + l] = broken_here.v[l];
   }
   return broken;
@@ -249,26 +251,27 @@ Mask<Lanes> asymmetric_lanes(const DenseSystem<Lanes>& pack) {
   return and_(largest > Lanes(0), div_(difference, largest) > Lanes(kLargestAsymmetry));
 }
 
-/// What the final residual needs and no iteration changes, in the lanes of those who enter: the weight of each cone,
+/// What the final residual needs and no iteration changes, in the lanes being loaded: the weight of each cone,
 /// from the diagonal in double.
 template <class Real, int W>
-void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& enters) {
+void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& loading_mark) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   for (int first = 0; first < W; first += kWideLanes<Real, W>) {
-    const auto entering = widened(enters, first) > Wide(0.0);
+    const auto loading = widened(loading_mark, first) > Wide(0.0);
     for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
       constexpr int kRows = decltype(shape)::kRows;
       for (Index c = 0; c < count; ++c) {
-        Wide trace(0.0);
+        Wide diagonal_sum(0.0);
         for (int k = 0; k < kRows; ++k) {
           const Index row = first_row + c * kRows + k;
-          trace = trace + (widened(workspace.compliance[row], first) + widened(workspace.entry[row], first));
+          diagonal_sum =
+              diagonal_sum + (widened(workspace.compliance[row], first) + widened(workspace.entry[row], first));
         }
         double* const weight = workspace.weight + Offset{first_cone + c} * W + first;
         Wide old;
         load_lanes(weight, old);
-        const Wide mean = kRows == 1 ? trace : div_(trace, Wide(static_cast<double>(kRows)));
-        store_lanes(weight, select(entering, residual_weight(mean), old));
+        const Wide mean = kRows == 1 ? diagonal_sum : div_(diagonal_sum, Wide(static_cast<double>(kRows)));
+        store_lanes(weight, select(loading, residual_weight(mean), old));
       }
     });
   }
@@ -282,12 +285,13 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
   for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
-      double trace = 0.0;
+      double diagonal_sum = 0.0;
       for (int k = 0; k < kRows; ++k) {
         const Index i = batch_row[first_row + c * kRows + k];
-        if (i >= 0) trace = trace + row_diagonal(env, i, static_cast<double>(env.R[i]));
+        if (i >= 0) diagonal_sum = diagonal_sum + row_diagonal(env, i, static_cast<double>(env.R[i]));
       }
-      workspace.weight[Offset{first_cone + c} * W + lane] = residual_weight(div_(trace, static_cast<double>(kRows)));
+      workspace.weight[Offset{first_cone + c} * W + lane] =
+          residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
     }
   });
 }
@@ -295,80 +299,80 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
 /// load_system() of all entrants; their flags tell which have entered. The others leave numbers of no account.
 template <class Real, int W>
 void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
-                   const PackWorkspace<Real, W>& workspace, LoadRules rules, Entrant<Real>* entrants, int count) {
+                   const PackWorkspace<Real, W>& workspace, LoadRules rules, PendingLoad<Real>* loads, int count) {
   using Lanes = Pack<Real, W>;
   const auto is_sound = [](std::uint32_t flags) { return (flags & ~kHarmlessFlags) == 0; };
-  Lanes enters(0);
+  Lanes loading_mark(0);
   for (int e = 0; e < count; ++e) {
-    const int lane = entrants[e].lane;
-    enters.v[lane] = Real(1);
-    gather_rows(entrants[e], lanes[lane], workspace);
+    const int lane = loads[e].lane;
+    loading_mark.v[lane] = Real(1);
+    gather_rows(loads[e], lanes[lane], workspace);
   }
-  sum_diagonals(lanes, workspace, entrants, count);
-  const LanesSeen<Lanes> looked = inspect_lanes(pack, workspace, enters > Lanes(0));
+  sum_diagonals(lanes, workspace, loads, count);
+  const LanesSeen<Lanes> looked = inspect_lanes(pack, workspace, loading_mark > Lanes(0));
   Lanes scale_a(1);
-  Entrant<Real> sound[W];
+  PendingLoad<Real> sound[W];
   int sound_count = 0;
   for (int e = 0; e < count; ++e) {
-    Entrant<Real>& entrant = entrants[e];
-    const EnvView<Real>& env = *entrant.env;
-    const int lane = entrant.lane;
+    PendingLoad<Real>& load = loads[e];
+    const EnvView<Real>& env = *load.env;
+    const int lane = load.lane;
     const DenseSystem<Real, W>& s = lanes[lane];
-    const Inspection<Real> seen = inspection_of<Real, W>(looked, env, lane, !entrant.is_scaled || has_finite_rows(env));
-    entrant.flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
-    if (!is_sound(entrant.flags)) {
-      if (!has_finite_rows(env)) entrant.flags |= kFlagNonFiniteInput;
-      enters.v[lane] = 0;
+    const Inspection<Real> seen = inspection_of<Real, W>(looked, env, lane, !load.is_scaled || has_finite_rows(env));
+    load.flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
+    if (!is_sound(load.flags)) {
+      if (!has_finite_rows(env)) load.flags |= kFlagNonFiniteInput;
+      loading_mark.v[lane] = 0;
       continue;
     }
     start_scalars(s, seen);
     if (env.warm_start != nullptr && !takes_warm_start(env, seen))
       for (Index r = 0; r < s.n; ++r) s.x[r] = 0;
-    if (entrant.is_scaled) {
+    if (load.is_scaled) {
       const auto scale = PackWorkspace<Real, W>::lane_of(workspace.scale, lane);
       write_rows(env, s.n, workspace.rows_of(lane), &scale, s.scalar[kScaleA], workspace.column,
                  workspace.written + Offset{s.n} * s.n * lane);
     } else {
       scale_a.v[lane] = s.scalar[kScaleA];
     }
-    sound[sound_count++] = entrant;
+    sound[sound_count++] = load;
   }
-  weigh_cones(pack.counts, workspace, enters);
+  weigh_cones(pack.counts, workspace, loading_mark);
   for (int e = 0; e < sound_count; ++e)
     if (sound[e].is_scaled) weigh_cones_of(*sound[e].env, pack.counts, workspace, sound[e].lane);
-  const auto broken = deal_matrices(pack, workspace, sound, sound_count, scale_a, enters);
-  const auto entering = enters > Lanes(0);
+  const auto broken = transpose_into_lanes(pack, workspace, sound, sound_count, scale_a, loading_mark);
+  const auto loading = loading_mark > Lanes(0);
   const LoadScales<Lanes> scales = load_scales(pack);
   for (Index r = 0; r < pack.n; ++r) {
     Lanes& diagonal = pack.A[r + Offset{pack.n} * r];
     const Lanes scale = workspace.scale[r];
-    diagonal = select(entering, diagonal + (workspace.compliance[r] * scales.a) * (scale * scale), diagonal);
+    diagonal = select(loading, diagonal + (workspace.compliance[r] * scales.a) * (scale * scale), diagonal);
   }
   auto asymmetric = Lanes(0) > Lanes(0);
   if (rules.needs_symmetry) asymmetric = asymmetric_lanes(pack);
   for (int e = 0; e < count; ++e) {
-    Entrant<Real>& entrant = entrants[e];
-    if (!is_sound(entrant.flags)) continue;
-    if (!entrant.is_scaled && is_set(broken, entrant.lane)) {
-      entrant.flags |= kFlagNonFiniteInput;
-    } else if (is_set(asymmetric, entrant.lane)) {
-      entrant.flags |= kFlagAsymmetric;
+    PendingLoad<Real>& load = loads[e];
+    if (!is_sound(load.flags)) continue;
+    if (!load.is_scaled && is_set(broken, load.lane)) {
+      load.flags |= kFlagNonFiniteInput;
+    } else if (is_set(asymmetric, load.lane)) {
+      load.flags |= kFlagAsymmetric;
     }
   }
 }
 
-/// What is left to do for the environments in the lanes of `entering`, and the record of their first iterates.
+/// What is left to do for the environments in the lanes of `loading`, and the record of their first iterates.
 template <class Method, Law kLaw, class Real, int W>
 void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                 Mask<Pack<Real, W>> entering) {
+                 Mask<Pack<Real, W>> loading) {
   SerialTeam team;
   const auto scales = load_scales(pack);
-  for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(entering, workspace.scale[r], pack.best[r]);
+  for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(loading, workspace.scale[r], pack.best[r]);
   pack.for_each_cone(team,
-                     [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, entering); });
-  refresh_motion(team, pack, entering);
-  for_each(team, pack.n, [&](Index i) { pack.best[i] = select(entering, pack.x[i], pack.best[i]); });
-  record<Method, kLaw>(team, pack, entering);
+                     [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, loading); });
+  refresh_motion(team, pack, loading);
+  for_each(team, pack.n, [&](Index i) { pack.best[i] = select(loading, pack.x[i], pack.best[i]); });
+  update_best<Method, kLaw>(team, pack, loading);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -54,16 +54,16 @@ STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
 }
 
 /// Where a cone lies in a system's arrays.
-struct ConePlace {
+struct ConeSlot {
   Index cone;
   Index row;
 };
 
-/// The place of the cone at canonical position `position` of an environment with cones `own`, in a system laid out for
+/// The slot of the cone at canonical position `position` of an environment with cones `own`, in a system laid out for
 /// `slots` >= own (a pack is laid out for the largest count of each kind among its lanes).
-STICTION_HD ConePlace locate(const ConeCounts& own, const ConeCounts& slots, Index position) {
+STICTION_HD ConeSlot locate(const ConeCounts& own, const ConeCounts& slots, Index position) {
   Index before = 0;
-  ConePlace base{0, 0};
+  ConeSlot base{0, 0};
   const auto visit = [&](Index own_count, Index slot_count, Index rows) {
     const Index ordinal = position - before;
     if (ordinal < own_count) {

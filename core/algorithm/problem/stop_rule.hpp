@@ -16,7 +16,8 @@ struct Limits {
 /// One environment.
 using StopRule = Limits<double, Index>;
 
-/// The environment's own limits where the batch has them, else the solve's; a rung of the ladder has its own besides.
+/// The environment's own limits where the batch has them, else the solve's; a stage of the fallback chain has its own
+/// besides.
 template <class Real>
 STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
   StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
@@ -24,7 +25,8 @@ STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
   const Index* const iterations = job.batch.env_max_iterations;
   if (tolerance != nullptr && tolerance[env] >= 0.0) rule.tolerance = tolerance[env];
   if (iterations != nullptr && iterations[env] >= 0) rule.max_iterations = iterations[env];
-  if (job.is_rung()) rule.max_iterations = rung_iterations(job.rung, job.batch.env_rows(env), rule.max_iterations);
+  if (job.is_fallback_stage())
+    rule.max_iterations = stage_iterations(job.stage, job.batch.env_rows(env), rule.max_iterations);
   return rule;
 }
 

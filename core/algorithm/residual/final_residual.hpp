@@ -92,9 +92,10 @@ STICTION_HD Real saturated(Wide value) {
 }
 
 /// What a judge sees of an answer.
-struct Judgement {
+struct FinalResidual {
   double residual = 0.0;  ///< the largest of a cone's natural map [w]
-  double blur = 0.0;      ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
+  double rounding_floor =
+      0.0;  ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
 };
 
 /// What squares hide of any number but zero, at least.
@@ -110,7 +111,7 @@ inline constexpr double kHiddenBySquares = 0x1p-480;
 /// Nor may a square overflow: de Saxce's shift, the norm of y's tangential part, would be infinite and let any contact
 /// go. Of at most kMaxConeRows numbers up to 2^510 the squares have a finite sum; beyond that all is hidden.
 template <Law kLaw, class Real, int M>
-STICTION_HD Real blur_of(const Real (&x)[M], const Real (&y)[M], Real a) {
+STICTION_HD Real rounding_floor_of(const Real (&x)[M], const Real (&y)[M], Real a) {
   Real reaction(0);
   Real size = abs_(y[0]);
   for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
@@ -136,18 +137,18 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
 /// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
 /// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
 /// rounding is more than, only a square that overflows counts.
-STICTION_HD double seen_residual(const Judgement& judged, double allowed) {
-  const bool counts = allowed > 0.0 || !finite_(judged.blur);
-  const bool is_blind = counts && judged.blur > allowed && judged.blur > judged.residual;
-  return is_blind ? judged.blur : judged.residual;
+STICTION_HD double reported_residual(const FinalResidual& evaluated, double allowed) {
+  const bool counts = allowed > 0.0 || !finite_(evaluated.rounding_floor);
+  const bool is_blind = counts && evaluated.rounding_floor > allowed && evaluated.rounding_floor > evaluated.residual;
+  return is_blind ? evaluated.rounding_floor : evaluated.residual;
 }
 
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
 /// batch's own numbers (docs/math/residual.md). Writes env.w.
 template <Team TeamT, class Real, class Rows>
-STICTION_HD_SHARED Judgement final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
+STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
   double largest = 0.0;
-  double blur = 0.0;
+  double rounding_floor = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
@@ -155,37 +156,37 @@ STICTION_HD_SHARED Judgement final_residual(TeamT& team, const EnvView<Real>& en
       constexpr int kRows = decltype(shape)::kRows;
       double x[kRows];
       double y[kRows];
-      double trace = 0.0;
+      double diagonal_sum = 0.0;
       for (int k = 0; k < kRows; ++k) {
         const Index i = env.row_of(first, kRows, k);
         const double motion = rows.motion(i, row_start(env, i));
         const double diagonal = rows.diagonal(i, static_cast<double>(env.R[i]));
         if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
-        trace = trace + diagonal;
+        diagonal_sum = diagonal_sum + diagonal;
         // Unit-cone coordinates; the motion of an axis without friction does not count.
         const double mu = static_cast<double>(row_scale(env, kind, k, i));
         x[k] = unit_reaction(static_cast<double>(env.lambda[i]), mu);
         y[k] = mu * motion;
       }
-      const double a = residual_weight(div_(trace, static_cast<double>(kRows)));
+      const double a = residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
       const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
-      const auto judge = [&]<Law kLaw>() {
+      const auto evaluate = [&]<Law kLaw>() {
         largest = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), largest);
-        blur = max_(blur_of<kLaw>(x, y, a), blur);
+        rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), rounding_floor);
       };
       if (env.law == Law::coulomb) {
-        judge.template operator()<Law::coulomb>();
+        evaluate.template operator()<Law::coulomb>();
       } else {
-        judge.template operator()<Law::convex>();
+        evaluate.template operator()<Law::convex>();
       }
     });
   });
   largest = sqrt_(team.max(largest));
-  return {largest, team.max(blur)};
+  return {largest, team.max(rounding_floor)};
 }
 template <Team TeamT, class Real>
-STICTION_HD Judgement final_residual(TeamT& team, const EnvView<Real>& env) {
+STICTION_HD FinalResidual final_residual(TeamT& team, const EnvView<Real>& env) {
   return final_residual(team, env, StoredRows<Real>{&env});
 }
 

@@ -40,7 +40,7 @@ STICTION_HD Real residual_weight(Real mean_diagonal) {
 /// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
 /// iterate itself.
 template <class Method, Law kLaw, Team TeamT, class System>
-STICTION_HD_OUTLINE void record(TeamT& team, System& s, Mask<typename System::Real> due) {
+STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
   if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
   Real largest(0);
@@ -54,7 +54,7 @@ STICTION_HD_OUTLINE void record(TeamT& team, System& s, Mask<typename System::Re
     }
     const Real lo = decltype(shape)::kKind == ConeKind::box ? s.lo[cone] : Real(0);
     const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
-    largest = max_(natural_map_square<kLaw>(shape, x, y, s.trace[cone], lo, hi), largest);
+    largest = max_(natural_map_square<kLaw>(shape, x, y, s.residual_weight[cone], lo, hi), largest);
   });
   const Real residual = div_(sqrt_(team.max(largest)), s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);

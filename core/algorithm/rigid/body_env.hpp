@@ -51,7 +51,7 @@ struct BodyEnv {
   Index color_count;
 
   /// Side 2 p is a of the contact at position p, side 2 p + 1 its b.
-  [[nodiscard]] STICTION_HD Index side(Offset place) const { return sides[place]; }
+  [[nodiscard]] STICTION_HD Index side(Offset side_index) const { return sides[side_index]; }
   [[nodiscard]] STICTION_HD bool is_kinematic(Index body) const { return kinematic != nullptr && kinematic[body] != 0; }
 };
 

@@ -57,14 +57,14 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   }
   [[nodiscard]] STICTION_HD InverseMass<Real> inverse_mass(const LaneSlots<T, W>& at) const {
     if (at.is_uniform) return Base::inverse_mass(static_cast<Index>(at.slot[0]));
-    const Real* const row = mass_of(at.place);
+    const Real* const row = mass_of(at.side_index);
     return {row[0], load6<Real>(row + 1)};
   }
   /// Looks up the masses on a side that is not uniform, once for all sweeps.
   STICTION_HD void keep_masses(const LaneSlots<T, W>& at) const {
     Real row[Base::kMassRow];
     gather_row<Base::kMassRow>(this->mass, at, row);
-    for (Index k = 0; k < Base::kMassRow; ++k) mass_of(at.place)[k] = row[k];
+    for (Index k = 0; k < Base::kMassRow; ++k) mass_of(at.side_index)[k] = row[k];
   }
   /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
   STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
@@ -73,11 +73,11 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     if (at.is_uniform) {
       set_twist(twists, static_cast<Index>(at.slot[0]), kept);
     } else {
-      const PackPlaces<T, W> place = places<Base::kTwistRow>(at);
+      const PackIndices<T, W> index = indices<Base::kTwistRow>(at);
       Real row[6];
       Real* const numbers = row;
       put_twist(numbers, kept);
-      for (int k = 0; k < 6; ++k) scatter<T, W>(reinterpret_cast<T*>(twists.data + k), place, row[k]);
+      for (int k = 0; k < 6; ++k) scatter<T, W>(reinterpret_cast<T*>(twists.data + k), index, row[k]);
     }
   }
   STICTION_HD void move_side(const UniformSide<T, W>& side, PackMask<T, W> where, const Twist<Real>& old,
@@ -96,20 +96,20 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     };
     return {parts(a.linear, b.linear), parts(a.angular, b.angular)};
   }
-  [[nodiscard]] STICTION_HD Real* mass_of(Offset place) const {
-    return &masses.at(static_cast<Index>(place % 2) * Base::kMassRow, static_cast<Index>(place / 2));
+  [[nodiscard]] STICTION_HD Real* mass_of(Offset side_index) const {
+    return &masses.at(static_cast<Index>(side_index % 2) * Base::kMassRow, static_cast<Index>(side_index / 2));
   }
   /// Places of the first number of each lane's row.
   template <Index kRow>
-  static STICTION_HD PackPlaces<T, W> places(const LaneSlots<T, W>& at) {
-    PackPlaces<T, W> lane;
+  static STICTION_HD PackIndices<T, W> indices(const LaneSlots<T, W>& at) {
+    PackIndices<T, W> lane;
     for (int l = 0; l < W; ++l) lane[l] = l;
     return at.slot * (kRow * W) + lane;
   }
   template <Index kRow, int kCount>
   static STICTION_HD void gather_row(const Numbers& numbers, const LaneSlots<T, W>& at, Real (&row)[kCount]) {
-    const PackPlaces<T, W> place = places<kRow>(at);
-    for (int k = 0; k < kCount; ++k) row[k] = gather<T, W>(reinterpret_cast<const T*>(numbers.data + k), place);
+    const PackIndices<T, W> index = indices<kRow>(at);
+    for (int k = 0; k < kCount; ++k) row[k] = gather<T, W>(reinterpret_cast<const T*>(numbers.data + k), index);
   }
 };
 

@@ -105,7 +105,7 @@ struct BodySystem {
         bodies(body_count),
         compliance(static_cast<Real>(div_(params.cfm, params.step))),
         exact{exact_memory} {
-    const Offset places = Tiles::padded(contacts);
+    const Offset slots = Tiles::padded(contacts);
     const Offset rows = static_cast<Offset>(bodies) + 1;
     const auto take = [&memory](Offset count) {
       Real* const part = memory;
@@ -113,11 +113,11 @@ struct BodySystem {
       return part;
     };
     // Tiles first: they begin on cache lines when the memory does.
-    field = {take(places * kContactFields<kLaw>), kContactFields<kLaw>};
-    x = {take(places * 3), 3};
-    best = {take(places * 3), 3};
-    before = {params.momentum ? take(places * 3) : nullptr, 3};
-    depth = {take(places), 1};
+    field = {take(slots * kContactFields<kLaw>), kContactFields<kLaw>};
+    x = {take(slots * 3), 3};
+    best = {take(slots * 3), 3};
+    before = {params.momentum ? take(slots * 3) : nullptr, 3};
+    depth = {take(slots), 1};
     mass = {take(rows * kMassRow)};
     start = {take(rows * kTwistRow)};
     motion = {take(rows * kTwistRow)};
@@ -158,7 +158,7 @@ struct BodySystem {
 /// f(i) for every i in [0, n), shared out in runs of neighbours as long as the team takes them; ends in a sync. The
 /// f(i) must not depend on each other.
 template <Team TeamT, class F>
-STICTION_HD void share_out(TeamT& team, Index n, F&& f) {
+STICTION_HD void for_each_tiled(TeamT& team, Index n, F&& f) {
   constexpr Index kRun = TeamT::kRowTile;
   const Index runs = (n + kRun - 1) / kRun;
   for (Index run = team.rank(); run < runs; run += team.size()) {

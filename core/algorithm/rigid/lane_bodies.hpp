@@ -214,9 +214,9 @@ struct LaneJudge {
   }
 
   /// The largest natural map of each lane and what roundings hide; motion goes to the batch.
-  [[nodiscard]] BodyJudgement<Wide> judge() const {
+  [[nodiscard]] BodyJudgement<Wide> evaluate() const {
     const Wide r(div_(params.cfm, params.step));
-    BodyJudgement<Wide> judged;
+    BodyJudgement<Wide> evaluated;
     for (Index p = 0; p < asked.contacts; ++p) {
       const auto a = slot(p, 0);
       const auto b = slot(p, 1);
@@ -228,16 +228,17 @@ struct LaneJudge {
       Wide lambda[3];
       impulses(p, lambda);
       Wide motion[3];
-      BodyJudgement<Wide> with_this = judged;
-      judge_contact<kLaw, Wide>(
+      BodyJudgement<Wide> with_this = evaluated;
+      evaluate_contact<kLaw, Wide>(
           contact, [&](int side) { return lanes.twist(workspace.twists, side == 0 ? a : b); },
           [&](int side) { return lanes.mass(side == 0 ? a : b); }, bias, lanes.number(s.field.at(kFieldMu, p)), r,
           lambda, motion, with_this);
       const auto is_here = exists(p);
-      judged = {select(is_here, with_this.largest, judged.largest), select(is_here, with_this.blur, judged.blur)};
-      publish(p, motion);
+      evaluated = {select(is_here, with_this.largest, evaluated.largest),
+                   select(is_here, with_this.rounding_floor, evaluated.rounding_floor)};
+      write_solution(p, motion);
     }
-    return judged;
+    return evaluated;
   }
 
  private:
@@ -255,7 +256,7 @@ struct LaneJudge {
     };
     return {parts(a.linear, b.linear), parts(a.angular, b.angular)};
   }
-  void publish(Index p, const Wide (&motion)[3]) const {
+  void write_solution(Index p, const Wide (&motion)[3]) const {
     for (int l = 0; l < Lanes::kLanes; ++l) {
       const BodyEnv<T>* const one = asked.env[lanes.first + l];
       if (one == nullptr || one->w == nullptr || p >= one->kept) continue;
@@ -268,17 +269,18 @@ struct LaneJudge {
 /// Judges the best iterates of the lanes that are asked. The workspace has their free twists; afterwards it has those
 /// under the reactions.
 template <class T, int W, Law kLaw>
-void judge_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
-                      const ExactWorkspace& workspace, const AskedLanes<T, W>& asked, Judgement (&judged)[W]) {
+void evaluate_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
+                         const ExactWorkspace& workspace, const AskedLanes<T, W>& asked,
+                         FinalResidual (&evaluated)[W]) {
   using Judge = LaneJudge<T, W, kLaw>;
   constexpr int kLanes = Judge::Lanes::kLanes;
   for (int first = 0; first < W; first += kLanes) {
     if (asked.is_empty(first, kLanes)) continue;
-    const Judge judge{env, s, params, workspace, asked, {s, first}};
-    judge.gather();
-    const auto found = judge.judge();
+    const Judge evaluate{env, s, params, workspace, asked, {s, first}};
+    evaluate.gather();
+    const auto found = evaluate.evaluate();
     const auto largest = sqrt_(found.largest);
-    for (int l = 0; l < kLanes; ++l) judged[first + l] = {largest.v[l], found.blur.v[l]};
+    for (int l = 0; l < kLanes; ++l) evaluated[first + l] = {largest.v[l], found.rounding_floor.v[l]};
   }
 }
 

@@ -72,9 +72,9 @@ STICTION_HD void load_masses(TeamT& team, const BodyEnv<Real>& env, const BodySy
     const auto motion = s.twist_row(s.motion, body);
     mass[0] = pushed ? env.inv_mass[body] : Real(0);
     for (Index k = 0; k < 6; ++k) {
-      const Offset place = 6 * static_cast<Offset>(body) + k;
-      mass[1 + k] = pushed ? env.inv_inertia[place] : Real(0);
-      start[k] = motion[k] = world ? Real(0) : env.twist[place];
+      const Offset slot = 6 * static_cast<Offset>(body) + k;
+      mass[1 + k] = pushed ? env.inv_inertia[slot] : Real(0);
+      start[k] = motion[k] = world ? Real(0) : env.twist[slot];
       if (s.has_momentum()) s.twist_row(s.motion_before, body)[k] = motion[k];
     }
   });
@@ -140,12 +140,12 @@ STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const S
 template <class Real, Law kLaw, int kStride>
 STICTION_HD void take_contact(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p, bool warm) {
   const Index c = env.contact_order[p];
-  const Offset place = 3 * static_cast<Offset>(c);
+  const Offset slot = 3 * static_cast<Offset>(c);
   for (Index k = 0; k < 3; ++k) {
-    s.field.at(kFieldArmA + k, p) = env.arm_a[place + k];
-    s.field.at(kFieldArmB + k, p) = env.arm_b[place + k];
-    s.field.at(kFieldNormal + k, p) = env.normal[place + k];
-    s.x.at(k, p) = warm ? env.warm_start[place + k] : Real(0);
+    s.field.at(kFieldArmA + k, p) = env.arm_a[slot + k];
+    s.field.at(kFieldArmB + k, p) = env.arm_b[slot + k];
+    s.field.at(kFieldNormal + k, p) = env.normal[slot + k];
+    s.x.at(k, p) = warm ? env.warm_start[slot + k] : Real(0);
   }
   s.field.at(kFieldMu, p) = env.mu[c];
   s.depth.at(0, p) = env.depth[c];
@@ -175,7 +175,7 @@ STICTION_HD_OUTLINE std::uint32_t load_bodies(TeamT& team, const BodyEnv<Real>& 
                                               bool warm) {
   load_masses(team, env, s);
   std::uint32_t bad = 0;
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     take_contact(env, s, p, warm);
     const Offset side = 2 * static_cast<Offset>(p);
     if (!load_contact(s, p, s.frame(p), slot_of(env.sides[side]), slot_of(env.sides[side + 1])))
@@ -188,7 +188,7 @@ STICTION_HD_OUTLINE std::uint32_t load_bodies(TeamT& team, const BodyEnv<Real>& 
 /// With b = 0 the answer is zero, and no warm start is better.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void rest(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
   });
 }
@@ -198,7 +198,7 @@ template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE double begin_substep(TeamT& team, const BodyEnv<Real>& env,
                                          const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {
   double largest = 0.0;
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     const double bias = bias_of(env, s, params, p, contact);
     s.field.at(kFieldBias, p) = static_cast<Real>(bias);

@@ -9,9 +9,9 @@ namespace stiction::inline STICTION_ISA {
 /// One side of a contact in every lane, as in BodyEnv::sides.
 template <class T, int W>
 struct LaneSides {
-  PackPlaces<T, W> side;
-  Offset place;     ///< as in BodyEnv::side()
-  bool is_uniform;  ///< all lanes have the same slot
+  PackIndices<T, W> side;
+  Offset side_index;  ///< as in BodyEnv::side()
+  bool is_uniform;    ///< all lanes have the same slot
 };
 
 template <class T, int W>
@@ -22,14 +22,14 @@ STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
 /// Where the bodies of a side keep their numbers.
 template <class T, int W>
 struct LaneSlots {
-  PackPlaces<T, W> slot;
-  Offset place;
+  PackIndices<T, W> slot;
+  Offset side_index;
   bool is_uniform;
 };
 
 template <class T, int W>
 STICTION_HD LaneSlots<T, W> slot_of(const LaneSides<T, W>& sides) {
-  return {sides.side >= 0 ? sides.side : ~sides.side, sides.place, sides.is_uniform};
+  return {sides.side >= 0 ? sides.side : ~sides.side, sides.side_index, sides.is_uniform};
 }
 
 /// A side whose slot is the same in every lane.
@@ -55,8 +55,9 @@ struct PackSides {
   Word* side = nullptr;
   std::uint8_t* is_uniform = nullptr;
 
-  [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset place) const {
-    return {*reinterpret_cast<const PackPlaces<T, W>*>(side + place * W), place, is_uniform[place] != 0};
+  [[nodiscard]] STICTION_HD LaneSides<T, W> of(Offset side_index) const {
+    return {*reinterpret_cast<const PackIndices<T, W>*>(side + side_index * W), side_index,
+            is_uniform[side_index] != 0};
   }
 };
 
@@ -64,21 +65,21 @@ struct PackSides {
 template <class T, int W>
 struct PackEnv {
   PackSides<T, W> sides;
-  [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset place) const { return sides.of(place); }
+  [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset side_index) const { return sides.of(side_index); }
 };
 /// The same for contacts of which both sides are uniform.
 template <class T, int W>
 struct UniformEnv {
   PackSides<T, W> sides;
-  [[nodiscard]] STICTION_HD UniformSide<T, W> side(Offset place) const {
-    const LaneSides<T, W> lanes = sides.of(place);
+  [[nodiscard]] STICTION_HD UniformSide<T, W> side(Offset side_index) const {
+    const LaneSides<T, W> lanes = sides.of(side_index);
     return {is_pushed(lanes), slot_of(static_cast<Index>(lanes.side[0]))};
   }
 };
 template <class T, int W>
 STICTION_HD bool is_uniform(const PackEnv<T, W>& env, Index p) {
-  const Offset place = 2 * static_cast<Offset>(p);
-  return env.sides.is_uniform[place] != 0 && env.sides.is_uniform[place + 1] != 0;
+  const Offset side_index = 2 * static_cast<Offset>(p);
+  return env.sides.is_uniform[side_index] != 0 && env.sides.is_uniform[side_index + 1] != 0;
 }
 
 /// f(uniform, first, end) for runs of contacts in order, all of them `is_uniform_at` or none.

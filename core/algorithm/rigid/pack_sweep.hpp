@@ -39,8 +39,8 @@ struct LaneVisit : PackGeometry<T, W, kLaw> {
 };
 template <class T, int W, Law kLaw>
 STICTION_HD UniformVisit<T, W, kLaw> visit_of(const UniformEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Index p) {
-  const Offset place = 2 * static_cast<Offset>(p);
-  return {{s, p}, env.side(place), env.side(place + 1)};
+  const Offset side_index = 2 * static_cast<Offset>(p);
+  return {{s, p}, env.side(side_index), env.side(side_index + 1)};
 }
 template <class T, int W, Law kLaw>
 STICTION_HD LaneVisit<T, W, kLaw> visit_of(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Index p) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/rigid/judge_bodies.hpp"
+#include "core/algorithm/rigid/evaluate_bodies.hpp"
 #include "core/algorithm/sweep/nesterov.hpp"
 
 /// Sequential impulses (docs/math/si.md): projected Gauss-Seidel on the velocities of bodies (Catto 2005; Jourdan,
@@ -21,10 +21,10 @@ struct SiMomentum {
 /// The iterate before the first sweep is the iterate.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void start_momentum(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.before.at(k, p) = s.x.at(k, p);
   });
-  share_out(team, s.bodies, [&](Index body) { s.set_twist(s.motion_before, body, s.twist(s.motion, body)); });
+  for_each_tiled(team, s.bodies, [&](Index body) { s.set_twist(s.motion_before, body, s.twist(s.motion, body)); });
 }
 
 /// Extrapolates along the last change. Twists are affine in impulses, so the same numbers serve both.
@@ -36,10 +36,10 @@ STICTION_HD void extrapolate(TeamT& team, const System& s, typename System::Real
     now = fma_(beta, value - before, value);
     before = value;
   };
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) move(s.x.at(k, p), s.before.at(k, p));
   });
-  share_out(team, s.bodies, [&](Index body) {
+  for_each_tiled(team, s.bodies, [&](Index body) {
     const auto now = s.twist_row(s.motion, body);
     const auto before = s.twist_row(s.motion_before, body);
     for (Index k = 0; k < 6; ++k) move(now[k], before[k]);
@@ -103,8 +103,8 @@ STICTION_HD void set_out(SiProgress<Real>& progress, double largest_b) {
 
 /// The twists that the first iterate of a sub-step begins with, and its residual.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD void look_first(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                            const SiParams& params, SiProgress<Real>& progress) {
+STICTION_HD void evaluate_first(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                const SiParams& params, SiProgress<Real>& progress) {
   refresh_bodies(team, env, s, params);
   if (params.momentum) start_momentum(team, s);
   if (is_last_substep(params, progress.step)) progress.estimate = estimate_residual(team, env, s);
@@ -114,7 +114,7 @@ template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void enter_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                const SiParams& params, SiProgress<Real>& progress) {
   set_out(progress, begin_substep(team, env, s, params));
-  look_first(team, env, s, params, progress);
+  evaluate_first(team, env, s, params, progress);
 }
 
 /// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
@@ -123,7 +123,7 @@ template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void leave_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const SiParams& params) {
   const Real step = static_cast<Real>(params.step);
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     const auto visit = visit_of(env, s, p);
     s.depth.at(0, p) = fma_(-step, dot(velocity_at(visit), visit.frame().n), s.depth.at(0, p));
     for (Index k = 0; k < 3; ++k) {
@@ -132,12 +132,12 @@ STICTION_HD_OUTLINE void leave_substep(TeamT& team, const BodyEnv<Real>& env, co
       total = total + impulse;
     }
   });
-  share_out(team, s.bodies, [&](Index body) { s.set_twist(s.start, body, s.twist(s.motion, body)); });
+  for_each_tiled(team, s.bodies, [&](Index body) { s.set_twist(s.start, body, s.twist(s.motion, body)); });
 }
 
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void keep_best(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.best.at(k, p) = s.x.at(k, p);
   });
 }
@@ -150,7 +150,7 @@ STICTION_HD_OUTLINE double fall_back(TeamT& team, const BodyEnv<Real>& env, cons
   params.step = params.step * static_cast<double>(params.substeps);
   params.substeps = 1;
   load_masses(team, env, s);
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     s.depth.at(0, p) = env.depth[env.contact_order[p]];
     for (Index k = 0; k < 3; ++k) s.best.at(k, p) = Real(0);
   });
@@ -158,16 +158,16 @@ STICTION_HD_OUTLINE double fall_back(TeamT& team, const BodyEnv<Real>& env, cons
   return begin_substep(team, env, s, params);
 }
 
-/// What a look at the iterate of the last sub-step tells.
-struct SiLook {
+/// What polling the iterate of the last sub-step tells.
+struct SiPoll {
   bool broken, ended;
   bool is_asked;  ///< the best iterate may be the answer: its residual is to be computed in double
 };
 
-/// Looks at the iterate of the last sub-step, and keeps it if it is the best.
+/// Polls the iterate of the last sub-step, and keeps it if it is the best.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD SiLook look_at_last(TeamT& team, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
-                                SiProgress<Real>& progress) {
+STICTION_HD SiPoll poll_last_substep(TeamT& team, const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
+                                     SiProgress<Real>& progress) {
   const Real estimate = progress.estimate;
   if (progress.done == 0 || estimate < progress.best) {
     progress.best = estimate;
@@ -175,37 +175,37 @@ STICTION_HD SiLook look_at_last(TeamT& team, const BodySystem<Real, kLaw, kStrid
   }
   const bool broken = !finite_(estimate);
   const bool ended = broken || progress.done >= params.iterations;
-  const bool nominated =
+  const bool has_candidate =
       static_cast<double>(progress.best) <= params.tolerance * progress.scale && progress.best != progress.verified;
-  return {broken, ended, nominated || ended};
+  return {broken, ended, has_candidate || ended};
 }
 
 /// The answer is published once its residual `absolute`, computed in double from the bits that are returned, is at most
 /// the tolerance, or sweeps have run out. Whether it was.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD bool conclude_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                 SiParams params, SiLook look, double absolute, SiProgress<Real>& progress) {
+STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                 SiParams params, SiPoll poll, double absolute, SiProgress<Real>& progress) {
   const Index earlier = (params.substeps - 1) * params.iterations;
-  if (look.ended && !finite_(div_(absolute, progress.scale))) {
+  if (poll.ended && !finite_(div_(absolute, progress.scale))) {
     progress.scale = max_(fall_back(team, env, s, params), 1e-300);
-    absolute = judge_bodies(team, env, s, params, progress.scale);
+    absolute = evaluate_bodies(team, env, s, params, progress.scale);
   }
   const double relative = div_(absolute, progress.scale);
   const bool solved = finite_(relative) && relative <= params.tolerance;
   progress.verified = progress.best;
-  if (!solved && !look.ended) return false;
-  const EnvCode code = solved ? EnvCode::solved : look.broken ? EnvCode::numerical : EnvCode::max_iterations;
-  publish_bodies(team, env, s);
+  if (!solved && !poll.ended) return false;
+  const EnvCode code = solved ? EnvCode::solved : poll.broken ? EnvCode::numerical : EnvCode::max_iterations;
+  write_bodies(team, env, s);
   write_body_status(team, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
   return true;
 }
 
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_last_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                     const SiParams& params, SiProgress<Real>& progress) {
-  const SiLook look = look_at_last(team, s, params, progress);
-  if (!look.is_asked) return false;
-  return conclude_bodies(team, env, s, params, look, judge_bodies(team, env, s, params, progress.scale), progress);
+STICTION_HD bool check_last_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                    const SiParams& params, SiProgress<Real>& progress) {
+  const SiPoll poll = poll_last_substep(team, s, params, progress);
+  if (!poll.is_asked) return false;
+  return finalize_bodies(team, env, s, params, poll, evaluate_bodies(team, env, s, params, progress.scale), progress);
 }
 
 /// Adds to what is known of an environment. Whether it can be solved; if not, it is answered.
@@ -214,7 +214,7 @@ STICTION_HD bool is_sound(TeamT& team, const BodyEnv<Real>& env, const SiParams&
                           SiProgress<Real>& progress) {
   progress.flags |= flags;
   if (can_sweep(progress.flags)) return true;
-  refuse_bodies(team, env, params, progress.flags);
+  reject_bodies(team, env, params, progress.flags);
   return false;
 }
 
@@ -253,9 +253,9 @@ STICTION_HD bool reach_last_substep(TeamT& team, const BodyEnv<Real>& env, const
 
 /// Between two chunks. Whether the environment is answered.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD bool settle_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                               const SiParams& params, SiProgress<Real>& progress) {
-  return reach_last_substep(team, env, s, params, progress) && settle_last_substep(team, env, s, params, progress);
+STICTION_HD bool check_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                              const SiParams& params, SiProgress<Real>& progress) {
+  return reach_last_substep(team, env, s, params, progress) && check_last_substep(team, env, s, params, progress);
 }
 
 /// Sweeps of the next chunk.
@@ -283,7 +283,7 @@ STICTION_HD void solve_bodies(TeamT& team, const BodyEnv<Real>& env, const BodyS
                               const SiParams& params) {
   SiProgress<Real> progress;
   if (!start_bodies(team, env, s, params, progress)) return;
-  while (!settle_bodies(team, env, s, params, progress)) advance_bodies(team, env, s, params, progress);
+  while (!check_bodies(team, env, s, params, progress)) advance_bodies(team, env, s, params, progress);
 }
 
 /// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes.

@@ -151,7 +151,7 @@ STICTION_HD auto sweep_bodies(TeamT& team, const Env& env, const System& s, type
   } else {
     for (Index color = 0; color < env.color_count; ++color) {
       const Index first = env.color_offsets[color];
-      share_out(team, env.color_offsets[color + 1] - first, [&](Index k) {
+      for_each_tiled(team, env.color_offsets[color + 1] - first, [&](Index k) {
         for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
           largest = max_(visit_contact(env, s, p, omega), largest);
       });
@@ -212,7 +212,7 @@ template <Team TeamT, class Env, class System>
 STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const System& s) {
   using Real = typename System::Real;
   Real largest(0);
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     const auto visit = visit_of(env, s, p);
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];

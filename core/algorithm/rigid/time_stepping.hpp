@@ -56,9 +56,9 @@ struct ExactContact : ExactGeometry<double> {
 template <class Real>
 STICTION_HD ExactContact exact_contact(const BodyEnv<Real>& env, Index p) {
   const Index c = env.contact_order[p];
-  const Offset place = 3 * static_cast<Offset>(c);
+  const Offset slot = 3 * static_cast<Offset>(c);
   return {
-      {load3<double>(env.arm_a + place), load3<double>(env.arm_b + place), frame_of(load3<double>(env.normal + place))},
+      {load3<double>(env.arm_a + slot), load3<double>(env.arm_b + slot), frame_of(load3<double>(env.normal + slot))},
       c,
       env.sides[2 * static_cast<Offset>(p)],
       env.sides[2 * static_cast<Offset>(p) + 1]};

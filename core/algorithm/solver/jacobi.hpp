@@ -27,7 +27,7 @@ struct Jacobi {
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       for (int k = 0; k < decltype(shape)::kRows; ++k) {
         const Real diagonal = s.block_entry(row, k, k);
-        const Real floored = max_(diagonal, Real(kSmallestRelative) * s.trace[cone]);
+        const Real floored = max_(diagonal, Real(kSmallestRelative) * s.residual_weight[cone]);
         z[row + k] = select(floored > Real(0), div_(Real(1), sqrt_(floored)), Real(0));
       }
     });
@@ -38,7 +38,7 @@ struct Jacobi {
       s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
         // In the metric of the diagonal the Perron iteration is z <- D^-1 |A| z; averaged with z against oscillation.
         for (int k = 0; k < decltype(shape)::kRows; ++k) {
-          const Real diagonal = max_(s.block_entry(row, k, k), Real(kSmallestRelative) * s.trace[cone]);
+          const Real diagonal = max_(s.block_entry(row, k, k), Real(kSmallestRelative) * s.residual_weight[cone]);
           const Real perron = select(diagonal > Real(0), div_(image[row + k], diagonal), Real(0));
           z[row + k] = Real(0.5) * (z[row + k] + perron);
         }

@@ -8,7 +8,8 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 struct MethodParams {
   Real omega;
-  bool is_rung = false;  ///< of the ladder: what cannot be treated well is tried all the same, from the answer there is
+  bool is_fallback_stage =
+      false;  ///< of the fallback chain: what cannot be treated well is tried all the same, from the answer there is
 };
 
 }  // namespace stiction::inline STICTION_ISA

@@ -39,7 +39,7 @@ struct Npgs {
   static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     const auto next = extrapolate(team, s);
     const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
-    keep(team, s, next, progress);
+    update_momentum(team, s, next, progress);
   }
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void iterate(TeamT& team, SystemPair<System>& s,
@@ -47,8 +47,8 @@ struct Npgs {
     const auto next_a = extrapolate(team, s.a);
     const auto next_b = extrapolate(team, s.b);
     const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
-    keep(team, s.a, next_a, progress.a);
-    keep(team, s.b, next_b, progress.b);
+    update_momentum(team, s.a, next_a, progress.a);
+    update_momentum(team, s.b, next_b, progress.b);
   }
 
   template <Team TeamT, class System>
@@ -95,7 +95,7 @@ struct Npgs {
 
   /// After a sweep whose largest step was `progress`.
   template <Team TeamT, class System, class Real = typename System::Real>
-  static STICTION_HD void keep(TeamT& team, System& s, const NesterovStep<Real>& next, Real progress) {
+  static STICTION_HD void update_momentum(TeamT& team, System& s, const NesterovStep<Real>& next, Real progress) {
     const auto restarts = progress > s.scalar[kProgress];
     const NesterovStep<Real> fresh = without_momentum<Real>();
     team.sync();

@@ -6,10 +6,10 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps with momentum and, between them, a leap to where the problem would be solved if every cone kept its zone:
-/// held contacts hold, sliding ones slide, open ones stay open (docs/math/subspace.md; Silcowitz, Niebe, Erleben 2010).
-/// That is a linear system, and one factorisation. Sweeps find the zones, the leap does away with the slow part of
-/// their convergence. It is taken only where the residual falls.
+/// Sweeps with momentum and, between them, a step to where the problem would be solved if every cone kept its contact
+/// state: held contacts hold, sliding ones slide, open ones stay open (docs/math/subspace.md; Silcowitz, Niebe, Erleben
+/// 2010). That is a linear system, and one factorisation. Sweeps find the states, the step does away with the slow part
+/// of their convergence. It is taken only where the residual falls.
 struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = kVectors, .real_matrices = 1}; }
@@ -46,15 +46,15 @@ struct Subspace {
   /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
   /// makes no difference: what k iterations lead to must not depend on the limit of iterations.
   template <Law kLaw, Team TeamT, class Real, int kStride>
-  static STICTION_HD_OUTLINE void leap(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
+  static STICTION_HD_OUTLINE void subspace_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];
     const Real age = s.scalar[kAge] + Real(1);
     const Real wait = s.scalar[kWait];
     const auto is_small = s.scalar[kOwnRows] <= Real(kMostRows);
-    auto leaps = and_(and_(due, age >= wait), and_(is_small, finite_(last)));
+    auto steps = and_(and_(due, age >= wait), and_(is_small, finite_(last)));
     team.sync();
     Real taken(0);
-    if (any(leaps)) {
+    if (any(steps)) {
       const auto kept_x = s.vector(kKeptX);
       const auto kept_y = s.vector(kKeptY);
       for_each(team, s.n, [&](Index i) {
@@ -63,8 +63,8 @@ struct Subspace {
       });
       // What slides by Coulomb's law has an asymmetric matrix.
       const Real sliding = find_zones(team, s);
-      if constexpr (kLaw == Law::coulomb) leaps = and_(leaps, sliding == Real(0));
-      taken = any(leaps) ? take_leap<kLaw>(team, s, leaps, last) : Real(0);
+      if constexpr (kLaw == Law::coulomb) steps = and_(steps, sliding == Real(0));
+      taken = any(steps) ? take_subspace_step<kLaw>(team, s, steps, last) : Real(0);
       const auto gains = taken > Real(0);
       // npgs starts anew from there.
       const auto x_before = s.vector(0);
@@ -79,39 +79,39 @@ struct Subspace {
     const auto gains = taken > Real(0);
     single(team, [&] {
       Npgs::restart(s, gains);
-      s.scalar[kWait] = select(leaps, select(gains, Real(1), Real(2) * wait), wait);
-      s.scalar[kAge] = select(leaps, Real(0), age);
+      s.scalar[kWait] = select(steps, select(gains, Real(1), Real(2) * wait), wait);
+      s.scalar[kAge] = select(steps, Real(0), age);
     });
   }
   /// Other forms of systems are swept alone.
   template <Law kLaw, Team TeamT, class System>
-  static STICTION_HD void leap(TeamT&, System&, Mask<typename System::Real>) {}
+  static STICTION_HD void subspace_step(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
-  /// Largest environment that leaps. A factorisation costs what rows / 6 sweeps do, if not more
+  /// Largest environment that takes such steps. A factorisation costs what rows / 6 sweeps do, if not more
   /// (docs/math/subspace.md).
   static constexpr Index kMostRows = 40;
   // Scalars that have other names elsewhere.
-  static constexpr Index kOwnRows = kRung;   ///< rows of the environment, without a pack's padding
-  static constexpr Index kWait = kSwitches;  ///< chunks from leap to leap: doubled by each that was not taken
+  static constexpr Index kOwnRows = kPenaltyLevel;  ///< rows of the environment, without a pack's padding
+  static constexpr Index kWait = kSwitches;         ///< chunks from step to step: doubled by each that was not taken
   /// Of a pivot, relative to the matrix's own diagonal.
   static constexpr float kLeastPivot = 0x1p-20F;
 
   enum Vector : Index {
-    kKeptX = 2,  ///< the iterate before the leap
+    kKeptX = 2,  ///< the iterate before the step
     kKeptY,      ///< its motion
-    kLoose,      ///< 1 on the rows of cones that hold or slide, 0 elsewhere
+    kFree,       ///< 1 on the rows of cones that hold or slide, 0 elsewhere
     kNormal,     ///< of a cone that slides: unit normal of its boundary; 0 elsewhere
-    kBend,       ///< of a cone that slides: its boundary's curvature times its multiplier, on its first row
+    kCurvature,  ///< of a cone that slides: its boundary's curvature times its multiplier, on its first row
     kStep,       ///< right side, then the step
     kInverse,    ///< reciprocals of pivots
     kVectors
   };
 
-  /// Moves x and y, in the lanes of `leaps`, to the solution of the linear problem. Returns 1 in those whose residual
+  /// Moves x and y, in the lanes of `steps`, to the solution of the linear problem. Returns 1 in those whose residual
   /// is below `last` there, and elsewhere 0; these keep `last`.
   template <Law kLaw, Team TeamT, class Real, int kStride>
-  static STICTION_HD Real take_leap(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> leaps, Real last) {
+  static STICTION_HD Real take_subspace_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> steps, Real last) {
     refresh_motion(team, s);
     const SquareMatrix<Real, kStride> K{s.K, s.n};
     fill(team, s, K);
@@ -119,22 +119,22 @@ struct Subspace {
     const auto inverse = s.vector(kInverse);
     factor_square(team, K, inverse, [&](Index i) { return Real(kLeastPivot) * s.A[i + s.n * i]; });
     solve_square(team, K, inverse, s.vector(kStep));
-    project_step(team, s, leaps);
+    project_step(team, s, steps);
     refresh_motion(team, s);
-    record<Subspace, kLaw>(team, s, leaps);
-    const auto gains = and_(leaps, s.scalar[kLastResidual] < last);
+    update_best<Subspace, kLaw>(team, s, steps);
+    const auto gains = and_(steps, s.scalar[kLastResidual] < last);
     team.sync();
     single(team, [&] { s.scalar[kLastResidual] = select(gains, s.scalar[kLastResidual], last); });
     return select(gains, Real(1), Real(0));
   }
 
-  /// The zone of every cone, and x moved to the point of it that is nearest to where the cone's own step leads.
-  /// Returns 1 where some cone slides, else 0.
+  /// The contact state of every cone, and x moved to the point of it that is nearest to where the cone's own step
+  /// leads. Returns 1 where some cone slides, else 0.
   template <Team TeamT, class Real, int kStride>
   static STICTION_HD Real find_zones(TeamT& team, DenseSystem<Real, kStride>& s) {
-    const auto loose = s.vector(kLoose);
+    const auto loose = s.vector(kFree);
     const auto normal = s.vector(kNormal);
-    const auto bend = s.vector(kBend);
+    const auto curvature = s.vector(kCurvature);
     Real sliding(0);
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
@@ -154,9 +154,9 @@ struct Subspace {
         s.x[row] = z[0];
       } else {
         const Real length = tangential_norm<kRows>(z);
-        const auto held = length <= z[0];
-        const auto open = length <= Real(0) - z[0];
-        const auto slides = not_(or_(held, open));
+        const auto sticks = length <= z[0];
+        const auto separates = length <= Real(0) - z[0];
+        const auto slides = not_(or_(sticks, separates));
         const Real inverse = div_(Real(1), select(slides, length, Real(1)));
         const Real root = Real(0.70710678118654752440);
         Real along(0);
@@ -164,13 +164,13 @@ struct Subspace {
           const Real direction = z[k] * inverse;
           along = fma_(direction, s.y[row + k], along);
           normal[row + k] = select(slides, root * direction, Real(0));
-          loose[row + k] = select(open, Real(0), Real(1));
+          loose[row + k] = select(separates, Real(0), Real(1));
         }
         normal[row] = select(slides, Real(0) - root, Real(0));
         loose[row] = loose[row + 1];
         const Real middle = Real(0.5) * (z[0] + length);
         const Real multiplier = max_(Real(0.5) * (s.y[row] - along), Real(0));
-        bend[row] = select(slides, div_(multiplier, max_(middle, Real(0x1p-20F) * length)), Real(0));
+        curvature[row] = select(slides, div_(multiplier, max_(middle, Real(0x1p-20F) * length)), Real(0));
         project_second_order_cone<kRows>(z);
         for (int k = 0; k < kRows; ++k) s.x[row + k] = z[k];
         sliding = select(slides, Real(1), sliding);
@@ -183,9 +183,9 @@ struct Subspace {
   /// directions in which the cones can move, t along the edge of a sliding one.
   template <Team TeamT, class Real, int kStride>
   static STICTION_HD void fill(TeamT& team, DenseSystem<Real, kStride>& s, const SquareMatrix<Real, kStride>& K) {
-    const auto loose = s.vector(kLoose);
+    const auto loose = s.vector(kFree);
     const auto normal = s.vector(kNormal);
-    const auto bend = s.vector(kBend);
+    const auto curvature = s.vector(kCurvature);
     const Index n = s.n;
     // Column by column, as the matrix lies.
     for_each(team, n, [&](Index j) {
@@ -227,7 +227,7 @@ struct Subspace {
           Real extra = i == j ? Real(1) - u[i] : Real(0);
           if constexpr (kRows > 1) {
             extra = fma_(v[i], v[j], extra);
-            if (j > 0) extra = fma_(bend[row], (i == j ? Real(1) : Real(0)) - Real(2) * (v[i] * v[j]), extra);
+            if (j > 0) extra = fma_(curvature[row], (i == j ? Real(1) : Real(0)) - Real(2) * (v[i] * v[j]), extra);
           }
           K(row + i, row + j) = K(row + i, row + j) + extra;
         }
@@ -237,7 +237,7 @@ struct Subspace {
   /// -Pi y.
   template <Team TeamT, class Real, int kStride>
   static STICTION_HD void right_side(TeamT& team, DenseSystem<Real, kStride>& s) {
-    const auto loose = s.vector(kLoose);
+    const auto loose = s.vector(kFree);
     const auto normal = s.vector(kNormal);
     const auto step = s.vector(kStep);
     s.for_each_cone(team, [&](auto shape, Index, Index row) {
@@ -245,15 +245,15 @@ struct Subspace {
       Real part(0);
       for (int k = 0; k < kRows; ++k) part = fma_(normal[row + k], s.y[row + k], part);
       for (int k = 0; k < kRows; ++k) {
-        const Real held = Real(0) - loose[row + k] * s.y[row + k];
-        step[row + k] = kRows > 1 ? fma_(normal[row + k], part, held) : held;
+        const Real sticks = Real(0) - loose[row + k] * s.y[row + k];
+        step[row + k] = kRows > 1 ? fma_(normal[row + k], part, sticks) : sticks;
       }
     });
   }
 
   /// x plus the step, on the cones.
   template <Team TeamT, class Real, int kStride>
-  static STICTION_HD void project_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> leaps) {
+  static STICTION_HD void project_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> steps) {
     const auto step = s.vector(kStep);
     const auto kept = s.vector(kKeptX);
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
@@ -265,7 +265,7 @@ struct Subspace {
         still[k] = Real(0);
       }
       proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
-      for (int k = 0; k < kRows; ++k) s.x[row + k] = select(leaps, z[k], kept[row + k]);
+      for (int k = 0; k < kRows; ++k) s.x[row + k] = select(steps, z[k], kept[row + k]);
     });
   }
 };

@@ -22,7 +22,7 @@ STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
 }
 
 /// What a sweep does at a cone unless it is told otherwise: the step of docs/math/local_solve.md.
-struct UsualStep {
+struct DefaultLocalStep {
   template <Law kLaw, class Shape, class System>
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
                              const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
@@ -49,12 +49,12 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
   // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell: a small change times
   // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
   if (any(largest != Real(0))) s.push(team, row, step.d);
-  return largest * s.trace[cone];
+  return largest * s.residual_weight[cone];
 }
 
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Team TeamT, class System>
+template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
 requires System::kMaintainsMotion STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
@@ -66,7 +66,7 @@ requires System::kMaintainsMotion STICTION_HD auto sweep(TeamT& team, System& s,
 }
 
 /// The same of two packs.
-template <Law kLaw, class Local = UsualStep, Team TeamT, class System>
+template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
 STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real omega) {
   using Real = typename System::Real;
   NumberPair<Real> largest{Real(0), Real(0)};
@@ -81,7 +81,7 @@ STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real
 
 /// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
 /// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Team TeamT, class RealType>
+template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;
@@ -98,7 +98,7 @@ STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omeg
           for (int r = 0; r < kRows; ++r) y[r] = s.gather(row + r, s.x, fma_(s.R[row + r], s.x[row + r], s.b[row + r]));
           const auto step = Local::template of<kLaw>(shape, s, cone, row, y, omega);
           for (int r = 0; r < kRows; ++r) s.x[row + r] = s.x[row + r] + step.d[r];
-          largest = max_(step_size(step, s.trace[cone]), largest);
+          largest = max_(step_size(step, s.residual_weight[cone]), largest);
         });
       }
     });
@@ -109,7 +109,7 @@ STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omeg
 /// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
 /// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
 /// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
-template <Law kLaw, class Local = UsualStep, Team TeamT, class RealType>
+template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omega) {
   using Real = RealType;
   const EnvView<Real>& env = *s.env;

@@ -5,31 +5,31 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Visits this environment's cones as (cone of the batch, place in the system); the calls must not depend on each
+/// Visits this environment's cones as (cone of the batch, slot in the system); the calls must not depend on each
 /// other.
 template <Team TeamT, class Real, int kStride, class F>
-STICTION_HD void for_each_place(TeamT& team, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+STICTION_HD void for_each_slot(TeamT& team, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
   for_each(team, env.cone_count,
            [&](Index position) { f(env.cone_order[position], locate(env.counts, s.counts, position)); });
 }
 /// The same for a team of one, kind after kind.
 template <Team TeamT, class Real, int kStride, class F>
 requires(TeamT::size() == 1) STICTION_HD
-    void for_each_place(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+    void for_each_slot(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
   Index position = 0;
-  ConePlace first{0, 0};
+  ConeSlot first{0, 0};
   for (int shape = 0; shape < kConeShapes; ++shape) {
     const Index own = shape_count(env.counts, shape);
     const Index rows = shape_rows(shape);
-    for (Index k = 0; k < own; ++k) f(env.cone_order[position + k], ConePlace{first.cone + k, first.row + k * rows});
+    for (Index k = 0; k < own; ++k) f(env.cone_order[position + k], ConeSlot{first.cone + k, first.row + k * rows});
     position += own;
     first.cone += shape_count(s.counts, shape);
     first.row += shape_count(s.counts, shape) * rows;
   }
 }
 template <Team TeamT, class Real, class F>
-STICTION_HD void for_each_place(TeamT& team, const EnvView<Real>& env, const FileOrderSystem<Real>&, F&& f) {
-  for_each(team, env.cone_count, [&](Index cone) { f(cone, ConePlace{cone, env.cone_row(cone)}); });
+STICTION_HD void for_each_slot(TeamT& team, const EnvView<Real>& env, const FileOrderSystem<Real>&, F&& f) {
+  for_each(team, env.cone_count, [&](Index cone) { f(cone, ConeSlot{cone, env.cone_row(cone)}); });
 }
 
 }  // namespace stiction::inline STICTION_ISA

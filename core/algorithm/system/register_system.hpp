@@ -28,23 +28,23 @@ struct RegisterSystem {
   static constexpr bool kMaintainsMotion = true;
   static constexpr int kRows = kCones * Shape::kRows;
 
-  AtMost<kRows> n;                  ///< rows
-  Index cones;                      ///< cones
-  Numbers<Real, kRows> x;           ///< the iterate
-  Numbers<Real, kRows> y;           ///< motion (A + R) x + b
-  Real A[kRows * (kRows + 1) / 2];  ///< upper triangle of A + diag R, column by column
-  Strided<Real, kStride> trace;     ///< as in SystemArrays, like the others below    (cones)
-  Strided<Real, kStride> inv_n;     ///<                                              (cones)
-  Strided<Real, kStride> inv_t;     ///<                                              (cones)
-  Strided<Real, kStride> damping;   ///<                                              (cones)
-  Strided<Real, kStride> share;     ///<                                              (cones)
-  Strided<Real, kStride> scalar;    ///<                                              (kStateScalars)
-  Strided<Real, kStride> extra;     ///<                                              (method * n)
+  AtMost<kRows> n;                         ///< rows
+  Index cones;                             ///< cones
+  Numbers<Real, kRows> x;                  ///< the iterate
+  Numbers<Real, kRows> y;                  ///< motion (A + R) x + b
+  Real A[kRows * (kRows + 1) / 2];         ///< upper triangle of A + diag R, column by column
+  Strided<Real, kStride> residual_weight;  ///< as in SystemArrays, like the others below    (cones)
+  Strided<Real, kStride> inv_n;            ///<                                              (cones)
+  Strided<Real, kStride> inv_t;            ///<                                              (cones)
+  Strided<Real, kStride> damping;          ///<                                              (cones)
+  Strided<Real, kStride> share;            ///<                                              (cones)
+  Strided<Real, kStride> scalar;           ///<                                              (kStateScalars)
+  Strided<Real, kStride> extra;            ///<                                              (method * n)
 
   STICTION_HD explicit RegisterSystem(const Dense& s)
       : n{s.n},
         cones(s.cones),
-        trace(s.trace),
+        residual_weight(s.residual_weight),
         inv_n(s.inv_n),
         inv_t(s.inv_t),
         damping(s.damping),

@@ -18,7 +18,7 @@ enum StateScalar : Index {
   kBeta,              ///< momentum: what the last change is extrapolated by
   kProgress,          ///< momentum: size of the last change, in units of w
   kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
-  kRung,              ///< ladder of penalties: the rung
+  kPenaltyLevel,      ///< level of the penalty
   kSwitches,          ///< how often it has changed
   kAge,               ///< iterations since it was last looked at
   kHistory,           ///< steps that an acceleration remembers
@@ -40,12 +40,13 @@ enum Outcome : int {
 /// two.
 template <class Real, int kStride>
 struct SystemArrays {
-  Strided<Real, kStride> b;         ///< right-hand side                                   (n)
-  Strided<Real, kStride> x;         ///< the iterate                                       (n)
-  Strided<Real, kStride> y;         ///< motion (A + R) x + b                              (n)
-  Strided<Real, kStride> best;      ///< the iterate with the smallest residual recorded   (n)
-  Strided<Real, kStride> extra;     ///< vectors of the method, n apart                    (method * n)
-  Strided<Real, kStride> trace;     ///< mean diagonal of the cone's block before mu: the residual's weight a  (cones)
+  Strided<Real, kStride> b;      ///< right-hand side                                   (n)
+  Strided<Real, kStride> x;      ///< the iterate                                       (n)
+  Strided<Real, kStride> y;      ///< motion (A + R) x + b                              (n)
+  Strided<Real, kStride> best;   ///< the iterate with the smallest residual recorded   (n)
+  Strided<Real, kStride> extra;  ///< vectors of the method, n apart                    (method * n)
+  Strided<Real, kStride>
+      residual_weight;              ///< mean diagonal of the cone's block before mu: the residual's weight a  (cones)
   Strided<Real, kStride> inv_n;     ///< 1 / first diagonal entry                          (cones)
   Strided<Real, kStride> inv_t;     ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
   Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
@@ -82,7 +83,7 @@ struct SystemArrays {
     y = take(n);
     best = take(n);
     extra = take(workspace.vectors * n);
-    trace = take(cones);
+    residual_weight = take(cones);
     inv_n = take(cones);
     inv_t = take(cones);
     inv_cone = take(cones);

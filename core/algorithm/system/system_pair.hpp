@@ -23,11 +23,11 @@ struct NumberPair {
 
 /// What a method iterates on: a system as it is, or two as a pair.
 template <class System>
-STICTION_HD System& together(System& s) {
+STICTION_HD System& as_pair(System& s) {
   return s;
 }
 template <class System>
-STICTION_HD SystemPair<System> together(System& a, System& b) {
+STICTION_HD SystemPair<System> as_pair(System& a, System& b) {
   return {a, b};
 }
 

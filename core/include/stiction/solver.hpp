@@ -219,8 +219,8 @@ class Solver {
   void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
              std::vector<FullRows>& full_rows) const;
   template <class Real>
-  void hand_over(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                 const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
+  void dispatch(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
   template <class Real>
   void run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
            const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;

@@ -41,7 +41,7 @@ enum class SolverKind : std::uint8_t {
   newton = 6,       ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
   lemke = 7,        ///< complementary pivoting, for problems without friction cones
   ipm = 8,          ///< predictor-corrector interior point
-  subspace = 9,     ///< npgs with leaps to where all contacts keep sticking, sliding or being open
+  subspace = 9,     ///< npgs with steps to where all contacts keep sticking, sliding or being open
   multigrid = 254,  ///< of bodies alone: Newton's method with that preconditioner (docs/bodies.md)
   automatic = 255,  ///< "auto": per environment, from its own features; a status names the one that answered
 };

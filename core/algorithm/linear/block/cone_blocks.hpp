@@ -21,7 +21,7 @@ STICTION_HD void store(const double (&from)[M], double* to, Index row) {
 inline constexpr Index kConeBlockWorkspace = kMaxConeRows;
 
 /// Where the cone at `row` has its block.
-STICTION_HD double* cone_place(double* blocks, Index row) {
+STICTION_HD double* cone_block(double* blocks, Index row) {
   return blocks + static_cast<Offset>(row) * kConeBlockWorkspace;
 }
 
@@ -61,7 +61,7 @@ struct ConeBlocks {
   STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
     s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
-      const double* const L = cone_place(factors, row);
+      const double* const L = cone_block(factors, row);
       double v[kRows];
       load(r, row, v);
       for (int i = 0; i < kRows; ++i) {

@@ -11,8 +11,8 @@ inline constexpr Index kStabilizedVectors = 7;
 /// right, in kStabilizedVectors vectors. The residual is measured by its length. A breakdown ends it: x is then what
 /// there is. The outcome is on every lane.
 template <Team TeamT, class Operator, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_stabilized(TeamT& team, const Operator& A, const GradientProblem& problem,
-                                                     const Preconditioner& preconditioner) {
+STICTION_HD_OUTLINE GradientOutcome bicgstab(TeamT& team, const Operator& A, const KrylovProblem& problem,
+                                             const Preconditioner& preconditioner) {
   const Index n = problem.unknowns;
   double* const x = problem.x;
   double* const r = problem.vector(0);

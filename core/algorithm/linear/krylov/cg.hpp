@@ -27,7 +27,7 @@ struct GradientOutcome {
 ///
 /// The operator A has `template <Team B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
 /// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has room of its own.
-struct GradientProblem {
+struct KrylovProblem {
   Index unknowns;
   const double* b;  ///< (unknowns)
   double* x;        ///< the answer                                 (unknowns)
@@ -43,8 +43,8 @@ struct GradientProblem {
 /// definite to working precision. However it ends, x is the best there was: each iterate is nearer to the solution
 /// than the last in the norm that A makes. The outcome is on every lane.
 template <Team TeamT, class Operator, class Preconditioner>
-STICTION_HD_OUTLINE GradientOutcome solve_gradients(TeamT& team, const Operator& A, const GradientProblem& problem,
-                                                    const Preconditioner& preconditioner) {
+STICTION_HD_OUTLINE GradientOutcome conjugate_gradient(TeamT& team, const Operator& A, const KrylovProblem& problem,
+                                                       const Preconditioner& preconditioner) {
   const Index n = problem.unknowns;
   double* const x = problem.x;
   double* const r = problem.vector(0);

@@ -30,7 +30,7 @@ struct Multigrid {
         const SweepWeights weights = sweep_weights(bound);
         for (Index i = 0; i < kSweeps; ++i) level.weights[i] = weights.weight[i];
       });
-      place_coarse(team, level.plan, position, coarse.position);
+      pose_coarse(team, level.plan, position, coarse.position);
       const Attachment attachment{level.smoother.H, level.plan.prolongation, level.plan.aggregate, level.plan.root,
                                   grids.labels(0),  grids.labels(1),         grids.labels(2)};
       const RigidMotions rigid{level.plan, level.smoother.H, position, coarse.position, attachment.label};

@@ -48,8 +48,7 @@ struct RigidMotions {
 
 /// Coarse bodies are where their roots are. Any place would do: it changes the coarse twists' coordinates alone.
 template <Team TeamT>
-STICTION_HD_OUTLINE void place_coarse(TeamT& team, const MultigridLevel& level, const double* position,
-                                      double* coarse) {
+STICTION_HD_OUTLINE void pose_coarse(TeamT& team, const MultigridLevel& level, const double* position, double* coarse) {
   for_each(team, level.prolongation.columns_total, [&](Index aggregate) {
     const double* const root = position + static_cast<Offset>(level.root[aggregate]) * kPosition;
     for (Index i = 0; i < kPosition; ++i) coarse[static_cast<Offset>(aggregate) * kPosition + i] = root[i];

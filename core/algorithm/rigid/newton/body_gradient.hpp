@@ -20,8 +20,8 @@ STICTION_HD void relative_motion(const SpaceContact& contact, const double* twis
 
 /// What the reaction to a motion u, which holds the shift, is the projection of.
 STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], double compliance, double (&z)[3]) {
-  const double whole = compliance + contact.pull;
-  for (int k = 0; k < 3; ++k) z[k] = div_(fma_(contact.pull, contact.centre[k], 0.0 - u[k]), whole);
+  const double whole = compliance + contact.prox_weight;
+  for (int k = 0; k < 3; ++k) z[k] = div_(fma_(contact.prox_weight, contact.prox_center[k], 0.0 - u[k]), whole);
 }
 
 /// J' of the contacts' impulses for one body: force and torque. `impulse_of(contact, row)` gives the impulse on b.
@@ -122,8 +122,8 @@ STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceWorkspace& wor
 
 /// `bodies`: what they add at alpha = 0.
 template <Team TeamT>
-STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
-                                         double compliance, double alpha) {
+STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
+                                             double compliance, double alpha) {
   for_each(team, workspace.contacts, [&](Index p) {
     SpaceContact& contact = workspace.contact[p];
     double u[3];
@@ -140,7 +140,7 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const SpaceWorkspace& work
       curvature = fma_(contact.along[i], image, curvature);
     }
     contact.slope = slope;
-    contact.curvature = div_(curvature, compliance + contact.pull);
+    contact.curvature = div_(curvature, compliance + contact.prox_weight);
   });
   const auto sum = [&](double SpaceContact::*part) {
     return sum_leaves<double>(team, [&](Index leaf) {
@@ -163,7 +163,7 @@ STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceWorkspace& worksp
     for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves) {
       const SpaceContact& contact = workspace.contact[p];
       for (int k = 0; k < 3; ++k) {
-        const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.pull);
+        const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.prox_weight);
         sum = fma_(abs_(contact.along[k]), answer, sum);
       }
     }
@@ -179,7 +179,7 @@ inline constexpr double kSpaceSlopeLeft = 1e-2;
 template <Team TeamT>
 STICTION_HD_OUTLINE double search_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
                                         double compliance, double slope, double noise) {
-  return search_line([&](double alpha) { return look_along(team, workspace, bodies, compliance, alpha); }, slope,
+  return search_line([&](double alpha) { return evaluate_along(team, workspace, bodies, compliance, alpha); }, slope,
                      kSpaceSlopeLeft, noise);
 }
 

@@ -80,7 +80,8 @@ template <Team TeamT>
 STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
   for_each(team, workspace.contacts, [&](Index p) {
     SpaceContact& contact = workspace.contact[p];
-    turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P, div_(1.0, compliance + contact.pull));
+    turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P,
+                   div_(1.0, compliance + contact.prox_weight));
   });
   const BlockPattern& pattern = workspace.stream.pattern;
   for_each(team, workspace.bodies, [&](Index row) {

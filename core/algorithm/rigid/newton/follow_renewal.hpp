@@ -28,9 +28,9 @@ STICTION_HD void divide_by_shift(const FollowedContact& followed, double (&x)[3]
 STICTION_HD FollowedContact followed_contact(const SpaceContact& contact, double compliance, bool with_sliding) {
   FollowedContact followed;
   const ConePoint point = project_friction_cone(contact.z, contact.mu);
-  followed.whole = compliance + contact.pull;
+  followed.whole = compliance + contact.prox_weight;
   double slide[3] = {};
-  for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.centre[k], contact.u[k]);
+  for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.prox_center[k], contact.u[k]);
   const double length = sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
   const bool turns = with_sliding && contact.sliding > 0.0 && length > 0.0;
   const double part = div_(compliance, followed.whole);
@@ -67,7 +67,7 @@ STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedCon
   divide_by_shift(followed, x);
   double slide[3] = {};
   for (int i = 1; i < 3; ++i) {
-    double reaction = contact.centre[i];
+    double reaction = contact.prox_center[i];
     for (int j = 0; j < 3; ++j) reaction = fma_(followed.P[i][j], followed.first[j] + x[j], reaction);
     slide[i] = fma_(compliance, reaction, contact.u[i] + d[i]);
   }

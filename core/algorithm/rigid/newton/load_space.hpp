@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/rigid/judge_bodies.hpp"
+#include "core/algorithm/rigid/evaluate_bodies.hpp"
 #include "core/algorithm/rigid/newton/body_gradient.hpp"
 
 /// From the batch's arrays to numbers that Newton's method in body space can work with.
@@ -122,11 +122,11 @@ STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env,
                                           const SpaceWorkspace& workspace, double compliance) {
   for_each(team, workspace.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k)
-      workspace.contact[p].centre[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
+      workspace.contact[p].prox_center[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
   for_each(team, workspace.bodies, [&](Index row) {
     const Twist<double> wrench =
-        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.centre; });
+        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.prox_center; });
     const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     put_twist(workspace.point + static_cast<Offset>(row) * kBodyBlock,
               pushed(still, workspace.body[row].inverse, wrench.linear, wrench.angular));
@@ -137,7 +137,7 @@ STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env,
       double u[3];
       relative_motion(contact, workspace.point, u);
       double slide[3];
-      for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.centre[k], u[k] + contact.free[k]);
+      for (int k = 1; k < 3; ++k) slide[k] = fma_(compliance, contact.prox_center[k], u[k] + contact.free[k]);
       contact.shift = contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
     });
   }

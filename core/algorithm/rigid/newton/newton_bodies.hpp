@@ -17,9 +17,9 @@ inline constexpr Index kMostSpaceSweeps = 3072;
 /// Weight of the proximal term over the mean diagonal of a contact's block: at the beginning, its factor whenever the
 /// problem with it is solved, and where it ends unless compliance takes its place. Below, rounding over the weight
 /// would be more than the proximal term still hides.
-inline constexpr double kPullStart = 1e-2;
-inline constexpr double kPullFall = 0.1;
-inline constexpr double kPullLeast = 1e-7;
+inline constexpr double kProxWeightStart = 1e-2;
+inline constexpr double kProxWeightFall = 0.1;
+inline constexpr double kProxWeightLeast = 1e-7;
 /// Compliance over the largest mean diagonal from which no proximal term is needed.
 inline constexpr double kEnoughCompliance = 1e-5;
 /// Part of the answer's residual that the inner problem may leave before its centre and its shifts move.
@@ -38,8 +38,8 @@ struct SpaceProgress {
   double tolerance = 0.0;              ///< on the residual over it
   double best = __builtin_huge_val();  ///< smallest residual [w]
   bool has_best = false;
-  double pull = 0.0;                      ///< weight of the proximal term over a contact's mean diagonal
-  double pull_end = 0.0;                  ///< where it goes
+  double prox_weight = 0.0;               ///< weight of the proximal term over a contact's mean diagonal
+  double prox_weight_end = 0.0;           ///< where it goes
   double reference = 0.0;                 ///< energy of the first gradient of this inner problem
   Index inner_steps = 0;                  ///< of Newton since the last renewal
   Index sweeps = kSpaceSweeps;            ///< that are next
@@ -48,8 +48,8 @@ struct SpaceProgress {
 
 /// The residual of s.x, which is kept if it is the best.
 template <Team TeamT, class Real, Law kLaw>
-STICTION_HD double look_at_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
-                                   const SiParams& params, SpaceProgress& progress) {
+STICTION_HD double evaluate_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
+                                    const SiParams& params, SpaceProgress& progress) {
   const double residual = residual_of(team, env, s, s.x, params, false).residual;
   if (!progress.has_best || residual < progress.best) {
     progress.best = residual;
@@ -66,25 +66,26 @@ STICTION_HD bool is_met(const SpaceProgress& progress) {
 /// The best iterate becomes s.x.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD void take_best(TeamT& team, const BodySystem<Real, kLaw>& s) {
-  share_out(team, s.contacts, [&](Index p) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) s.x.at(k, p) = s.best.at(k, p);
   });
 }
 
 template <Team TeamT>
-STICTION_HD void set_pull(TeamT& team, const SpaceWorkspace& workspace, double weight) {
-  for_each(team, workspace.contacts, [&](Index p) { workspace.contact[p].pull = weight * workspace.contact[p].mean; });
+STICTION_HD void set_prox_weight(TeamT& team, const SpaceWorkspace& workspace, double weight) {
+  for_each(team, workspace.contacts,
+           [&](Index p) { workspace.contact[p].prox_weight = weight * workspace.contact[p].mean; });
 }
 
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
 template <Team TeamT>
-STICTION_HD_OUTLINE void renew_problem(TeamT& team, const SpaceWorkspace& workspace, SpaceProgress& progress) {
+STICTION_HD_OUTLINE void update_prox_center(TeamT& team, const SpaceWorkspace& workspace, SpaceProgress& progress) {
   for_each(team, workspace.contacts, [&](Index p) {
-    for (int k = 0; k < 3; ++k) workspace.contact[p].centre[k] = workspace.contact[p].reaction[k];
+    for (int k = 0; k < 3; ++k) workspace.contact[p].prox_center[k] = workspace.contact[p].reaction[k];
   });
-  progress.pull = max_(kPullFall * progress.pull, progress.pull_end);
-  if (progress.pull_end == 0.0 && progress.pull < kEnoughCompliance) progress.pull = 0.0;
-  set_pull(team, workspace, progress.pull);
+  progress.prox_weight = max_(kProxWeightFall * progress.prox_weight, progress.prox_weight_end);
+  if (progress.prox_weight_end == 0.0 && progress.prox_weight < kEnoughCompliance) progress.prox_weight = 0.0;
+  set_prox_weight(team, workspace, progress.prox_weight);
   progress.reference = 0.0;
 }
 
@@ -105,7 +106,7 @@ STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& wor
   // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
   // that nothing can move keeps M and the inverse masses from being each other's inverse.
   const double slope = 0.0 - dot_product(team, n, workspace.force, workspace.step);
-  const LinePoint contacts = look_along(team, workspace, LinePoint{0.0, 0.0}, compliance, 0.0);
+  const LinePoint contacts = evaluate_along(team, workspace, LinePoint{0.0, 0.0}, compliance, 0.0);
   const LinePoint bodies{slope - contacts.slope, body_curvature(team, workspace)};
   const bool is_exhausted = !(slope < 0.0 - noise);
   const double alpha = is_exhausted ? 1.0 : search_along(team, workspace, bodies, compliance, slope, noise);
@@ -128,17 +129,17 @@ STICTION_HD_OUTLINE double sweep_closer(TeamT& team, const BodyEnv<Real>& env, c
   if (params.momentum) start_momentum(team, s);
   for (Index k = 0; k < progress.sweeps; k += kSiChunk) {
     run_sweeps(team, env, s, params, kSiChunk, momentum);
-    look_at_iterate(team, env, s, params, progress);
+    evaluate_iterate(team, env, s, params, progress);
   }
   progress.sweeps = progress.sweeps < kMostSpaceSweeps ? 2 * progress.sweeps : progress.sweeps;
   take_best(team, s);
   const double compliance = div_(params.cfm, params.step);
   start_at_iterate(team, env, s, workspace, compliance);
-  progress.pull = kPullStart;
+  progress.prox_weight = kProxWeightStart;
   progress.reference = 0.0;
   progress.renewed = __builtin_huge_val();
   progress.inner_steps = 0;
-  set_pull(team, workspace, progress.pull);
+  set_prox_weight(team, workspace, progress.prox_weight);
   renew_space_motion(team, workspace);
   return renew_reactions(team, workspace, compliance);
 }
@@ -148,13 +149,13 @@ template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                            const SiParams& params, const BodySpaceOptions& space,
                                            const SpaceWorkspace& workspace, SpaceProgress& progress, Index& steps) {
-  double residual = look_at_iterate(team, env, s, params, progress);
+  double residual = evaluate_iterate(team, env, s, params, progress);
   if (is_met(progress)) return kSpaceMet;
   if (!finite_(residual)) return kSpaceBroken;
   if (params.iterations == 0) return kSpaceOutOfSteps;
   const double compliance = div_(params.cfm, params.step);
   const double mean = max_over<double>(team, workspace.contacts, [&](Index p) { return workspace.contact[p].mean; });
-  progress.pull_end = compliance >= kEnoughCompliance * mean ? 0.0 : kPullLeast;
+  progress.prox_weight_end = compliance >= kEnoughCompliance * mean ? 0.0 : kProxWeightLeast;
   double inner = sweep_closer(team, env, s, params, workspace, progress);
   if (is_met(progress)) return kSpaceMet;
   Index since_best = 0;
@@ -164,11 +165,11 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env
     inner = renew_reactions(team, workspace, compliance);
     store_reactions(team, s, workspace);
     const double before = progress.best;
-    residual = look_at_iterate(team, env, s, params, progress);
+    residual = evaluate_iterate(team, env, s, params, progress);
     if (is_met(progress)) return kSpaceMet;
     if (!finite_(residual)) return kSpaceBroken;
     since_best = progress.best < before ? 0 : since_best + 1;
-    const bool is_renewed = kLaw == Law::coulomb || progress.pull > 0.0;
+    const bool is_renewed = kLaw == Law::coulomb || progress.prox_weight > 0.0;
     if (since_best >= kSpacePatience || (is_exhausted && !is_renewed)) return kSpaceStalled;
     if (k + 1 == params.iterations) break;
     const bool is_long = kLaw == Law::coulomb && ++progress.inner_steps >= kSpaceInnerSteps;
@@ -180,7 +181,7 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env
       const bool with_sliding = kLaw == Law::coulomb;
       progress.renewed = residual;
       progress.inner_steps = 0;
-      renew_problem(team, workspace, progress);
+      update_prox_center(team, workspace, progress);
       follow_renewal(team, workspace, space, compliance, with_sliding);
       ++steps;
       ++k;
@@ -220,17 +221,17 @@ STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, cons
     end = solve_substep(team, env, s, params, space, workspace, progress, steps);
     if (step + 1 < params.substeps) leave_with_best(team, env, s, params);
   }
-  double absolute = judge_bodies(team, env, s, params, entry.scale);
+  double absolute = evaluate_bodies(team, env, s, params, entry.scale);
   if (!finite_(div_(absolute, entry.scale))) {
     entry.scale = max_(fall_back(team, env, s, params), 1e-300);
-    absolute = judge_bodies(team, env, s, params, entry.scale);
+    absolute = evaluate_bodies(team, env, s, params, entry.scale);
   }
   const double relative = div_(absolute, entry.scale);
   const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved
                        : end == kSpaceBroken                             ? EnvCode::numerical
                        : end == kSpaceOutOfSteps                         ? EnvCode::max_iterations
                                                                          : EnvCode::stalled;
-  publish_bodies(team, env, s);
+  write_bodies(team, env, s);
   write_body_status(team, env, params, code, entry.flags, steps, relative, absolute);
 }
 

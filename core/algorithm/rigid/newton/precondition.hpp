@@ -51,12 +51,12 @@ enum class SpaceSystem { symmetric, sliding };
 template <Team TeamT, class Preconditioner>
 STICTION_HD_OUTLINE void solve_with(TeamT& team, const SpaceWorkspace& workspace, const Preconditioner& preconditioner,
                                     SpaceSystem system, double tolerance) {
-  const GradientProblem problem{workspace.H.unknowns(), workspace.force, workspace.step,
-                                workspace.gradients,    tolerance,       kMostGradientSteps};
+  const KrylovProblem problem{workspace.H.unknowns(), workspace.force, workspace.step,
+                              workspace.gradients,    tolerance,       kMostGradientSteps};
   if (system == SpaceSystem::symmetric)
-    solve_gradients(team, workspace.H, problem, preconditioner);
+    conjugate_gradient(team, workspace.H, problem, preconditioner);
   else
-    solve_stabilized(team, workspace.sliding, problem, preconditioner);
+    bicgstab(team, workspace.sliding, problem, preconditioner);
 }
 template <Team TeamT, class Preconditioner>
 STICTION_HD_OUTLINE void prepare_and_solve(TeamT& team, const SpaceWorkspace& workspace,

@@ -13,19 +13,19 @@ struct SpaceContact {
   Vector3<double> arm_a, arm_b;
   ContactFrame<double> frame;
   double mu;
-  double mean;          ///< diagonal of the contact's block of J M^-1 J' + R, on average [1/kg]
-  double free[3];       ///< J v_free + bias [w]
-  double pull;          ///< weight rho of the proximal term [1/kg]
-  double centre[3];     ///< its centre [N s]
-  double shift;         ///< lagged de Saxce term, on the normal row [w]
-  double sliding;       ///< what that term would be now: mu norm(w_t) [w]
-  double u[3];          ///< J v + bias + shift [w]
-  double z[3];          ///< what the reaction is the projection of [N s]
-  double reaction[3];   ///< gamma(u) [N s]
-  double along[3];      ///< J d [w]
-  double slope;         ///< the contact's part of the line's slope
-  double curvature;     ///< and of its curvature
-  double stiffness[9];  ///< W = -d gamma / d u in world axes, row by row [kg]
+  double mean;            ///< diagonal of the contact's block of J M^-1 J' + R, on average [1/kg]
+  double free[3];         ///< J v_free + bias [w]
+  double prox_weight;     ///< weight rho of the proximal term [1/kg]
+  double prox_center[3];  ///< its centre [N s]
+  double shift;           ///< lagged de Saxce term, on the normal row [w]
+  double sliding;         ///< what that term would be now: mu norm(w_t) [w]
+  double u[3];            ///< J v + bias + shift [w]
+  double z[3];            ///< what the reaction is the projection of [N s]
+  double reaction[3];     ///< gamma(u) [N s]
+  double along[3];        ///< J d [w]
+  double slope;           ///< the contact's part of the line's slope
+  double curvature;       ///< and of its curvature
+  double stiffness[9];    ///< W = -d gamma / d u in world axes, row by row [kg]
 };
 
 /// A body's inverse mass as it is, and a mass matrix that has an inverse.

@@ -8,7 +8,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Alternating directions (docs/math/admm.md): a solve with K + rho, a projection, a dual update, over-relaxed; de
-/// Saxce's shift is taken from the dual. Anderson's acceleration on the whole iteration, and a ladder of rho.
+/// Saxce's shift is taken from the dual. Anderson's acceleration on the whole iteration, and levels of rho.
 struct Admm {
   static constexpr SolverKind kKind = SolverKind::admm;
   static STICTION_HD constexpr Workspace workspace() {
@@ -26,10 +26,10 @@ struct Admm {
   static constexpr Index kCheckInterval = 12;
   static_assert(kCheckInterval % kChunk == 0);
   static constexpr Index kMostSwitches = 4;
-  static constexpr Index kRungs = 6;
-  static constexpr Index kFirstRung = 2;
-  static STICTION_HD double rung(Index k) {
-    constexpr double kShare[kRungs] = {1.0, 0.3, 0.1, 0.03, 0.01, 0.003};
+  static constexpr Index kPenaltyLevels = 6;
+  static constexpr Index kFirstPenaltyLevel = 2;
+  static STICTION_HD double penalty_share(Index k) {
+    constexpr double kShare[kPenaltyLevels] = {1.0, 0.3, 0.1, 0.03, 0.01, 0.003};
     return kShare[k];
   }
 
@@ -39,9 +39,9 @@ struct Admm {
     const AdmmState a = AdmmState::of(s);
     s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
-      double trace = 0.0;
-      for (int k = 0; k < kRows; ++k) trace = trace + static_cast<double>(s.block_entry(row, k, k));
-      const double mean = div_(trace, static_cast<double>(kRows));
+      double diagonal_sum = 0.0;
+      for (int k = 0; k < kRows; ++k) diagonal_sum = diagonal_sum + static_cast<double>(s.block_entry(row, k, k));
+      const double mean = div_(diagonal_sum, static_cast<double>(kRows));
       for (int k = 0; k < kRows; ++k) a.scale[row + k] = mean > 0.0 ? div_(1.0, sqrt_(mean)) : 1.0;
     });
     const double skewness = fill_scaled(team, s, a);
@@ -49,7 +49,7 @@ struct Admm {
     single(team, [&] {
       s.scalar[kLipschitz] = static_cast<Real>(largest);
       s.scalar[kAsymmetry] = static_cast<Real>(skewness);
-      s.scalar[kRung] = Real(kFirstRung);
+      s.scalar[kPenaltyLevel] = Real(kFirstPenaltyLevel);
       s.scalar[kSwitches] = s.scalar[kAge] = Real(0);
     });
     const double rho = penalty(s);
@@ -131,7 +131,7 @@ struct Admm {
  private:
   template <class System>
   static STICTION_HD double penalty(const System& s) {
-    return rung(static_cast<Index>(s.scalar[kRung])) * static_cast<double>(s.scalar[kLipschitz]);
+    return penalty_share(static_cast<Index>(s.scalar[kPenaltyLevel])) * static_cast<double>(s.scalar[kLipschitz]);
   }
   /// z of one cone from its g, and x.
   template <class System, class Shape>
@@ -212,20 +212,20 @@ struct Admm {
     });
   }
 
-  /// A rung up or down the ladder where one residual outweighs the other, and a new factor.
+  /// One penalty level up or down where one residual outweighs the other, and a new factor.
   template <Team TeamT, class System>
   static STICTION_HD_OUTLINE void balance(TeamT& team, System& s, const AdmmState& a, double primal, double dual) {
     using Real = typename System::Real;
-    const Index at = static_cast<Index>(s.scalar[kRung]);
+    const Index at = static_cast<Index>(s.scalar[kPenaltyLevel]);
     const Index switches = static_cast<Index>(s.scalar[kSwitches]);
     const double before = penalty(s);
     Index next = at;
     if (primal > kImbalance * dual && at > 0) next = at - 1;
-    if (dual > kImbalance * primal && at + 1 < kRungs) next = at + 1;
+    if (dual > kImbalance * primal && at + 1 < kPenaltyLevels) next = at + 1;
     if (next == at || switches >= kMostSwitches) return;
     team.sync();
     single(team, [&] {
-      s.scalar[kRung] = static_cast<Real>(next);
+      s.scalar[kPenaltyLevel] = static_cast<Real>(next);
       s.scalar[kSwitches] = static_cast<Real>(switches + 1);
     });
     const double ratio = div_(before, penalty(s));

@@ -40,7 +40,7 @@ STICTION_HD_OUTLINE void prepare_penalized_gradients(TeamT& team, const System& 
       for (int j = 0; j < kRows; ++j) K[i][j] = K[i][j] * (a.scale[row] * a.scale[row]);
       K[i][i] = K[i][i] + own_penalty(shape, rho);
     }
-    factor_cone_block(K, cone_place(a.cone_factors, row));
+    factor_cone_block(K, cone_block(a.cone_factors, row));
   });
 }
 
@@ -50,8 +50,8 @@ STICTION_HD_OUTLINE void solve_penalized_gradients(TeamT& team, const System& s,
   const PenalizedOperator<System> K{&s, &a, rho};
   K.apply(team, a.answer, a.f);
   for_each(team, a.n, [&](Index i) { a.v[i] = a.v[i] - a.f[i]; });
-  solve_gradients(team, K, {a.n, a.v, a.f, a.memory, kPenalizedAccuracy, kMostPenalizedSteps},
-                  ConeBlocks<System>{&s, a.cone_factors});
+  conjugate_gradient(team, K, {a.n, a.v, a.f, a.memory, kPenalizedAccuracy, kMostPenalizedSteps},
+                     ConeBlocks<System>{&s, a.cone_factors});
   for_each(team, a.n, [&](Index i) { a.v[i] = a.answer[i] = a.answer[i] + a.f[i]; });
 }
 

@@ -36,36 +36,38 @@ STICTION_HD double cone_determinant(const double (&x)[M]) {
 /// the first tangent, and then W^-1 has the eigenvectors (1, 1, 0 ..), (1, -1, 0 ..) and the other tangents.
 template <int M>
 struct ConeScaling {
-  double stretch[M];  ///< eigenvalues of W^-1, in that order
-  double mirror[M];   ///< normal of the reflection, from index 1 on
-  double lambda[M];   ///< the scaled point, rotated
+  double inverse_eigenvalues[M];  ///< eigenvalues of W^-1, in that order
+  double householder[M];          ///< normal of the reflection, from index 1 on
+  double lambda[M];               ///< the scaled point, rotated
 
   /// v reflected; its own inverse.
   STICTION_HD void rotate(double (&v)[M]) const {
-    if (!(abs_(mirror[1]) > 0.0)) return;
-    double along = mirror[1] * v[1];
-    for (int k = 2; k < M; ++k) along = fma_(mirror[k], v[k], along);
-    const double part = div_(0.0 - along, abs_(mirror[1]));
-    for (int k = 1; k < M; ++k) v[k] = fma_(part, mirror[k], v[k]);
+    if (!(abs_(householder[1]) > 0.0)) return;
+    double along = householder[1] * v[1];
+    for (int k = 2; k < M; ++k) along = fma_(householder[k], v[k], along);
+    const double part = div_(0.0 - along, abs_(householder[1]));
+    for (int k = 1; k < M; ++k) v[k] = fma_(part, householder[k], v[k]);
   }
   /// Between rotated coordinates and sums and differences of the first two.
-  static STICTION_HD void fold(double (&v)[M]) {
+  static STICTION_HD void to_sum_difference(double (&v)[M]) {
     const double sum = v[0] + v[1];
     v[1] = v[0] - v[1];
     v[0] = sum;
   }
   /// Q v: from the frame's coefficients to the cone's rows.
   STICTION_HD void from_frame(double (&v)[M]) const {
-    fold(v);
+    to_sum_difference(v);
     rotate(v);
   }
   /// Q' v: forces on the cone's rows as forces along the frame.
   STICTION_HD void to_frame(double (&v)[M]) const {
     rotate(v);
-    fold(v);
+    to_sum_difference(v);
   }
   /// W^-2 in the frame. Its first two vectors have length sqrt 2.
-  [[nodiscard]] STICTION_HD double diagonal(int k) const { return (k < 2 ? 2.0 : 1.0) * (stretch[k] * stretch[k]); }
+  [[nodiscard]] STICTION_HD double diagonal(int k) const {
+    return (k < 2 ? 2.0 : 1.0) * (inverse_eigenvalues[k] * inverse_eigenvalues[k]);
+  }
 };
 
 /// The scaling of x and z, both inside the cone (Vandenberghe 2010, section 4.2).
@@ -96,14 +98,14 @@ STICTION_HD_OUTLINE ConeScaling<M> scale_cone(const double (&x)[M], const double
   const double eta = sqrt_(div_(size_x, size_z));
   const double large = sqrt_(fma_(length, length, 1.0)) + length;
   const bool reflected_up = axis[1] < 0.0;
-  for (int k = 0; k < M; ++k) scaling.mirror[k] = length > 0.0 && k > 0 ? div_(axis[k], length) : 0.0;
-  if (length > 0.0) scaling.mirror[1] = scaling.mirror[1] + (reflected_up ? -1.0 : 1.0);
+  for (int k = 0; k < M; ++k) scaling.householder[k] = length > 0.0 && k > 0 ? div_(axis[k], length) : 0.0;
+  if (length > 0.0) scaling.householder[1] = scaling.householder[1] + (reflected_up ? -1.0 : 1.0);
   // The reflection turns the axis into minus the sign of its first component.
   const double along = div_(1.0, eta * large);
   const double against = div_(large, eta);
-  scaling.stretch[0] = reflected_up ? along : against;
-  scaling.stretch[1] = reflected_up ? against : along;
-  for (int k = 2; k < M; ++k) scaling.stretch[k] = div_(1.0, eta);
+  scaling.inverse_eigenvalues[0] = reflected_up ? along : against;
+  scaling.inverse_eigenvalues[1] = reflected_up ? against : along;
+  for (int k = 2; k < M; ++k) scaling.inverse_eigenvalues[k] = div_(1.0, eta);
   scaling.rotate(scaling.lambda);
   return scaling;
 }

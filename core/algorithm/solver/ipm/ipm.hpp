@@ -49,7 +49,7 @@ struct Ipm {
     scale_cones(team, s, p);
     const double gap = complementarity(team, s, p);
     if (terms > 0.0 && !(gap > 0.0 && finite_(gap))) {
-      publish_point(team, s, p);
+      write_point(team, s, p);
       single(team,
              [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(finite_(gap) ? kFinished : kGaveUp); });
       return;
@@ -60,7 +60,7 @@ struct Ipm {
     if constexpr (kLaw == Law::coulomb)
       if (terms > 0.0) target = max_(target, div_(min_(kShiftGuard * drift, gap), terms));
     correct(team, s, p, target);
-    publish_point(team, s, p);
+    write_point(team, s, p);
     watch<kLaw>(team, s);
   }
 
@@ -93,7 +93,7 @@ struct Ipm {
 
   /// The point as the solve's numbers, inside the cones to the last bit.
   template <Team TeamT, class System>
-  static STICTION_HD_OUTLINE void publish_point(TeamT& team, System& s, const IpmSpace& p) {
+  static STICTION_HD_OUTLINE void write_point(TeamT& team, System& s, const IpmSpace& p) {
     using Real = typename System::Real;
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       using Shape = decltype(shape);

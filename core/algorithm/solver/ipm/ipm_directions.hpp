@@ -91,8 +91,8 @@ STICTION_HD_OUTLINE double predict(TeamT& team, const System& s, const IpmSpace&
 /// W^-1 of the solution of the linear system, rotated.
 template <int M>
 STICTION_HD void scaled_step(const ConeScaling<M>& scaling, const IpmSpace& p, Index row, double (&d)[M]) {
-  for (int k = 0; k < M; ++k) d[k] = p.step[row + k] * scaling.stretch[k];
-  ConeScaling<M>::fold(d);
+  for (int k = 0; k < M; ++k) d[k] = p.step[row + k] * scaling.inverse_eigenvalues[k];
+  ConeScaling<M>::to_sum_difference(d);
 }
 
 /// The step to complementarity `target` with the predictor's second-order term, taken as far as the cones allow.
@@ -118,15 +118,15 @@ STICTION_HD_OUTLINE void correct(TeamT& team, const System& s, const IpmSpace& p
       jordan_divide<kRows>(scaling.lambda, aim);
       store(aim, p.affine, row);
       scaling.to_frame(v);
-      ConeScaling<kRows>::fold(aim);
-      for (int k = 0; k < kRows; ++k) v[k] = fma_(scaling.stretch[k], aim[k], v[k]);
+      ConeScaling<kRows>::to_sum_difference(aim);
+      for (int k = 0; k < kRows; ++k) v[k] = fma_(scaling.inverse_eigenvalues[k], aim[k], v[k]);
     } else {
       const double d = p.affine[row];
       const double lower = div_(d, p.slack[row]);
       const double upper = div_(d, p.upper_slack[row]);
       p.lambda[row] = p.z[row] > 0.0 ? target + d * (p.z[row] * (1.0 + lower)) : 0.0;
-      p.stretch[row] = p.upper_z[row] > 0.0 ? target - d * (p.upper_z[row] * (1.0 - upper)) : 0.0;
-      v[0] = (div_(p.lambda[row], p.slack[row]) - div_(p.stretch[row], p.upper_slack[row])) - p.motion[row];
+      p.inverse_eigenvalues[row] = p.upper_z[row] > 0.0 ? target - d * (p.upper_z[row] * (1.0 - upper)) : 0.0;
+      v[0] = (div_(p.lambda[row], p.slack[row]) - div_(p.inverse_eigenvalues[row], p.upper_slack[row])) - p.motion[row];
       if (row_bounds(shape, s, cone).is_fixed()) v[0] = 0.0;
     }
     store(v, p.force, row);
@@ -149,14 +149,14 @@ STICTION_HD_OUTLINE void correct(TeamT& team, const System& s, const IpmSpace& p
       scaling.from_frame(point);
       store(point, p.step, row);
       // W^-1 of the scaled dual step, back in the cone's rows.
-      ConeScaling<kRows>::fold(dual);
-      for (int k = 0; k < kRows; ++k) dual[k] = (k < 2 ? 0.5 : 1.0) * (dual[k] * scaling.stretch[k]);
+      ConeScaling<kRows>::to_sum_difference(dual);
+      for (int k = 0; k < kRows; ++k) dual[k] = (k < 2 ? 0.5 : 1.0) * (dual[k] * scaling.inverse_eigenvalues[k]);
       scaling.from_frame(dual);
       store(dual, p.dual_step, row);
     } else {
       const double d = p.step[row];
       p.dual_step[row] = div_(p.lambda[row] - p.z[row] * d, p.slack[row]) - p.z[row];
-      p.upper_step[row] = div_(p.stretch[row] + p.upper_z[row] * d, p.upper_slack[row]) - p.upper_z[row];
+      p.upper_step[row] = div_(p.inverse_eigenvalues[row] + p.upper_z[row] * d, p.upper_slack[row]) - p.upper_z[row];
       if (p.z[row] > 0.0)
         reciprocal = max_(max_(div_(0.0 - d, p.slack[row]), div_(0.0 - p.dual_step[row], p.z[row])), reciprocal);
       if (p.upper_z[row] > 0.0)

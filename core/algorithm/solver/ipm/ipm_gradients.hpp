@@ -63,15 +63,15 @@ STICTION_HD void prepare_gradients(TeamT& team, const System& s, const IpmSpace&
     read_cone_block(s, row, K);
     if constexpr (Shape::kKind == ConeKind::friction) turn_block<kRows>(p.template scaling<kRows>(row), K);
     for (int k = 0; k < kRows; ++k) K[k][k] = K[k][k] + p.diagonal[row + k];
-    factor_cone_block(K, cone_place(p.cone_factor, row));
+    factor_cone_block(K, cone_block(p.cone_factor, row));
   });
 }
 
 /// step = K^-1 force to `accuracy`, or as near as kMostConeSteps come. Overwrites work.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void solve_by_gradients(TeamT& team, const System& s, const IpmSpace& p, double accuracy) {
-  solve_gradients(team, IpmOperator<System>{&s, &p}, {p.n, p.force, p.step, p.gradients, accuracy, kMostConeSteps},
-                  ConeBlocks<System>{&s, p.cone_factor});
+  conjugate_gradient(team, IpmOperator<System>{&s, &p}, {p.n, p.force, p.step, p.gradients, accuracy, kMostConeSteps},
+                     ConeBlocks<System>{&s, p.cone_factor});
 }
 
 /// step = (A + diag force)^-1 step, for the start. Overwrites work and dual_step. There is no reflection yet:

@@ -25,8 +25,8 @@ struct IpmSpace {
     kUpperStep,
     kAffine,
     kLambda,
-    kStretch,
-    kMirror,
+    kInverseEigenvalues,
+    kHouseholder,
     kForce,
     kWork,
     kVectors
@@ -35,28 +35,28 @@ struct IpmSpace {
   static constexpr Index kMatrixFreeVectors = kGradientVectors + kMaxConeRows + 1;  ///< vectors, instead of matrices
 
   Index n;
-  bool has_matrices;    ///< else steps are found by conjugate gradients, and A and K are not there
-  double* x;            ///< primal point
-  double* z;            ///< cone: dual; row: multiplier of the lower bound
-  double* slack;        ///< row: x - lo
-  double* upper_slack;  ///< row: hi - x
-  double* upper_z;      ///< row: multiplier of the upper bound
-  double* motion;       ///< A x + b, de Saxce's shift included
-  double* shift;        ///< that shift, on normal rows; zero elsewhere
-  double* step;         ///< solution of the linear system in the frames; then the step of x
-  double* dual_step;    ///< step of z
-  double* upper_step;   ///< step of upper_z
-  double* affine;       ///< predictor: cone: scaled step; row: step. Then cone: lambda \ d
-  double* lambda;       ///< cone: scaled point; row: target of slack z
-  double* stretch;      ///< cone: eigenvalues of W^-1; row: target of upper_slack upper_z
-  double* mirror;       ///< cone: reflection
-  double* force;        ///< right-hand side in the frames
-  double* work;         ///< scratch
-  DenseMatrix A;        ///< A + diag R
-  DenseMatrix K;        ///< Q' (A + diag R) Q + D, then its factor
-  double* diagonal;     ///< D
-  double* cone_factor;  ///< of the cone's block of K, from 6 row on
-  double* gradients;    ///< vectors of conjugate gradients
+  bool has_matrices;            ///< else steps are found by conjugate gradients, and A and K are not there
+  double* x;                    ///< primal point
+  double* z;                    ///< cone: dual; row: multiplier of the lower bound
+  double* slack;                ///< row: x - lo
+  double* upper_slack;          ///< row: hi - x
+  double* upper_z;              ///< row: multiplier of the upper bound
+  double* motion;               ///< A x + b, de Saxce's shift included
+  double* shift;                ///< that shift, on normal rows; zero elsewhere
+  double* step;                 ///< solution of the linear system in the frames; then the step of x
+  double* dual_step;            ///< step of z
+  double* upper_step;           ///< step of upper_z
+  double* affine;               ///< predictor: cone: scaled step; row: step. Then cone: lambda \ d
+  double* lambda;               ///< cone: scaled point; row: target of slack z
+  double* inverse_eigenvalues;  ///< cone: eigenvalues of W^-1; row: target of upper_slack upper_z
+  double* householder;          ///< cone: reflection
+  double* force;                ///< right-hand side in the frames
+  double* work;                 ///< scratch
+  DenseMatrix A;                ///< A + diag R
+  DenseMatrix K;                ///< Q' (A + diag R) Q + D, then its factor
+  double* diagonal;             ///< D
+  double* cone_factor;          ///< of the cone's block of K, from 6 row on
+  double* gradients;            ///< vectors of conjugate gradients
 
   template <class System>
   STICTION_HD explicit IpmSpace(const System& s) : n(s.n), has_matrices(s.has_matrices) {
@@ -73,8 +73,8 @@ struct IpmSpace {
     upper_step = take(kUpperStep);
     affine = take(kAffine);
     lambda = take(kLambda);
-    stretch = take(kStretch);
-    mirror = take(kMirror);
+    inverse_eigenvalues = take(kInverseEigenvalues);
+    householder = take(kHouseholder);
     force = take(kForce);
     work = take(kWork);
     double* const rest = take(kVectors);
@@ -89,8 +89,8 @@ struct IpmSpace {
   STICTION_HD ConeScaling<M> scaling(Index row) const {
     ConeScaling<M> result;
     for (int k = 0; k < M; ++k) {
-      result.stretch[k] = stretch[row + k];
-      result.mirror[k] = mirror[row + k];
+      result.inverse_eigenvalues[k] = inverse_eigenvalues[row + k];
+      result.householder[k] = householder[row + k];
       result.lambda[k] = lambda[row + k];
     }
     return result;

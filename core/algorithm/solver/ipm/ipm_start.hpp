@@ -85,7 +85,8 @@ STICTION_HD_OUTLINE double start_interior(TeamT& team, System& s, const IpmSpace
     using Shape = decltype(shape);
     for (int k = 0; k < Shape::kRows; ++k) {
       const Index i = row + k;
-      p.x[i] = p.z[i] = p.upper_z[i] = p.shift[i] = p.lambda[i] = p.stretch[i] = p.mirror[i] = p.affine[i] = 0.0;
+      p.x[i] = p.z[i] = p.upper_z[i] = p.shift[i] = p.lambda[i] = p.inverse_eigenvalues[i] = p.householder[i] =
+          p.affine[i] = 0.0;
       p.slack[i] = p.upper_slack[i] = 1.0;
       p.work[i] = k == 0 ? 1.0 : 0.0;
       p.force[i] = mean_diagonal<Shape::kRows>(s, p, row);

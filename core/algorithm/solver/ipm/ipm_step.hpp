@@ -34,8 +34,8 @@ STICTION_HD_OUTLINE void scale_cones(TeamT& team, const System& s, const IpmSpac
       load(p.z, row, z);
       const ConeScaling<Shape::kRows> scaling = scale_cone<Shape::kRows>(x, z);
       store(scaling.lambda, p.lambda, row);
-      store(scaling.stretch, p.stretch, row);
-      store(scaling.mirror, p.mirror, row);
+      store(scaling.inverse_eigenvalues, p.inverse_eigenvalues, row);
+      store(scaling.householder, p.householder, row);
     }
   });
 }

@@ -6,11 +6,12 @@
 /// The reaction of one compliant cone to a given motion u, and how it changes with u (docs/math/newton.md, (2)-(6)).
 namespace stiction::inline STICTION_ISA {
 
-/// Where on its law a cone is. Within kOpen and kHeld the reaction is affine in u; while a cone slides it is not.
+/// Where on its law a cone is. Within kSeparating and kSticking the reaction is affine in u; while a cone slides it is
+/// not.
 enum ConeZone : int {
-  kOpen = 0,  ///< at the cone's apex, or at a box's bound: the reaction does not change with u
-  kHeld,      ///< inside: x = -u / R
-  kSlides,    ///< on the boundary of a friction cone
+  kSeparating = 0,  ///< at the cone's apex, or at a box's bound: the reaction does not change with u
+  kSticking,        ///< inside: x = -u / R
+  kSliding,         ///< on the boundary of a friction cone
 };
 
 /// x(u) = argmin of x'Rx / 2 + u'x over the cone, with what its derivative is made of.
@@ -18,7 +19,7 @@ template <int M>
 struct CompliantPoint {
   double x[M];
   double u[M];  ///< the motion it answers
-  int zone;
+  int contact_state;
   double normal;     ///< sliding: x_n = norm(x_t)
   double stiffness;  ///< sliding: eta / normal, eta being the multiplier of the boundary
   double s[M];       ///< sliding: x_t / x_n, a unit vector; s[0] is not used
@@ -55,7 +56,7 @@ STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], c
     tau = next;
   }
   const double inverse = div_(1.0, sqrt_(squares));
-  point.zone = kSlides;
+  point.contact_state = kSliding;
   point.normal = tau;
   point.stiffness = tau > eta * 0x1p-400 ? div_(eta, tau) : 0x1p+400;
   point.x[0] = tau;
@@ -74,21 +75,21 @@ STICTION_HD_OUTLINE CompliantPoint<M> compliant_point(Shape, const double (&u)[M
     point.x[k] = div_(0.0 - u[k], R[k]);
     point.u[k] = u[k];
   }
-  point.zone = kHeld;
+  point.contact_state = kSticking;
   if constexpr (Shape::kKind == ConeKind::unilateral) {
     if (!(point.x[0] > 0.0)) {
       point.x[0] = 0.0;
-      point.zone = kOpen;
+      point.contact_state = kSeparating;
     }
   } else if constexpr (Shape::kKind == ConeKind::box) {
     if (!(point.x[0] > lo && point.x[0] < hi)) {
       point.x[0] = clamp_(point.x[0], lo, hi);
-      point.zone = kOpen;
+      point.contact_state = kSeparating;
     }
   } else if constexpr (Shape::kKind == ConeKind::friction) {
     if (tangential_norm<M>(u) <= u[0]) {
       for (int k = 0; k < M; ++k) point.x[k] = 0.0;
-      point.zone = kOpen;
+      point.contact_state = kSeparating;
     } else if (!(tangential_norm<M>(point.x) <= point.x[0])) {
       slide(point, u, R);
     }
@@ -104,10 +105,10 @@ STICTION_HD_OUTLINE void compliance_factor(Shape, const CompliantPoint<M>& point
                                            double (&C)[M][M]) {
   for (int i = 0; i < M; ++i)
     for (int j = 0; j < M; ++j) C[i][j] = 0.0;
-  if (point.zone == kHeld)
+  if (point.contact_state == kSticking)
     for (int k = 0; k < M; ++k) C[k][k] = div_(1.0, sqrt_(R[k]));
   if constexpr (Shape::kKind == ConeKind::friction) {
-    if (point.zone != kSlides) return;
+    if (point.contact_state != kSliding) return;
     // Columns of T: (1, s), then what the reflection that maps s to an axis makes of the other axes.
     double reflector[M];
     for (int k = 1; k < M; ++k) reflector[k] = point.s[k];

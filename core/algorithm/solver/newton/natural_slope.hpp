@@ -18,14 +18,14 @@ struct NaturalSlope {
   double P[M][M];
   double turn[M];  ///< derivative of norm(y_t)
   double D;
-  double pull;
+  double prox_weight;
 
   /// The cone's rows of F' v from its rows of v and of (A + R) v.
   STICTION_HD void apply(const double (&v)[M], const double (&image)[M], double (&out)[M]) const {
     double motion[M];
     for (int k = 0; k < M; ++k) motion[k] = image[k];
     for (int k = 1; k < M; ++k) motion[0] = fma_(turn[k], motion[k], motion[0]);
-    for (int k = 0; k < M; ++k) motion[k] = D * (motion[k] + pull * v[k]);
+    for (int k = 0; k < M; ++k) motion[k] = D * (motion[k] + prox_weight * v[k]);
     for (int i = 0; i < M; ++i) {
       out[i] = v[i];
       for (int k = 0; k < M; ++k) out[i] = fma_(P[i][k], motion[k] - v[k], out[i]);

@@ -30,7 +30,7 @@ struct Newton {
   static STICTION_HD_OUTLINE void load(TeamT& team, const EnvView<Real>& env, System& s) {
     const NewtonWorkspace workspace = newton_room(s);
     const Real scale_a = s.scalar[kScaleA];
-    for_each_place(team, env, s, [&](Index cone, ConePlace place) {
+    for_each_slot(team, env, s, [&](Index cone, ConeSlot place) {
       const Index first = env.cone_row(cone);
       const Index size = env.cone_size(cone);
       for (Index k = 0; k < size; ++k) {

@@ -17,16 +17,16 @@ enum NewtonVector : Index {
   kGap,             ///< zeta - x(u); proximal: what the natural map is off by
   kStep,            ///< Newton's direction d
   kImage,           ///< A d; proximal: (A + R) d
-  kOfCone,          ///< by cone: what a sum over cones is made of
-  kOfConeToo,       ///< the same
-  kZones,           ///< by cone: ConeZone at the last factorisation
+  kConeSlope,       ///< by cone: what a sum over cones is made of
+  kConeCurvature,   ///< the same
+  kContactStates,   ///< by cone: ConeZone at the last factorisation
   kUnknown,         ///< right-hand side and solution of the factored system
   kFactor,          ///< C, six columns: entry (k, j) of the cone at row r at 6 (r + k) + j
   kNewtonVectors = kFactor + 6,
-  kCentre = kZones,            ///< proximal: the point that the proximal term pulls to
-  kPivots = kFactor,           ///< proximal: exchanged rows
-  kTrial = kFactor + 1,        ///< proximal: the point tried
-  kTrialMotion = kFactor + 2,  ///< proximal: its motion
+  kProxCenter = kContactStates,  ///< proximal: the point that the proximal term pulls to
+  kPivots = kFactor,             ///< proximal: exchanged rows
+  kTrial = kFactor + 1,          ///< proximal: the point tried
+  kTrialMotion = kFactor + 2,    ///< proximal: its motion
   // Instead of matrices.
   kDiagonal = kNewtonVectors,  ///< of A; proximal: of A + R
   kTurned,                     ///< primal: C times a vector; proximal: derivative of norm(y_t)

@@ -26,7 +26,7 @@ STICTION_HD void guess_unknown(Shape, const NewtonWorkspace& workspace, Index ro
   double along = 0.0;
   for (int k = 0; k < M; ++k) force[k] = R[k] * workspace.vector(kGap)[row + k];
   if constexpr (Shape::kKind == ConeKind::friction)
-    if (point.zone == kSlides) {
+    if (point.contact_state == kSliding) {
       for (int k = 1; k < M; ++k) along = fma_(point.s[k], workspace.vector(kGap)[row + k], along);
       for (int k = 1; k < M; ++k) {
         const double across = fma_(0.0 - along, point.s[k], workspace.vector(kGap)[row + k]);
@@ -94,7 +94,7 @@ STICTION_HD_OUTLINE void prepare_curvature(TeamT& team, const System& s) {
         for (int k = 0; k < kRows; ++k) K[i][j] = fma_(C[6 * k + i], image[k], K[i][j]);
       }
     }
-    factor_cone_block(K, cone_place(workspace.vector(kConeFactors), row));
+    factor_cone_block(K, cone_block(workspace.vector(kConeFactors), row));
   });
 }
 
@@ -104,9 +104,9 @@ STICTION_HD_OUTLINE void solve_curvature_by_gradients(TeamT& team, const System&
   const NewtonWorkspace workspace = newton_room(s);
   double* const t = workspace.vector(kUnknown);
   double* const found = workspace.vector(kImage);
-  solve_gradients(team, CurvatureOperator<System>{&s},
-                  {s.n, t, found, workspace.vector(kGradients), accuracy, kMostPrimalSteps},
-                  ConeBlocks<System>{&s, workspace.vector(kConeFactors)});
+  conjugate_gradient(team, CurvatureOperator<System>{&s},
+                     {s.n, t, found, workspace.vector(kGradients), accuracy, kMostPrimalSteps},
+                     ConeBlocks<System>{&s, workspace.vector(kConeFactors)});
   for_each(team, s.n, [&](Index i) { t[i] = found[i]; });
 }
 

@@ -42,7 +42,7 @@ STICTION_HD_OUTLINE void start_primal(TeamT& team, System& s) {
       if (!(R[row + k] > 0.0)) R[row + k] = R[row];
       workspace.vector(kPoint)[row + k] = static_cast<double>(s.x[row + k]);
     }
-    workspace.vector(kZones)[cone] = -1.0;
+    workspace.vector(kContactStates)[cone] = -1.0;
   });
   renew_motion<false>(team, s, kPoint, kMotion);
 }
@@ -66,10 +66,10 @@ STICTION_HD_OUTLINE bool linearise(TeamT& team, System& s) {
     }
     if constexpr (kMultipliesWide<System>)
       if (!workspace.has_matrices) guess_unknown(shape, workspace, row, point, R, C);
-    double& zone = workspace.vector(kZones)[cone];
-    const auto now = static_cast<double>(point.zone);
-    if (zone != now || point.zone == kSlides) changed = 1.0;
-    zone = now;
+    double& contact_state = workspace.vector(kContactStates)[cone];
+    const auto now = static_cast<double>(point.contact_state);
+    if (contact_state != now || point.contact_state == kSliding) changed = 1.0;
+    contact_state = now;
   });
   return team.max(changed) > 0.0;
 }
@@ -169,7 +169,7 @@ STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double acc
 
 /// phi' and phi'' on the line, at zeta + alpha d.
 template <Team TeamT, class System>
-STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double alpha) {
+STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const System& s, double alpha) {
   const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
@@ -197,11 +197,11 @@ STICTION_HD_OUTLINE LinePoint look_along(TeamT& team, const System& s, double al
       for (int k = 0; k < kRows; ++k) sum = fma_(C[k][j], image[k], sum);
       curvature = fma_(sum, sum, curvature);
     }
-    workspace.vector(kOfCone)[cone] = slope;
-    workspace.vector(kOfConeToo)[cone] = curvature;
+    workspace.vector(kConeSlope)[cone] = slope;
+    workspace.vector(kConeCurvature)[cone] = curvature;
   });
-  const double slope = sum_values(team, workspace.vector(kOfCone), s.cones);
-  return {slope, sum_values(team, workspace.vector(kOfConeToo), s.cones)};
+  const double slope = sum_values(team, workspace.vector(kConeSlope), s.cones);
+  return {slope, sum_values(team, workspace.vector(kConeCurvature), s.cones)};
 }
 
 /// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
@@ -230,16 +230,16 @@ STICTION_HD_OUTLINE bool iterate_primal(TeamT& team, System& s) {
   if (linearise(team, s)) factor_curvature(team, s);
   find_direction(team, s, kPrimalAccuracy);
   double noise = slope_noise(team, s);
-  LinePoint here = look_along(team, s, 0.0);
+  LinePoint here = evaluate_along(team, s, 0.0);
   if (!workspace.has_matrices && !(here.slope < 0.0 - noise)) {
     find_direction(team, s, kPrimalCare);
     noise = slope_noise(team, s);
-    here = look_along(team, s, 0.0);
+    here = evaluate_along(team, s, 0.0);
   }
   const bool is_exhausted = !(here.slope < 0.0 - noise);
   const double alpha =
       is_exhausted ? 1.0
-                   : search_line([&](double at) { return look_along(team, s, at); }, here.slope, kSlopeLeft, noise);
+                   : search_line([&](double at) { return evaluate_along(team, s, at); }, here.slope, kSlopeLeft, noise);
   for_each(team, s.n, [&](Index i) {
     workspace.vector(kPoint)[i] = fma_(alpha, workspace.vector(kStep)[i], workspace.vector(kPoint)[i]);
   });

@@ -23,7 +23,7 @@ STICTION_HD void keep_slope(const NewtonWorkspace& workspace, Index row, const N
   }
 }
 template <int M, class System>
-STICTION_HD NaturalSlope<M> kept_slope(const System& s, Index cone, Index row, double pull) {
+STICTION_HD NaturalSlope<M> kept_slope(const System& s, Index cone, Index row, double prox_weight) {
   const NewtonWorkspace workspace = newton_room(s);
   NaturalSlope<M> slope;
   for (int i = 0; i < M; ++i) {
@@ -32,7 +32,7 @@ STICTION_HD NaturalSlope<M> kept_slope(const System& s, Index cone, Index row, d
       slope.P[i][k] = workspace.vector(kDerivative)[Offset{kConeBlockWorkspace} * (row + i) + k];
   }
   slope.D = natural_step(s, cone);
-  slope.pull = pull;
+  slope.prox_weight = prox_weight;
   return slope;
 }
 
@@ -40,7 +40,7 @@ STICTION_HD NaturalSlope<M> kept_slope(const System& s, Index cone, Index row, d
 template <class System>
 struct NaturalOperator {
   const System* s;
-  double pull;
+  double prox_weight;
 
   template <Team TeamT>
   STICTION_HD_OUTLINE void apply(TeamT& team, const double* v, double* out) const {
@@ -52,7 +52,7 @@ struct NaturalOperator {
       double result[kRows];
       load(v, row, own);
       for (int k = 0; k < kRows; ++k) image[k] = wide_row(*s, row + k, v);
-      kept_slope<kRows>(*s, cone, row, pull).apply(own, image, result);
+      kept_slope<kRows>(*s, cone, row, prox_weight).apply(own, image, result);
       store(result, out, row);
     });
   }
@@ -103,7 +103,7 @@ struct InvertedBlocks {
   STICTION_HD_OUTLINE void apply(TeamT& team, const double* r, double* z) const {
     s->for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
-      const double* const inverse = cone_place(newton_room(*s).vector(kConeFactors), row);
+      const double* const inverse = cone_block(newton_room(*s).vector(kConeFactors), row);
       double v[kRows];
       double product[kRows];
       load(r, row, v);
@@ -133,19 +133,19 @@ STICTION_HD void prepare_slope(const System& s, Index row, const NaturalSlope<M>
     slope.apply(v, image, column);
     for (int k = 0; k < M; ++k) K[k][j] = column[k];
   }
-  invert_cone_block(K, cone_place(workspace.vector(kConeFactors), row));
+  invert_cone_block(K, cone_block(workspace.vector(kConeFactors), row));
 }
 
 /// kStep becomes the solution for the right-hand side that it is. Overwrites kUnknown.
 template <Team TeamT, class System>
-STICTION_HD_OUTLINE void solve_natural_by_gradients(TeamT& team, const System& s, double pull) {
+STICTION_HD_OUTLINE void solve_natural_by_gradients(TeamT& team, const System& s, double prox_weight) {
   const NewtonWorkspace workspace = newton_room(s);
   double* const d = workspace.vector(kStep);
   double* const force = workspace.vector(kUnknown);
   for_each(team, s.n, [&](Index i) { force[i] = d[i]; });
-  solve_stabilized(team, NaturalOperator<System>{&s, pull},
-                   {s.n, force, d, workspace.vector(kGradients), kProximalAccuracy, kMostProximalSteps},
-                   InvertedBlocks<System>{&s});
+  bicgstab(team, NaturalOperator<System>{&s, prox_weight},
+           {s.n, force, d, workspace.vector(kGradients), kProximalAccuracy, kMostProximalSteps},
+           InvertedBlocks<System>{&s});
 }
 
 }  // namespace stiction::inline STICTION_ISA

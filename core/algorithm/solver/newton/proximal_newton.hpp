@@ -31,7 +31,8 @@ struct ProximalPoint {
 
 template <Law kLaw, class Shape, class System, int M>
 STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, Index cone, const double (&x)[M],
-                                                  const double (&y)[M], const double (&centre)[M], double pull) {
+                                                  const double (&y)[M], const double (&prox_center)[M],
+                                                  double prox_weight) {
   ProximalPoint<M> point;
   const double D = natural_step(s, cone);
   point.weight = div_(1.0, D);
@@ -45,7 +46,7 @@ STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, 
   double g[M];
   double projected[M];
   for (int k = 0; k < M; ++k) {
-    g[k] = fma_(pull, x[k] - centre[k], k == 0 ? y[k] + shift : y[k]);
+    g[k] = fma_(prox_weight, x[k] - prox_center[k], k == 0 ? y[k] + shift : y[k]);
     point.z[k] = projected[k] = fma_(0.0 - D, g[k], x[k]);
   }
   double still[M] = {};
@@ -60,33 +61,33 @@ struct Merit {
   double proximal;
 };
 template <Law kLaw, Team TeamT, class System>
-STICTION_HD_OUTLINE Merit merit_at(TeamT& team, const System& s, Index point, Index motion, double pull) {
+STICTION_HD_OUTLINE Merit merit_at(TeamT& team, const System& s, Index point, Index motion, double prox_weight) {
   const NewtonWorkspace workspace = newton_room(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
-    double centre[kRows];
+    double prox_center[kRows];
     read_cone(workspace.vector(point), row, x);
     read_cone(workspace.vector(motion), row, y);
-    read_cone(workspace.vector(kCentre), row, centre);
+    read_cone(workspace.vector(kProxCenter), row, prox_center);
     const auto squares = [&](double weight) {
-      const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, weight);
+      const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, prox_center, weight);
       double sum = 0.0;
       for (int k = 0; k < kRows; ++k) sum = fma_(at.gap[k], at.gap[k], sum);
       return (sum * at.weight) * at.weight;
     };
-    workspace.vector(kOfCone)[cone] = squares(0.0);
-    workspace.vector(kOfConeToo)[cone] = squares(pull);
+    workspace.vector(kConeSlope)[cone] = squares(0.0);
+    workspace.vector(kConeCurvature)[cone] = squares(prox_weight);
   });
-  const double natural = sum_values(team, workspace.vector(kOfCone), s.cones);
-  return {natural, sum_values(team, workspace.vector(kOfConeToo), s.cones)};
+  const double natural = sum_values(team, workspace.vector(kConeSlope), s.cones);
+  return {natural, sum_values(team, workspace.vector(kConeCurvature), s.cones)};
 }
 
 /// Gap and derivative of the proximal natural map: the second matrix becomes F', its cones' blocks where it has no
 /// room.
 template <Law kLaw, Team TeamT, class System>
-STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double pull) {
+STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double prox_weight) {
   const NewtonWorkspace workspace = newton_room(s);
   const DenseMatrix A = workspace.matrix(0);
   const DenseMatrix K = workspace.matrix(1);
@@ -95,12 +96,12 @@ STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double
     constexpr int kRows = decltype(shape)::kRows;
     double x[kRows];
     double y[kRows];
-    double centre[kRows];
+    double prox_center[kRows];
     read_cone(workspace.vector(kPoint), row, x);
     read_cone(workspace.vector(kMotion), row, y);
-    read_cone(workspace.vector(kCentre), row, centre);
-    const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, centre, pull);
-    NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), pull};
+    read_cone(workspace.vector(kProxCenter), row, prox_center);
+    const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, prox_center, prox_weight);
+    NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), prox_weight};
     projection_derivative(shape, at.z, at.lo, at.hi, slope.P);
     if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb) {
       const double length = tangential_norm<kRows>(y);
@@ -129,11 +130,11 @@ STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double
 
 /// kStep, the right-hand side, becomes the solution.
 template <Team TeamT, class System>
-STICTION_HD_OUTLINE void solve_natural(TeamT& team, const System& s, double pull) {
+STICTION_HD_OUTLINE void solve_natural(TeamT& team, const System& s, double prox_weight) {
   const NewtonWorkspace workspace = newton_room(s);
   if constexpr (kMultipliesWide<System>)
     if (!workspace.has_matrices) {
-      solve_natural_by_gradients(team, s, pull);
+      solve_natural_by_gradients(team, s, prox_weight);
       return;
     }
   factor_lu(team, workspace.matrix(1), workspace.vector(kPivots));
@@ -143,12 +144,12 @@ STICTION_HD_OUTLINE void solve_natural(TeamT& team, const System& s, double pull
 /// Mean diagonal of A + R, the unit of the proximal term's weight.
 template <class Real, Team TeamT>
 STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonWorkspace& workspace) {
-  const double trace = sum_leaves<double>(team, [&](Index leaf) {
+  const double diagonal_sum = sum_leaves<double>(team, [&](Index leaf) {
     double sum = 0.0;
     for (Index i = leaf; i < workspace.n; i += kReduceLeaves) sum = sum + workspace.diagonal(i);
     return sum;
   });
-  const double mean = div_(trace, static_cast<double>(workspace.n));
+  const double mean = div_(diagonal_sum, static_cast<double>(workspace.n));
   return static_cast<Real>(mean > 0.0 ? mean : 1.0);
 }
 
@@ -188,8 +189,9 @@ STICTION_HD_OUTLINE void sweep_closer(TeamT& team, System& s,
   }
   for (int k = 0; k < kSweepsBefore; ++k) Npgs::iterate<kLaw>(team, s, params);
   Npgs::refresh(team, s, true);
-  for_each(team, s.n,
-           [&](Index i) { workspace.vector(kPoint)[i] = workspace.vector(kCentre)[i] = static_cast<double>(s.x[i]); });
+  for_each(team, s.n, [&](Index i) {
+    workspace.vector(kPoint)[i] = workspace.vector(kProxCenter)[i] = static_cast<double>(s.x[i]);
+  });
   renew_motion<true>(team, s, kPoint, kMotion);
 }
 
@@ -233,18 +235,18 @@ STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
   const Real weight = s.scalar[kLipschitz];
   team.sync();
   if (weight < Real(0)) sweep_closer<kLaw>(team, s, params);
-  const auto pull = static_cast<double>(abs_(weight));
-  const Merit here = merit_at<kLaw>(team, s, kPoint, kMotion, pull);
+  const auto prox_weight = static_cast<double>(abs_(weight));
+  const Merit here = merit_at<kLaw>(team, s, kPoint, kMotion, prox_weight);
   const double noise = merit_noise(team, s);
-  linearise_proximal<kLaw>(team, s, pull);
-  solve_natural(team, s, pull);
+  linearise_proximal<kLaw>(team, s, prox_weight);
+  solve_natural(team, s, prox_weight);
   double length = 1.0;
   Merit there = here;
   bool is_better = false;
   for (int trial = 0; trial <= kBacktracks && !is_better; ++trial) {
     if (trial > 0) length = 0.5 * length;
     try_step(team, s, length);
-    there = merit_at<kLaw>(team, s, kTrial, kTrialMotion, pull);
+    there = merit_at<kLaw>(team, s, kTrial, kTrialMotion, prox_weight);
     is_better = there.proximal < (1.0 - 1e-4 * length) * here.proximal;
   }
   const bool is_solved = is_better && there.proximal <= (kInnerPart * kInnerPart) * there.natural;
@@ -253,7 +255,7 @@ STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
       const double x = workspace.vector(kTrial)[i];
       workspace.vector(kPoint)[i] = x;
       workspace.vector(kMotion)[i] = workspace.vector(kTrialMotion)[i];
-      if (is_solved) workspace.vector(kCentre)[i] = x;
+      if (is_solved) workspace.vector(kProxCenter)[i] = x;
       s.x[i] = static_cast<Real>(x);
     });
   }

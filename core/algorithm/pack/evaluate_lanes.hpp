@@ -4,14 +4,14 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/base/four_rows.hpp"
 
-/// Guests of a pack that may have their answers: published and judged together, with the operations that publish() and
-/// final_residual() have for one.
+/// Guests of a pack that may have their answers: published and judged together, with the operations that
+/// write_solution() and final_residual() have for one.
 namespace stiction::inline STICTION_ISA {
 
 /// The motion of an environment's reactions, of which `wide` are doubles and then four zeros, to the batch and to
 /// `motion`.
 template <class Real>
-void publish_motion(const EnvView<Real>& env, const double* wide, double* motion) {
+void write_motion(const EnvView<Real>& env, const double* wide, double* motion) {
   using Four = Pack<double, 4>;
   constexpr Index kFour = 4;
   const bool is_by_four = env.is_full && env.n >= kFour;
@@ -34,25 +34,26 @@ void publish_motion(const EnvView<Real>& env, const double* wide, double* motion
 
 /// The reactions of one lane to where the batch has them, and their motion, to the batch and into the lane.
 template <class Real, int W>
-void publish_lane(const EnvView<Real>& env, const PackWorkspace<Real, W>& workspace, int lane) {
+void write_lane(const EnvView<Real>& env, const PackWorkspace<Real, W>& workspace, int lane) {
   const Index* const batch_row = workspace.rows_of(lane);
   const auto lambda = PackWorkspace<Real, W>::lane_of(workspace.lambda, lane);
   for (Index r = 0; r < workspace.n; ++r)
     if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
   for (Index i = 0; i < env.n; ++i) workspace.wide[i] = static_cast<double>(env.lambda[i]);
   for (Index i = env.n; i < env.n + PackWorkspace<Real, W>::kFour; ++i) workspace.wide[i] = 0.0;
-  publish_motion(env, workspace.wide, workspace.moved);
+  write_motion(env, workspace.wide, workspace.moved);
   for (Index r = 0; r < workspace.n; ++r)
     workspace.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : workspace.moved[batch_row[r]];
 }
 
 /// Natural maps and what roundings hide of them in some lanes, from `first` on.
 template <Law kLaw, class Real, int W>
-void judge_lanes_from(int first, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, Judgement* judged) {
+void evaluate_lanes_from(int first, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
+                         FinalResidual* evaluated) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   const auto wide = [first](const Pack<Real, W>& lanes) { return widened(lanes, first); };
   Wide largest(0.0);
-  Wide blur(0.0);
+  Wide rounding_floor(0.0);
   for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
@@ -72,17 +73,17 @@ void judge_lanes_from(int first, const ConeCounts& slots, const PackWorkspace<Re
       load_lanes(workspace.weight + Offset{cone} * W + first, a);
       largest =
           max_(natural_map_square<kLaw>(shape, x, y, a, wide(workspace.lo[cone]), wide(workspace.hi[cone])), largest);
-      blur = max_(blur_of<kLaw>(x, y, a), blur);
+      rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), rounding_floor);
     }
   });
   largest = sqrt_(largest);
-  for (int l = 0; l < kWideLanes<Real, W>; ++l) judged[first + l] = {largest.v[l], blur.v[l]};
+  for (int l = 0; l < kWideLanes<Real, W>; ++l) evaluated[first + l] = {largest.v[l], rounding_floor.v[l]};
 }
 
-/// Publishes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and judges them.
+/// Writes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and evaluates them.
 template <Law kLaw, class Real, int W>
-void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                 const EnvView<Real>* const* envs, const int* asked, int count, Judgement* judged) {
+void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                    const EnvView<Real>* const* envs, const int* asked, int count, FinalResidual* evaluated) {
   using Lanes = Pack<Real, W>;
   constexpr int kWide = kWideLanes<Real, W>;
   const Lanes unscale = div_(pack.scalar[kScaleA], pack.scalar[kScaleB]);
@@ -90,24 +91,25 @@ void judge_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Rea
     workspace.lambda[r] = canonical_zero((pack.best[r] * workspace.scale[r]) * unscale);
   bool is_asked[W] = {};
   for (int k = 0; k < count; ++k) {
-    publish_lane(*envs[asked[k]], workspace, asked[k]);
+    write_lane(*envs[asked[k]], workspace, asked[k]);
     is_asked[asked[k]] = true;
   }
   for (int first = 0; first < W; first += kWide) {
     bool any_here = false;
     for (int l = first; l < first + kWide; ++l) any_here = any_here || is_asked[l];
-    if (any_here) judge_lanes_from<kLaw>(first, pack.counts, workspace, judged);
+    if (any_here) evaluate_lanes_from<kLaw>(first, pack.counts, workspace, evaluated);
   }
 }
 
-/// settle() of one lane of `asked`, with what judge_lanes() has found. `scale`: residual_scale(). An answer worth less
-/// than none goes the way of a single environment.
+/// check_convergence() of one lane of `asked`, with what evaluate_lanes() has found. `scale`: residual_scale(). An
+/// answer worth less than none goes the way of a single environment.
 template <class Method, Team TeamT, class Real, class System>
-bool settle_judged(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule, const Look& look,
-                   const Judgement& judged, double scale, EnvProgress<Real>& progress) {
-  const double absolute = seen_residual(judged, rule.tolerance * scale);
-  if (look.ended && is_collapsed(div_(absolute, scale))) return answer<Method>(team, env, s, rule, look, progress);
-  return conclude<Method>(team, env, rule, look, s.scalar[kBestResidual], absolute, scale, progress);
+bool check_evaluated(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule, const EnvPoll& poll,
+                     const FinalResidual& evaluated, double scale, EnvProgress<Real>& progress) {
+  const double absolute = reported_residual(evaluated, rule.tolerance * scale);
+  if (poll.ended && is_collapsed(div_(absolute, scale)))
+    return evaluate_candidate<Method>(team, env, s, rule, poll, progress);
+  return finalize<Method>(team, env, rule, poll, s.scalar[kBestResidual], absolute, scale, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -23,7 +23,7 @@ template <class Real>
 struct BundleHead {
   struct Slot {
     EnvProgress<Real> progress;
-    unsigned char window;  ///< of registers that its iterations fit into, as window_of() says
+    unsigned char window;  ///< of registers that its iterations fit into, as register_capacity() says
     Offset env;
   };
   Slot slot[cuda::kBundle];
@@ -35,7 +35,7 @@ struct BundleHead {
 /// unfinished move together and the lanes set free take new environments, so that no warp waits for a slow lane while
 /// there is work. What moves is the assignment of lanes to slots; an environment stays where it was loaded.
 template <class Method, Law kLaw, class Real>
-struct SolveBundles {
+struct SolveThreadPerEnv {
   using Args = cuda::SolveArgs<Real>;
   using Head = BundleHead<Real>;
   static constexpr bool kSerial = false;
@@ -59,7 +59,7 @@ struct SolveBundles {
     for (;;) {
       Index taken = 0;
       while (more && active + taken + cuda::kBundleIntake <= cuda::kBundle) {
-        const Offset first = begin + cuda::kBundleIntake * team.fetch(args.queue.ticket + size_class);
+        const Offset first = begin + cuda::kBundleIntake * team.fetch(args.queue.work_counter + size_class);
         const Offset rest = end - first;
         const Index count = rest < cuda::kBundleIntake ? static_cast<Index>(rest) : cuda::kBundleIntake;
         more = count > 0;
@@ -98,11 +98,11 @@ struct SolveBundles {
     slot.progress = EnvProgress<Real>{};
     slot.progress.flags = prepare<Method, kLaw>(team, env, system);
     if (!is_solvable(slot.progress.flags)) {
-      refuse(team, env, Method::kKind, slot.progress.flags);
+      reject(team, env, Method::kKind, slot.progress.flags);
       return 0;
     }
-    if constexpr (kHasWindows<Method, Real>) slot.window = static_cast<unsigned char>(window_of(system));
-    return settle<Method>(team, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
+    if constexpr (kHasWindows<Method, Real>) slot.window = static_cast<unsigned char>(register_capacity(system));
+    return check_convergence<Method>(team, env, system, stop_rule(args.job, slot.env), slot.progress) ? 0 : 1;
   }
 
   /// One chunk; whether there is anything left to do.
@@ -111,13 +111,13 @@ struct SolveBundles {
     const EnvView<Real> env = slice(args.job, slot.env);
     auto system = system_of(args, workspace, index, env);
     const StopRule rule = stop_rule(args.job, slot.env);
-    const MethodParams<Real> params{args.job.omega, args.job.is_rung()};
+    const MethodParams<Real> params{args.job.omega, args.job.is_fallback_stage()};
     if constexpr (kHasWindows<Method, Real>) {
       advance_chunk<Method, kLaw>(team, system, params, rule, slot.progress, slot.window);
     } else {
       advance_chunk<Method, kLaw>(team, system, params, rule, slot.progress);
     }
-    return settle<Method>(team, env, system, rule, slot.progress) ? 0 : 1;
+    return check_convergence<Method>(team, env, system, rule, slot.progress) ? 0 : 1;
   }
 
   /// Moves the unfinished to the front if that frees a warp, or lanes for new environments; returns how many are to be

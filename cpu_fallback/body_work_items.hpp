@@ -9,20 +9,20 @@
 namespace stiction::cpu {
 
 /// A piece of work for one thread.
-struct BodyWork {
+struct BodyWorkItem {
   std::vector<Offset> envs;
   PackShape shape;      ///< layout of the pack
   bool packed = false;  ///< through the lanes of a pack, else one by one
 };
 
 /// Who solves what.
-struct BodyDeal {
-  std::vector<BodyWork> work;
+struct BodyWorkItems {
+  std::vector<BodyWorkItem> work;
   std::vector<Offset> large;  ///< environments that get a team of threads each
 };
 
 /// What dealing out depends on; only speed depends on how it is done.
-struct BodyDealRules {
+struct BodyWorkItemRules {
   int threads = 1;
   int pack_width = 1;  ///< 1: no packs
   /// Bytes of a pack of that room.
@@ -31,7 +31,7 @@ struct BodyDealRules {
 
 /// Environments of like size share packs; among equals those whose contacts are between the same bodies come together,
 /// since their lanes then find twists side by side. The two arrays are those of the batch.
-BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, const Offset* env_contact_offsets,
-                  const BodyDealRules& rules);
+BodyWorkItems make_body_work_items(const BodyPlanData& plan, const Offset* env_body_offsets,
+                                   const Offset* env_contact_offsets, const BodyWorkItemRules& rules);
 
 }  // namespace stiction::cpu

@@ -74,11 +74,11 @@ ContactBatch<double> mixed_batch(int count) {
   return batch_of(environments, Law::convex);
 }
 
-TEST(ShareOut, ThreadsCoverEverythingOnce) {
+TEST(ParallelFor, ThreadsCoverEverythingOnce) {
   for (const int threads : {1, 2, 8})
     for (const Offset count : {0, 1, 511, 512, 513, 5000}) {
       std::vector<std::atomic<int>> seen(static_cast<std::size_t>(count));
-      cpu::share_out(threads, count, [&](Offset begin, Offset end) {
+      cpu::parallel_for(threads, count, [&](Offset begin, Offset end) {
         EXPECT_LT(begin, end);
         for (Offset i = begin; i < end; ++i) ++seen[static_cast<std::size_t>(i)];
       });
@@ -86,7 +86,7 @@ TEST(ShareOut, ThreadsCoverEverythingOnce) {
     }
 }
 
-TEST(ShareOut, PlansAreTheSame) {
+TEST(ParallelFor, PlansAreTheSame) {
   const ContactBatch<double> batch = mixed_batch(100);
   const PlanData whole = make_plan(batch.view()), parts = make_plan(batch.view(), from_behind);
   EXPECT_EQ(parts.path, whole.path);
@@ -108,12 +108,13 @@ TEST(ShareOut, PlansAreTheSame) {
     EXPECT_NE(std::find(whole.path.begin(), whole.path.end(), path), whole.path.end());
 }
 
-TEST(ShareOut, DefectsAreTheSame) {
+TEST(ParallelFor, DefectsAreTheSame) {
   ContactBatch<double> batch = mixed_batch(100);
   const auto view = batch.view();
   std::vector<FullRows> rows_of_whole, rows_of_parts;
-  const auto look = [&](const ContactBatchView<double>& at, const ShareOut& share_out, std::vector<FullRows>& rows) {
-    return messages(validate(at, 5, SolverKind::npgs, share_out, rows));
+  const auto look = [&](const ContactBatchView<double>& at, const ParallelFor& parallel_for,
+                        std::vector<FullRows>& rows) {
+    return messages(validate(at, 5, SolverKind::npgs, parallel_for, rows));
   };
   EXPECT_TRUE(look(view, all_at_once, rows_of_whole).empty());
   EXPECT_TRUE(look(view, from_behind, rows_of_parts).empty());
@@ -189,7 +190,7 @@ TEST(Survey, PassesWhatIsNoDefect) {
   }
 }
 
-TEST(ShareOut, BodiesAreTheSame) {
+TEST(ParallelFor, BodiesAreTheSame) {
   std::vector<BodyEnvironment<double>> environments;
   for (std::uint64_t seed = 0; seed < 60; ++seed)
     environments.push_back(random_bodies(seed, 2 + static_cast<Index>(seed % 9), static_cast<Index>(seed % 40)));

@@ -1,4 +1,4 @@
-#include "cpu_fallback/partition.hpp"
+#include "cpu_fallback/work_items.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -35,8 +35,8 @@ Offset work(const ConeCounts& counts) {
 
 }  // namespace
 
-std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
-                                std::size_t scalar_bytes, int threads) {
+std::vector<WorkItem> make_work_items(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
+                                      std::size_t scalar_bytes, int threads) {
   std::vector<WorkItem> items;
   const auto one_by_one = [&](std::span<const Offset> envs) {
     constexpr std::size_t kRun = 8;

@@ -57,7 +57,7 @@ TEST_P(EveryPair, deepest_point_says_the_signed_distance) {
   for (int k = 0; k < 60; ++k) {
     const auto [a, b] = random_encounter(one, other, random);
     const double exact = signed_distance(a, b);
-    const Manifold<double> found = touch(a, b, kFar);
+    const Manifold<double> found = collide(a, b, kFar);
     overlapping += exact < 0 ? 1 : 0;
     if (boxes && exact > 0 && found.count == 0) continue;  // apart, and nothing of one over the other's face
     ASSERT_GE(found.count, 1) << "case " << k;
@@ -90,7 +90,7 @@ TEST_P(EveryPair, points_lie_halfway_between_the_surfaces_along_a_unit_normal) {
   std::mt19937_64 random(4711);
   for (int k = 0; k < 200; ++k) {
     const auto [a, b] = random_encounter(one, other, random);
-    const Manifold<double> found = touch(a, b, 0.1);
+    const Manifold<double> found = collide(a, b, 0.1);
     for (Index j = 0; j < found.count; ++j) {
       const ContactCandidate<double>& point = found.at[j];
       EXPECT_NEAR(length(point.normal), 1, kFew);
@@ -117,8 +117,8 @@ TEST_P(EveryPair, contacts_are_those_of_the_swapped_pair_with_opposite_normals) 
   int compared = 0;
   for (int k = 0; k < 200; ++k) {
     const auto [a, b] = random_encounter(one, other, random);
-    const Manifold<double> forth = touch(a, b, 0.1);
-    const Manifold<double> back = touch(b, a, 0.1);
+    const Manifold<double> forth = collide(a, b, 0.1);
+    const Manifold<double> back = collide(b, a, 0.1);
     if (forth.count == 0 && back.count == 0) continue;
     if (forth.count == 0 || back.count == 0) {
       // At the margin the bias may decide; boxes that are apart may be so beside each other's faces.
@@ -141,7 +141,7 @@ TEST_P(EveryPair, features_ascend_and_stay_in_range) {
   std::mt19937_64 random(5);
   for (int k = 0; k < 300; ++k) {
     const auto [a, b] = random_encounter(one, other, random);
-    const Manifold<double> found = touch(a, b, kFar);
+    const Manifold<double> found = collide(a, b, kFar);
     ASSERT_LE(found.count, kManifoldPoints);
     for (Index j = 0; j < found.count; ++j) {
       EXPECT_GE(found.at[j].feature, j == 0 ? 0 : found.at[j - 1].feature + 1);
@@ -152,13 +152,13 @@ TEST_P(EveryPair, features_ascend_and_stay_in_range) {
 
 using Kinds = std::pair<ShapeKind, ShapeKind>;
 INSTANTIATE_TEST_SUITE_P(
-    touch, EveryPair,
+    collide, EveryPair,
     testing::Values(Kinds{ShapeKind::sphere, ShapeKind::sphere}, Kinds{ShapeKind::sphere, ShapeKind::capsule},
                     Kinds{ShapeKind::capsule, ShapeKind::capsule}, Kinds{ShapeKind::sphere, ShapeKind::box},
                     Kinds{ShapeKind::capsule, ShapeKind::box}, Kinds{ShapeKind::box, ShapeKind::box}),
     [](const auto& pair) { return std::string(name_of(pair.param.first)) + "_" + name_of(pair.param.second); });
 
-TEST(touch, a_plane_is_touched_by_the_lowest_points) {
+TEST(collide, a_plane_is_touched_by_the_lowest_points) {
   std::mt19937_64 random(3);
   for (int k = 0; k < 100; ++k) {
     const Shape plane = shape_of(ShapeKind::plane, {0, 0, 0}, {0.3, -0.2, 0.1}, random_turn(random));
@@ -166,7 +166,7 @@ TEST(touch, a_plane_is_touched_by_the_lowest_points) {
       Shape shape = random_shape(kind, random);
       const Point down = scaled(-1.0, plane.axes.z);
       shape.centre = add_scaled(plane.centre, support(shape, down) + 0.01, plane.axes.z);
-      const Manifold<double> found = touch(plane, shape, 0.5);
+      const Manifold<double> found = collide(plane, shape, 0.5);
       ASSERT_GE(found.count, 1);
       EXPECT_NEAR(deepest(found), -0.01, 1e-12);
       for (Index j = 0; j < found.count; ++j) {
@@ -182,10 +182,10 @@ TEST(touch, a_plane_is_touched_by_the_lowest_points) {
   }
 }
 
-TEST(touch, a_box_on_a_box_has_the_four_corners_of_the_overlap) {
+TEST(collide, a_box_on_a_box_has_the_four_corners_of_the_overlap) {
   const Shape below = shape_of(ShapeKind::box, {1, 2, 0.5});
   const Shape above = shape_of(ShapeKind::box, {0.5, 3, 0.25}, {0.8, 0, 0.74});
-  const Manifold<double> found = touch(below, above, 0.01);
+  const Manifold<double> found = collide(below, above, 0.01);
   ASSERT_EQ(found.count, 4);
   int corners = 0;
   for (const auto& point : found.at) {
@@ -200,11 +200,11 @@ TEST(touch, a_box_on_a_box_has_the_four_corners_of_the_overlap) {
   EXPECT_EQ(corners, 1 + 2 + 4 + 8);
 }
 
-TEST(touch, eight_corners_of_an_octagon_become_four_that_span_it) {
+TEST(collide, eight_corners_of_an_octagon_become_four_that_span_it) {
   const double half = std::sqrt(0.5);
   const Quaternion<double> eighth{std::sqrt((1 + half) / 2), 0, 0, std::sqrt((1 - half) / 2)};
   const Manifold<double> found =
-      touch(shape_of(ShapeKind::box, {1, 1, 1}), shape_of(ShapeKind::box, {1, 1, 1}, {0, 0, 1.99}, eighth), 0.0);
+      collide(shape_of(ShapeKind::box, {1, 1, 1}), shape_of(ShapeKind::box, {1, 1, 1}, {0, 0, 1.99}, eighth), 0.0);
   ASSERT_EQ(found.count, 4);
   // The octagon's area is 8 (sqrt 2 - 1) = 3.31; the quadrilateral of any four corners that is largest has 2.34.
   double x_low = 9, x_high = -9, y_low = 9, y_high = -9;
@@ -216,13 +216,13 @@ TEST(touch, eight_corners_of_an_octagon_become_four_that_span_it) {
   EXPECT_GT(y_high - y_low, 1.4);
 }
 
-TEST(touch, crossed_edges_touch_in_one_point) {
+TEST(collide, crossed_edges_touch_in_one_point) {
   // Two bars on their edges, crosswise, each turned by 45 degrees about its own axis.
   const double c = std::sqrt((1 + std::sqrt(0.5)) / 2), s = std::sqrt((1 - std::sqrt(0.5)) / 2);
   const double top = std::sqrt(2.0) * 0.1;
   const Shape along_x = shape_of(ShapeKind::box, {1, 0.1, 0.1}, {0, 0, 0}, {c, s, 0, 0});
   const Shape along_y = shape_of(ShapeKind::box, {0.1, 1, 0.1}, {0.2, 0.3, 2 * top - 0.02}, {c, 0, s, 0});
-  const Manifold<double> found = touch(along_x, along_y, 0.0);
+  const Manifold<double> found = collide(along_x, along_y, 0.0);
   ASSERT_EQ(found.count, 1);
   EXPECT_NEAR(found.at[0].depth, 0.02, 1e-9);
   EXPECT_NEAR(found.at[0].normal.z, 1, 1e-9);
@@ -231,25 +231,25 @@ TEST(touch, crossed_edges_touch_in_one_point) {
   EXPECT_NEAR(found.at[0].point.z, top - 0.01, 1e-9);
 }
 
-TEST(touch, a_capsule_lies_on_a_face_in_two_points_and_stands_on_it_in_one) {
+TEST(collide, a_capsule_lies_on_a_face_in_two_points_and_stands_on_it_in_one) {
   const Shape box = shape_of(ShapeKind::box, {1, 1, 0.5});
   const double half = std::sqrt(0.5);
   const Shape lying = shape_of(ShapeKind::capsule, {0.1, 0.8, 0}, {0.6, 0, 0.59}, {half, 0, half, 0});
-  const Manifold<double> two = touch(box, lying, 0.001);
+  const Manifold<double> two = collide(box, lying, 0.001);
   ASSERT_EQ(two.count, 2);
   // The segment reaches from x = -0.2 to 1.4, the face to 1.
   EXPECT_NEAR(std::min(two.at[0].point.x, two.at[1].point.x), -0.2, 1e-9);
   EXPECT_NEAR(std::max(two.at[0].point.x, two.at[1].point.x), 1.0, 1e-9);
   for (Index k = 0; k < 2; ++k) EXPECT_NEAR(two.at[k].depth, 0.01, 1e-9);
-  const Manifold<double> one = touch(box, shape_of(ShapeKind::capsule, {0.1, 0.8, 0}, {0, 0, 1.39}), 0.001);
+  const Manifold<double> one = collide(box, shape_of(ShapeKind::capsule, {0.1, 0.8, 0}, {0, 0, 1.39}), 0.001);
   ASSERT_EQ(one.count, 1);
   EXPECT_NEAR(one.at[0].depth, 0.01, kFew);
 }
 
-TEST(touch, parallel_capsules_touch_at_both_ends_of_their_overlap) {
+TEST(collide, parallel_capsules_touch_at_both_ends_of_their_overlap) {
   const Shape a = shape_of(ShapeKind::capsule, {0.1, 0.5, 0});
   const Shape b = shape_of(ShapeKind::capsule, {0.2, 0.5, 0}, {0.29, 0, 0.4});
-  const Manifold<double> found = touch(a, b, 0.0);
+  const Manifold<double> found = collide(a, b, 0.0);
   ASSERT_EQ(found.count, 2);
   EXPECT_NEAR(found.at[0].point.z, -0.1, kFew);
   EXPECT_NEAR(found.at[1].point.z, 0.5, kFew);
@@ -260,10 +260,10 @@ TEST(touch, parallel_capsules_touch_at_both_ends_of_their_overlap) {
   }
 }
 
-TEST(touch, shapes_with_one_centre_part_along_some_unit_normal) {
+TEST(collide, shapes_with_one_centre_part_along_some_unit_normal) {
   for (const ShapeKind one : {ShapeKind::sphere, ShapeKind::capsule, ShapeKind::box})
     for (const ShapeKind other : {ShapeKind::sphere, ShapeKind::capsule, ShapeKind::box}) {
-      const Manifold<double> found = touch(shape_of(one, {0.2, 0.3, 0.4}), shape_of(other, {0.3, 0.2, 0.1}), 0.0);
+      const Manifold<double> found = collide(shape_of(one, {0.2, 0.3, 0.4}), shape_of(other, {0.3, 0.2, 0.1}), 0.0);
       ASSERT_GE(found.count, 1);
       for (Index k = 0; k < found.count; ++k) {
         EXPECT_NEAR(length(found.at[k].normal), 1, kFew);

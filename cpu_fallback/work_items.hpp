@@ -16,7 +16,7 @@ struct WorkItem {
 
 /// Deals those of a plan's environments that `takes` says out to threads: runs of similar dense environments for packs,
 /// the rest one by one. Only speed depends on it.
-std::vector<WorkItem> partition(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
-                                std::size_t scalar_bytes, int threads);
+std::vector<WorkItem> make_work_items(const PlanData& plan, const std::function<bool(Offset)>& takes, int pack_width,
+                                      std::size_t scalar_bytes, int threads);
 
 }  // namespace stiction::cpu

@@ -27,14 +27,14 @@ ContactBatch<double> mixed_lot() {
   return batch;
 }
 
-TEST(Ladder, names_an_answerer_that_there_is) {
+TEST(FallbackChain, names_an_answerer_that_there_is) {
   SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
   const Solution<double> answer = solve(mixed_lot(), chosen);
   for (const EnvStatus& status : answer.status) EXPECT_LT(static_cast<int>(status.solver), kSolverKindCount);
 }
 
-TEST(Ladder, threads_neighbours_and_order_change_nothing) {
+TEST(FallbackChain, threads_neighbours_and_order_change_nothing) {
   const ContactBatch<double> batch = mixed_lot();
   SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
@@ -66,15 +66,15 @@ void expect_device_twin(double tolerance, Index max_iterations) {
     EXPECT_EQ(there.status[env].solver, here.status[env].solver) << env;
 }
 
-TEST(Ladder, a_device_climbs_as_the_cpu_does) {
-  // So few iterations leave most environments to every rung.
+TEST(FallbackChain, a_device_takes_the_stages_of_the_cpu) {
+  // So few iterations leave most environments to every stage.
   expect_device_twin<float>(1e-5, 5);
   expect_device_twin<double>(1e-7, 5);
 }
 
-TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
+TEST(FallbackChain, whatever_the_first_solver_solves_is_solved) {
   const ContactBatch<double> batch = ragged_batch(1, 2);
-  const Index enough = rung_iterations(0, 1, std::numeric_limits<Index>::max());
+  const Index enough = stage_iterations(0, 1, std::numeric_limits<Index>::max());
   const Solution<double> first = solve(batch, options(SolverKind::npgs, 1e-4, enough));
   const Solution<double> answer = solve(batch, automatic(1e-4, enough));
   for (std::size_t env = 0; env < first.status.size(); ++env)
@@ -83,8 +83,8 @@ TEST(Ladder, whatever_the_first_solver_solves_is_solved) {
     }
 }
 
-TEST(Ladder, climbs_where_the_first_solver_falls_short) {
-  // So few sweeps do not solve these; the rungs above have as many iterations each.
+TEST(FallbackChain, goes_on_where_the_first_solver_falls_short) {
+  // So few sweeps do not solve these; the stages above have as many iterations each.
   const ContactBatch<double> batch = scene_batch("stack", 6, 3);
   const SolverOptions few = automatic(1e-8, 12);
   const Solution<double> answer = solve(batch, few), sweeps = solve(batch, options(SolverKind::npgs, 1e-8, 12));
@@ -94,25 +94,25 @@ TEST(Ladder, climbs_where_the_first_solver_falls_short) {
   }
 }
 
-TEST(Ladder, leads_from_sweeps_to_what_is_certain) {
+TEST(FallbackChain, leads_from_sweeps_to_what_is_certain) {
   EnvFeatures seen;
   seen.rows = 30;
   seen.friction_cones = 10;
   seen.law = Law::coulomb;
-  EXPECT_EQ(next_rung(0, seen), kSplittingRung);
-  EXPECT_EQ(next_rung(kSplittingRung, seen), kNewtonRung);
+  EXPECT_EQ(next_stage(0, seen), kSplittingStage);
+  EXPECT_EQ(next_stage(kSplittingStage, seen), kNewtonStage);
   seen.law = Law::convex;
-  EXPECT_EQ(next_rung(0, seen), kSplittingRung);
-  EXPECT_EQ(next_rung(kSplittingRung, seen), kInteriorRung);
+  EXPECT_EQ(next_stage(0, seen), kSplittingStage);
+  EXPECT_EQ(next_stage(kSplittingStage, seen), kInteriorStage);
   seen.is_compliant = true;
-  EXPECT_EQ(next_rung(0, seen), kNewtonRung);
-  EXPECT_EQ(next_rung(kNewtonRung, seen), kInteriorRung);
+  EXPECT_EQ(next_stage(0, seen), kNewtonStage);
+  EXPECT_EQ(next_stage(kNewtonStage, seen), kInteriorStage);
   seen.is_compliant = false;
   seen.friction_cones = 0;
-  EXPECT_EQ(next_rung(0, seen), kInteriorRung);
+  EXPECT_EQ(next_stage(0, seen), kInteriorStage);
 }
 
-TEST(Ladder, starts_from_a_warm_start) {
+TEST(FallbackChain, starts_from_a_warm_start) {
   const ContactBatch<double> batch = scene_batch("walker", 6, 3);
   const Solution<double> cold = solve(batch, automatic(1e-8, 2000));
   const Solution<double> warm =

@@ -1,4 +1,4 @@
-#include "cpu_fallback/partition.hpp"
+#include "cpu_fallback/work_items.hpp"
 
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ TEST(Partition, EveryEnvironmentIsDealtOutExactlyOnce) {
   const PlanData plan = make_plan(batch.view());
   for (const int width : {2, 4, 8, 16})
     for (const int threads : {1, 2, 7}) {
-      const auto items = cpu::partition(plan, kEverybody, width, 8, threads);
+      const auto items = cpu::make_work_items(plan, kEverybody, width, 8, threads);
       EXPECT_EQ(dealt(items, batch.env_count()), std::vector<int>(static_cast<std::size_t>(batch.env_count()), 1))
           << "width " << width << ", " << threads << " threads";
     }
@@ -42,7 +42,7 @@ TEST(Partition, APackHoldsDenseEnvironmentsThatFitItsSlots) {
   const auto batch = test::ragged_batch(9, 1);
   const PlanData plan = make_plan(batch.view());
   bool packed = false;
-  for (const auto& item : cpu::partition(plan, kEverybody, 4, 4, 2)) {
+  for (const auto& item : cpu::make_work_items(plan, kEverybody, 4, 4, 2)) {
     EXPECT_FALSE(item.envs.empty());
     if (!item.packed) continue;
     packed = true;
@@ -59,7 +59,7 @@ TEST(Partition, ManyEqualEnvironmentsFillPacksAndKeepEveryThreadBusy) {
   const auto batch = test::scene_batch("stack", 512, 1, 2);
   const PlanData plan = make_plan(batch.view());
   for (const int threads : {2, 7}) {
-    const auto items = cpu::partition(plan, kEverybody, 8, 4, threads);
+    const auto items = cpu::make_work_items(plan, kEverybody, 8, 4, threads);
     EXPECT_GE(items.size(), static_cast<std::size_t>(threads));
     for (const auto& item : items) {
       EXPECT_TRUE(item.packed);
@@ -79,18 +79,18 @@ TEST(Partition, ALargeEnvironmentIsNotPaddedIntoAPack) {
     env.b.assign(kRows, -1.0);
     batch.add(env);
   }
-  for (const auto& item : cpu::partition(make_plan(batch.view()), kEverybody, 8, 8, 1)) EXPECT_FALSE(item.packed);
+  for (const auto& item : cpu::make_work_items(make_plan(batch.view()), kEverybody, 8, 8, 1)) EXPECT_FALSE(item.packed);
 }
 
 TEST(Partition, AnEmptyBatchIsNoWork) {
-  EXPECT_TRUE(cpu::partition(make_plan(ContactBatch<double>().view()), kEverybody, 8, 4, 2).empty());
+  EXPECT_TRUE(cpu::make_work_items(make_plan(ContactBatch<double>().view()), kEverybody, 8, 4, 2).empty());
 }
 
 TEST(Partition, OnlyThoseThatAreAskedForAreDealtOut) {
   const auto batch = test::ragged_batch(9, 1);
   const PlanData plan = make_plan(batch.view());
   const auto odd = [](Offset env) { return env % 2 == 1; };
-  const std::vector<int> count = dealt(cpu::partition(plan, odd, 8, 4, 2), batch.env_count());
+  const std::vector<int> count = dealt(cpu::make_work_items(plan, odd, 8, 4, 2), batch.env_count());
   for (std::size_t env = 0; env < count.size(); ++env) EXPECT_EQ(count[env], env % 2 == 1 ? 1 : 0) << env;
 }
 

@@ -45,15 +45,15 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
 template <class T>
 struct BodyJudgement {
   T largest{0};
-  T blur{0};
+  T rounding_floor{0};
 };
 
 /// Judges a contact's reaction `lambda`; `r` is R. Finds its motion. twist(side) is the twist of a body under all
 /// reactions, 0 for a and 1 for b, mass(side) its inverse mass and bias() the contact's bias: asked for when they are
 /// needed, for no machine has registers for all of them.
 template <Law kLaw, class T, class TwistOf, class MassOf, class Bias>
-STICTION_HD void judge_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu, T r,
-                               const T (&lambda)[3], T (&motion)[3], BodyJudgement<T>& judged) {
+STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu,
+                                  T r, const T (&lambda)[3], T (&motion)[3], BodyJudgement<T>& evaluated) {
   const Vector3<T> u = relative_velocity(twist(0), contact.arm_a, twist(1), contact.arm_b);
   const T along[3] = {dot(u, contact.frame.n) + bias(), dot(u, contact.frame.t1), dot(u, contact.frame.t2)};
   ContactBlock<T> block{T(0), T(0), T(0), T(0), T(0), T(0)};
@@ -67,48 +67,48 @@ STICTION_HD void judge_contact(const ExactGeometry<T>& contact, TwistOf&& twist,
     y[k] = k == 0 ? motion[k] : mu * motion[k];
   }
   const T weight = div_(block.nn + block.t11 + block.t22 + T(3) * r, T(3));
-  judged.largest = max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0)), judged.largest);
-  judged.blur = max_(blur_of<kLaw>(reaction, y, weight), judged.blur);
+  evaluated.largest =
+      max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0)), evaluated.largest);
+  evaluated.rounding_floor = max_(rounding_floor_of<kLaw>(reaction, y, weight), evaluated.rounding_floor);
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE Judgement residual_of(TeamT& team, const BodyEnv<Real>& env,
-                                          const BodySystem<Real, kLaw, kStride>& s,
-                                          const ContactTiles<Real, kStride>& x, const SiParams& params,
-                                          bool is_answer) {
+STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& env,
+                                              const BodySystem<Real, kLaw, kStride>& s,
+                                              const ContactTiles<Real, kStride>& x, const SiParams& params,
+                                              bool is_answer) {
   gather_exact(team, env, s, x, params);
   const double r = div_(params.cfm, params.step);
-  BodyJudgement<double> judged;
-  share_out(team, s.contacts, [&](Index p) {
+  BodyJudgement<double> evaluated;
+  for_each_tiled(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     double lambda[3];
     for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(returned_impulse(env, x, p, k));
     double motion[3];
     const auto side = [&](int k) { return k == 0 ? contact.side_a : contact.side_b; };
-    judge_contact<kLaw, double>(
+    evaluate_contact<kLaw, double>(
         contact, [&](int k) { return twist_at<double>(s.exact_row(slot_of(side(k)))); },
         [&](int k) { return exact_mass(env, side(k)); }, [&] { return bias_of(env, s, params, p, contact); },
-        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, judged);
+        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, evaluated);
     for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
       env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });
-  const double largest = sqrt_(team.max(judged.largest));
-  return {largest, team.max(judged.blur)};
+  const double largest = sqrt_(team.max(evaluated.largest));
+  return {largest, team.max(evaluated.rounding_floor)};
 }
 
-/// The residual of the best iterate, which is the answer, as it may be held against the tolerance (seen_residual).
+/// The residual of the best iterate, which is the answer, as it may be held against the tolerance (reported_residual).
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD double judge_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                const SiParams& params, double scale) {
-  return seen_residual(residual_of(team, env, s, s.best, params, true), params.tolerance * scale);
+STICTION_HD double evaluate_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                   const SiParams& params, double scale) {
+  return reported_residual(residual_of(team, env, s, s.best, params, true), params.tolerance * scale);
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE void publish_bodies(TeamT& team, const BodyEnv<Real>& env,
-                                        const BodySystem<Real, kLaw, kStride>& s) {
-  share_out(team, s.contacts, [&](Index p) {
+STICTION_HD_OUTLINE void write_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
+  for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) {
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
       total = canonical_zero(total + returned_impulse(env, s.best, p, k));
@@ -142,7 +142,7 @@ STICTION_HD void write_body_status(TeamT& team, const BodyEnv<Real>& env, const 
 
 /// The safe answer for an environment whose numbers cannot be used: nothing pushes, nothing moves.
 template <Team TeamT, class Real>
-STICTION_HD_OUTLINE void refuse_bodies(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
+STICTION_HD_OUTLINE void reject_bodies(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
                                        std::uint32_t flags) {
   for_each(team, env.bodies, [&](Index body) {
     for (Index k = 0; k < 6; ++k) env.twist_out[6 * static_cast<Offset>(body) + k] = Real(0);

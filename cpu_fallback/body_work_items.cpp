@@ -1,4 +1,4 @@
-#include "cpu_fallback/body_deal.hpp"
+#include "cpu_fallback/body_work_items.hpp"
 
 #include <algorithm>
 #include <string_view>
@@ -50,7 +50,7 @@ std::size_t hash_of(const Index* sides, Index contacts) {
 /// Runs of environments of like size, the largest first; those that no pack takes are left in `alone`.
 class Packing {
  public:
-  Packing(const BodyDealRules& rules, std::vector<BodyWork>& work, std::vector<Offset>& alone)
+  Packing(const BodyWorkItemRules& rules, std::vector<BodyWorkItem>& work, std::vector<Offset>& alone)
       : rules_(rules), work_(work), alone_(alone) {}
 
   void add(Offset env, const PackShape& shape) {
@@ -83,8 +83,8 @@ class Packing {
            rules_.pack_bytes(joined) <= kLargestPackBytes;
   }
 
-  const BodyDealRules& rules_;
-  std::vector<BodyWork>& work_;
+  const BodyWorkItemRules& rules_;
+  std::vector<BodyWorkItem>& work_;
   std::vector<Offset>& alone_;
   std::vector<Offset> group_;
   PackShape shape_;
@@ -92,9 +92,9 @@ class Packing {
 
 }  // namespace
 
-BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, const Offset* env_contact_offsets,
-                  const BodyDealRules& rules) {
-  BodyDeal deal;
+BodyWorkItems make_body_work_items(const BodyPlanData& plan, const Offset* env_body_offsets,
+                                   const Offset* env_contact_offsets, const BodyWorkItemRules& rules) {
+  BodyWorkItems deal;
   const auto kept = [&](Offset env) { return plan.kept[static_cast<std::size_t>(env)]; };
   for (Offset env = 0; env < plan.env_count(); ++env)
     if (kept(env) >= kTeamContacts) deal.large.push_back(env);
@@ -121,7 +121,7 @@ BodyDeal deal_out(const BodyPlanData& plan, const Offset* env_body_offsets, cons
   for (const Shape& shape : small) packing.add(shape.env, shape.shape);
   packing.close();
 
-  BodyWork run;
+  BodyWorkItem run;
   Offset contacts = 0;
   const auto close_run = [&] {
     if (!run.envs.empty()) deal.work.push_back(std::move(run));
