@@ -46,12 +46,12 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "warm_start_rejected";
     case kFlagAsymmetric:
       return "asymmetric";
-    case kFlagCapacity:
-      return "capacity";
+    case kFlagContactsDropped:
+      return "contacts_dropped";
     case kFlagBadMass:
       return "bad_mass";
-    case kFlagNoRoom:
-      return "no_room";
+    case kFlagOverCapacity:
+      return "over_capacity";
     case kFlagBadStructure:
       return "bad_structure";
     case kFlagUnsupportedCone:

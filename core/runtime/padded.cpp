@@ -67,7 +67,7 @@ void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overf
   env_cone_offsets_.push_back(static_cast<Offset>(cone_kind_.size()));
   env_row_counts_.push_back(rows);
   env_cone_counts_.push_back(static_cast<Index>(fitting));
-  env_flags_.push_back(overflowed || fitting < cones.size() ? kFlagCapacity : 0U);
+  env_flags_.push_back(overflowed || fitting < cones.size() ? kFlagContactsDropped : 0U);
 }
 
 template <class Real>

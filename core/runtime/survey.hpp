@@ -115,7 +115,7 @@ class Survey {
 
   /// What had no room was left out when the batch was made, and said so: that is no defect.
   [[nodiscard]] bool flags_pass(Offset env) const {
-    return batch_.env_flags == nullptr || (batch_.env_flags[env] & ~std::uint32_t{kFlagCapacity}) == 0;
+    return batch_.env_flags == nullptr || (batch_.env_flags[env] & ~std::uint32_t{kFlagContactsDropped}) == 0;
   }
 
   /// A + R is positive there on every row that is not free.

@@ -315,7 +315,7 @@ class Validator {
     for (Offset env = 0; batch_.env_flags != nullptr && env < batch_.env_count && !report_.full(); ++env) {
       for (int bit = 0; bit < kEnvFlagCount; ++bit) {
         const auto flag = static_cast<EnvFlag>(1U << bit);
-        if (flag == kFlagCapacity || (batch_.env_flags[env] & flag) == 0) continue;
+        if (flag == kFlagContactsDropped || (batch_.env_flags[env] & flag) == 0) continue;
         report_.add({env, -1, -1, false,
                      "env " + std::to_string(env) + " was marked " + flag_name(flag) +
                          " when the batch was made; fix its input or solve with isolation (--isolate) to flag this "

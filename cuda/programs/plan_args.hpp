@@ -17,7 +17,7 @@ struct PlanArrays {
   Index* vertex_offsets;       ///<                                                                (cones + envs)
   Index* color_offsets;        ///<                                                                (cones + envs)
   Index* color_count;          ///<                                                                (envs)
-  std::uint32_t* flags;        ///< kFlagBadStructure, kFlagNoRoom                                 (envs)
+  std::uint32_t* flags;        ///< kFlagBadStructure, kFlagOverCapacity                                 (envs)
   std::uint8_t* key;           ///< sort_key()                                                     (envs)
   Offset* order;               ///< environments by key, equal keys by index                       (envs)
   Offset* key_begin;           ///< place in `order` where each key begins                         (kSortKeys + 1)
@@ -48,7 +48,7 @@ struct IslandArgs {
 struct PlanArgs {
   ContactBatchView<float> batch;
   PlanArrays plan;
-  Index most_rows;       ///< of an environment; a larger one is flagged kFlagNoRoom
+  Index most_rows;       ///< of an environment; a larger one is flagged kFlagOverCapacity
   Index most_dofs;       ///< the same of the columns of its factor, if it has one
   Offset most_nonzeros;  ///< the same of its stored entries, if it is sparse
   SizeClass finest;      ///< class of the smallest dense environments

@@ -58,7 +58,7 @@ struct InspectEnvironments {
     if (dofs > 0) path = EnvPath::factor;
     const bool fits = s.rows <= args.most_rows && dofs <= args.most_dofs &&
                       (path != EnvPath::sparse || s.entry_span() <= args.most_nonzeros);
-    const std::uint32_t flags = !sound ? kFlagBadStructure : !fits ? kFlagNoRoom : 0U;
+    const std::uint32_t flags = !sound ? kFlagBadStructure : !fits ? kFlagOverCapacity : 0U;
     if (flags != 0) path = EnvPath::empty;
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
     const PlanTarget target = target_of(args, env, first_cone);

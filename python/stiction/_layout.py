@@ -7,7 +7,7 @@ from ._arrays import as_numpy, take
 #: Kinds of cones, by name; the numbers are those of batch files.
 KINDS = {"free": 0, "unilateral": 1, "box": 2, "friction": 3}
 #: Status flag of an environment with more contacts than there was room for.
-FLAG_CAPACITY = 1 << 7
+FLAG_CONTACTS_DROPPED = 1 << 7
 _FRICTION_ROWS = 3
 
 
@@ -234,7 +234,7 @@ class Padded:
                 raise ValueError(f"counts[env {env}]: expected rows of whole cones, got {int(given[env])}")
         self.integers["env_cone_counts"][:] = cones
         self.integers["env_row_counts"][:] = rows
-        self.integers["env_flags"][:] = over * np.uint32(FLAG_CAPACITY)
+        self.integers["env_flags"][:] = over * np.uint32(FLAG_CONTACTS_DROPPED)
         self.integers["row_counts"].reshape(self.row_shape)[:] = np.reshape(rows, (-1, 1))
 
     def refresh(self):
@@ -270,7 +270,7 @@ class Padded:
         cones = counts - (counts - self.cone_room) * over
         self.integers["env_cone_counts"][...] = cones
         self.integers["env_row_counts"][...] = cones * dim
-        self.integers["env_flags"][...] = over * FLAG_CAPACITY
+        self.integers["env_flags"][...] = over * FLAG_CONTACTS_DROPPED
         self.integers["row_counts"].reshape(self.row_shape)[...] = (cones * dim)[:, None]
 
     def mu_offsets(self):

@@ -90,7 +90,7 @@ class ParallelContactSolver(Machine):
         has the same id in every step. dt: length of the step [s]; of bodies their batch's, and may be left out.
         out, stream: as for Solver.solve.
 
-        More contacts than room are cut off where they begin, and the environment is flagged "capacity"; a batch beyond
+        More contacts than room are cut off where they begin, and the environment is flagged "contacts_dropped"; a batch beyond
         n_envs, max_rows and max_cones raises ValueError.
         """
         on_device = self._on_device(batch)

@@ -134,7 +134,7 @@ def test_contacts_beyond_the_room_are_flagged_and_the_others_solved(padded, scen
     wanted[0] = 5
     padded.A[0], padded.b[0] = padded.A[2], padded.b[2]
     solution = answer(Batch.from_delassus(padded.A, padded.b, cone_counts=wanted, mu=0.7))
-    flag = 1 << stiction.FLAGS.index("capacity")
+    flag = 1 << stiction.FLAGS.index("contacts_dropped")
     assert solution.status["flags"].tolist() == [flag, 0, 0, 0]
     np.testing.assert_array_equal(solution[0].lambda_, solution[2].lambda_)
 

@@ -191,7 +191,7 @@ def test_jacobian_contacts_beyond_the_room_are_cut_off_and_flagged(scenes):
     arrays = Jacobians(scenes)
     arrays.counts[2] = 5  # of room for 3
     solution = jacobian_loop().step(arrays.batch(), IDS, 0.01)
-    assert solution.status["flags"][2] & (1 << FLAGS.index("capacity")) and not solution.status["flags"][0]
+    assert solution.status["flags"][2] & (1 << FLAGS.index("contacts_dropped")) and not solution.status["flags"][0]
 
 
 def test_flat_jacobians_step_too(scenes):

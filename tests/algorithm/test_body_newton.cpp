@@ -306,7 +306,7 @@ TEST(BodyNewton, capacity_and_poison_are_answered_as_by_impulses) {
   options.invalid = InvalidPolicy::isolate;
   const auto solution = solve_bodies(batch_of<double>({deep, bad, deep}), {}, options);
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
-  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagCapacity));
+  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagContactsDropped));
   EXPECT_EQ(solution.status[0].solver, SolverKind::multigrid);
   EXPECT_EQ(solution.status[1].code, EnvCode::invalid_input);
   EXPECT_EQ(solution.status[1].flags, static_cast<std::uint32_t>(kFlagNonFiniteInput));

@@ -54,7 +54,7 @@ TEST_F(Solve, TheReportHasTheAgreedKeys) {
     EXPECT_EQ(keys(json[spread]), (Words{"min", "median", "p90", "max"}));
   }
   EXPECT_EQ(json["flags"].size(), static_cast<std::size_t>(kEnvFlagCount));
-  EXPECT_EQ(json["schema_version"], 1);
+  EXPECT_EQ(json["schema_version"], 2);
   EXPECT_EQ(json["environments"], 40);
   EXPECT_EQ(json["rows"], recording_.batch.row_count());
   EXPECT_EQ(json["cones"], recording_.batch.row_count() / 3);

@@ -399,11 +399,11 @@ TEST(IslandSplitViews, AFactorIsOneIsland) {
 
 TEST(IslandSplitUse, FlagsOfTheBatchReachEveryIslandAndItsEnvironment) {
   auto arrays = batch_of({merge({random_system(1), random_system(2)}, 5).system, random_system(3)}).arrays();
-  arrays.env_flags = {kFlagCapacity, 0};
+  arrays.env_flags = {kFlagContactsDropped, 0};
   const auto full = ContactBatch<double>::from_arrays(Law::convex, arrays);
   const SolverOptions o = apart(options(SolverKind::npgs, 1e-3, 2000));
   auto solution = solve(full, o);
-  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagCapacity));
+  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagContactsDropped));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
   EXPECT_EQ(solution.status[1].flags, 0U);
 }

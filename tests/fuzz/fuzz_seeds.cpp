@@ -53,7 +53,7 @@ stiction::io::Recording full_recording() {
   arrays.lo = {0, 0, 0, -0.5, 0, 0};
   arrays.hi = {0, 0, 0, 2, 0, 0};
   arrays.mu = {0, 0.5, 0.25, 0, 0, 0};
-  arrays.env_flags = {stiction::kFlagCapacity};
+  arrays.env_flags = {stiction::kFlagContactsDropped};
   arrays.env_tolerance = {1e-3};
   arrays.env_max_iterations = {7};
   result.batch = stiction::ContactBatch<double>::from_arrays(stiction::Law::convex, arrays);

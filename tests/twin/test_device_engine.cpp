@@ -231,7 +231,7 @@ TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
     }
     ++left_out;
     EXPECT_EQ(answer.status[index].code, EnvCode::unsupported);
-    EXPECT_EQ(answer.status[index].flags, kFlagNoRoom);
+    EXPECT_EQ(answer.status[index].flags, kFlagOverCapacity);
     for (Offset row = batch.view().env_row_offsets[e]; row < batch.view().env_row_offsets[e + 1]; ++row)
       EXPECT_EQ(answer.lambda[static_cast<std::size_t>(row)], 0.0F);
   }

@@ -216,7 +216,7 @@ std::vector<Offset> flagged(const JacobianBatch<double>& batch, const JacobianCa
   std::vector<Offset> found;
   for (Offset env = 0; env < view.env_count; ++env) {
     const EnvStatus& status = answer.status[static_cast<std::size_t>(env)];
-    if ((status.flags & kFlagNoRoom) == 0) {
+    if ((status.flags & kFlagOverCapacity) == 0) {
       expect_env(view, answer, env, packed, expected);
       continue;
     }

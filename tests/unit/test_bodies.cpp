@@ -256,7 +256,7 @@ TEST(bodies, an_environment_over_capacity_keeps_its_deepest_contacts) {
   options.iterations = 30;
   options.max_contacts_per_env = 10;
   const auto solution = solve_one(env, options);
-  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagCapacity));
+  EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagContactsDropped));
 
   // By brute force: a contact stays if fewer than ten are deeper, or as deep and before it.
   Env fewer = env;

@@ -33,7 +33,7 @@ TEST(DirectRows, PivotingRefusesWhatItHasNoMatrixForAndTakesItWhenAsked) {
   SolverOptions o = options(SolverKind::lemke, 1e-10, 4000);
   const Solution<double> refused = solve(batch_of({env}), o);
   EXPECT_EQ(refused.status[0].code, EnvCode::unsupported);
-  EXPECT_EQ(refused.status[0].flags, static_cast<std::uint32_t>(kFlagNoRoom));
+  EXPECT_EQ(refused.status[0].flags, static_cast<std::uint32_t>(kFlagOverCapacity));
   o.direct_rows = 1030;
   const Solution<double> solution = solve(batch_of({env}), o);
   EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;

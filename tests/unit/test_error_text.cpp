@@ -18,8 +18,8 @@ TEST(ErrorText, EveryCodeAndFlagHasANameOfItsOwn) {
                                           "unsupported"}));
   EXPECT_EQ(flags,
             (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance",
-                                   "bad_diagonal", "warm_start_rejected", "asymmetric", "capacity", "bad_mass",
-                                   "no_room", "bad_structure", "unsupported_cone", "ray"}));
+                                   "bad_diagonal", "warm_start_rejected", "asymmetric", "contacts_dropped", "bad_mass",
+                                   "over_capacity", "bad_structure", "unsupported_cone", "ray"}));
 }
 
 TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {

@@ -168,7 +168,7 @@ TEST(Survey, PassesWhatIsNoDefect) {
   auto view = batch.view();
   std::vector<std::uint32_t> flags(static_cast<std::size_t>(view.env_count));
   view.env_flags = flags.data();
-  flags[50] = kFlagCapacity;
+  flags[50] = kFlagContactsDropped;
   EXPECT_TRUE(Survey<double>(view, true, false).passes(all_at_once));
   flags[50] |= kFlagNonFiniteInput;
   EXPECT_FALSE(Survey<double>(view, true, false).passes(all_at_once));

@@ -64,7 +64,7 @@ void StepMonitor<Real>::look(const World<Real>& world) {
       quality_sum_ += tolerance_ / residual;
     }
     ++codes_[static_cast<std::size_t>(status[e].code)];
-    overflows_ += (status[e].flags & kFlagCapacity) != 0 ? 1 : 0;
+    overflows_ += (status[e].flags & kFlagContactsDropped) != 0 ? 1 : 0;
     largest_rise_ =
         std::max(largest_rise_, (now[e].kinetic + now[e].potential) - (before_[e].kinetic + before_[e].potential));
     const std::array<double, 3> push = push_of_world(world, env);

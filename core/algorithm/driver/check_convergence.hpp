@@ -32,7 +32,8 @@ STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode cod
 /// w = b could carry the very NaN; for an unsupported system w = b.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE void reject(TeamT& team, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
-  const bool unsupported = (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagNoRoom | kFlagUnsupportedCone)) == 0;
+  const bool unsupported =
+      (flags & ~(kHarmlessFlags | kFlagAsymmetric | kFlagOverCapacity | kFlagUnsupportedCone)) == 0;
   for_each(team, env.n, [&](Index i) {
     env.lambda[i] = 0;
     if (env.w != nullptr) env.w[i] = unsupported ? canonical_zero(env.b[i]) : Real(0);

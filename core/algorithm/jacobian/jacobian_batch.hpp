@@ -10,7 +10,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Flags of an environment that gets neither A nor Y.
-inline constexpr std::uint32_t kNotAssembled = kFlagNoRoom | kFlagBadStructure;
+inline constexpr std::uint32_t kNotAssembled = kFlagOverCapacity | kFlagBadStructure;
 
 /// What an environment's rows, columns and entries are counted by.
 inline constexpr Offset kMostInUse = std::numeric_limits<Index>::max();
@@ -70,7 +70,7 @@ STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
     if (!sound)
       flags |= kFlagBadStructure;
     else if (!fits)
-      flags |= kFlagNoRoom;
+      flags |= kFlagOverCapacity;
     const bool assembled = (flags & kNotAssembled) == 0;
     const bool as_factor = keeps_factor(to.use, extent.rows, extent.dofs);
     to.flags[env] = flags;
@@ -96,7 +96,7 @@ STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset r
     return entries[below];
   });
   for_each(team, envs, [&](Index env) {
-    if (entries[env + 1] > entries[env] && entries[env + 1] > room) flags[env] |= kFlagNoRoom;
+    if (entries[env + 1] > entries[env] && entries[env + 1] > room) flags[env] |= kFlagOverCapacity;
   });
   for_each(team, envs + 1, [&](Index env) {
     if (entries[env] > last) entries[env] = last;

@@ -8,7 +8,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Flags that an environment may carry and still be solved.
-inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagCapacity;
+inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagContactsDropped;
 
 /// What one look at an environment's numbers tells.
 template <class Real>

@@ -101,7 +101,7 @@ template <class Method, class System>
 STICTION_HD std::uint32_t unsupported_flags(const System& s) {
   constexpr Workspace kWorkspace = Method::workspace();
   std::uint32_t flags =
-      kWorkspace.dense_matrices > 0 && kWorkspace.matrix_free_vectors == 0 && !s.has_matrices ? kFlagNoRoom : 0U;
+      kWorkspace.dense_matrices > 0 && kWorkspace.matrix_free_vectors == 0 && !s.has_matrices ? kFlagOverCapacity : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   return flags;
 }

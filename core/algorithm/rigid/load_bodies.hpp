@@ -25,7 +25,7 @@ class FiniteProbe {
 /// EnvFlag bits of an environment's own numbers, before anything is projected: a projection would hide a NaN.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE std::uint32_t inspect_bodies(TeamT& team, const BodyEnv<Real>& env) {
-  std::uint32_t flags = env.kept < env.contacts ? kFlagCapacity : 0U;
+  std::uint32_t flags = env.kept < env.contacts ? kFlagContactsDropped : 0U;
   for (Index body = team.rank(); body < env.bodies; body += team.size()) {
     const Offset row = 6 * static_cast<Offset>(body);
     FiniteProbe<Real> probe;
@@ -59,7 +59,7 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(TeamT& team, const BodyEnv<Real
 
 /// Whether a body environment with those flags can be solved.
 STICTION_HD bool can_sweep(std::uint32_t flags) {
-  return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected | kFlagCapacity)) == 0;
+  return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected | kFlagContactsDropped)) == 0;
 }
 
 template <Team TeamT, class Real, Law kLaw, int kStride>

@@ -150,7 +150,7 @@ struct BodySolverOptions {
   double omega = 1.0;              ///< relaxation, 0 < omega < 2 [-]
   Index substeps = 1;              ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
-                                   ///< lower index first among equals, and the environment gets kFlagCapacity
+                                   ///< lower index first among equals, and the environment gets kFlagContactsDropped
   int threads = 0;                 ///< CPU threads; 0: all cores
   InvalidPolicy invalid = InvalidPolicy::reject;
 };

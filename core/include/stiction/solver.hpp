@@ -165,10 +165,9 @@ class Solver {
   /// The same without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
   /// nothing waits and nothing is allocated: what is queued can be captured into a CUDA graph and replayed after the
   /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the
-  /// room of its arrays. An environment beyond the capacity is flagged kFlagNoRoom, one whose offsets are out of order
-  /// kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU.
-  /// \throws Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is
-  /// queued.
+  /// room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of
+  /// order kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
+  /// Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is queued.
   template <class Real>
   void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;

@@ -30,13 +30,16 @@ enum EnvFlag : std::uint32_t {
   kFlagBadDiagonal = 1U << 4,         ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
   kFlagWarmStartRejected = 1U << 5,   ///< the warm start was not finite; started from zero
   kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
-  kFlagCapacity = 1U << 7,            ///< more contacts than there was room for; solved with those that are there
+  kFlagContactsDropped = 1U << 7,     ///< more contacts than there was room for; solved with those that are there
   kFlagBadMass = 1U << 8,             ///< a mass matrix that is not positive definite, or not finite
-  kFlagNoRoom = 1U << 9,              ///< larger than the solver's capacity allows; not solved (lambda = 0, w = b)
+  kFlagOverCapacity = 1U << 9,        ///< larger than the solver's capacity allows; not solved (lambda = 0, w = b)
   kFlagBadStructure = 1U << 10,       ///< offsets, cones or columns out of order or range, found on the device; of
                                       ///< this environment nothing but the status is written
   kFlagUnsupportedCone = 1U << 11,    ///< a cone that the solver cannot treat: lemke and friction; not solved
   kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none
+
+  kFlagCapacity = kFlagContactsDropped,  ///< its name before epoch 2, kept until 1.0
+  kFlagNoRoom = kFlagOverCapacity,       ///< its name before epoch 2, kept until 1.0
 };
 
 /// Number of EnvFlag bits in use.
