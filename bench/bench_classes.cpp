@@ -225,7 +225,7 @@ void run_envs(const Setting& setting) {
   }
 }
 
-/// The same environments in one ragged batch, and in a uniform batch for each size: the same work.
+/// Environments in one ragged batch, and the same in a uniform batch for each size: equal work.
 void run_ragged(const Setting& setting) {
   constexpr int kSizes = 6;  // boxes of a stack, four contacts each
   constexpr Offset kEnvs = 3072;

@@ -39,7 +39,7 @@ class Environment:
                 np.insert(self.values, starts, self.compliance))
 
     def symmetric(self):
-        """The same with (A + A')/2 for A."""
+        """The environment with (A + A')/2 for A."""
         here = np.repeat(np.arange(self.rows), np.diff(self.offsets))
         keys = np.concatenate((here * self.rows + self.columns, self.columns * self.rows + here))
         found, at = np.unique(keys, return_inverse=True)

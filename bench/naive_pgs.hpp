@@ -78,7 +78,7 @@ void naive(const BaselineTask<Real>& task, int sweeps) {
     });
 }
 
-/// The same on the stored entries: what one writes for a sparse A.
+/// The loop on the stored entries: what one writes for a sparse A.
 template <class Real>
 void naive_csr(const BaselineTask<Real>& task, int sweeps) {
   const Index n = task.n;

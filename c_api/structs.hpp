@@ -27,7 +27,7 @@ Struct read_struct(const Struct* given, const char* argument) {
   return full;
 }
 
-/// The same for an argument that may be null: all defaults.
+/// Reads an argument that may be null: all defaults.
 template <class Struct>
 Struct read_optional(const Struct* given, const char* argument) {
   if (given != nullptr) return read_struct(given, argument);

@@ -13,7 +13,7 @@ struct NewtonBodyKernels {
   /// Scratch one environment needs, in numbers of double besides what sequential impulses need.
   Offset (*doubles)(const BodyJob<Real>& job, Offset env);
   void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact);
-  /// The same on every thread of a team, which shares the scratch.
+  /// Solves on every thread of a team, which shares the scratch.
   void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
                          Index rank);
 };
@@ -33,12 +33,12 @@ struct BodySingleKernels {
   /// Those of one contact that a sweep reads or writes.
   Offset (*swept_elements)(bool momentum) = nullptr;
   void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) = nullptr;
-  /// The same on every thread of a team, which shares the scratch.
+  /// Solves on every thread of a team, which shares the scratch.
   void (*solve_together)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact, ThreadTeam& team,
                          Index rank) = nullptr;
 };
 
-/// The same on environments in lock-step. A default one has no packs: width 1, and nothing may be called.
+/// Kernels for environments in lock-step. A default one has no packs: width 1, and nothing may be called.
 template <class Real>
 struct BodyPackKernels {
   int width = 1;  ///< environments in lock-step

@@ -12,7 +12,7 @@ struct JacobianKernels {
   void (*velocity)(const JacobianJob<Real>& job, Offset env, Real* scratch);
 };
 
-/// Both precisions.
+/// Kernels of both precisions.
 struct JacobianKernelSet {
   JacobianKernels<float> f32;
   JacobianKernels<double> f64;

@@ -19,7 +19,7 @@ struct SingleKernels {
   void (*solve)(const Job<Real>& job, Offset env, Real* scratch) = nullptr;
 };
 
-/// The same on environments in lock-step. A default one has no packs: width 1, and nothing may be called.
+/// Kernels for environments in lock-step. A default one has no packs: width 1, and nothing may be called.
 template <class Real>
 struct PackKernels {
   int width = 1;                                          ///< environments in lock-step

@@ -18,13 +18,13 @@ using ItemWork = std::function<void(int item, int worker)>;
 /// when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
 
-/// The same in parts: a ParallelFor for work on environments that takes some ten nanoseconds each.
+/// Work in parts: a ParallelFor for work on environments that takes some ten nanoseconds each.
 void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
 
 /// Who deals the items out: threads of our own that sleep between calls, or oneTBB's.
 enum class PoolKind : unsigned char { own, tbb };
 bool has_pool(PoolKind kind);
-/// The same by one of them. \throws Error(unsupported) if the build has it not.
+/// Work by one of the two pools. \throws Error(unsupported) if the build has it not.
 void parallel_for(PoolKind kind, int threads, int items, const ItemWork& work);
 /// Which one parallel_for() takes from now on: oneTBB where the build has it. For tests.
 void set_pool(PoolKind kind);

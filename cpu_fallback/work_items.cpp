@@ -14,7 +14,7 @@ namespace {
 constexpr Offset kLargestPackBytes = Offset{1} << 20;
 /// Padding a pack may add to the work of its smallest member.
 constexpr double kLargestPadding = 1.6;
-/// The same once a run fills its packs several times over, so that little is lost by beginning another.
+/// Padding once a run fills its packs several times over, so that little is lost by beginning another.
 constexpr double kPaddingOfLongRuns = 1.1;
 constexpr Offset kLongRun = 4;
 

@@ -16,7 +16,7 @@ struct WorldKernels {
   WorldMotion (*motion)(const WorldJob<Real>& job, Offset env);
 };
 
-/// Both precisions.
+/// Kernels of both precisions.
 struct WorldKernelSet {
   WorldKernels<float> f32;
   WorldKernels<double> f64;

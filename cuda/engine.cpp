@@ -136,7 +136,7 @@ void Engine::wait_for_all() {
   for (const auto& branch : branch_) api_.synchronize(branch->get());
 }
 
-/// The same after a failure or at the end, `stream` included; the device may be lost.
+/// Waits for all after a failure or at the end, `stream` included; the device may be lost.
 void Engine::finish(StreamHandle stream) noexcept {
   try {
     if (api_.capturing(stream)) return;

@@ -69,7 +69,7 @@ class System:
 
 
 def reference_model(model):
-    """The same model with MuJoCo's Newton solver as tight as it goes, and a dense Jacobian to read."""
+    """The model with MuJoCo's Newton solver as tight as it goes, and a dense Jacobian to read."""
     tight = copy.copy(model)
     tight.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     tight.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

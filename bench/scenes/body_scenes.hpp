@@ -16,7 +16,7 @@ BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts);
 /// Boxes of random size one on the other, four contacts between neighbours, on a floor that is kinematic and moves.
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes);
 
-/// The same environment with every number rounded.
+/// The environment with every number rounded.
 BodyEnvironment<float> rounded(const BodyEnvironment<double>& environment);
 BodyEnvironment<double> widened(const BodyEnvironment<float>& environment);
 

@@ -160,13 +160,13 @@ STICTION_API stiction_code stiction_stepping_solver_create(const char* device, c
                                                            const stiction_capacity* capacity,
                                                            const stiction_warm_start_options* warm_start,
                                                            stiction_stepping_solver** solver);
-/** The same for Jacobian batches. */
+/** Makes a stepping solver for Jacobian batches. */
 STICTION_API stiction_code stiction_stepping_solver_create_jacobian(const char* device,
                                                                     const stiction_solver_options* options,
                                                                     const stiction_jacobian_capacity* capacity,
                                                                     const stiction_warm_start_options* warm_start,
                                                                     stiction_stepping_solver** solver);
-/** The same for bodies. stepping may be null: defaults. Of the capacity envs, cones (contacts of all environments) and
+/** Makes one for bodies. stepping may be null: defaults. Of the capacity envs, cones (contacts of all environments) and
  * precision are read. */
 STICTION_API stiction_code stiction_stepping_solver_create_bodies(const char* device,
                                                                   const stiction_time_stepping* stepping,
@@ -180,13 +180,13 @@ STICTION_API stiction_code stiction_stepping_solver_destroy(stiction_stepping_so
 STICTION_API stiction_code stiction_stepping_solver_solve(stiction_stepping_solver* solver,
                                                           const stiction_batch_view* batch, const uint64_t* cone_id,
                                                           double dt, const stiction_solution* solution, void* stream);
-/** The same of a solver for Jacobian batches. */
+/** Solves a step with a solver for Jacobian batches. */
 STICTION_API stiction_code stiction_stepping_solver_solve_jacobian(stiction_stepping_solver* solver,
                                                                    const stiction_jacobian_view* batch,
                                                                    const uint64_t* cone_id, double dt,
                                                                    const stiction_jacobian_solution* solution,
                                                                    void* stream);
-/** The same of a solver for bodies: contact_id: (contact_count), and the step is as long as its stepping says. Plans
+/** Solves a step of bodies: contact_id: (contact_count), and the step is as long as its stepping says. Plans
  * anew at every step, for which a batch in device memory is waited for. */
 STICTION_API stiction_code stiction_stepping_solver_solve_bodies(stiction_stepping_solver* solver,
                                                                  const stiction_body_view* batch,

@@ -22,7 +22,7 @@ namespace stiction::io {
 class InputFile {
  public:
   explicit InputFile(const std::filesystem::path& path);
-  /// The same over the bytes of a file in memory; `name` stands for it in messages.
+  /// Reads the bytes of a file in memory; `name` stands for it in messages.
   InputFile(std::span<const std::byte> image, std::string name);
 
   /// Whether a group or dataset of that path is there. A link to elsewhere is refused.

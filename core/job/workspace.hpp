@@ -27,27 +27,27 @@ struct Workspace {
   [[nodiscard]] STICTION_HD constexpr Offset doubles(Offset n) const {
     return f64_vectors * n + (has_matrices(n) ? dense_matrices * n * n : matrix_free_vectors * n);
   }
-  /// The same in numbers of Real.
+  /// These doubles in numbers of Real.
   template <class Real>
   [[nodiscard]] STICTION_HD constexpr Offset double_elements(Offset n) const {
     return doubles(n) * static_cast<Offset>((sizeof(double) + sizeof(Real) - 1) / sizeof(Real));
   }
   /// Numbers of Real for the squares of a dense system of n rows.
   [[nodiscard]] STICTION_HD constexpr Offset square_elements(Offset n) const { return real_matrices * n * n; }
-  /// The same workspace without what no loading touches.
+  /// The workspace without what no loading touches.
   [[nodiscard]] STICTION_HD constexpr Workspace to_load() const {
     Workspace workspace = *this;
     workspace.real_matrices = 0;
     return workspace;
   }
-  /// The same workspace for lanes each of which has an environment: no doubles.
+  /// The workspace for lanes each of which has an environment: no doubles.
   [[nodiscard]] STICTION_HD constexpr Workspace in_bundles() const {
     Workspace workspace;
     workspace.vectors = vectors;
     workspace.real_matrices = real_matrices;
     return workspace;
   }
-  /// The same with matrices for environments of up to `rows` rows.
+  /// The workspace with matrices for environments of up to `rows` rows.
   [[nodiscard]] STICTION_HD constexpr Workspace up_to(Index rows) const {
     Workspace workspace = *this;
     workspace.direct_rows = rows;

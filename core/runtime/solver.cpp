@@ -238,7 +238,7 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
   check(batch, solution, static_cast<const Real*>(nullptr), full_rows);
 }
 
-/// The same, with what was seen of the rows of a batch on the host.
+/// Checks, and tells what was seen of the rows of a batch on the host.
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    std::vector<FullRows>& full_rows) const {

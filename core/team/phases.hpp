@@ -17,7 +17,7 @@ struct AtMost {
   Index count;
 };
 
-/// The same for a team of one, unrolled: f sees constants, so the arrays it indexes can be registers.
+/// for_each() by a team of one, unrolled: f sees constants, so the arrays it indexes can be registers.
 template <Team TeamT, Index kMost, class F>
 requires(TeamT::size() == 1) STICTION_HD void for_each(TeamT&, AtMost<kMost> n, F&& f) {
   STICTION_UNROLL

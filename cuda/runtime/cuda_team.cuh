@@ -16,7 +16,7 @@ struct CudaTeamMemory {
   alignas(16) unsigned char leaves[32 * sizeof(double)];  ///< for sums over a fixed tree
 };
 
-/// The same for a team that is a whole grid, in global memory: one value per warp of it.
+/// Memory of a team that is a whole grid, in global memory: one value per warp of it.
 struct CudaGridMemory {
   static constexpr int kMostWarps = 16384;
   CudaTeamMemory team;

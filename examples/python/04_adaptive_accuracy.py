@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The same training with coarse, fine and rising accuracy of the contacts: return against time.
+"""One training with coarse, fine and rising accuracy of the contacts: return against time.
 
     examples/python/04_adaptive_accuracy.py [--task HalfCheetah] [--steps 200000] [--csv FILE] [--picture FILE.png]
     examples/python/04_adaptive_accuracy.py --only coarse --csv coarse.csv      # one of them

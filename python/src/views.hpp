@@ -50,7 +50,7 @@ std::vector<Real> rows_in_use(const JacobianBatchView<Real>& batch, const Real* 
   return packed;
 }
 
-/// The same arrays, which this process can read, as host memory.
+/// A view of arrays that this process can read, as host memory.
 template <class View>
 View on_host(View view) {
   view.space = MemorySpace::host;

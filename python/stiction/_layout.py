@@ -205,7 +205,7 @@ class Padded:
         return cones, rows_of[cones], limit > self.room
 
     def _count_own_cones(self, limit):
-        """The same, each environment having cones of its own."""
+        """A layout, each environment having cones of its own."""
         whole = np.cumsum(np.broadcast_to(self._dims, self.cone_shape), axis=1, dtype=np.int64)
         if self._cone_counts is not None:
             wanted = self._wanted_cones()
@@ -249,7 +249,7 @@ class Padded:
         self._refresh_counts()
 
     def _place(self, device, framework):
-        """The same integers in device memory; counts stay the caller's and are read there."""
+        """These integers in device memory; counts stay the caller's and are read there."""
         given = self._counts if self._counts is not None else self._cone_counts
         by_rows = self._counts is not None
         self._counts = self._cone_counts = None

@@ -29,7 +29,7 @@ class AccuracyPolicy:
 
     @classmethod
     def fixed(cls, tolerance=1e-4, max_iterations=1000) -> "AccuracyPolicy":
-        """The same always; numbers, or arrays (B,) with one entry per environment."""
+        """One accuracy always; numbers, or arrays (B,) with one entry per environment."""
         accuracy = _accuracy(tolerance, max_iterations)
         return cls(lambda progress, entropy: accuracy)
 

@@ -23,7 +23,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// The same method, to which every environment is too large.
+/// The method, to which every environment is too large.
 using WithoutMatrices = Matrixless<Ipm>;
 
 template <Law kLaw = Law::convex, class Real = double>

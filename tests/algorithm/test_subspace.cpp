@@ -48,7 +48,7 @@ TEST(Subspace, WhatSticksIsSolvedByTheFirstLeap) {
   }
 }
 
-/// The same pushed four times as hard sideways, with a tenth of the friction.
+/// The stack pushed four times as hard sideways, with a tenth of the friction.
 Environment<double> sliding(std::size_t contacts) {
   Environment<double> env = sticking(contacts);
   for (std::size_t c = 0; c < contacts; ++c) {

@@ -48,7 +48,7 @@ TEST(CSameSteps, OfContactBatches) {
   STICTION_OK_OR_SAY(stiction_stepping_solver_destroy(solver));
 }
 
-/// The same of Jacobians: a handle of the same kind, made for another form.
+/// A solver of Jacobians: a handle of the same kind, made for another form.
 TEST(CSameSteps, OfJacobians) {
   JacobianBatch<double> batch(Law::coulomb);
   for (std::uint64_t seed = 1; seed <= 3; ++seed) batch.add(random_jacobian({seed}));

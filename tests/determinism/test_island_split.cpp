@@ -314,7 +314,7 @@ TEST(IslandSplitViews, ArraysWithRoomAreReadWhereTheyLie) {
   EXPECT_EQ(std::count(w.begin(), w.end(), 77), rubbish);
 }
 
-/// The same environments with the normals last and one mu for all rows of a contact.
+/// The environments with the normals last and one mu for all rows of a contact.
 TEST(IslandSplitViews, NormalsMayComeLastAndMuByContact) {
   std::vector<Environment<double>> parts;
   for (std::uint64_t e = 0; e < 4; ++e) {

@@ -37,7 +37,7 @@ template <class Real>
   return ::testing::AssertionSuccess();
 }
 
-/// The same for status records, field by field in the message.
+/// Compares status records, field by field in the message.
 inline ::testing::AssertionResult same_bits(std::span<const EnvStatus> expected, std::span<const EnvStatus> actual) {
   if (expected.size() != actual.size())
     return ::testing::AssertionFailure() << expected.size() << " records expected, " << actual.size() << " are there";

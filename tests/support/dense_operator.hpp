@@ -46,7 +46,7 @@ int for_each_small(const ContactBatchView<double>& batch, F&& f) {
   return seen;
 }
 
-/// The same for every generated scene.
+/// Calls f for the small environments of every generated scene.
 template <class F>
 int for_each_small_scene(F&& f) {
   int seen = 0;
@@ -58,7 +58,7 @@ int for_each_small_scene(F&& f) {
   return seen;
 }
 
-/// The same for every recording beside the examples; 0 where no files are read.
+/// Calls f for those of every recording beside the examples; 0 where no files are read.
 template <class F>
 int for_each_small_recording([[maybe_unused]] F&& f) {
   int seen = 0;

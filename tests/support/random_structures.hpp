@@ -107,7 +107,7 @@ struct Integers {
   Offset nonzeros = row_offsets.empty() ? 0 : row_offsets.back();
 };
 
-/// The same environments with room between them, between their rows and between entries; no column keeps its place.
+/// The environments with room between them, between their rows and between entries; no column keeps its place.
 inline Integers with_room(const ContactBatchView<double>& batch, std::mt19937& random) {
   Integers wide;
   wide.env_row_offsets = wide.env_cone_offsets = wide.row_offsets = {0};

@@ -10,7 +10,7 @@
 
 namespace stiction::test {
 
-/// The same environment in another precision.
+/// The environment in another precision.
 template <class Real>
 JacobianEnvironment<Real> cast(const JacobianEnvironment<double>& from) {
   JacobianEnvironment<Real> to;

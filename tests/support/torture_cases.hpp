@@ -118,7 +118,7 @@ inline Environment<double> small_sparse() {
   return scenes::make("stack", 5, 0, 16).system;
 }
 
-/// Both laws and precisions of a method on both kinds of system. Who computes what does not depend on how law and
+/// Runs both laws and precisions of a method on both kinds of system. Who computes what does not depend on how law and
 /// precision are paired, and every pair costs a copy of the algorithm: the emulated device's tests have them all.
 template <class Method>
 void torture_method() {

@@ -116,7 +116,7 @@ def environment(file, index):
 
 
 def system_of(e):
-    """The same environment as the recorder's own record, to judge lambda_ref."""
+    """The environment as the recorder's own record, to judge lambda_ref."""
     return recorder.System(cone_kind=e["kind"], cone_rows=e["size"], row_param=e["row_param"], A=e["A"], b=e["b"],
                            R=e["R"], J=e["J"], M=e["M"], v_free=e["v_free"], row_target=e["row_target"],
                            lambda_ref=e["lambda_ref"], v_ref=e["v_ref"])

@@ -16,7 +16,7 @@
 #include "cuda/runtime/cuda_api.hpp"
 #endif
 
-/// The same bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
+/// Equal bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
 namespace stiction::test {
 namespace {
 

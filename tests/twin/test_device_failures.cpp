@@ -13,7 +13,7 @@ namespace {
 constexpr float kUntouched = -77.5F;
 /// So small that a batch passes through the buffers in many pieces.
 constexpr Offset kSmallPiece = 3000;
-/// The same in a few.
+/// Still small: a batch passes through in a few pieces.
 constexpr Offset kPiece = 40000;
 
 struct Call {

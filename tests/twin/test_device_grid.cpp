@@ -62,7 +62,7 @@ struct LookAround {
   }
 };
 
-/// The same sums by one lane.
+/// The sums by one lane.
 Seen alone() {
   Seen seen;
   Index written[kWidth] = {};

@@ -16,7 +16,7 @@ namespace {
 
 constexpr WarmStartCapacity kRoom{9, 150, 400};  // some environments do not fit
 
-/// Both stores, called alike.
+/// The two stores, called alike.
 template <class Real>
 struct Twins {
   explicit Twins(const cuda::EmulatedDeviceOptions& options)

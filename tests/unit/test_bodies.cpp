@@ -142,7 +142,7 @@ TEST(bodies, a_kinematic_floor_drags_and_is_not_pushed) {
             (std::vector<double>{3, 0, 0, 0, 0, 0}));
 }
 
-/// The same environment assembled densely, judged by code that shares nothing with the solver.
+/// The environment assembled densely, judged by code that shares nothing with the solver.
 TEST(bodies, residual_velocities_and_motion_agree_with_the_assembled_system) {
   TimeStepping stepping;
   stepping.slop = 1e-4;

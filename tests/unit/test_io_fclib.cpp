@@ -291,7 +291,7 @@ TEST_F(IoFclib, WhatFclibCannotSayIsRefused) {
   EXPECT_FALSE(std::filesystem::exists(at("a.hdf5")));
 }
 
-/// The same systems exist as FCLIB files and, condensed by numpy, in the shared Coulomb batches.
+/// Systems exist as FCLIB files and, condensed by numpy, in the shared Coulomb batches.
 TEST(IoFclibShared, PublicProblemsAgreeWithTheirCondensedBatches) {
   const char* environment = std::getenv("STICTION_SHARED_DIR");
   const std::filesystem::path shared = environment != nullptr ? environment : STICTION_SHARED_DIR;

@@ -33,7 +33,7 @@ struct Manifold {
   STICTION_HD void add(const ContactCandidate<T>& candidate, T margin) {
     if (candidate.depth >= -margin) at[count++] = candidate;
   }
-  /// The same contacts seen from the other shape.
+  /// Turns the contacts into those seen from the other shape.
   STICTION_HD void swap_sides() {
     for (Index k = 0; k < count; ++k) at[k].normal = scaled(T(-1), at[k].normal);
   }

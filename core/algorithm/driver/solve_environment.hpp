@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
-/// The same for one method: an iteration of a method that factorises costs so much more than a look that it is looked
+/// Chunk of one method: an iteration of a method that factorises costs so much more than a check that it is checked
 /// at after every one, unless it says otherwise.
 template <class Method>
 STICTION_HD constexpr Index chunk_of() {

@@ -22,13 +22,13 @@ STICTION_HD Real asymmetry(TeamT& team, Strided<Real, kStride> A, Index n) {
   return largest > Real(0) ? div_(difference, largest) : Real(0);
 }
 
-/// The same of a dense system.
+/// Asymmetry of a dense system.
 template <Team TeamT, class Real, int kStride>
 STICTION_HD Real asymmetry(TeamT& team, const DenseSystem<Real, kStride>& s) {
   return asymmetry(team, s.A, s.n);
 }
 
-/// The same on a sparse pattern; an entry whose transpose is not stored counts in full. Duplicates are compared one by
+/// Asymmetry on a sparse pattern; an entry whose transpose is not stored counts in full. Duplicates are compared one by
 /// one and may overstate the difference.
 template <Team TeamT, class Real>
 STICTION_HD Real asymmetry(TeamT& team, const SparseSystem<Real>& s) {

@@ -52,7 +52,7 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const System&, Inde
   return {diagonal, finite};
 }
 
-/// The same of a row of Y.
+/// Scan of a row of Y.
 template <class Real>
 STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<Real>&, Index row, bool) {
   const Real* y = env.factor + static_cast<Offset>(row) * env.dofs;

@@ -128,7 +128,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
   return (flags & ~kHarmlessFlags) == 0;
 }
 
-/// Both, for machines that do all in one go. Returns the flags.
+/// Loads a system and begins the method. Returns the flags.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD std::uint32_t prepare(TeamT& team, const EnvView<Real>& env, System& s) {
   const std::uint32_t flags = load_system(team, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(s);

@@ -72,8 +72,8 @@ bool columns_ascend(const EnvView<Real>& env) {
 }
 
 /// A of one environment by rows of the lane. `scale` null: as the batch has it, none of whose rows has a column twice.
-/// Else in the solver's coordinates, by the same operations as assemble(). `slot`: room for a number of each of the
-/// environment's rows.
+/// With a scale: in the solver's coordinates, by the same operations as assemble(). `slot`: room for a number of each
+/// of the environment's rows.
 template <class Real, int W>
 void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const Strided<Real, W>* scale, Real scale_a,
                 Index* slot, Real* A) {

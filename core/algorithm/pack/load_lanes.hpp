@@ -277,7 +277,7 @@ void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspac
   }
 }
 
-/// The same in one lane, whose rows may have more than one entry on the diagonal, or none.
+/// Weights of the cones in one lane, whose rows may have more than one entry on the diagonal, or none.
 template <class Real, int W>
 void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
                     int lane) {

@@ -37,7 +37,7 @@ STICTION_HD bool spread_labels(TeamT& team, const ConflictGraph& graph, Index* l
   return false;
 }
 
-/// The same by one lane, from labels spread as far as they are: union by smaller vertex, halving paths.
+/// Unites labels by one lane, from labels spread as far as they are: union by smaller vertex, halving paths.
 template <Team TeamT>
 STICTION_HD void unite_labels(TeamT& team, const ConflictGraph& graph, Index* label, Index* next) {
   const auto find = [&](Index v) {

@@ -46,7 +46,7 @@ struct StoredRows {
   [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const { return row_diagonal(*env, row, start); }
 };
 
-/// The same where A is Y Y'; `velocity` is Y' lambda.
+/// Rows of A = Y Y', as the final residual reads them; `velocity` is Y' lambda.
 template <class Real>
 struct FactorRows {
   const EnvView<Real>* env;

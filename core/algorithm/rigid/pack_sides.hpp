@@ -67,7 +67,7 @@ struct PackEnv {
   PackSides<T, W> sides;
   [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset side_index) const { return sides.of(side_index); }
 };
-/// The same for contacts of which both sides are uniform.
+/// Sides of contacts of which both are uniform.
 template <class T, int W>
 struct UniformEnv {
   PackSides<T, W> sides;

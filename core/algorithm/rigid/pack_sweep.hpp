@@ -108,7 +108,7 @@ STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT&, const EnvPair<PackEnv<T,
   return largest;
 }
 
-/// The same with momentum.
+/// A sweep of two packs with momentum.
 template <Team TeamT, class Env, class System, class Real>
 STICTION_HD void accelerated_sweep(TeamT& team, const EnvPair<Env>& env, const SystemPair<System>& s, Real omega,
                                    NumberPair<SiMomentum<Real>>& momentum) {

@@ -124,7 +124,7 @@ STICTION_HD Real take_step(const System& s, const Visit& visit, Index p, const C
   return size;
 }
 
-/// Both. Returns the step's size in units of w.
+/// Visits a contact: its step, then the push. Returns the step's size in units of w.
 template <class Env, class System>
 STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typename System::Real omega) {
   const auto visit = visit_of(env, s, p);

@@ -65,7 +65,7 @@ requires System::kMaintainsMotion STICTION_HD auto sweep(TeamT& team, System& s,
   return largest;
 }
 
-/// The same of two packs.
+/// One sweep of two packs.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
 STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real omega) {
   using Real = typename System::Real;
@@ -153,7 +153,7 @@ STICTION_HD void refresh_motion(TeamT& team, System& s) {
       team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
 }
 
-/// The same in the lanes of `due`.
+/// Fresh motion in the lanes of `due`.
 template <Team TeamT, class System>
 STICTION_HD void refresh_motion(TeamT& team, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
@@ -161,8 +161,8 @@ STICTION_HD void refresh_motion(TeamT& team, System& s, Mask<typename System::Re
       team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = select(due, motion, s.y[i]); });
 }
 
-/// The same where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would jump
-/// relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
+/// Fresh motion where y is extrapolated along y - y_before: the correction goes into both. Corrected alone, y would
+/// jump relative to y_before, and momentum would multiply that jump until the next refresh multiplies it again.
 template <Team TeamT, class System, class Vector>
 STICTION_HD void refresh_motion(TeamT& team, System& s, Mask<typename System::Real> due, Vector y_before) {
   using Real = typename System::Real;

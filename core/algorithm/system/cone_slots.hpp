@@ -12,7 +12,7 @@ STICTION_HD void for_each_slot(TeamT& team, const EnvView<Real>& env, const Dens
   for_each(team, env.cone_count,
            [&](Index position) { f(env.cone_order[position], locate(env.counts, s.counts, position)); });
 }
-/// The same for a team of one, kind after kind.
+/// Visits the cones by a team of one, kind after kind.
 template <Team TeamT, class Real, int kStride, class F>
 requires(TeamT::size() == 1) STICTION_HD
     void for_each_slot(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {

@@ -55,7 +55,7 @@ struct OperatorAnalysis {
 
   /// Condition number in the 2-norm: infinite where the rank is less than the rows, NaN where it is not determined. [-]
   [[nodiscard]] double condition() const noexcept;
-  /// The same on the range alone: largest / smallest, whatever the rank; NaN where there is none. [-]
+  /// Condition number on the range alone: largest / smallest, whatever the rank; NaN where there is none. [-]
   [[nodiscard]] double range_condition() const noexcept { return largest / smallest; }
 };
 

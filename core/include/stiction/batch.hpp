@@ -167,7 +167,7 @@ class ContactBatch {
   Law law_ = Law::convex;
 };
 
-/// The same batch with every number rounded to To (to nearest; what overflows becomes infinite and is then
+/// Converts a batch: every number is rounded to To (to nearest; what overflows becomes infinite and is then
 /// flagged by the solver, in that environment alone).
 template <class To, class From>
 ContactBatch<To> convert(const ContactBatch<From>& batch);

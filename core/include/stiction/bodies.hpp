@@ -206,7 +206,7 @@ class BodySolver {
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// The same without a plan of the caller's, for bodies and contacts that change from call to call: one is made for
+  /// Solves without a plan of the caller's, for bodies and contacts that change from call to call: one is made for
   /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is looked at once, where
   /// plan() and solve() look at it each.
   template <class Real>

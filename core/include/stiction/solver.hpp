@@ -162,7 +162,7 @@ class Solver {
   void solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// The same without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
+  /// Solves without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
   /// nothing waits and nothing is allocated: what is queued can be captured into a CUDA graph and replayed after the
   /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the
   /// room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of

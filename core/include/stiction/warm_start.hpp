@@ -90,7 +90,7 @@ class WarmStartStore {
   void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
                 double dt, StreamRef stream = StreamRef::default_stream());
 
-  /// The same for Jacobian batches, and for contacts of bodies, whose reactions are three numbers each
+  /// Warm starts of Jacobian batches, and of contacts of bodies, whose reactions are three numbers each
   /// (docs/bodies.md).
   void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
               StreamRef stream = StreamRef::default_stream());

@@ -105,7 +105,7 @@ class World {
   /// Puts environment e into the state given for it wherever mask[e] is not zero, and forgets its contacts. Quaternions
   /// are normalised. \throws Error(invalid_argument) if a length is wrong or a quaternion is zero or not finite.
   void reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state);
-  /// The same, to the description's state.
+  /// Puts masked environments into the description's state.
   void reset(std::span<const std::uint8_t> mask);
 
   /// How the last step's solve ended: a record per environment, all zero before the first step.

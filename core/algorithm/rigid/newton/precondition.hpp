@@ -65,7 +65,7 @@ STICTION_HD_OUTLINE void prepare_and_solve(TeamT& team, const SpaceWorkspace& wo
   solve_with(team, workspace, preconditioner, system, tolerance);
 }
 
-/// The same with the preconditioner that the options name.
+/// Solves with the preconditioner that the options name.
 template <Team TeamT>
 STICTION_HD_OUTLINE void solve_space(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                      SpaceSystem system, double tolerance) {

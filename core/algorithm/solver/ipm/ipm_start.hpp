@@ -46,7 +46,7 @@ STICTION_HD void start_row(const IpmSpace& p, Index row, const RowBounds& bounds
   start_bound(bounds.has_hi && !bounds.is_fixed(), upper, gap, p.upper_slack[row], p.upper_z[row]);
 }
 
-/// The same for a friction cone: moved up its axis, and z = gap times the inverse of x in the cone's algebra.
+/// Start of a friction cone: moved up its axis, and z = gap times the inverse of x in the cone's algebra.
 template <int M>
 STICTION_HD_OUTLINE void start_cone(const IpmSpace& p, Index row, double (&wish)[M], double margin, double gap) {
   double sum = 0.0;

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// Part of the residual that a step's conjugate gradients leave, in the norm that the preconditioner makes: the forcing
 /// term of an inexact Newton method.
 inline constexpr double kPrimalAccuracy = 1e-3;
-/// The same where that did not lead downhill: because there is nothing left to gain, or for want of accuracy.
+/// Accuracy where that did not lead downhill: because there is nothing left to gain, or for want of accuracy.
 inline constexpr double kPrimalCare = 1e-9;
 /// Steps for one linear system at most.
 inline constexpr Index kMostPrimalSteps = 500;
