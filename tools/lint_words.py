@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Finds words that promise later work, paths of one machine, files that grew too long, and macros beyond the four.
+"""Finds words that promise later work, paths of one machine, comments without a subject, and what grew too long.
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -20,6 +20,11 @@ SPELLS_THE_WORDS = {"tools/lint_words.py"}
 LATER = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|not imple" r"mented|place" r"holder|for n" r"ow|st" r"ubs?)\b")
 # Data, code and machines are not persons: name what does it, or use the passive. CHANGELOG.md keeps what it said.
 PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"body|any" r"body)\b", re.IGNORECASE)
+# A reader comes to a declaration by name, not from the one above it.
+NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
+MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
+WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
+GENERATED = re.compile(r"bench/results/.+/")
 MACHINE_PATH = re.compile(r"(?<![\w.$}])/(work|root|home/\w+)/\w")
 MACRO = re.compile(r"^\s*#\s*define\s+(\w+)")
 MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
@@ -29,7 +34,16 @@ def problems_of(path, text):
     """Sentences for one file; `path` decides which rules speak."""
     found = []
     suffix = pathlib.PurePosixPath(path).suffix
+    is_prose = suffix == ".md" and not GENERATED.match(path)
+    before = ""
     for number, line in enumerate(text.splitlines(), start=1):
+        if line.startswith("```") and suffix == ".md" and not GENERATED.match(path):
+            is_prose = not is_prose
+        if is_prose and len(line) >= MAX_COLUMNS and not WIDE.match(line):
+            found.append(f"{path}:{number}: {len(line)} columns; prose ends before {MAX_COLUMNS}")
+        if suffix in {".hpp", ".cpp", ".cu", ".cuh", ".h"} and NO_SUBJECT.match(line) and not before.lstrip().startswith("///"):
+            found.append(f"{path}:{number}: '{NO_SUBJECT.match(line).group(1)}' of what? Repeat the subject")
+        before = line
         if suffix in CODE and path not in SPELLS_THE_WORDS and LATER.search(line):
             found.append(f"{path}:{number}: '{LATER.search(line).group(0)}' promises later work; do it or drop it")
         if path not in SPELLS_THE_WORDS and MACHINE_PATH.search(line):
@@ -74,6 +88,10 @@ def self_test():
         ("a.sh", "x=$HOME/wo" + "rk/core\n", 0),
         ("a.md", "No" + "body waits.\n", 1),
         ("a.hpp", "/// for who" + "ever asks\n", 1),
+        ("a.hpp", "/// The same of a pack.\n", 1),
+        ("a.hpp", "/// A graph.\n/// The same graph gives the same text.\n", 0),
+        ("a.md", "word " * 30 + "end\n", 1),
+        ("a.md", "| word " * 30 + "|\n```\n" + "word " * 30 + "end\n```\n", 0),
         ("a.hpp", "#define MIN(a) a\n", 1),
         ("a.hpp", "#define STICTION_HD inline\n", 0),
         ("a.cpp", "int x; \n", 1),
