@@ -156,6 +156,7 @@ class CsvLogger:
         self._file.flush()
 
     def close(self):
+        """Closes the file."""
         self._file.close()
 
 
@@ -171,4 +172,5 @@ class JsonLogger:
         self._file.flush()
 
     def close(self):
+        """Closes the file."""
         self._file.close()

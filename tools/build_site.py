@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+"""Builds the documentation's site from the Markdown of the checkout, and fails on a link that leads nowhere.
+
+Every page keeps its path. A link to a source file leads to a page that shows it, one to a folder to its README or a
+list of its files. The navigation is docs/index.md's: its sections and their tables. Beside each page lies its
+Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings.
+
+    tools/build_site.py FOLDER [--stage FOLDER]      the site; the pages it is built from (default: FOLDER-pages)
+
+Needs what tools/requirements-site.txt names.
+"""
+
+import argparse
+import os
+import pathlib
+import posixpath
+import re
+import shutil
+import subprocess
+import sys
+
+import griffe
+import yaml
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s]+)(\))")
+CODE = re.compile(r"^```.*?^```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
+LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c", ".c": "c", ".py": "python",
+             ".sh": "bash", ".cmake": "cmake", ".csv": "text", ".json": "json", ".txt": "text", ".toml": "toml"}
+HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
+API = "docs/python_api.md"
+
+
+def tracked(*patterns):
+    return subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", *patterns], capture_output=True,
+                          text=True, check=True).stdout.splitlines()
+
+
+class Stage:
+    """The pages, as MkDocs reads them: Markdown of the checkout with its links turned to pages of the site."""
+
+    def __init__(self, folder):
+        self._folder = folder
+        self._shown = set()
+
+    def write(self, path, text):
+        to = self._folder / path
+        to.parent.mkdir(parents=True, exist_ok=True)
+        to.write_text(text, encoding="utf-8")
+
+    def page(self, path):
+        text = (ROOT / path).read_text(encoding="utf-8")
+        code = [match.span() for match in CODE.finditer(text)]
+
+        def turned(match):
+            if any(begin <= match.start() < end for begin, end in code):
+                return match.group()
+            return match.group(1) + self._target(path, match.group(2)) + match.group(3)
+
+        self.write(path, LINK.sub(turned, text))
+
+    def _target(self, page, target):
+        """The link's target as the site has it; what it leads to is staged."""
+        if re.match(r"[a-z]+:|#", target):
+            return target
+        path, _, fragment = target.partition("#")
+        there = posixpath.normpath(posixpath.join(posixpath.dirname(page), path))
+        if (ROOT / there).is_dir():
+            there = self._folder_page(there)
+        elif not there.endswith(".md") and (ROOT / there).is_file():
+            there = self._file_page(there)
+        relative = posixpath.relpath(there, posixpath.dirname(page) or ".")
+        return f"{relative}#{fragment}" if fragment else relative
+
+    def _folder_page(self, folder):
+        readme = posixpath.join(folder, "README.md")
+        if (ROOT / readme).is_file():
+            return readme
+        if readme not in self._shown:
+            self._shown.add(readme)
+            names = sorted(name for name in tracked(folder) if "/" not in name[len(folder) + 1:])
+            rows = "\n".join(f"- [{posixpath.basename(name)}]({posixpath.basename(self._linked(name))})" for name in names)
+            self.write(readme, f"{HIDDEN}# {folder}\n\n{rows}\n")
+        return readme
+
+    def _linked(self, name):
+        return name if name.endswith(".md") else self._file_page(name)
+
+    def _file_page(self, name):
+        """An image or a table stays a file; text becomes a page that shows it."""
+        source = ROOT / name
+        language = LANGUAGES.get(source.suffix, "text" if not source.suffix else None)
+        if language is None:
+            to = self._folder / name
+            to.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, to)
+            return name
+        page = f"{name}.md"
+        if page not in self._shown:
+            self._shown.add(page)
+            text = source.read_text(encoding="utf-8")
+            fence = "`" * max(3, 1 + max((len(run) for run in re.findall(r"`+", text)), default=0))
+            self.write(page, f"{HIDDEN}# {name}\n\n{fence}{language}\n{text}{fence}\n")
+        return page
+
+
+def sections():
+    """docs/index.md as (heading, [(title, path, what it holds)])."""
+    text = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    found = []
+    for part in re.split(r"^## ", text, flags=re.M)[1:]:
+        heading, _, body = part.partition("\n")
+        rows = []
+        for row in re.findall(r"^\| (\[.*?) \| (.*) \|$", body, re.M):
+            for title, target in re.findall(r"\[([^\]]+)\]\(([^)]+)\)", row[0]):
+                path = posixpath.normpath(posixpath.join("docs", target.partition("#")[0]))
+                rows.append((re.sub(r"^.*/(?=.)|\.md$|/$", "", title), path, row[1]))
+        found.append((heading.strip(), rows))
+    return found
+
+
+def title_of(path):
+    match = re.search(r"^# (.+)$", (ROOT / path).read_text(encoding="utf-8"), re.M)
+    return re.sub(r"`", "", match.group(1)) if match else path
+
+
+def navigation():
+    nav = [{"Home": "README.md"}, {"All pages": "docs/index.md"}]
+    for heading, rows in sections():
+        pages = []
+        for _, path, _ in rows:
+            if (ROOT / path).is_dir():
+                pages.append({path.rpartition("/")[2].capitalize(): [
+                    {title_of(page): page} for page in sorted(tracked(f"{path}/*.md"))
+                    if page.count("/") == path.count("/") + 1 and "NNNN" not in page]})
+            elif {title_of(path): path} not in pages:
+                pages.append({title_of(path): path})
+        if heading == "Reference":
+            pages.insert(0, {"Python, every name": API})
+        nav.append({heading: pages})
+    return nav
+
+
+def modules():
+    """The modules of the package that a user imports."""
+    package = ROOT / "python" / "stiction"
+    found = [path.stem for path in package.glob("*.py")] + [path.parent.name for path in package.glob("*/__init__.py")]
+    return ["stiction"] + sorted(f"stiction.{name}" for name in found if not name.startswith("_"))
+
+
+def undocumented():
+    """Public classes, functions, methods and properties without a docstring."""
+    package = griffe.load("stiction", search_paths=[ROOT / "python"], resolve_aliases=True)
+
+    def walk(holder, path):
+        for name, member in holder.members.items():
+            if name.startswith("_") or (member.is_alias and (holder.is_module and name not in (holder.exports or []))):
+                continue
+            here = f"{path}.{name}"
+            try:
+                is_named = member.is_class or member.is_function or (member.is_attribute and "property" in member.labels)
+                if is_named and not member.has_docstring:
+                    yield here
+                if member.is_class:
+                    yield from walk(member, here)
+            except griffe.AliasResolutionError:  # from the compiled module
+                continue
+
+    for name in modules():
+        yield from walk(package if name == "stiction" else package[name.partition(".")[2]], name)
+
+
+def api_page():
+    """One directive for each module."""
+    parts = [f"## {name}\n\n::: {name}\n    options:\n      heading_level: 3\n" for name in modules()]
+    return "# The Python package, every name\n\nWith examples: [python.md](python.md).\n\n" + "\n".join(parts)
+
+
+def configuration(stage, site):
+    return {
+        "site_name": "stiction", "docs_dir": str(stage), "site_dir": str(site), "use_directory_urls": False,
+        "site_description": "A library of contact solvers for thousands of simulated robots at once",
+        "theme": {"name": "material", "font": False, "features": ["navigation.tabs", "navigation.top", "content.code.copy",
+                                                                 "search.highlight", "toc.follow"],
+                  "palette": [{"media": "(prefers-color-scheme: light)", "scheme": "default"},
+                              {"media": "(prefers-color-scheme: dark)", "scheme": "slate"}]},
+        "plugins": ["search", {"mkdocstrings": {"handlers": {"python": {
+            "paths": [str(ROOT / "python")], "options": {"show_source": False, "docstring_style": "google",
+                                                         "show_if_no_docstring": False, "members_order": "source"}}}}}],
+        "markdown_extensions": ["tables", "fenced_code", {"toc": {"permalink": True, "slugify": "SLUGIFY"}},
+                                "pymdownx.highlight", "pymdownx.superfences"],
+        "validation": {"omitted_files": "ignore", "not_found": "warn", "anchors": "warn", "unrecognized_links": "warn",
+                       "absolute_links": "warn"},
+        "nav": navigation(),
+    }
+
+
+def write_lists(site):
+    """llms.txt, and each page's Markdown beside it."""
+    lines = ["# stiction", "", "> A library of contact solvers: thousands of simulated robots at once, the same bits on "
+             "every machine.", ""]
+    for heading, rows in sections():
+        lines += [f"## {heading}", ""]
+        for title, path, holds in rows:
+            if path.endswith(".md"):
+                lines.append(f"- [{title}]({path}): {re.sub(r'[`*]', '', holds)}")
+        lines.append("")
+    (site / "llms.txt").write_text("\n".join(lines), encoding="utf-8")
+    for path in tracked("*.md"):
+        if (site / path).parent.is_dir():
+            shutil.copyfile(ROOT / path, site / path)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("site", type=pathlib.Path, metavar="FOLDER")
+    parser.add_argument("--stage", type=pathlib.Path)
+    arguments = parser.parse_args()
+    site = arguments.site.resolve()
+    folder = (arguments.stage or site.with_name(site.name + "-pages")).resolve()
+    shutil.rmtree(folder, ignore_errors=True)
+    pages = folder / "pages"
+    stage = Stage(pages)
+    for path in tracked("*.md"):
+        stage.page(path)
+    stage.write(API, api_page())
+    config = folder / "mkdocs.yml"
+    text = yaml.safe_dump(configuration(pages, site), sort_keys=False, allow_unicode=True)
+    config.write_text(text.replace("SLUGIFY", "!!python/object/apply:pymdownx.slugs.slugify\n      kwds:\n        case: lower"), encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "NO_MKDOCS_2_WARNING": "1"}
+    # Not --quiet: it silences the warnings that --strict counts.
+    built = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--clean", "-f", str(config)],
+                           env=environment, check=False, capture_output=True, text=True)
+    missing = list(undocumented())
+    for name in missing:
+        print(f"{name} has no docstring")
+    code = built.returncode or (1 if missing else 0)
+    if built.returncode != 0:
+        print("\n".join(line for line in built.stderr.splitlines() if not line.startswith("INFO")))
+    if code == 0:
+        write_lists(site)
+        print(f"{len(list(site.rglob('*.html')))} pages in {site}")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
