@@ -18,8 +18,8 @@ namespace {
 
 /// Scratch of one worker: two pieces at a time.
 struct Scratch {
-  cpu::Room numbers;
-  cpu::Room exact;
+  cpu::GrowBuffer numbers;
+  cpu::GrowBuffer exact;
 };
 
 template <class Real>
@@ -45,12 +45,12 @@ void run(const BodyRequest<Real>& request) {
   };
   const auto solve_alone = is_newton ? newton.solve_alone : kernels.solve_alone;
   const auto solve_together = is_newton ? newton.solve_together : kernels.solve_together;
-  const auto pack_exact = [&](const cpu::PackShape& room) {
-    return packs.exact_elements(room, request.options.momentum);
+  const auto pack_exact = [&](const cpu::PackShape& shape) {
+    return packs.exact_elements(shape, request.options.momentum);
   };
-  const auto pack_bytes = [&](const cpu::PackShape& room) {
-    return packs.elements(room, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
-           pack_exact(room) * static_cast<Offset>(sizeof(double));
+  const auto pack_bytes = [&](const cpu::PackShape& shape) {
+    return packs.elements(shape, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
+           pack_exact(shape) * static_cast<Offset>(sizeof(double));
   };
   const cpu::BodyWorkItems deal =
       cpu::make_body_work_items(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,

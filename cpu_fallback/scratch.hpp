@@ -9,7 +9,7 @@
 namespace stiction::cpu {
 
 /// Memory that grows, aligned for the widest vectors. What was in it before is lost.
-class Room {
+class GrowBuffer {
  public:
   template <class T>
   T* reserve(Offset elements) {
@@ -44,11 +44,11 @@ class Scratch {
 
  private:
   static constexpr std::size_t kMostKept = std::size_t{1} << 20;
-  static Room& kept() {
-    thread_local Room room;
-    return room;
+  static GrowBuffer& kept() {
+    thread_local GrowBuffer buffer;
+    return buffer;
   }
-  Room large_;
+  GrowBuffer large_;
 };
 
 }  // namespace stiction::cpu

@@ -6,7 +6,7 @@ namespace stiction::inline STICTION_ISA {
 namespace {
 
 template <class Real>
-std::size_t room_bytes(const WorldModelView<Real>& model) {
+std::size_t workspace_bytes(const WorldModelView<Real>& model) {
   return static_cast<std::size_t>(DetectWorkspace<Real>::bytes(model));
 }
 template <class Real>
@@ -38,7 +38,7 @@ WorldMotion motion_one(const WorldJob<Real>& job, Offset env) {
 
 template <class Real>
 cpu::WorldKernels<Real> kernels() {
-  return {room_bytes<Real>,        find_one<Real>,      list_one<Real>,
+  return {workspace_bytes<Real>,   find_one<Real>,      list_one<Real>,
           emit_contacts_one<Real>, integrate_one<Real>, motion_one<Real>};
 }
 

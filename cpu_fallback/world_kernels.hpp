@@ -7,7 +7,7 @@ namespace stiction::cpu {
 /// The stages of a world's step on one environment, compiled for one instruction set.
 template <class Real>
 struct WorldKernels {
-  std::size_t (*room_bytes)(const WorldModelView<Real>& model);  ///< scratch of the first two
+  std::size_t (*workspace_bytes)(const WorldModelView<Real>& model);  ///< scratch of the first two
   Index (*find_contacts)(const WorldJob<Real>& job, Offset env, void* workspace);
   void (*list_contacts)(const WorldJob<Real>& job, Offset env, void* workspace, FoundContact<Real>* out);
   void (*emit_contacts)(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,

@@ -37,11 +37,12 @@ class CpuWorld final : public WorldMachine<Real> {
         kernels_(pick<Real>(cpu::best_isa().world_kernels())),
         arrays_(model, env_count),
         last_(arrays_.contacts),
-        room_(at(threads_)),
+        workspace_(at(threads_)),
         found_(at((env_count + kRun - 1) / kRun)),
         begin_(at(env_count)) {
-    const std::size_t words = (kernels_.room_bytes(model) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
-    for (auto& room : room_) room.resize(words);
+    const std::size_t words =
+        (kernels_.workspace_bytes(model) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
+    for (auto& workspace : workspace_) workspace.resize(words);
   }
 
   WorldSolve<Real> find_contacts() override {
@@ -51,14 +52,14 @@ class CpuWorld final : public WorldMachine<Real> {
     now.offsets[0] = 0;
     for_each_run_of_environments([&](int run, int worker, Offset begin, Offset end) {
       std::vector<FoundContact<Real>>& found = found_[at(run)];
-      void* const room = room_[at(worker)].data();
+      void* const workspace = workspace_[at(worker)].data();
       found.clear();
       for (Offset env = begin; env < end; ++env) {
-        const Index count = kernels_.find_contacts(job, env, room);
+        const Index count = kernels_.find_contacts(job, env, workspace);
         begin_[at(env)] = found.size();
         now.offsets[at(env) + 1] = count;
         found.resize(found.size() + at(count));
-        kernels_.list_contacts(job, env, room, found.data() + begin_[at(env)]);
+        kernels_.list_contacts(job, env, workspace, found.data() + begin_[at(env)]);
       }
     });
     std::partial_sum(now.offsets.begin(), now.offsets.end(), now.offsets.begin());
@@ -112,10 +113,10 @@ class CpuWorld final : public WorldMachine<Real> {
   Real keep_;
   cpu::WorldKernels<Real> kernels_;
   WorldArrays<Real> arrays_;
-  HostContacts<Real> last_;                             ///< contacts of the step before
-  std::vector<std::vector<std::max_align_t>> room_;     ///< scratch of each worker
-  std::vector<std::vector<FoundContact<Real>>> found_;  ///< of each run of environments
-  std::vector<std::size_t> begin_;                      ///< of each environment in its run's
+  HostContacts<Real> last_;                               ///< contacts of the step before
+  std::vector<std::vector<std::max_align_t>> workspace_;  ///< scratch of each worker
+  std::vector<std::vector<FoundContact<Real>>> found_;    ///< of each run of environments
+  std::vector<std::size_t> begin_;                        ///< of each environment in its run's
 };
 
 }  // namespace

@@ -75,7 +75,7 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
           ? capacity_of(*request.plan)
           : Capacity{batch.env_count,   batch.row_count, batch.cone_count, batch.nonzero_count, 0, 0, 0,
                      kPrecisionOf<Real>};
-  if (!engine_.has_room(need, request.options.solver, kPrecisionOf<Real>)) {
+  if (!engine_.has_reserved(need, request.options.solver, kPrecisionOf<Real>)) {
     if (request.plan == nullptr || capturing)
       throw Error(ErrorCode::invalid_argument,
                   "batch has " + std::to_string(batch.env_count) + " environments, " + std::to_string(batch.row_count) +
@@ -103,7 +103,7 @@ void DeviceBackend::run_on_device(const SolveRequest<Real>& request) {
 void DeviceBackend::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) {
   const std::lock_guard lock(mutex_);
   const Capacity need{batch.env_count, 0, 0, 0, 0, 0, 0, Precision::f32};
-  if (!engine_.has_room(need, SolverKind::pgs, Precision::f32))
+  if (!engine_.has_reserved(need, SolverKind::pgs, Precision::f32))
     throw Error(ErrorCode::invalid_argument,
                 "batch has " + std::to_string(batch.env_count) +
                     " environments, more than the solver has room for: construct the Solver with that Capacity");

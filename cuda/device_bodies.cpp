@@ -111,13 +111,13 @@ void DeviceBodies::make_classes(const BodyRequest<Real>& request, std::vector<Of
 template <class Real>
 void DeviceBodies::load(const BodyRequest<Real>& request) {
   const BodySolverOptions& options = request.options;
-  const Room wanted{request.plan, sizeof(Real), options.law, options.momentum, options.method};
-  if (room_ == wanted) return;
+  const Reserved wanted{request.plan, sizeof(Real), options.law, options.momentum, options.method};
+  if (reserved_ == wanted) return;
   if (api_->capturing(request.stream.handle()))
     throw Error(ErrorCode::invalid_argument,
                 "stream is being captured and nothing has been solved yet with this plan and these options: solve once "
                 "before the capture");
-  room_ = Room{};
+  reserved_ = Reserved{};
   const BodyPlanData& plan = *request.plan;
   std::vector<Offset> order;
   make_classes(request, order);
@@ -161,7 +161,7 @@ void DeviceBodies::load(const BodyRequest<Real>& request) {
   order_ = order_there;
   plan_ = {integers[0], integers[1], integers[2], integers[3],   integers[4],
            integers[5], integers[6], integers[7], newton_stream, newton_offsets};
-  room_ = wanted;
+  reserved_ = wanted;
 }
 
 template <class Real>

@@ -35,13 +35,13 @@ class DeviceBodies final : public BodyMachine {
     std::byte* workspace = nullptr;
   };
   /// What room and copies were made for.
-  struct Room {
+  struct Reserved {
     std::weak_ptr<const BodyPlanData> plan;
     std::size_t scalar_bytes = 0;
     Law law = Law::convex;
     bool momentum = false;
     BodyMethod method = BodyMethod::impulses;
-    bool operator==(const Room& other) const {
+    bool operator==(const Reserved& other) const {
       return plan.lock() == other.plan.lock() && scalar_bytes == other.scalar_bytes && law == other.law &&
              momentum == other.momentum && method == other.method;
     }
@@ -61,7 +61,7 @@ class DeviceBodies final : public BodyMachine {
   std::shared_ptr<DeviceApi> api_;
   bool eager_;
   std::mutex mutex_;
-  Room room_;
+  Reserved reserved_;
   std::array<Class, kClasses> classes_;
   BodyPlanView plan_;
   const Offset* order_ = nullptr;

@@ -38,8 +38,8 @@ DeviceWorld<Real>::DeviceWorld(std::shared_ptr<DeviceApi> api, const WorldModelV
       limited_(options.solver.max_contacts_per_env > 0),
       host_(model, env_count),
       counts_(at(env_count)) {
-  room_bytes_ = (DetectWorkspace<Real>::bytes(model) + kAlignment - 1) / kAlignment * kAlignment;
-  const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, room_bytes_));
+  workspace_bytes_ = (DetectWorkspace<Real>::bytes(model) + kAlignment - 1) / kAlignment * kAlignment;
+  const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, workspace_bytes_));
   teams_ = smaller_of(env_count, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   queue_all(*api_, stream_.get(), [&] {
     place_bodies();
@@ -73,7 +73,7 @@ void DeviceWorld<Real>::place_bodies() {
   set.add(body_offsets_, env_count_ + 1);
   set.add(motion_, env_count_);
   set.add(count_, env_count_);
-  set.add(room_, teams_ * room_bytes_);
+  set.add(workspace_, teams_ * workspace_bytes_);
   set.add(now_.view.offsets, env_count_ + 1);
   set.add(next_.view.offsets, env_count_ + 1);
   bodies_ = DeviceMemory(*api_, set.bytes());
@@ -115,7 +115,8 @@ void DeviceWorld<Real>::count_contacts() {
       most_ = most;
     }
     const WorldFindArgs<Real> args{
-        job_, env_count_, room_, room_bytes_, reinterpret_cast<FoundContact<Real>*>(found_.get()), most_, count_};
+        job_,  env_count_, workspace_, workspace_bytes_, reinterpret_cast<FoundContact<Real>*>(found_.get()),
+        most_, count_};
     launch(kernels_.find, teams_, lanes_for(job_.model.pairs), &args);
     Mover(*api_, stream_.get()).to_host(counts_.data(), count_, env_count_);
     api_->synchronize(stream_.get());

@@ -55,8 +55,8 @@ class DeviceWorld final : public WorldMachine<Real> {
   Offset* body_offsets_ = nullptr;
   WorldMotion* motion_ = nullptr;
   DeviceMemory bodies_;  ///< what is there once per environment, and the model
-  std::byte* room_ = nullptr;
-  Offset room_bytes_ = 0;
+  std::byte* workspace_ = nullptr;
+  Offset workspace_bytes_ = 0;
   Offset teams_ = 0;
   Index* count_ = nullptr;
   std::vector<Index> counts_;  ///< copy of count_

@@ -48,7 +48,7 @@ bool is_sparse(SizeClass size_class) {
   return size_class == SizeClass::sparse_block || size_class == SizeClass::sparse_device;
 }
 
-bool is_bundle(SizeClass size_class) {
+bool is_thread_per_env(SizeClass size_class) {
   return size_class == SizeClass::thread_medium || size_class == SizeClass::thread_small;
 }
 
@@ -147,8 +147,8 @@ void Engine::finish(StreamHandle stream) noexcept {
   }
 }
 
-Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) const {
-  const Capacity& capacity = room.capacity;
+Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserved) const {
+  const Capacity& capacity = reserved.capacity;
   ClassShape shape;
   shape.launch.lanes = lanes_of(size_class);
   shape.launch.teams = capacity.envs;
@@ -161,32 +161,33 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
     if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
     // A smaller environment may have matrices, and with them take more room than the largest.
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements =
-          larger_of<Offset>(elements, SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, room.method));
+      elements = larger_of<Offset>(elements,
+                                   SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, reserved.method));
     shape.launch.whole_device = size_class == SizeClass::sparse_device;
     shape.shared = false;
   } else if (size_class == SizeClass::factor_warp) {
     if (capacity.env_dofs == 0) return {};
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements = larger_of<Offset>(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, room.method));
+      elements =
+          larger_of<Offset>(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, reserved.method));
     per_processor = 16;
   } else {
     if (size_class > finest_) return {};
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
     // A method that factorises never takes a bundle: what would be one is a tile.
-    const bool is_finest = size_class == finest_ || (room.method.is_direct() && size_class == kFinestDirect);
+    const bool is_finest = size_class == finest_ || (reserved.method.is_direct() && size_class == kFinestDirect);
     if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
     const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
-    const Workspace method = is_bundle(size_class) ? room.method.in_bundles() : room.method;
+    const Workspace method = is_thread_per_env(size_class) ? reserved.method.in_bundles() : reserved.method;
     elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
   }
   // Even, so that doubles in it are aligned.
   elements += elements % 2;
   shape.slot_elements = elements;
-  std::size_t team_bytes = static_cast<std::size_t>(elements) * room.scalar_bytes;
+  std::size_t team_bytes = static_cast<std::size_t>(elements) * reserved.scalar_bytes;
   std::size_t head_bytes = 0;
-  if (is_bundle(size_class)) {
+  if (is_thread_per_env(size_class)) {
     team_bytes *= kBundle;
     head_bytes = sizeof(BundleHead<double>);
     shape.launch.teams = (capacity.envs + kBundleIntake - 1) / kBundleIntake;
@@ -207,44 +208,46 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Room& room) cons
   return shape;
 }
 
-Workspace Engine::method_room(SolverKind solver) const {
+Workspace Engine::method_workspace(SolverKind solver) const {
   const SolverKernels* const solvers = api_.kernels().solvers;
-  if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].room;
-  Workspace room;
+  if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].workspace;
+  Workspace workspace;
   for (int stage = 0; stage < kFallbackStages; ++stage)
-    room = room.joined(solvers[static_cast<std::size_t>(fallback_stage(stage).solver)].room);
-  return room;
+    workspace = workspace.joined(solvers[static_cast<std::size_t>(fallback_stage(stage).solver)].workspace);
+  return workspace;
 }
 
 /// Class of the smallest dense environments under a solver. The fallback chain's stages sort anew.
 SizeClass Engine::finest_for(SolverKind solver) const {
-  return solver != SolverKind::automatic && method_room(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
-                                                                            : finest_;
+  return solver != SolverKind::automatic && method_workspace(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
+                                                                                 : finest_;
 }
 
-bool Engine::has_room(const Capacity& capacity, SolverKind solver, Precision precision) const {
-  return within(capacity, room_.capacity) && method_room(solver).joined(room_.method) == room_.method &&
-         (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= room_.scalar_bytes;
+bool Engine::has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const {
+  return within(capacity, reserved_.capacity) &&
+         method_workspace(solver).joined(reserved_.method) == reserved_.method &&
+         (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= reserved_.scalar_bytes;
 }
 
 void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
-  if (has_room(capacity, solver, precision)) return;
+  if (has_reserved(capacity, solver, precision)) return;
   if (captured_)
     throw Error(ErrorCode::invalid_argument,
                 "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
                 "Solver for this batch, or construct this one with the Capacity of all batches to come");
-  Room room;
+  Reserved reserved;
   std::uint8_t* assigned = nullptr;
-  room.capacity = joined(room_.capacity, capacity);
-  room.method = method_room(solver).joined(room_.method);
-  room.scalar_bytes = larger_of(room_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
+  reserved.capacity = joined(reserved_.capacity, capacity);
+  reserved.method = method_workspace(solver).joined(reserved_.method);
+  reserved.scalar_bytes =
+      larger_of(reserved_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
 
   std::array<ClassShape, kSizeClasses> shapes;
   for (int k = 0; k < kSizeClasses; ++k)
-    shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), room);
+    shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), reserved);
   PlanArrays plan{};
-  const Offset envs = room.capacity.envs, cones = room.capacity.cones;
-  plan.graph_slot = graph_slot(room.capacity);
+  const Offset envs = reserved.capacity.envs, cones = reserved.capacity.cones;
+  plan.graph_slot = graph_slot(reserved.capacity);
   const Offset graph_teams = larger_of<Offset>(
       1, smaller_of(smaller_of(envs, Offset{2} * api_.facts().processors),
                     larger_of<Offset>(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))));
@@ -272,23 +275,23 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   DeviceMemory memory(api_, arrays.bytes());
   arrays.place(memory.get());
   memory_ = std::move(memory);
-  room_ = room;
+  reserved_ = reserved;
   plan_ = plan;
   assigned_ = assigned;
   shapes_ = shapes;
-  graph_ = {graph_teams, graph_lanes(room.capacity)};
+  graph_ = {graph_teams, graph_lanes(reserved.capacity)};
 }
 
 template <class Real>
 void Engine::queue_plan(const EngineRequest<Real>& request) {
-  const PlanArgs args{structure_view(request.batch), plan_,
-                      room_.capacity.env_rows,       room_.capacity.env_dofs,
-                      room_.capacity.env_nonzeros,   finest_for(request.options.solver)};
+  const PlanArgs args{structure_view(request.batch),   plan_,
+                      reserved_.capacity.env_rows,     reserved_.capacity.env_dofs,
+                      reserved_.capacity.env_nonzeros, finest_for(request.options.solver)};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream;
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
   api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
-  if (may_be_sparse(room_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
+  if (may_be_sparse(reserved_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
 }
 
 template <class Real>
@@ -314,7 +317,7 @@ void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(solver)]
                                     .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
-  const KernelRef& kernel = is_bundle(size_class)                  ? kernels.bundles
+  const KernelRef& kernel = is_thread_per_env(size_class)          ? kernels.bundles
                             : is_sparse(size_class)                ? kernels.sparse
                             : size_class == SizeClass::factor_warp ? kernels.factor
                                                                    : kernels.dense;
@@ -335,7 +338,7 @@ void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Re
   for (int k = 0; k < kSizeClasses; ++k) {
     const auto size_class = static_cast<SizeClass>(k);
     if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
-    if (is_bundle(size_class) && size_class > finest_for(solver)) continue;
+    if (is_thread_per_env(size_class) && size_class > finest_for(solver)) continue;
     if (size_class == SizeClass::trivial && !with_trivial) continue;
     const int lane = next++ % (kBranches + 1);
     const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
@@ -354,7 +357,7 @@ void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Re
 /// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they
 /// are is decided on the device.
 template <class Real>
-void Engine::queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job) {
+void Engine::queue_fallbacks(const EngineRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream;
   const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::trivial};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
@@ -397,7 +400,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
                            options.stall_window, static_cast<Real>(options.omega),
                            request.law};
   if (is_ladder)
-    queue_ladder(request, job);
+    queue_fallbacks(request, job);
   else
     queue_classes(request, job, options.solver, true);
   if (!capturing) api_.record(done_->get(), stream);
@@ -421,7 +424,7 @@ void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index*
   captured_ = captured_ || capturing;
   if (!capturing) api_.wait(stream, done_->get());
   const IslandArgs args{
-      batch,           island, count, room_.capacity.env_rows, room_.capacity.env_nonzeros, plan_.graph_scratch,
+      batch,           island, count, reserved_.capacity.env_rows, reserved_.capacity.env_nonzeros, plan_.graph_scratch,
       plan_.graph_slot};
   api_.launch(api_.kernels().plan.islands, graph_, &args, stream);
   if (!capturing) api_.record(done_->get(), stream);

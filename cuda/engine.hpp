@@ -45,7 +45,7 @@ class Engine {
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
   /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
   [[nodiscard]] bool captured() const noexcept { return captured_; }
-  [[nodiscard]] bool has_room(const Capacity& capacity, SolverKind solver, Precision precision) const;
+  [[nodiscard]] bool has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const;
 
   template <class Real>
   void solve(const EngineRequest<Real>& request);
@@ -71,15 +71,15 @@ class Engine {
     std::byte* workspace = nullptr;
   };
 
-  struct Room {
+  struct Reserved {
     Capacity capacity;
     Workspace method;
     std::size_t scalar_bytes = 0;
   };
 
-  [[nodiscard]] Workspace method_room(SolverKind solver) const;
+  [[nodiscard]] Workspace method_workspace(SolverKind solver) const;
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
-  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Room& room) const;
+  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved) const;
   template <class Real>
   void queue_solve(const EngineRequest<Real>& request);
   template <class Real>
@@ -91,7 +91,7 @@ class Engine {
   void queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                      bool with_trivial);
   template <class Real>
-  void queue_ladder(const EngineRequest<Real>& request, SolveJob<Real> job);
+  void queue_fallbacks(const EngineRequest<Real>& request, SolveJob<Real> job);
   template <class Real>
   void queue_plan(const EngineRequest<Real>& request);
   void wait_for_all();
@@ -100,7 +100,7 @@ class Engine {
   DeviceApi& api_;
   SizeClass finest_;
   StreamTimer timer_;
-  Room room_;
+  Reserved reserved_;
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;

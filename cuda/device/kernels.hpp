@@ -19,7 +19,7 @@ struct SolveKernels {
 /// A solver's kernels by precision (Precision) and law (Law).
 struct SolverKernels {
   SolveKernels by_precision_and_law[2][2];
-  Workspace room;  ///< what the method keeps beside the system
+  Workspace workspace;  ///< what the method keeps beside the system
 };
 
 /// The scheduler's kernels; they read integers only.

@@ -10,9 +10,9 @@ template <class Real>
 struct WorldFindArgs {
   WorldJob<Real> job;
   Offset env_count;
-  std::byte*
-      room;  ///< DetectWorkspace of each team that runs                                          (teams * room_bytes)
-  Offset room_bytes;
+  std::byte* workspace;  ///< DetectWorkspace of each team that runs                                          (teams *
+                         ///< workspace_bytes)
+  Offset workspace_bytes;
   FoundContact<Real>* found;  ///< contacts of each environment that has no more than `most`        (env_count * most)
   Index most;
   Index* count;  ///< contacts of each environment, listed or not                                   (env_count)
@@ -47,11 +47,11 @@ struct FindWorldContacts {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const DetectWorkspace<Real> room(args.job.model, args.room + id.index * args.room_bytes);
+    const DetectWorkspace<Real> workspace(args.job.model, args.workspace + id.index * args.workspace_bytes);
     for (Offset env = id.index; env < args.env_count; env += id.count) {
       prepare_world(team, args.job, env);
-      const Index count = find_contacts(team, args.job, env, room);
-      if (count <= args.most) list_contacts(team, args.job, env, room, args.found + env * args.most);
+      const Index count = find_contacts(team, args.job, env, workspace);
+      if (count <= args.most) list_contacts(team, args.job, env, workspace, args.found + env * args.most);
       single(team, [&] { args.count[env] = count; });
     }
   }

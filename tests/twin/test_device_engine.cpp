@@ -90,12 +90,12 @@ TEST(DeviceEngine, a_plan_is_made_again_once_graphs_may_have_written_over_it) {
   const ContactBatch<float> one = convert<float>(scene_batch("mixed", 20, 1)),
                             two = convert<float>(scene_batch("mixed", 20, 2));
   const SolverOptions options = quick(SolverKind::npgs);
-  const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
+  const Capacity reserved = larger(Capacity::of(one.view()), Capacity::of(two.view()));
   const auto device = std::make_shared<cuda::EmulatedDevice>();
   cuda::DeviceBackend backend(device);
-  backend.reserve(room, options.solver);
+  backend.reserve(reserved, options.solver);
   const cuda::Stream stream(*device);
-  DeviceBatch<float> there_one(*device, room), there_two(*device, room);
+  DeviceBatch<float> there_one(*device, reserved), there_two(*device, reserved);
   there_one.fill(one, stream.get());
   there_two.fill(two, stream.get());
   const auto plan = std::make_shared<const PlanData>(make_plan(one.view()));
@@ -122,19 +122,19 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
   constexpr Offset kEnvs = 16;
   constexpr int kReplays = 18;
   std::vector<ContactBatch<float>> batches;
-  Capacity room;
+  Capacity reserved;
   for (int replay = 0; replay < kReplays; ++replay) {
     const char* scene = replay % 3 == 0 ? "mixed" : replay % 3 == 1 ? "walker" : "stack";
     batches.push_back(convert<float>(scene_batch(scene, kEnvs, 100 + static_cast<std::uint64_t>(replay))));
     batches.back().set_law(Law::coulomb);
-    room = larger(room, Capacity::of(batches.back().view()));
+    reserved = larger(reserved, Capacity::of(batches.back().view()));
   }
   const SolverOptions options = quick(SolverKind::npgs);
   cuda::EmulatedDevice device({2, 3, 17});
   cuda::Engine engine(device);
-  engine.reserve(room, options.solver, Precision::f32);
+  engine.reserve(reserved, options.solver, Precision::f32);
   const cuda::Stream stream(device);
-  DeviceBatch<float> there(device, room);
+  DeviceBatch<float> there(device, reserved);
 
   const int allocations = device.calls(cuda::DeviceCall::allocate);
   device.begin_capture(stream.get());
@@ -153,13 +153,13 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
 TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
   const ContactBatch<float> one = convert<float>(ragged_batch(2, 1)), two = convert<float>(ragged_batch(2, 2));
   const SolverOptions options = quick(SolverKind::npgs);
-  const Capacity room = larger(Capacity::of(one.view()), Capacity::of(two.view()));
+  const Capacity reserved = larger(Capacity::of(one.view()), Capacity::of(two.view()));
   for (std::uint64_t seed = 1; seed < 9; ++seed) {
     cuda::EmulatedDevice device({1, 3, seed});
     cuda::Engine engine(device);
-    engine.reserve(room, options.solver, Precision::f32);
+    engine.reserve(reserved, options.solver, Precision::f32);
     const cuda::Stream first(device), second(device);
-    DeviceBatch<float> there_one(device, room), there_two(device, room);
+    DeviceBatch<float> there_one(device, reserved), there_two(device, reserved);
     there_one.fill(one, first.get());
     there_two.fill(two, second.get());
     for (const auto& [there, stream] : {std::pair{&there_one, first.get()}, std::pair{&there_two, second.get()}})
@@ -209,11 +209,11 @@ TEST(DeviceEngine, a_method_with_matrices_has_room_for_the_small_beside_the_gian
 TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 4));
   const SolverOptions options = quick(SolverKind::npgs);
-  Capacity room = Capacity::of(batch.view());
-  room.env_rows = 30;
+  Capacity reserved = Capacity::of(batch.view());
+  reserved.env_rows = 30;
   cuda::EmulatedDevice device({2, 3, 2});
   cuda::Engine engine(device);
-  engine.reserve(room, options.solver, Precision::f32);
+  engine.reserve(reserved, options.solver, Precision::f32);
   const cuda::Stream stream(device);
   DeviceBatch<float> there(device, Capacity::of(batch.view()));
   there.fill(batch, stream.get());
