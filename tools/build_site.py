@@ -31,9 +31,18 @@ HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
 API = "docs/python_api.md"
 
 
-def tracked(*patterns):
-    return subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", *patterns], capture_output=True,
-                          text=True, check=True).stdout.splitlines()
+def tracked(pattern):
+    """Files below a folder, or of a pattern, that are the project's; without git, all outside hidden and build folders."""
+    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", pattern], capture_output=True,
+                            text=True, check=False)
+    if listed.returncode == 0:
+        return listed.stdout.splitlines()
+    found = []
+    for path in sorted((ROOT / pattern).rglob("*") if (ROOT / pattern).is_dir() else ROOT.rglob(pattern.rpartition("/")[2])):
+        name = path.relative_to(ROOT).as_posix()
+        if path.is_file() and not re.match(r"(build|out)[^/]*/|\.", name) and name.startswith(pattern.rpartition("/")[0]):
+            found.append(name)
+    return found
 
 
 class Stage:
