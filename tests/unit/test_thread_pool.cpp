@@ -7,6 +7,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
+#include <iterator>
 #include <stdexcept>
 #include <thread>
 #include <vector>
@@ -85,6 +87,23 @@ TEST_P(ThreadPool, AChildOfForkExitsAndMaySolve) {
   EXPECT_EQ(status_of_child([&] { return solve_in_child() == 3 ? status_of_child(solve_in_child) : 5; }), 3)
       << "a child's child";
   EXPECT_EQ(sum_by(GetParam()), 4950) << "the parent goes on";
+}
+
+std::ptrdiff_t threads_of_this_process() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/task"), {});
+}
+
+/// One that is on its way to sleep may hold a lock for which the child's exit would wait for ever. It happens once in
+/// thousands of forks, so the test asks for what rules it out.
+TEST(ThreadPoolFork, NoWorkerOfOneTbbIsThereWhenTheProcessForks) {
+  if (!cpu::has_pool(cpu::PoolKind::tbb)) GTEST_SKIP() << "built without oneTBB";
+  const auto without = threads_of_this_process();
+  for (int run = 0; run < 3; ++run) {
+    EXPECT_EQ(sum_by(cpu::PoolKind::tbb), 4950);
+    if (threads_of_this_process() == without) GTEST_SKIP() << "one core: oneTBB makes no workers";
+    EXPECT_EQ(status_of_child([] { return 7; }), 7);
+    EXPECT_EQ(threads_of_this_process(), without);
+  }
 }
 
 TEST_P(ThreadPool, AForkInTheMiddleOfACallLeavesTheChildUsable) {
