@@ -196,7 +196,7 @@ STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset en
   });
 }
 
-/// Moves one environment's found contacts into the batch, each with the impulse its namesake ended the last step with.
+/// Moves one environment's found contacts into the batch, each with the impulse of its previous one.
 template <Team TeamT, class Real>
 STICTION_HD void emit_contacts(TeamT& team, const WorldModelView<Real>& model, const ContactSink<Real>& sink,
                                Offset env, const FoundContact<Real>* found) {

@@ -4,7 +4,7 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/base/four_rows.hpp"
 
-/// Guests of a pack that may have their answers: published and judged together, with the operations that
+/// Candidates in the lanes of a pack: written and evaluated together, with the operations that
 /// write_solution() and final_residual() have for one.
 namespace stiction::inline STICTION_ISA {
 

@@ -95,7 +95,7 @@ void write_rows(const EnvView<Real>& env, Index n, const Index* batch_row, const
   }
 }
 
-/// An environment's rows into its lane, in the batch's units: b and the guess into the system, all else into the room.
+/// An environment's rows into its lane, in the batch's units: b and guess into the system, all else into the workspace.
 /// Finds its matrix, but where rows have columns twice, which take part in sums once they are scaled.
 template <class Real, int W>
 void gather_rows(PendingLoad<Real>& load, const DenseSystem<Real, W>& s, const PackWorkspace<Real, W>& workspace) {

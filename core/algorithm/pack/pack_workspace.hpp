@@ -20,10 +20,10 @@ struct PackWorkspace {
   /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));
 
-  /// Rows whose motion is found together: so many zeros are behind a guest's reactions.
+  /// Rows whose motion is found together: so many zeros are behind an environment's reactions.
   static constexpr Index kFour = 4;
 
-  // Of each lane's guest, as long as it is there.
+  // Of each lane's environment, as long as it is there.
   Index* batch_row;  ///< the environment's row in each of a lane's, -1: none    (W; n)
   Lanes* scale;      ///< what that row is multiplied by, 0: there is none       (n)
   Lanes* lo;         ///< bounds of box cones in the batch's units               (cones)
@@ -44,7 +44,7 @@ struct PackWorkspace {
   // While answers are judged.
   Lanes* lambda;   ///< reactions in the batch's units                           (n)
   double* motion;  ///< (A + diag R) lambda + b                                  (n; W)
-  double* wide;    ///< reactions of one guest in the batch's order, then zeros  (n + 4)
+  double* wide;    ///< reactions of one lane in the batch's order, then zeros  (n + 4)
   double* moved;   ///< their motion                                             (n)
   Index n;
   Index tail_length;
