@@ -34,11 +34,10 @@ struct ContactBatchView {
   const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
   const Index* env_row_counts = nullptr;     ///< rows in use; null: up to the next one's first   (env_count)
   const Index* env_cone_counts = nullptr;    ///< cones in use; null: up to the next one's first  (env_count)
-  const std::uint32_t* env_flags =
-      nullptr;                            ///< EnvFlag bits found when the batch was made: they enter the status,
-                                          ///< and all but kFlagContactsDropped forbid a solve; null: none  (env_count)
-  const double* env_tolerance = nullptr;  ///< relative residual that will do for each, instead of the option; below
-                                          ///< zero or NaN: the option; null: for all [-]    (env_count)
+  const std::uint32_t* env_flags = nullptr;  ///< EnvFlag bits found when the batch was made. They enter the status; all
+                                             ///< but kFlagContactsDropped forbid a solve; null: none  (env_count)
+  const double* env_tolerance = nullptr;     ///< relative residual that will do for each, instead of the option; below
+                                             ///< zero or NaN: the option; null: for all [-]    (env_count)
   const Index* env_max_iterations = nullptr;  ///< iterations for each, instead of the option; below zero: the option;
                                               ///< null: for all                                (env_count)
   const ConeKind* cone_kind = nullptr;        ///< kind                                  (cone_count)
