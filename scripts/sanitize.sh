@@ -32,7 +32,7 @@ case $kind in
     # include what it uses fails.
     options+=(-DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON)
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
-      unit_test_share_out unit_test_solver)
+      unit_test_parallel_for unit_test_solver)
     for file in "$root"/tests/algorithm/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
       case $file in *_golden.cpp | *_failures.cpp) continue ;; esac  # minutes, of code that others run
       targets+=("$(basename "$(dirname "$file")")_$(basename "$file" .cpp)")

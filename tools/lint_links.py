@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Checks that every relative link of the project's Markdown leads somewhere.
+"""Checks that every relative link of the project's Markdown leads somewhere, and every test that a script names is there.
 
 A link leads to a file or folder of the checkout; its fragment, where it has one, to a heading of that page, by the rule
-of GitHub: lower case, spaces become hyphens, punctuation is left out. Code is not looked at.
+of GitHub: lower case, spaces become hyphens, punctuation is left out. Code is not looked at. What a script calls
+unit_test_solver, or a pattern that begins so, is tests/unit/test_solver.cpp.
 
     tools/lint_links.py [ROOT]
     tools/lint_links.py --self-test
@@ -18,6 +19,7 @@ import urllib.parse
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$", re.M)
 CODE = re.compile(r"^```.*?^```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
+TEST = re.compile(r"\b(unit|algorithm|twin|determinism|accuracy)_(test_\w*)")
 
 
 def anchors(text):
@@ -58,6 +60,16 @@ def problems(root):
                 yield f"{where}: {target}: the page has no such heading"
 
 
+def missing_tests(root):
+    """Names of test programs in scripts and tools whose source is not there."""
+    for script in sorted([*root.glob("scripts/*"), *root.glob("tools/*.py"), *root.glob(".ci/*")]):
+        text = script.read_text(encoding="utf-8") if script.is_file() and script != root / "tools/lint_links.py" else ""
+        for match in TEST.finditer(text):
+            if not any((root / "tests" / match.group(1)).glob(match.group(2) + "*.cpp")):
+                yield (f"{script.relative_to(root)}:{text.count(chr(10), 0, match.start()) + 1}: there is no test "
+                       f"{match.group()}")
+
+
 def self_test():
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
@@ -65,9 +77,14 @@ def self_test():
         (root / "page.md").write_text(
             "[here](other.md#a-heading-with-code) [again](other.md#twice-1) [web](https://example.org/x) `[no](link)`\n"
             "[gone](missing.md)\n[no such](other.md#nothing)\n[own](#nowhere)\n")
-        found = list(problems(root))
+        (root / "scripts").mkdir()
+        (root / "scripts/test.sh").write_text("ctest -E 'unit_test_here|unit_test_h.*'\nninja unit_test_gone\n")
+        (root / "tests/unit").mkdir(parents=True)
+        (root / "tests/unit/test_here.cpp").touch()
+        found = [*problems(root), *missing_tests(root)]
     expected = ["page.md:2: missing.md does not exist", "page.md:3: other.md#nothing: the page has no such heading",
-                "page.md:4: #nowhere: the page has no such heading"]
+                "page.md:4: #nowhere: the page has no such heading",
+                "scripts/test.sh:2: there is no test unit_test_gone"]
     if found != expected:
         print("\n".join(["expected", *expected, "found", *found]))
         return 1
@@ -79,7 +96,7 @@ def main():
     if sys.argv[1:] == ["--self-test"]:
         return self_test()
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    found = list(problems(root))
+    found = [*problems(root), *missing_tests(root)]
     for line in found:
         print(line)
     print(f"{len(markdown(root))} pages, {len(found)} problems")
