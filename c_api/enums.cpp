@@ -3,36 +3,11 @@
 #include <span>
 
 #include "c_api/errors.hpp"
+#include "c_api/named_values.hpp"
 
 namespace stiction::c {
 
 namespace {
-
-struct Named {
-  std::int32_t value;
-  const char* name;
-};
-
-/// An enumerator with its name, after a look that it is the C++ one.
-#define STICTION_SAME(c_name, cpp_name)                                                      \
-  [] {                                                                                       \
-    static_assert(static_cast<std::int32_t>(c_name) == static_cast<std::int32_t>(cpp_name)); \
-    return Named{c_name, #c_name};                                                           \
-  }()
-
-std::int32_t checked(const char* field, std::int32_t value, std::span<const Named> known) {
-  std::string names;
-  for (const Named& one : known) {
-    if (one.value == value) return value;
-    names += (names.empty() ? "" : ", ") + std::string(one.name) + " (" + std::to_string(one.value) + ")";
-  }
-  refuse(std::string(field) + " = " + std::to_string(value) + " is none of its values; use one of: " + names);
-}
-
-template <class E, std::size_t kCount>
-E checked_as(const char* field, std::int32_t value, const Named (&known)[kCount]) {
-  return static_cast<E>(checked(field, value, known));
-}
 
 constexpr int kCodeShift = 1;  ///< STICTION_OK stands before the errors
 
@@ -82,6 +57,15 @@ static_assert(same(STICTION_CONE_BOX, ConeKind::box) && same(STICTION_CONE_FRICT
 
 }  // namespace
 
+std::int32_t checked(const char* field, std::int32_t value, std::span<const Named> known) {
+  std::string names;
+  for (const Named& one : known) {
+    if (one.value == value) return value;
+    names += (names.empty() ? "" : ", ") + std::string(one.name) + " (" + std::to_string(one.value) + ")";
+  }
+  refuse(std::string(field) + " = " + std::to_string(value) + " is none of its values; use one of: " + names);
+}
+
 stiction_code code_of(ErrorCode code) noexcept {
   return static_cast<stiction_code>(static_cast<int>(code) + kCodeShift);
 }
@@ -107,20 +91,6 @@ std::optional<Law> law_or_batch(const char* field, std::int32_t value) {
   if (value == STICTION_LAW_OF_BATCH) return std::nullopt;
   return law_of(field, value);
 }
-
-SolverKind solver_of(const char* field, std::int32_t value) {
-  return checked_as<SolverKind>(
-      field, value,
-      {STICTION_SAME(STICTION_SOLVER_PGS, SolverKind::pgs), STICTION_SAME(STICTION_SOLVER_NPGS, SolverKind::npgs),
-       STICTION_SAME(STICTION_SOLVER_JACOBI, SolverKind::jacobi), STICTION_SAME(STICTION_SOLVER_APGD, SolverKind::apgd),
-       STICTION_SAME(STICTION_SOLVER_NSGS, SolverKind::nsgs), STICTION_SAME(STICTION_SOLVER_ADMM, SolverKind::admm),
-       STICTION_SAME(STICTION_SOLVER_NEWTON, SolverKind::newton),
-       STICTION_SAME(STICTION_SOLVER_LEMKE, SolverKind::lemke), STICTION_SAME(STICTION_SOLVER_IPM, SolverKind::ipm),
-       STICTION_SAME(STICTION_SOLVER_SUBSPACE, SolverKind::subspace),
-       STICTION_SAME(STICTION_SOLVER_MULTIGRID, SolverKind::multigrid),
-       STICTION_SAME(STICTION_SOLVER_AUTO, SolverKind::automatic)});
-}
-static_assert(kSolverKindCount == 10);
 
 InvalidPolicy invalid_of(const char* field, std::int32_t value) {
   return checked_as<InvalidPolicy>(field, value,

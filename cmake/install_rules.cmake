@@ -28,7 +28,8 @@ install(TARGETS ${_stiction_targets} EXPORT stictionTargets
         INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
 install(DIRECTORY core/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
 if(TARGET stiction_c)
-  install(DIRECTORY c_api/include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.h")
+  install(DIRECTORY c_api/include/ "${PROJECT_BINARY_DIR}/c_api/include/" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
+          FILES_MATCHING PATTERN "*.h")
   # Relative to the file itself, so that the tree may be moved; not if the place of libraries was fixed.
   if(IS_ABSOLUTE "${CMAKE_INSTALL_LIBDIR}" OR IS_ABSOLUTE "${CMAKE_INSTALL_INCLUDEDIR}")
     set(STICTION_PC_LIBDIR "${CMAKE_INSTALL_FULL_LIBDIR}")

@@ -26,10 +26,8 @@ cpu::WorldKernelSet world_kernels();
 
 #if defined(STICTION_HAS_AVX512)
 namespace isa_avx512 {
-cpu::KernelSet npgs_kernels();
-cpu::KernelSet pgs_kernels();
+cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
-cpu::KernelSet subspace_kernels();
 }  // namespace isa_avx512
 #endif
 
@@ -45,11 +43,7 @@ bool has_avx512() {
 
 /// Sweeps in packs are what wider vectors make faster; all else is that of AVX2.
 KernelSet avx512_kernels(SolverKind solver) {
-  KernelSet set = isa_avx2::solver_kernels(solver);
-  if (solver == SolverKind::npgs) set.packs = isa_avx512::npgs_kernels().packs;
-  if (solver == SolverKind::pgs) set.packs = isa_avx512::pgs_kernels().packs;
-  if (solver == SolverKind::subspace) set.packs = isa_avx512::subspace_kernels().packs;
-  return set;
+  return with_packs_of(isa_avx512::solver_kernels(solver), isa_avx2::solver_kernels(solver));
 }
 BodyKernelSet avx512_si_kernels() {
   BodyKernelSet set = isa_avx2::si_kernels();

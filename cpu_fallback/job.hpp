@@ -35,4 +35,10 @@ struct KernelSet {
   ByPrecisionAndLaw<PackKernels> packs;
 };
 
+/// The set with the packs of another build, if that has any.
+inline KernelSet with_packs_of(const KernelSet& other, KernelSet set) {
+  if (other.packs.f32[0].solve != nullptr) set.packs = other.packs;
+  return set;
+}
+
 }  // namespace stiction::cpu

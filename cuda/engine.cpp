@@ -209,7 +209,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
 }
 
 Workspace Engine::method_workspace(SolverKind solver) const {
-  const SolverKernels* const solvers = api_.kernels().solvers;
+  const auto& solvers = api_.kernels().solvers;
   if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].workspace;
   Workspace workspace;
   for (int stage = 0; stage < kFallbackStages; ++stage)

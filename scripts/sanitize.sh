@@ -33,6 +33,9 @@ case $kind in
     options+=(-DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON)
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
       unit_test_parallel_for unit_test_solver)
+    for solver in $(sed -n 's/^stiction_add_solver(\([a-z0-9_]*\).*/\1/p' "$root/cmake/solvers.cmake"); do
+      targets+=("algorithm_test_torture_$solver")
+    done
     for file in "$root"/tests/algorithm/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
       case $file in *_golden.cpp | *_failures.cpp) continue ;; esac  # minutes, of code that others run
       targets+=("$(basename "$(dirname "$file")")_$(basename "$file" .cpp)")

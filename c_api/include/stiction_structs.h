@@ -5,6 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "stiction_solver_kinds.h"
+
 /** Raised when a program compiled before can no longer use the library. */
 #define STICTION_ABI_VERSION 0
 
@@ -36,21 +38,6 @@ typedef enum stiction_law {
   STICTION_LAW_CONVEX = 0,
   STICTION_LAW_COULOMB = 1
 } stiction_law;
-
-typedef enum stiction_solver_kind {
-  STICTION_SOLVER_PGS = 0,
-  STICTION_SOLVER_NPGS = 1,
-  STICTION_SOLVER_JACOBI = 2,
-  STICTION_SOLVER_APGD = 3,
-  STICTION_SOLVER_NSGS = 4,
-  STICTION_SOLVER_ADMM = 5,
-  STICTION_SOLVER_NEWTON = 6,
-  STICTION_SOLVER_LEMKE = 7,
-  STICTION_SOLVER_IPM = 8,
-  STICTION_SOLVER_SUBSPACE = 9,
-  STICTION_SOLVER_MULTIGRID = 254, /**< of bodies alone, in status records */
-  STICTION_SOLVER_AUTO = 255       /**< chosen for each environment; its status says who answered */
-} stiction_solver_kind;
 
 /** What to do with an environment whose numbers break a precondition. */
 typedef enum stiction_invalid_policy {

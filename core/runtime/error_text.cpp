@@ -62,36 +62,6 @@ const char* flag_name(EnvFlag flag) noexcept {
   return kUnknown;
 }
 
-const char* to_string(SolverKind solver) noexcept {
-  switch (solver) {
-    case SolverKind::pgs:
-      return "pgs";
-    case SolverKind::npgs:
-      return "npgs";
-    case SolverKind::jacobi:
-      return "jacobi";
-    case SolverKind::apgd:
-      return "apgd";
-    case SolverKind::nsgs:
-      return "nsgs";
-    case SolverKind::admm:
-      return "admm";
-    case SolverKind::newton:
-      return "newton";
-    case SolverKind::lemke:
-      return "lemke";
-    case SolverKind::ipm:
-      return "ipm";
-    case SolverKind::subspace:
-      return "subspace";
-    case SolverKind::multigrid:
-      return "multigrid";
-    case SolverKind::automatic:
-      return "auto";
-  }
-  return kUnknown;
-}
-
 const char* to_string(BodyMethod method) noexcept {
   switch (method) {
     case BodyMethod::impulses:

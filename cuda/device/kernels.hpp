@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 
 #include "core/job/workspace.hpp"
@@ -72,7 +73,7 @@ struct WorldKernels {
 /// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
 /// the emulated device in emulated_kernels.cpp and for CUDA in cuda_kernels.cpp.
 struct KernelCatalogue {
-  SolverKernels solvers[kSolverKindCount];  ///< by SolverKind
+  std::array<SolverKernels, kSolverKindCount> solvers;  ///< by SolverKind
   KernelRef trivial[2];  ///< by Precision                                  (programs/trivial_program.hpp)
   KernelRef choose[2];   ///< by Precision                                  (programs/choose_program.hpp)
   PlanKernels plan;

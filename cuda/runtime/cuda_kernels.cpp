@@ -4,8 +4,7 @@ namespace stiction::cuda {
 
 const KernelCatalogue& cuda_kernels() {
   static const KernelCatalogue catalogue{
-      {cuda_pgs_kernels(), cuda_npgs_kernels(), cuda_jacobi_kernels(), cuda_apgd_kernels(), cuda_nsgs_kernels(),
-       cuda_admm_kernels(), cuda_newton_kernels(), cuda_lemke_kernels(), cuda_ipm_kernels(), cuda_subspace_kernels()},
+      cuda_solver_kernels(),
       {cuda_trivial_kernel(Precision::f32), cuda_trivial_kernel(Precision::f64)},
       {cuda_choose_kernel(Precision::f32), cuda_choose_kernel(Precision::f64)},
       cuda_plan_kernels(),

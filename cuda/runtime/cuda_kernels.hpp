@@ -2,6 +2,8 @@
 
 #include <cuda_runtime_api.h>
 
+#include <array>
+
 #include "cuda/device/kernels.hpp"
 #include "stiction/types.hpp"
 
@@ -10,16 +12,8 @@ namespace stiction::cuda {
 /// Every kernel, compiled by nvcc.
 const KernelCatalogue& cuda_kernels();
 
-SolverKernels cuda_pgs_kernels();
-SolverKernels cuda_npgs_kernels();
-SolverKernels cuda_jacobi_kernels();
-SolverKernels cuda_apgd_kernels();
-SolverKernels cuda_nsgs_kernels();
-SolverKernels cuda_admm_kernels();
-SolverKernels cuda_newton_kernels();
-SolverKernels cuda_lemke_kernels();
-SolverKernels cuda_ipm_kernels();
-SolverKernels cuda_subspace_kernels();
+/// By SolverKind.
+std::array<SolverKernels, kSolverKindCount> cuda_solver_kernels();
 PlanKernels cuda_plan_kernels();
 KernelRef cuda_trivial_kernel(Precision precision);
 KernelRef cuda_choose_kernel(Precision precision);

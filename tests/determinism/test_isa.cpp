@@ -179,8 +179,7 @@ TEST(PackWidths, OfSixteenBytesAreTestedAnywhereThoseOfSixtyFourWhereverAvx2Runs
     const cpu::Isa* isa = cpu::find_isa(name);
     if (bytes > 16 && cpu::find_isa("avx2") == nullptr) GTEST_SKIP() << "avx2 not run here, nor packs of 64 bytes";
     ASSERT_NE(isa, nullptr);
-    for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd,
-                                    SolverKind::nsgs, SolverKind::subspace})
+    for (const SolverKind solver : kAllSolvers)
       for (const Law law : kBothLaws) {
         const cpu::KernelSet set = isa->kernels(solver);
         EXPECT_EQ(set.packs.of<float>(law).width, bytes / 4) << label(solver, law);

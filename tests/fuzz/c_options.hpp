@@ -1,6 +1,7 @@
 #pragma once
 
 #include "stiction.h"
+#include "tests/fuzz/any_solver.hpp"
 #include "tests/fuzz/c_form.hpp"
 
 /// Options of the C interface: such as solvers take, and one field in some of them set to anything. Iterations and
@@ -13,13 +14,9 @@ inline std::size_t wild_size(Bytes& bytes, std::size_t size) {
 }
 
 inline stiction_solver_options c_solver_options(Bytes& bytes) {
-  constexpr std::int32_t kSolvers[] = {STICTION_SOLVER_NPGS, STICTION_SOLVER_PGS,     STICTION_SOLVER_JACOBI,
-                                       STICTION_SOLVER_APGD, STICTION_SOLVER_NSGS,    STICTION_SOLVER_ADMM,
-                                       STICTION_SOLVER_IPM,  STICTION_SOLVER_NEWTON,  STICTION_SOLVER_LEMKE,
-                                       STICTION_SOLVER_AUTO, STICTION_SOLVER_SUBSPACE};
   stiction_solver_options options;
   stiction_solver_options_init(&options, sizeof options);
-  options.solver = bytes.one_of(kSolvers);
+  options.solver = static_cast<std::int32_t>(any_solver(bytes));
   options.max_iterations = bytes.below(30);
   options.threads = 1;
   options.invalid = bytes.once_in(4) ? STICTION_INVALID_REJECT : STICTION_INVALID_ISOLATE;

@@ -1,14 +1,10 @@
 #pragma once
 
 #include "stiction/solver.hpp"
+#include "tests/fuzz/any_solver.hpp"
 #include "tests/fuzz/bytes.hpp"
 
 namespace stiction::fuzz {
-
-inline constexpr SolverKind kSolvers[] = {SolverKind::pgs,      SolverKind::npgs,     SolverKind::jacobi,
-                                          SolverKind::apgd,     SolverKind::nsgs,     SolverKind::admm,
-                                          SolverKind::newton,   SolverKind::lemke,    SolverKind::ipm,
-                                          SolverKind::subspace, SolverKind::automatic};
 
 /// Options that every solver takes, of few iterations on one thread, and that leave broken environments alone.
 inline SolverOptions solver_options(Bytes& bytes) {
@@ -17,7 +13,7 @@ inline SolverOptions solver_options(Bytes& bytes) {
   constexpr Index kWindows[] = {2000, 0, 1, 5};
   constexpr Index kMostIterations = 30;
   SolverOptions options;
-  options.solver = bytes.one_of(kSolvers);
+  options.solver = any_solver(bytes);
   options.tolerance = bytes.one_of(kTolerances);
   options.max_iterations = bytes.below(kMostIterations + 1);
   options.omega = bytes.one_of(kOmegas);

@@ -4,12 +4,7 @@
 /// (STICTION_ISA=narrow, =wide). It goes through the tables that AVX-512 goes through. Compiled once for each width.
 namespace stiction::inline STICTION_ISA {
 
-cpu::KernelSet pgs_kernels();
-cpu::KernelSet npgs_kernels();
-cpu::KernelSet jacobi_kernels();
-cpu::KernelSet apgd_kernels();
-cpu::KernelSet nsgs_kernels();
-cpu::KernelSet subspace_kernels();
+cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 
@@ -23,35 +18,7 @@ const cpu::Isa& single_environments() {
 }
 
 cpu::KernelSet kernels(SolverKind solver) {
-  cpu::KernelSet set = single_environments().kernels(solver);
-  switch (solver) {
-    case SolverKind::pgs:
-      set.packs = pgs_kernels().packs;
-      break;
-    case SolverKind::npgs:
-      set.packs = npgs_kernels().packs;
-      break;
-    case SolverKind::jacobi:
-      set.packs = jacobi_kernels().packs;
-      break;
-    case SolverKind::apgd:
-      set.packs = apgd_kernels().packs;
-      break;
-    case SolverKind::nsgs:
-      set.packs = nsgs_kernels().packs;
-      break;
-    case SolverKind::subspace:
-      set.packs = subspace_kernels().packs;
-      break;
-    case SolverKind::admm:
-    case SolverKind::newton:
-    case SolverKind::lemke:
-    case SolverKind::ipm:
-    case SolverKind::multigrid:
-    case SolverKind::automatic:
-      break;
-  }
-  return set;
+  return cpu::with_packs_of(solver_kernels(solver), single_environments().kernels(solver));
 }
 
 cpu::BodyKernelSet body_kernels() {

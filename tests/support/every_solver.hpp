@@ -1,6 +1,6 @@
 #pragma once
 
-#include <iterator>
+#include <vector>
 
 #include "stiction/pyramid.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -9,16 +9,15 @@
 /// Every solver that a batch can be given to, and batches that it takes.
 namespace stiction::test {
 
-inline constexpr SolverKind kEveryChoice[] = {SolverKind::pgs,      SolverKind::npgs,     SolverKind::jacobi,
-                                              SolverKind::apgd,     SolverKind::nsgs,     SolverKind::admm,
-                                              SolverKind::newton,   SolverKind::lemke,    SolverKind::ipm,
-                                              SolverKind::subspace, SolverKind::automatic};
-static_assert(std::size(kEveryChoice) == kSolverKindCount + 1);
+inline const std::vector<SolverKind> kEveryChoice = [] {
+  std::vector<SolverKind> choices(kEverySolver.begin(), kEverySolver.end());
+  choices.push_back(SolverKind::automatic);
+  return choices;
+}();
 
 /// Whether an iteration costs a factorisation, or may.
 inline bool is_costly(SolverKind solver) {
-  return solver == SolverKind::admm || solver == SolverKind::newton || solver == SolverKind::ipm ||
-         solver == SolverKind::lemke || solver == SolverKind::automatic;
+  return solver == SolverKind::automatic || factorises(solver);
 }
 
 /// The batch without environments of more rows than that.

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "cuda/emulated/emulated_kernels.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/solver.hpp"
 
@@ -84,13 +86,23 @@ inline SolverOptions options(SolverKind solver, double tolerance, Index max_iter
   return result;
 }
 
+/// Every solver that can answer, by number.
+inline constexpr auto kEverySolver = [] {
+  std::array<SolverKind, kSolverKindCount> solvers{};
+  for (std::size_t k = 0; k < solvers.size(); ++k) solvers[k] = static_cast<SolverKind>(k);
+  return solvers;
+}();
+
+inline bool factorises(SolverKind solver) {
+  return cuda::emulated_kernels().solvers.at(static_cast<std::size_t>(solver)).workspace.is_direct();
+}
+
 /// Those that iterate with cheap iterations and take every environment.
-inline constexpr SolverKind kAllSolvers[] = {SolverKind::pgs,  SolverKind::npgs, SolverKind::jacobi,
-                                             SolverKind::apgd, SolverKind::nsgs, SolverKind::subspace};
-/// Those that answer at all, the ones that factorise included.
-inline constexpr SolverKind kEverySolver[] = {
-    SolverKind::pgs,  SolverKind::npgs,   SolverKind::jacobi, SolverKind::apgd, SolverKind::nsgs,
-    SolverKind::admm, SolverKind::newton, SolverKind::lemke,  SolverKind::ipm,  SolverKind::subspace};
+inline const std::vector<SolverKind> kAllSolvers = [] {
+  std::vector<SolverKind> solvers(kEverySolver.begin(), kEverySolver.end());
+  std::erase_if(solvers, factorises);
+  return solvers;
+}();
 inline constexpr Law kBothLaws[] = {Law::convex, Law::coulomb};
 
 /// "npgs, coulomb", for SCOPED_TRACE.

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <iterator>
 #include <set>
 #include <string>
 
@@ -36,7 +37,15 @@ TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {
 TEST(ErrorText, ValuesThatNoEnumeratorHasArePrintedAsUnknown) {
   EXPECT_STREQ(to_string(static_cast<EnvCode>(200)), "unknown");
   EXPECT_STREQ(to_string(static_cast<SolverKind>(200)), "unknown");
+  EXPECT_STREQ(to_string(SolverKind::end), "unknown");
   EXPECT_STREQ(flag_name(static_cast<EnvFlag>(1U << 30)), "unknown");
+}
+
+TEST(ErrorText, SolversHaveTheNumbersThatFilesHold) {
+  const char* const names[] = {"pgs", "npgs", "jacobi", "apgd", "nsgs", "admm", "newton", "lemke", "ipm", "subspace"};
+  for (std::size_t k = 0; k < std::size(names); ++k) EXPECT_STREQ(to_string(static_cast<SolverKind>(k)), names[k]);
+  EXPECT_STREQ(to_string(static_cast<SolverKind>(254)), "multigrid");
+  EXPECT_STREQ(to_string(static_cast<SolverKind>(255)), "auto");
 }
 
 TEST(ErrorText, SolversAreFoundByTheNameTheyPrint) {
@@ -58,10 +67,10 @@ TEST(ErrorText, AnUnknownSolverIsRefusedWithTheNamesThereAre) {
     FAIL() << "accepted";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
-    EXPECT_STREQ(
-        error.what(),
-        "solver 'magic' is not known; use one of: auto, pgs, npgs, jacobi, apgd, nsgs, admm, newton, lemke, ipm, "
-        "subspace");
+    std::string expected = "solver 'magic' is not known; use one of: auto";
+    for (int kind = 0; kind < kSolverKindCount; ++kind)
+      expected += std::string(", ") + to_string(static_cast<SolverKind>(kind));
+    EXPECT_EQ(error.what(), expected);
   }
 }
 

@@ -42,10 +42,11 @@ enum class SolverKind : std::uint8_t {
   lemke = 7,        ///< complementary pivoting, for problems without friction cones
   ipm = 8,          ///< predictor-corrector interior point
   subspace = 9,     ///< npgs with steps to where all contacts keep sticking, sliding or being open
+  end,              ///< no solver: the number after those that can answer a contact batch
   multigrid = 254,  ///< of bodies alone: Newton's method with that preconditioner (docs/bodies.md)
   automatic = 255,  ///< "auto": per environment, from its own features; a status names the one that answered
 };
 /// Solvers that can answer a contact batch.
-inline constexpr int kSolverKindCount = 10;
+inline constexpr int kSolverKindCount = static_cast<int>(SolverKind::end);
 
 }  // namespace stiction
