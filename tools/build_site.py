@@ -98,7 +98,8 @@ class Stage:
     def _file_page(self, name):
         """An image or a table stays a file; text becomes a page that shows it."""
         source = ROOT / name
-        language = LANGUAGES.get(source.suffix, "text" if not source.suffix else None)
+        suffix = pathlib.PurePath(name.removesuffix(".in")).suffix  # a template is shown as what is made of it
+        language = LANGUAGES.get(suffix, "text" if not suffix else None)
         if language is None:
             to = self._folder / name
             to.parent.mkdir(parents=True, exist_ok=True)
