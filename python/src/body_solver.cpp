@@ -28,7 +28,7 @@ BodySolverOptions body_options(const SolverOptions& options, const std::string& 
 /// A BodySolver whose calls wait for one another.
 class SharedBodySolver {
  public:
-  SharedBodySolver(Device device, const BodyWay& way) : solver_(device, way.stepping, way.options) {}
+  SharedBodySolver(Device device, const BodyOptions& options) : solver_(device, options.stepping, options.solver) {}
 
   void solve(const BodyView& batch, const Outputs& out, const Array* velocity, const Array* warm_start,
              StreamRef stream) {
@@ -52,26 +52,27 @@ class SharedBodySolver {
 }  // namespace
 
 void bind_body_solver(nb::module_& module) {
-  nb::class_<BodyWay>(module, "BodyWay", "How bodies are stepped and solved.")
+  nb::class_<BodyOptions>(module, "BodyOptions", "How bodies are stepped and solved.")
       .def(
           "__init__",
-          [](BodyWay* self, const SolverOptions& options, const std::string& solver, const std::string& law, double dt,
-             double erp, double slop, double cfm, double restitution_threshold, Index substeps, Index max_contacts) {
+          [](BodyOptions* self, const SolverOptions& options, const std::string& solver, const std::string& law,
+             double dt, double erp, double slop, double cfm, double restitution_threshold, Index substeps,
+             Index max_contacts) {
             BodySolverOptions body = body_options(options, solver);
             body.law = options.law.value_or(law_from(law));
             body.substeps = substeps;
             body.max_contacts_per_env = max_contacts;
-            new (self) BodyWay{{dt, erp, slop, cfm, restitution_threshold}, body};
+            new (self) BodyOptions{{dt, erp, slop, cfm, restitution_threshold}, body};
           },
           nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"), nb::arg("slop"),
           nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"), nb::arg("max_contacts"));
-  nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, for one way of stepping.")
+  nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, with one set of options.")
       .def(
           "__init__",
-          [](SharedBodySolver* self, const std::string& device, const BodyWay& way) {
-            new (self) SharedBodySolver(Device::from_string(device), way);
+          [](SharedBodySolver* self, const std::string& device, const BodyOptions& options) {
+            new (self) SharedBodySolver(Device::from_string(device), options);
           },
-          nb::arg("device"), nb::arg("way"))
+          nb::arg("device"), nb::arg("options"))
       .def(
           "solve",
           [](SharedBodySolver& self, const BodyView& batch, const Array* lambda, const Array* w, const Array* velocity,

@@ -24,9 +24,9 @@ struct Outputs {
 };
 
 /// How bodies are stepped and solved.
-struct BodyWay {
+struct BodyOptions {
   TimeStepping stepping;
-  BodySolverOptions options;
+  BodySolverOptions solver;
 };
 
 /// The C++ solvers of one device and one set of options for matrices and for Jacobians. Calls from several threads wait

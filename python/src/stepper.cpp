@@ -43,9 +43,9 @@ class Stepper {
           const WarmStartOptions& warm_start) {
     make<JacobianSteppingSolver>(wide, device, options, capacity, warm_start);
   }
-  Stepper(Device device, const BodyWay& way, Offset envs, Offset contacts, bool wide,
+  Stepper(Device device, const BodyOptions& options, Offset envs, Offset contacts, bool wide,
           const WarmStartOptions& warm_start) {
-    make<BodySteppingSolver>(wide, device, way.stepping, way.options, envs, contacts, warm_start);
+    make<BodySteppingSolver>(wide, device, options.stepping, options.solver, envs, contacts, warm_start);
   }
 
   void step(const ContactView& batch, const Array& ids, double dt, const Outputs& out, StreamRef stream) {
@@ -75,10 +75,10 @@ class Stepper {
     });
   }
   /// Other time stepping from the next step on.
-  void change(const BodyWay& way) {
+  void change(const BodyOptions& options) {
     visit([&](auto& solver) {
-      if constexpr (requires { solver.change(way.stepping, way.options); })
-        solver.change(way.stepping, way.options);
+      if constexpr (requires { solver.change(options.stepping, options.solver); })
+        solver.change(options.stepping, options.solver);
       else
         throw nb::type_error("change: expected a stepper of bodies");
     });
@@ -191,12 +191,12 @@ void bind_stepper(nb::module_& module) {
           nb::arg("scaling"), nb::keep_alive<1, 3>())
       .def(
           "__init__",
-          [](Stepper* self, const std::string& device, const BodyWay& way, Offset envs, Offset contacts, bool wide,
-             double beta, const std::string& scaling) {
-            new (self) Stepper(Device::from_string(device), way, envs, contacts, wide,
-                               {beta, scaling_from(scaling), way.options.threads});
+          [](Stepper* self, const std::string& device, const BodyOptions& options, Offset envs, Offset contacts,
+             bool wide, double beta, const std::string& scaling) {
+            new (self) Stepper(Device::from_string(device), options, envs, contacts, wide,
+                               {beta, scaling_from(scaling), options.solver.threads});
           },
-          nb::arg("device"), nb::arg("way"), nb::arg("envs"), nb::arg("contacts"), nb::arg("wide"), nb::arg("beta"),
+          nb::arg("device"), nb::arg("options"), nb::arg("envs"), nb::arg("contacts"), nb::arg("wide"), nb::arg("beta"),
           nb::arg("scaling"))
       .def(
           "step",
@@ -223,7 +223,7 @@ void bind_stepper(nb::module_& module) {
           nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
           nb::arg("velocities"), nb::arg("status"), nb::arg("stream"))
       .def(
-          "change", [](Stepper& self, const BodyWay& way) { self.change(way); }, nb::arg("way"),
+          "change", [](Stepper& self, const BodyOptions& options) { self.change(options); }, nb::arg("options"),
           "Other time stepping of bodies, from the next step on.")
       .def(
           "reset",

@@ -8,8 +8,9 @@
 from . import _core, monitor
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._flags import FLAGS
 from ._policy import Accuracy, AccuracyPolicy
-from ._solution import CODES, FLAGS, SOLVERS, Solution
+from ._solution import CODES, SOLVERS, Solution
 from ._solver import Solver, verify
 from ._stepping import ParallelContactSolver
 

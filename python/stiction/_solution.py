@@ -9,9 +9,8 @@ import numpy as np
 from . import _core
 from ._arrays import NUMPY, STATUS_DTYPE, as_numpy, look, status_bytes, take
 
-#: Names of status codes and solvers by number, and of flags by bit.
+#: Names of status codes and solvers by number.
 CODES = tuple(_core.code_names())
-FLAGS = tuple(_core.flag_names())
 SOLVERS = tuple(_core.solver_names())
 SOLVED = CODES.index("solved")
 

@@ -12,10 +12,10 @@ from . import _core, _streams
 from ._arrays import NUMPY, take
 from ._batch import Batch
 from ._solution import SOLVERS, Solution
-from .monitor import Tally, spans_by_kind
+from .monitor import _Statistics, spans_by_kind
 
 
-class Machine:
+class _SolverBase:
     """What every solver has: options, statistics, a device and what is queued on it."""
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
@@ -37,7 +37,7 @@ class Machine:
         self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver, law, self.tolerance,
                                       self.max_iterations, int(stall_window), float(omega), int(threads),
                                       invalid == "isolate", islands, int(direct_rows), self._tracer)
-        self._tally = Tally(self, callback, record_failures)
+        self._statistics = _Statistics(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
     def __repr__(self):
@@ -49,10 +49,15 @@ class Machine:
         self._in_flight.clear()
 
     def stats(self) -> dict:
-        """What was solved since the solver was made: see stiction.monitor.Tally.stats. With trace=True also `spans`:
-        count and seconds of every kind of work, on the host and on the device by kernel and class of environments.
+        """What was solved since the solver was made: solves, environments, seconds (of solves, queueing alone for those
+        that were queued), warm_started (solves that were given a warm start), recorded (environments written to files),
+        and of the environments looked at: codes, flags and solvers (count by name), iterations and residual (quantiles
+        over the last ones). With trace=True also `spans`: count and seconds of every kind of work, on the host and on
+        the device by kernel and class of environments.
+
+        Of solves in device memory only the last one is looked at, and waited for.
         """
-        found = self._tally.stats()
+        found = self._statistics.stats()
         if self._tracer is not None:
             found["spans"] = spans_by_kind(self._tracer.spans())
         return found
@@ -91,11 +96,11 @@ class Machine:
             solution._wait = lambda: self.synchronize(handle)
         elif on_device:
             self._core.synchronize(handle)
-        self._tally.note(batch, solution, guess, time.perf_counter() - start, queued)
+        self._statistics.note(batch, solution, guess, time.perf_counter() - start, queued)
         return queued
 
 
-class Repetition:
+class _CachedCall:
     """A solve as it was, for as long as the very same objects are given again. A training loop calls with nothing else, and
     in a call that finds its caches empty every line of Python that does not run counts.
     """
@@ -109,7 +114,7 @@ class Repetition:
         self.refresh = None if is_fixed else batch._refresh
 
 
-class Solver(Machine):
+class Solver(_SolverBase):
     """Solves batches on one device. Changing the device changes the speed and not one bit.
 
     device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated": the GPU's programs run
@@ -162,7 +167,7 @@ class Solver(Machine):
                 last.refresh()
             start = time.perf_counter()
             last.run()
-            self._tally.keep(last.environments, time.perf_counter() - start, warm_start is not None, out._raw)
+            self._statistics.keep(last.environments, time.perf_counter() - start, warm_start is not None, out._raw)
             return out
         on_device = self._on_device(batch)
         handle = _streams.handle_of(stream, batch.framework, batch.device)
@@ -180,8 +185,8 @@ class Solver(Machine):
         self._finish(batch, solution, guess, stream, handle, on_device, start)
         # Memory of other frameworks may become other memory behind the same object.
         is_plain = solution is out and stream is None and not on_device and not isinstance(given, Solution)
-        can_repeat = is_plain and batch.framework is NUMPY and self._tally.only_keeps
-        self._last = Repetition(batch, out, given, run) if can_repeat else None
+        can_repeat = is_plain and batch.framework is NUMPY and self._statistics.only_keeps
+        self._last = _CachedCall(batch, out, given, run) if can_repeat else None
         return solution
 
     def _call(self, batch, solution, guess, handle, on_device):
@@ -197,7 +202,7 @@ class Solver(Machine):
         _need_twists(seen)
         key = (batch.law, *batch.stepping)
         if key not in self._bodies:
-            self._bodies[key] = _core.BodySolver(self.device, _core.BodyWay(self._options, self.solver, *key))
+            self._bodies[key] = _core.BodySolver(self.device, _core.BodyOptions(self._options, self.solver, *key))
         return functools.partial(self._bodies[key].solve, view, lambda_, w, seen["velocities"], status, guess, handle)
 
 

@@ -10,13 +10,13 @@ from . import _core, _streams
 from ._arrays import as_numpy, look, take
 from ._batch import Batch
 from ._solution import Solution
-from ._solver import Machine, _need_twists
+from ._solver import _need_twists, _SolverBase
 
 #: Law and time stepping of a batch of bodies that says nothing else (Batch.from_bodies).
-_USUAL_WAY = ("coulomb", 0.005, 0.2, 0.0, 0.0, 0.1, 1, 0)
+_DEFAULT_STEPPING = ("coulomb", 0.005, 0.2, 0.0, 0.0, 0.1, 1, 0)
 
 
-class ParallelContactSolver(Machine):
+class ParallelContactSolver(_SolverBase):
     """Solves step after step of many environments side by side, warm started by contact id.
 
         solver = stiction.ParallelContactSolver(4096, device="cuda", max_rows=48, dtype="float32")
@@ -59,7 +59,7 @@ class ParallelContactSolver(Machine):
                              f"{self.max_rows}, {self.max_cones}")
         # One cone more in each padded environment: the entry that closes its last.
         self._most_cones = self.n_envs * (self.max_cones + (form != "bodies"))
-        self._way = _USUAL_WAY
+        self._stepping = _DEFAULT_STEPPING
         self._core = self._make(str(device), float(beta),
                                 scaling or ("proportional" if form == "bodies" else "capped"))
         self.device = self._core.device
@@ -71,7 +71,7 @@ class ParallelContactSolver(Machine):
         """The solver of that form."""
         envs, rows, wide = self.n_envs, self.max_rows, self.dtype == "float64"
         if self.form == "bodies":
-            return _core.Stepper(device, _core.BodyWay(self._options, self.solver, *self._way), envs, self._most_cones,
+            return _core.Stepper(device, _core.BodyOptions(self._options, self.solver, *self._stepping), envs, self._most_cones,
                                  wide, beta, scaling)
         if self.form == "delassus":
             room = _core.Capacity(envs, envs * rows, self._most_cones, envs * rows * rows, rows, rows ** 2, 0, wide)
@@ -145,10 +145,10 @@ class ParallelContactSolver(Machine):
 
     def _follow(self, batch):
         """Steps as this batch of bodies says."""
-        way = (batch.law, *batch.stepping)
-        if way != self._way:
-            self._core.change(_core.BodyWay(self._options, self.solver, *way))
-            self._way = way
+        stepping = (batch.law, *batch.stepping)
+        if stepping != self._stepping:
+            self._core.change(_core.BodyOptions(self._options, self.solver, *stepping))
+            self._stepping = stepping
 
     def reset(self, ids=None, mask=None, stream=None) -> None:
         """Forgets the reactions of environments that start over: those of a list of indices, or wherever mask is not

@@ -12,14 +12,15 @@ import numpy as np
 
 from . import _core
 from ._arrays import STATUS_DTYPE
-from ._solution import CODES, FLAGS, SOLVED, solver_name
+from ._flags import FLAGS, FlagCounts
+from ._solution import CODES, SOLVED, solver_name
 
 #: Environments whose iterations and residuals quantiles are taken of: the last ones.
 WINDOW = 65536
 _MOST_RECORDED = 256
 
 
-class Tally:
+class _Statistics:
     """Counts what a solver's solves did."""
 
     def __init__(self, solver, callback=None, record_failures=None):
@@ -91,12 +92,7 @@ class Tally:
                               solution._seen["lambda_"], solution._seen["status"], guess)
 
     def stats(self):
-        """solves, environments, seconds (of solves, queueing alone for those that were queued), warm_started (solves
-        that were given a warm start), recorded (environments written to files), and of the environments looked at:
-        codes, flags and solvers (count by name), iterations and residual (quantiles over the last ones).
-
-        Of solves in device memory only the last one is looked at, and waited for.
-        """
+        """The entries of Solver.stats()."""
         for solution in self._late:
             self._take(solution.status)
         self._late = []
@@ -105,10 +101,13 @@ class Tally:
             "solves": self._solves, "environments": self._environments, "seconds": self._seconds,
             "warm_started": self._warm, "recorded": sum(file.recorded for file in self._files.values()),
             "codes": {name: int(self._codes[i]) for i, name in enumerate(CODES) if self._codes[i]},
-            "flags": {name: int(self._flags[i]) for i, name in enumerate(FLAGS) if self._flags[i]},
+            "flags": FlagCounts((name, int(self._flags[i])) for i, name in enumerate(FLAGS) if self._flags[i]),
             "solvers": {solver_name(i): int(count) for i, count in enumerate(self._solvers) if count},
             "iterations": quantiles(self._recent["iterations"]), "residual": quantiles(self._recent["residual"]),
         }
+
+
+Tally = _Statistics  #: its name before numerics epoch 2, kept until 1.0
 
 
 def spans_by_kind(spans):

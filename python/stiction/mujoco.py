@@ -272,13 +272,13 @@ class BatchedSimulation:
 
     def _note(self, seconds):
         """Statistics, callback and files of failures of the solver, as of its own solves."""
-        tally, guess = self.solver._tally, self._warm or None
-        if tally._folder is None or (self.status["code"] == SOLVED).all():
-            tally.note(self, self, guess, seconds, False)
+        statistics, guess = self.solver._statistics, self._warm or None
+        if statistics._folder is None or (self.status["code"] == SOLVED).all():
+            statistics.note(self, self, guess, seconds, False)
             return
         batch = self.batch()
         answer = {"lambda_": batch.extras["lambda_"], "velocities": batch.extras["velocities"], "status": self.status}
-        tally.note(batch, Solution.over(batch, answer), None, seconds, False)
+        statistics.note(batch, Solution.over(batch, answer), None, seconds, False)
 
     def _runge_kutta(self):
         start, before = time.perf_counter(), sum(self.seconds.values())

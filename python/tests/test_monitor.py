@@ -25,7 +25,7 @@ def test_totals_and_quantiles(padded):
 
 def test_quantiles_are_of_the_last_environments(monkeypatch):
     monkeypatch.setattr(stiction.monitor, "WINDOW", 5)
-    tally = stiction.monitor.Tally(None)
+    statistics = stiction.monitor._Statistics(None)
     kept = []
     # Asked for after every solve, after several, and after one that is longer than the window.
     for sizes in ((3,), (3,), (1, 1), (2, 2, 2), (9,), (1,)):
@@ -33,9 +33,9 @@ def test_quantiles_are_of_the_last_environments(monkeypatch):
             records = np.zeros(size, stiction._arrays.STATUS_DTYPE)
             records["iterations"] = len(kept) + np.arange(size)
             kept += records["iterations"].tolist()
-            tally.keep(size, 0.0, False, records)
+            statistics.keep(size, 0.0, False, records)
         last = np.array(kept[-5:])
-        stats = tally.stats()
+        stats = statistics.stats()
         assert stats["environments"] == sum(stats["codes"].values()) == len(kept)
         assert stats["iterations"] == {"p50": np.quantile(last, 0.5, method="higher"), "p90": last[-1], "p99": last[-1], "max": last[-1]}
 
@@ -46,6 +46,28 @@ def test_flags_are_counted_by_name(padded):
     solver.solve(Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=-1.0))
     assert solver.stats()["flags"] == {"non_finite_input": 1, "negative_friction": 3}
     assert solver.stats()["codes"]["invalid_input"] == 3
+
+
+def test_older_names_of_flags_are_taken(padded):
+    """Until 1.0: capacity is contacts_dropped and no_room is over_capacity."""
+    assert stiction.FLAGS.index("capacity") == stiction.FLAGS.index("contacts_dropped") == 7
+    assert stiction.FLAGS.index("no_room") == stiction.FLAGS.index("over_capacity") == 9
+    assert "no_room" in stiction.FLAGS and "no_room" not in list(stiction.FLAGS) and "room" not in stiction.FLAGS
+    solver = Solver()
+    counts = solver.stats()["flags"]
+    assert "capacity" not in counts and counts.get("capacity", 0) == 0
+    with pytest.raises(KeyError):
+        counts["capacity"]
+    wanted = np.array([4, 1, 3, 0], np.int32)  # there is room for three
+    padded.A[0], padded.b[0] = padded.A[2], padded.b[2]
+    solver.solve(Batch.from_delassus(padded.A, padded.b, cone_counts=wanted, mu=0.7))
+    counts = solver.stats()["flags"]
+    assert counts == {"contacts_dropped": 1}
+    assert counts["capacity"] == counts.get("capacity") == 1 and "capacity" in counts
+
+
+def test_the_older_name_of_the_counter_is_taken():
+    assert stiction.monitor.Tally(None).stats() == Solver().stats()
 
 
 def test_loggers_write_a_line_for_every_solve(padded, tmp_path):
