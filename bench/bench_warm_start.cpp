@@ -87,9 +87,9 @@ std::vector<Run> follow(const Trajectory& trajectory, const SolverOptions& optio
     std::vector<double> lambda(static_cast<std::size_t>(view.row_count)), guess(lambda.size());
     std::vector<EnvStatus> status(envs);
     const SolutionView<double> solution{lambda.data(), nullptr, status.data()};
-    if (store) store->recall(view, moment.cone_id.data(), moment.dt, guess.data());
+    if (store) store->load(view, moment.cone_id.data(), moment.dt, guess.data());
     solver.solve(solver.plan(view), view, solution, store ? guess.data() : nullptr);
-    if (store) store->remember(view, moment.cone_id.data(), solution, moment.dt);
+    if (store) store->store(view, moment.cone_id.data(), solution, moment.dt);
     if (step == 0) continue;
     if (store) store->records(record);
     for (std::size_t e = 0; e < envs; ++e) {

@@ -16,7 +16,7 @@ namespace {
 using ContactSteps = std::variant<SteppingSolver<float>, SteppingSolver<double>>;
 using JacobianSteps = std::variant<JacobianSteppingSolver<float>, JacobianSteppingSolver<double>>;
 using BodySteps = std::variant<BodySteppingSolver<float>, BodySteppingSolver<double>>;
-/// One kind of handle for every form of a batch: a loop forgets, reports and waits alike.
+/// One kind of handle for every form of a batch: a loop resets, reports and waits alike.
 using AnySteppingSolver = std::variant<ContactSteps, JacobianSteps, BodySteps>;
 
 auto& stepping_solvers() {

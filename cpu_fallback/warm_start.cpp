@@ -17,29 +17,30 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
       : threads_(cpu::thread_count(threads)),
         slot_(static_cast<std::size_t>(capacity.envs)),
         record_(slot_.size()),
-        remembered_(static_cast<std::size_t>(capacity.cones)),
-        sorting_(remembered_.size()),
+        stored_(static_cast<std::size_t>(capacity.cones)),
+        sorting_(stored_.size()),
         lambda_(static_cast<std::size_t>(capacity.rows)),
-        memory_{capacity.envs,  capacity.cones,     capacity.rows,   slot_.data(),
-                record_.data(), remembered_.data(), sorting_.data(), lambda_.data()} {}
+        memory_{capacity.envs,  capacity.cones, capacity.rows,   slot_.data(),
+                record_.data(), stored_.data(), sorting_.data(), lambda_.data()} {}
 
-  void recall(const RecallJob<Real>& request, StreamRef) override {
-    RecallJob<Real> job = request;
+  void load(const WarmStartLoadJob<Real>& request, StreamRef) override {
+    WarmStartLoadJob<Real> job = request;
     job.memory = memory_;
-    for_each_env(job.batch.env_count, [&](SerialTeam& team, Offset env) { recall_env(team, job, env); });
+    for_each_env(job.batch.env_count, [&](SerialTeam& team, Offset env) { load_warm_start(team, job, env); });
   }
-  void remember(const RememberJob<Real>& request, StreamRef) override {
-    RememberJob<Real> job = request;
+  void store(const WarmStartStoreJob<Real>& request, StreamRef) override {
+    WarmStartStoreJob<Real> job = request;
     job.memory = memory_;
-    for_each_env(memory_.env_capacity, [&](SerialTeam& team, Offset env) { remember_env(team, job, env); });
+    for_each_env(memory_.env_capacity, [&](SerialTeam& team, Offset env) { store_warm_start(team, job, env); });
   }
   void reset(std::span<const Offset> envs, StreamRef) override {
     SerialTeam team;
-    for (const Offset env : envs) forget_env(team, memory_, env, kWarmStartReset);
+    for (const Offset env : envs) reset_warm_start(team, memory_, env, kWarmStartReset);
   }
   void reset_where(const std::uint8_t* mask, StreamRef) override {
     SerialTeam team;
-    for (Offset env = 0; env < memory_.env_capacity; ++env) forget_masked(team, ForgetJob<Real>{memory_, mask}, env);
+    for (Offset env = 0; env < memory_.env_capacity; ++env)
+      reset_masked(team, WarmStartResetJob<Real>{memory_, mask}, env);
   }
   void records(std::span<WarmStartRecord> out, StreamRef) override {
     std::copy_n(record_.begin(), out.size(), out.begin());
@@ -62,7 +63,7 @@ class CpuWarmStart final : public WarmStartMachine<Real> {
   int threads_;
   std::vector<WarmStartSlot> slot_;
   std::vector<WarmStartRecord> record_;
-  std::vector<WarmStartEntry> remembered_, sorting_;
+  std::vector<WarmStartEntry> stored_, sorting_;
   std::vector<Real> lambda_;
   WarmStartMemory<Real> memory_;
 };

@@ -29,7 +29,7 @@ DeviceWarmStart<Real>::DeviceWarmStart(std::shared_ptr<DeviceApi> api, const War
   view_.row_capacity = capacity.rows;
   arrays_.add(view_.slot, capacity.envs);
   arrays_.add(view_.record, capacity.envs);
-  arrays_.add(view_.remembered, capacity.cones);
+  arrays_.add(view_.stored, capacity.cones);
   arrays_.add(view_.sorting, capacity.cones);
   arrays_.add(view_.lambda, capacity.rows);
   arrays_.add(mask_, capacity.envs);
@@ -37,7 +37,7 @@ DeviceWarmStart<Real>::DeviceWarmStart(std::shared_ptr<DeviceApi> api, const War
   arrays_.place(memory_.get());
   mask_host_ = PinnedMemory(*api_, static_cast<std::size_t>(capacity.envs));
   const Stream stream(*api_);
-  // A slot of zeros remembers nothing.
+  // A slot of zeros holds nothing.
   if (memory_.bytes() > 0) api_->fill_zero(memory_.get(), memory_.bytes(), stream.get());
   api_->synchronize(stream.get());
 }
@@ -68,17 +68,17 @@ const WarmStartKernels& kernels_of(const DeviceApi& api) {
 }
 
 template <class Real>
-void DeviceWarmStart<Real>::recall(const RecallJob<Real>& request, StreamRef stream) {
-  RecallJob<Real> job = request;
+void DeviceWarmStart<Real>::load(const WarmStartLoadJob<Real>& request, StreamRef stream) {
+  WarmStartLoadJob<Real> job = request;
   job.memory = view_;
-  queue(kernels_of<Real>(*api_).recall, job.batch.env_count, lanes_, job, stream);
+  queue(kernels_of<Real>(*api_).load, job.batch.env_count, lanes_, job, stream);
 }
 
 template <class Real>
-void DeviceWarmStart<Real>::remember(const RememberJob<Real>& request, StreamRef stream) {
-  RememberJob<Real> job = request;
+void DeviceWarmStart<Real>::store(const WarmStartStoreJob<Real>& request, StreamRef stream) {
+  WarmStartStoreJob<Real> job = request;
   job.memory = view_;
-  queue(kernels_of<Real>(*api_).remember, view_.env_capacity, lanes_, job, stream);
+  queue(kernels_of<Real>(*api_).store, view_.env_capacity, lanes_, job, stream);
 }
 
 template <class Real>
@@ -100,7 +100,7 @@ void DeviceWarmStart<Real>::reset(std::span<const Offset> envs, StreamRef stream
 
 template <class Real>
 void DeviceWarmStart<Real>::reset_where(const std::uint8_t* mask, StreamRef stream) {
-  queue(kernels_of<Real>(*api_).forget, view_.env_capacity, 1, ForgetJob<Real>{view_, mask}, stream);
+  queue(kernels_of<Real>(*api_).reset, view_.env_capacity, 1, WarmStartResetJob<Real>{view_, mask}, stream);
 }
 
 template <class Real>

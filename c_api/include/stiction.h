@@ -152,7 +152,7 @@ STICTION_API stiction_code stiction_body_solver_solve(stiction_body_solver* solv
                                                       const stiction_body_solution* solution, const void* warm_start,
                                                       void* stream);
 
-/* ---- A simulation loop: reactions remembered by contact id (docs/warm_start.md) ---- */
+/* ---- A simulation loop: reactions stored by contact id (docs/warm_start.md) ---- */
 
 /** Makes a solver for batches of capacity->precision with at most the capacity's envs, rows and cones. options and
  * warm_start may be null: defaults. */
@@ -175,7 +175,7 @@ STICTION_API stiction_code stiction_stepping_solver_create_bodies(const char* de
                                                                   const stiction_warm_start_options* warm_start,
                                                                   stiction_stepping_solver** solver);
 STICTION_API stiction_code stiction_stepping_solver_destroy(stiction_stepping_solver* solver);
-/** Recalls, solves and remembers a step of length dt [s]. cone_id: contact ids, unique within an environment
+/** Loads, solves and stores a step of length dt [s]. cone_id: contact ids, unique within an environment
  * (cone_count), in the batch's memory. */
 STICTION_API stiction_code stiction_stepping_solver_solve(stiction_stepping_solver* solver,
                                                           const stiction_batch_view* batch, const uint64_t* cone_id,
@@ -192,14 +192,14 @@ STICTION_API stiction_code stiction_stepping_solver_solve_bodies(stiction_steppi
                                                                  const stiction_body_view* batch,
                                                                  const uint64_t* contact_id,
                                                                  const stiction_body_solution* solution, void* stream);
-/** Forgets the reactions of environments that start over: a list on the host (count), or those whose mask is not zero
+/** Resets the reactions of environments that start over: a list on the host (count), or those whose mask is not zero
  * (capacity.envs, in the device's memory), or all. */
 STICTION_API stiction_code stiction_stepping_solver_reset(stiction_stepping_solver* solver, const int64_t* envs,
                                                           int64_t count, void* stream);
 STICTION_API stiction_code stiction_stepping_solver_reset_where(stiction_stepping_solver* solver, const uint8_t* mask,
                                                                 void* stream);
 STICTION_API stiction_code stiction_stepping_solver_reset_all(stiction_stepping_solver* solver, void* stream);
-/** What was remembered for the first `count` environments, on the host; waits for the stream. */
+/** What the store did for the first `count` environments, on the host; waits for the stream. */
 STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_solver* solver,
                                                             stiction_warm_start_record* records, int64_t count,
                                                             void* stream);

@@ -80,7 +80,7 @@ typedef enum stiction_ordering {
   STICTION_ORDERING_NESTED_DISSECTION = 4
 } stiction_ordering;
 
-/** What a change of the time step does to a remembered reaction (docs/warm_start.md). */
+/** What a change of the time step does to a stored reaction (docs/warm_start.md). */
 typedef enum stiction_step_scaling {
   STICTION_STEP_CAPPED = 0,      /**< min(1, dt_prev / dt) */
   STICTION_STEP_NONE = 1,        /**< 1 */
@@ -141,9 +141,9 @@ typedef struct stiction_residual {
   double absolute; /**< largest cone residual [w] */
 } stiction_residual;
 
-/** What a stepping solver remembered for one environment. 16 bytes. */
+/** What a stepping solver's store did for one environment. 16 bytes. */
 typedef struct stiction_warm_start_record {
-  int32_t hits;       /**< cones of the last step that started from a remembered reaction */
+  int32_t hits;       /**< cones of the last step that started from a stored reaction */
   int32_t misses;     /**< cones of the last step that started from zero */
   uint32_t flags;     /**< WarmStartFlag bits (docs/warm_start.md) */
   uint32_t too_large; /**< steps in which it did not fit */

@@ -10,16 +10,16 @@ struct WarmStartEntry {
   Index row;          ///< first row, within the environment
   ConeKind kind;      ///< a cone of another kind ...
   std::uint8_t rows;  ///< ... or size is another cone
-  std::uint16_t hit;  ///< while recalling: 1 if this cone starts from a remembered reaction
+  std::uint16_t hit;  ///< while loading: 1 if this cone starts from a stored reaction
 };
 static_assert(sizeof(WarmStartEntry) == 16);
 
-/// Where one environment's remembered cones are.
+/// Where one environment's stored cones are.
 struct WarmStartSlot {
-  Offset first_cone;  ///< in WarmStartMemory::remembered
+  Offset first_cone;  ///< in WarmStartMemory::stored
   Offset first_row;   ///< in WarmStartMemory::lambda
   double dt;          ///< step they were solved for [s]
-  Index cones;        ///< 0: nothing is remembered
+  Index cones;        ///< 0: nothing is stored
   Index reserved;     ///< zero
 };
 static_assert(sizeof(WarmStartSlot) == 32);
@@ -31,16 +31,16 @@ struct WarmStartMemory {
   Offset env_capacity = 0;
   Offset cone_capacity = 0;
   Offset row_capacity = 0;
-  WarmStartSlot* slot = nullptr;         ///<                                                    (env_capacity)
-  WarmStartRecord* record = nullptr;     ///<                                                    (env_capacity)
-  WarmStartEntry* remembered = nullptr;  ///< each environment's cones of the last step, sorted  (cone_capacity)
-  WarmStartEntry* sorting = nullptr;     ///< scratch: cones of this step, sorted                (cone_capacity)
-  Real* lambda = nullptr;                ///< reactions of the last step, in its row order       (row_capacity)
+  WarmStartSlot* slot = nullptr;      ///<                                                    (env_capacity)
+  WarmStartRecord* record = nullptr;  ///<                                                    (env_capacity)
+  WarmStartEntry* stored = nullptr;   ///< each environment's cones of the last step, sorted  (cone_capacity)
+  WarmStartEntry* sorting = nullptr;  ///< scratch: cones of this step, sorted                (cone_capacity)
+  Real* lambda = nullptr;             ///< reactions of the last step, in its row order       (row_capacity)
 };
 
-/// One recall, as plain data.
+/// One load, as plain data.
 template <class Real>
-struct RecallJob {
+struct WarmStartLoadJob {
   WarmStartMemory<Real> memory;
   ContactBatchView<Real> batch;
   const std::uint64_t* cone_id;
@@ -50,9 +50,9 @@ struct RecallJob {
   StepScaling scaling;
 };
 
-/// One remember, as plain data.
+/// One store, as plain data.
 template <class Real>
-struct RememberJob {
+struct WarmStartStoreJob {
   WarmStartMemory<Real> memory;
   ContactBatchView<Real> batch;
   const std::uint64_t* cone_id;
@@ -63,9 +63,9 @@ struct RememberJob {
 
 /// One reset, as plain data.
 template <class Real>
-struct ForgetJob {
+struct WarmStartResetJob {
   WarmStartMemory<Real> memory;
-  const std::uint8_t* mask;  ///< not zero: forget; null: forget all  (env_capacity)
+  const std::uint8_t* mask;  ///< not zero: reset; null: reset all  (env_capacity)
 };
 
 }  // namespace stiction

@@ -13,8 +13,8 @@ class WarmStartMachine {
  public:
   virtual ~WarmStartMachine() = default;
   /// The jobs come without memory: the machine fills in its own.
-  virtual void recall(const RecallJob<Real>& job, StreamRef stream) = 0;
-  virtual void remember(const RememberJob<Real>& job, StreamRef stream) = 0;
+  virtual void load(const WarmStartLoadJob<Real>& job, StreamRef stream) = 0;
+  virtual void store(const WarmStartStoreJob<Real>& job, StreamRef stream) = 0;
   virtual void reset(std::span<const Offset> envs, StreamRef stream) = 0;
   /// mask null: every environment.
   virtual void reset_where(const std::uint8_t* mask, StreamRef stream) = 0;

@@ -93,7 +93,7 @@ template <class Real>
 void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt) const {
   const MemorySpace own = device_.kind == DeviceKind::cpu ? MemorySpace::host : MemorySpace::cuda;
   if (batch.space != own)
-    refuse("batch.space is not the store's: a store remembers where it was made, on the CPU or on a CUDA device");
+    refuse("batch.space is not the store's: a store serves batches where it was made, on the CPU or on a CUDA device");
   if (batch.env_count > capacity_.envs)
     refuse("the batch has " + std::to_string(batch.env_count) + " environments, the store has room for " +
            std::to_string(capacity_.envs) + ": make it with capacity.envs of the largest batch");
@@ -104,47 +104,46 @@ void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std:
 }
 
 template <class Real>
-void WarmStartStore<Real>::recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
-                                  Real* guess, StreamRef stream) {
+void WarmStartStore<Real>::load(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
+                                Real* guess, StreamRef stream) {
   const ScopedFpEnv fp_env;
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && guess == nullptr)
     refuse("guess is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
-  machine_->recall(RecallJob<Real>{{}, batch, cone_id, guess, dt, options_.beta, options_.scaling}, stream);
+  machine_->load(WarmStartLoadJob<Real>{{}, batch, cone_id, guess, dt, options_.beta, options_.scaling}, stream);
 }
 
 template <class Real>
-void WarmStartStore<Real>::remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
-                                    const SolutionView<Real>& solution, double dt, StreamRef stream) {
+void WarmStartStore<Real>::store(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
+                                 const SolutionView<Real>& solution, double dt, StreamRef stream) {
   check(batch, cone_id, dt);
-  if (batch.row_count > 0 && solution.lambda == nullptr)
-    refuse("solution.lambda is null: give the reactions to remember");
+  if (batch.row_count > 0 && solution.lambda == nullptr) refuse("solution.lambda is null: give the reactions to store");
   if (batch.env_count > 0 && solution.status == nullptr)
     refuse("solution.status is null: without it a failed environment could not be told from a solved one");
-  machine_->remember(RememberJob<Real>{{}, batch, cone_id, solution.lambda, solution.status, dt}, stream);
+  machine_->store(WarmStartStoreJob<Real>{{}, batch, cone_id, solution.lambda, solution.status, dt}, stream);
 }
 
 template <class Real>
-void WarmStartStore<Real>::recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
-                                  Real* guess, StreamRef stream) {
+void WarmStartStore<Real>::load(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
+                                Real* guess, StreamRef stream) {
   const ScopedFpEnv fp_env;
-  recall(cones_of(batch), cone_id, dt, guess, stream);
+  load(cones_of(batch), cone_id, dt, guess, stream);
 }
 template <class Real>
-void WarmStartStore<Real>::remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
-                                    const JacobianSolutionView<Real>& solution, double dt, StreamRef stream) {
-  remember(cones_of(batch), cone_id, {solution.lambda, solution.w, solution.status}, dt, stream);
+void WarmStartStore<Real>::store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
+                                 const JacobianSolutionView<Real>& solution, double dt, StreamRef stream) {
+  store(cones_of(batch), cone_id, {solution.lambda, solution.w, solution.status}, dt, stream);
 }
 template <class Real>
-void WarmStartStore<Real>::recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt,
-                                  Real* guess, StreamRef stream) {
+void WarmStartStore<Real>::load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt,
+                                Real* guess, StreamRef stream) {
   const ScopedFpEnv fp_env;
-  recall(cones_of(batch), contact_id, dt, guess, stream);
+  load(cones_of(batch), contact_id, dt, guess, stream);
 }
 template <class Real>
-void WarmStartStore<Real>::remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
-                                    const BodySolutionView<Real>& solution, double dt, StreamRef stream) {
-  remember(cones_of(batch), contact_id, {solution.impulse, solution.w, solution.status}, dt, stream);
+void WarmStartStore<Real>::store(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
+                                 const BodySolutionView<Real>& solution, double dt, StreamRef stream) {
+  store(cones_of(batch), contact_id, {solution.impulse, solution.w, solution.status}, dt, stream);
 }
 
 template <class Real>

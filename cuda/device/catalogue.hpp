@@ -50,9 +50,9 @@ PlanKernels plan_kernels() {
 
 template <class Make, class Real>
 WarmStartKernels warm_start_kernels() {
-  return {Make::template kernel<RecallEnvironments<Real>>("warm_start_recall"),
-          Make::template kernel<RememberEnvironments<Real>>("warm_start_remember"),
-          Make::template kernel<ForgetEnvironments<Real>>("warm_start_forget")};
+  return {Make::template kernel<LoadWarmStarts<Real>>("warm_start_load"),
+          Make::template kernel<StoreWarmStarts<Real>>("warm_start_store"),
+          Make::template kernel<ResetWarmStarts<Real>>("warm_start_reset")};
 }
 
 template <class Make, class Real>

@@ -33,9 +33,9 @@ struct PlanKernels {
 
 /// The warm-start store, in one precision (programs/warm_start_program.hpp).
 struct WarmStartKernels {
-  KernelRef recall;    ///< first guesses
-  KernelRef remember;  ///< reactions, for the next step
-  KernelRef forget;    ///< a mask of environments
+  KernelRef load;   ///< first guesses
+  KernelRef store;  ///< reactions, for the next step
+  KernelRef reset;  ///< a mask of environments
 };
 
 /// Bodies, in one precision and law.

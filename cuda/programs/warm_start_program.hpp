@@ -7,35 +7,35 @@
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>
-struct RecallEnvironments {
-  using Args = RecallJob<Real>;
+struct LoadWarmStarts {
+  using Args = WarmStartLoadJob<Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
-    for (Offset env = id.index; env < job.batch.env_count; env += id.count) recall_env(team, job, env);
+    for (Offset env = id.index; env < job.batch.env_count; env += id.count) load_warm_start(team, job, env);
   }
 };
 
 template <class Real>
-struct RememberEnvironments {
-  using Args = RememberJob<Real>;
+struct StoreWarmStarts {
+  using Args = WarmStartStoreJob<Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
-    for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) remember_env(team, job, env);
+    for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) store_warm_start(team, job, env);
   }
 };
 
 template <class Real>
-struct ForgetEnvironments {
-  using Args = ForgetJob<Real>;
+struct ResetWarmStarts {
+  using Args = WarmStartResetJob<Real>;
   static constexpr bool kSerial = true;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& job) {
-    for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) forget_masked(team, job, env);
+    for (Offset env = id.index; env < job.memory.env_capacity; env += id.count) reset_masked(team, job, env);
   }
 };
 

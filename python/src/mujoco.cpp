@@ -84,11 +84,11 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
       warm_start_(warm_start),
       active_(data_.size(), 1),
       solver_(Device::cpu(), options, {}),
-      forgotten_(data_.size(), 0) {}
+      was_reset_(data_.size(), 0) {}
 
 void MujocoSimulations::replace(std::size_t simulation, void* data) {
   data_.at(simulation) = data;
-  forget({static_cast<Offset>(simulation)});
+  reset_warm_start({static_cast<Offset>(simulation)});
 }
 
 void MujocoSimulations::configure(double timestep, bool sparse) {
@@ -297,11 +297,11 @@ void MujocoSimulations::make_room() {
   options.threads = options_.threads;
   store_ = std::make_unique<WarmStartStore<double>>(Device::cpu(), WarmStartCapacity{envs, 2 * cones + 1, 2 * rows + 1},
                                                     options);
-  // What the smaller one knew, without what was forgotten since: room must not reach a bit.
+  // What the smaller one knew, without what was reset since: room must not reach a bit.
   if (previous_.env_row_offsets.size() != data_.size() + 1) return;
-  store_->remember(previous_.structure(), previous_.cone_id.data(),
-                   {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
-  store_->reset_where(forgotten_.data());
+  store_->store(previous_.structure(), previous_.cone_id.data(),
+                {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
+  store_->reset_where(was_reset_.data());
 }
 
 void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations) {
@@ -313,14 +313,14 @@ void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::v
     make_room();
     guess_.reserve(1);
     guess_.resize(system_.R.size());
-    store_->recall(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
+    store_->load(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
   }
   solver_.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()},
                 warm ? guess_.data() : nullptr);
   if (!warm) return;
-  store_->remember(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
-                   layout_.timestep);
-  forgotten_.assign(data_.size(), 0);
+  store_->store(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
+                layout_.timestep);
+  was_reset_.assign(data_.size(), 0);
 }
 
 }  // namespace stiction::python

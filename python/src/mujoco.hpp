@@ -67,7 +67,7 @@ class MujocoSimulations {
   MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model, std::vector<void*> data,
                     const SolverOptions& options, double warm_start);
 
-  /// Another mjData of the model in the place of one; what is remembered of the simulation goes with the old one.
+  /// Another mjData of the model in the place of one; what is stored of the simulation goes with the old one.
   void replace(std::size_t simulation, void* data);
   /// Options of the model that may change between steps: time step [s], and whether efc_J is CSR.
   void configure(double timestep, bool sparse);
@@ -81,8 +81,8 @@ class MujocoSimulations {
   void solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations);
   /// Writes qacc, efc_force, efc_state and qfrc_constraint, as MuJoCo's own solver does.
   void scatter();
-  /// Forgets the reactions of simulations that start over.
-  void forget(const std::vector<Offset>& simulations);
+  /// Drops the stored reactions of simulations that start over.
+  void reset_warm_start(const std::vector<Offset>& simulations);
 
   /// Runge-Kutta of order 4 as mj_RungeKutta does it, with the constraints of all simulations solved between its
   /// stages: begin, then for stage 1, 2, 3 (enter, forward dynamics, leave), then end.
@@ -122,7 +122,7 @@ class MujocoSimulations {
   MujocoSystem system_, previous_;
   JacobianSolver<double> solver_;
   std::unique_ptr<WarmStartStore<double>> store_;
-  std::vector<std::uint8_t> forgotten_;  ///< since the store last remembered
+  std::vector<std::uint8_t> was_reset_;  ///< since the last store
   std::vector<double> guess_;
   std::vector<RungeKutta> rk4_;
 };

@@ -131,7 +131,7 @@ void bind_mujoco(nb::module_& module) {
       .def("gather", &MujocoSimulations::gather, Unlocked())
       .def("solve", &MujocoSimulations::solve, nb::arg("tolerance"), nb::arg("max_iterations"), Unlocked())
       .def("scatter", &MujocoSimulations::scatter, Unlocked())
-      .def("forget", &MujocoSimulations::forget, nb::arg("simulations"))
+      .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"))
       .def("rk4_begin", &MujocoSimulations::rk4_begin, Unlocked())
       .def("rk4_enter", &MujocoSimulations::rk4_enter, nb::arg("stage"), Unlocked())
       .def("rk4_leave", &MujocoSimulations::rk4_leave, nb::arg("stage"), Unlocked())

@@ -92,9 +92,9 @@ void MujocoSimulations::scatter() {
   });
 }
 
-void MujocoSimulations::forget(const std::vector<Offset>& simulations) {
+void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations) {
   if (store_) store_->reset(simulations);
-  for (const Offset env : simulations) forgotten_.at(static_cast<std::size_t>(env)) = 1;
+  for (const Offset env : simulations) was_reset_.at(static_cast<std::size_t>(env)) = 1;
 }
 
 void MujocoSimulations::rk4_begin() {

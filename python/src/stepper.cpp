@@ -110,7 +110,7 @@ class Stepper {
   }
 
   /// (hits, misses) of the last step, over all environments.
-  std::pair<Offset, Offset> recalled(StreamRef stream) {
+  std::pair<Offset, Offset> warm_start_counts(StreamRef stream) {
     std::pair<Offset, Offset> sum{0, 0};
     visit([&](auto& solver) {
       std::vector<WarmStartRecord> records(static_cast<std::size_t>(solver.store().capacity().envs));
@@ -244,9 +244,9 @@ void bind_stepper(nb::module_& module) {
       .def_prop_ro(
           "device", [](const Stepper& self) { return name_of(self.device()); }, "The device that \"auto\" became.")
       .def(
-          "recalled",
+          "warm_start_counts",
           [](Stepper& self, std::uintptr_t stream) {
-            const auto [hits, misses] = self.recalled(stream_from(stream));
+            const auto [hits, misses] = self.warm_start_counts(stream_from(stream));
             return nb::make_tuple(hits, misses);
           },
           nb::arg("stream"), "(hits, misses) of the last step.");

@@ -151,7 +151,7 @@ class ParallelContactSolver(_SolverBase):
             self._stepping = stepping
 
     def reset(self, ids=None, mask=None, stream=None) -> None:
-        """Forgets the reactions of environments that start over: those of a list of indices, or wherever mask is not
+        """Drops the reactions of environments that start over: those of a list of indices, or wherever mask is not
         zero (bool or uint8 (n_envs,), on the solver's device), or all.
         """
         if ids is not None and mask is not None:
@@ -168,7 +168,7 @@ class ParallelContactSolver(_SolverBase):
             self._core.reset_all(handle)
 
     def stats(self) -> dict:
-        """Solver.stats(), and warm_start_hits and warm_start_misses: contacts that started from a remembered reaction,
+        """Solver.stats(), and warm_start_hits and warm_start_misses: contacts that started from a stored reaction,
         and that did not. Of steps in device memory only the last one is counted.
         """
         if self._stream is not None:
@@ -177,7 +177,7 @@ class ParallelContactSolver(_SolverBase):
         return {**super().stats(), "warm_start_hits": self._hits, "warm_start_misses": self._misses}
 
     def _count(self, handle):
-        hits, misses = self._core.recalled(handle)
+        hits, misses = self._core.warm_start_counts(handle)
         self._hits += hits
         self._misses += misses
 

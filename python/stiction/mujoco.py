@@ -178,17 +178,19 @@ class BatchedSimulation:
         self._activate(active)
         self._run(*functions)
 
-    def forget(self, simulations=None):
+    def reset_warm_start(self, simulations=None):
         """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
         chosen = range(len(self)) if simulations is None else simulations
-        self._core.forget([int(i) for i in chosen])
+        self._core.reset_warm_start([int(i) for i in chosen])
+
+    forget = reset_warm_start  # its name before numerics epoch 2, kept until 1.0
 
     def reset(self, simulations=None):
-        """mujoco.mj_resetData and forget, of a list of simulations or of all."""
+        """mujoco.mj_resetData and reset_warm_start, of a list of simulations or of all."""
         chosen = list(range(len(self)) if simulations is None else simulations)
         for i in chosen:
             mujoco.mj_resetData(self.model, self.data[i])
-        self.forget(chosen)
+        self.reset_warm_start(chosen)
 
     def set_accuracy(self, tolerance=None, max_iterations=None):
         """Tolerances and iteration limits of the solves to come: a number, one per simulation, or None: the solver's."""

@@ -242,7 +242,7 @@ def test_bits_depend_on_nothing_beside_a_simulation():
     assert trajectory(5, 1, watched=4) == trajectory(16, 2, watched=4) != alone
 
 
-def test_a_warm_start_saves_iterations_and_can_be_forgotten():
+def test_a_warm_start_saves_iterations_and_can_be_reset():
     iterations = {}
     for warm in (0.0, 0.95):
         model = zoo()
@@ -253,9 +253,11 @@ def test_a_warm_start_saves_iterations_and_can_be_forgotten():
     assert iterations[0.95] < iterations[0.0]
     again = simulation.status["iterations"][0]
     simulation.forward()
-    simulation.forget([0])
-    simulation.forward()
-    assert simulation.status["iterations"][0] >= again
+    for drop in (simulation.reset_warm_start, simulation.forget):  # the latter until 1.0
+        simulation.forward()
+        drop([0])
+        simulation.forward()
+        assert simulation.status["iterations"][0] >= again
 
 
 def test_simulations_that_are_not_active_stay_as_they_are():

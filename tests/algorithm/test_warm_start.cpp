@@ -117,10 +117,10 @@ struct Cones {
 struct Memory {
   std::vector<WarmStartSlot> slot{2};
   std::vector<WarmStartRecord> record{2};
-  std::vector<WarmStartEntry> remembered{300}, sorting{300};
+  std::vector<WarmStartEntry> stored{300}, sorting{300};
   std::vector<float> lambda = std::vector<float>(900);
   WarmStartMemory<float> view() {
-    return {2, 300, 900, slot.data(), record.data(), remembered.data(), sorting.data(), lambda.data()};
+    return {2, 300, 900, slot.data(), record.data(), stored.data(), sorting.data(), lambda.data()};
   }
 };
 
@@ -134,13 +134,14 @@ TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
   const Cones now(4, 140);
   const std::vector<EnvStatus> status(2);
   const auto step = [&](auto& team, Memory& memory, std::vector<float>& guess) {
-    remember_env(
+    store_warm_start(team,
+                     WarmStartStoreJob<float>{memory.view(), before.view(), before.id.data(), before.lambda.data(),
+                                              status.data(), 0.01},
+                     Offset{1});
+    load_warm_start(
         team,
-        RememberJob<float>{memory.view(), before.view(), before.id.data(), before.lambda.data(), status.data(), 0.01},
+        WarmStartLoadJob<float>{memory.view(), now.view(), now.id.data(), guess.data(), 0.02, 0.9, StepScaling::capped},
         Offset{1});
-    recall_env(team,
-               RecallJob<float>{memory.view(), now.view(), now.id.data(), guess.data(), 0.02, 0.9, StepScaling::capped},
-               Offset{1});
   };
   Memory expected;
   std::vector<float> expected_guess(static_cast<std::size_t>(now.env_row[2]), 77.0F);
@@ -157,7 +158,7 @@ TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
     EXPECT_TRUE(same_bytes(guess, expected_guess)) << "width " << width;
     EXPECT_TRUE(same_bytes(memory.slot, expected.slot)) << "width " << width;
     EXPECT_TRUE(same_bytes(memory.record, expected.record)) << "width " << width;
-    EXPECT_TRUE(same_bytes(memory.remembered, expected.remembered)) << "width " << width;
+    EXPECT_TRUE(same_bytes(memory.stored, expected.stored)) << "width " << width;
     EXPECT_TRUE(same_bytes(memory.lambda, expected.lambda)) << "width " << width;
   }
 }

@@ -199,7 +199,7 @@ static void bodies(void) {
   STICTION_CHECK_OK(stiction_body_solver_destroy(solver));
 }
 
-/* Contacts 7 and 9 are remembered, whichever way a step ends; one environment starts over. */
+/* Contacts 7 and 9 are stored, whichever way a step ends; one environment starts over. */
 static void steps(void) {
   const uint64_t cone_id[] = {7, 9};
   const int64_t second = 1;

@@ -123,7 +123,7 @@ void Session<Real>::call(Bytes& bytes) {
     case 10:
       return step(bytes);
     default:
-      return forget(bytes);
+      return reset_environments(bytes);
   }
 }
 
@@ -333,7 +333,7 @@ void Session<Real>::step(Bytes& bytes) {
 }
 
 template <class Real>
-void Session<Real>::forget(Bytes& bytes) {
+void Session<Real>::reset_environments(Bytes& bytes) {
   stiction_stepping_solver* const solver = stepping_[bytes.below(3)].handle;
   const std::int64_t envs[] = {0, wild_integer<std::int64_t>(bytes, kEnvs)};
   const std::int64_t counts[] = {0, 1, 2, -1, std::numeric_limits<std::int64_t>::min()};

@@ -33,7 +33,7 @@ class Session {
   void solve_jacobians(Bytes& bytes);
   void solve_bodies(Bytes& bytes);
   void step(Bytes& bytes);
-  void forget(Bytes& bytes);
+  void reset_environments(Bytes& bytes);
   void require_neighbours(const Answers<Real>& answers);
 
   CForm<stiction_batch_view> contacts_ = contact_form<Real>();

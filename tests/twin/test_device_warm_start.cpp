@@ -26,18 +26,19 @@ struct Twins {
 
   void expect_same_step(const Step<Real>& step) {
     const Packed<Real> packed(step.envs);
-    const RecallJob<Real> recall{{}, packed.batch.view(), packed.id.data(), nullptr, step.dt, 0.9, StepScaling::capped};
-    const RememberJob<Real> remember{
+    const WarmStartLoadJob<Real> load_job{{},  packed.batch.view(), packed.id.data(), nullptr, step.dt,
+                                          0.9, StepScaling::capped};
+    const WarmStartStoreJob<Real> store_job{
         {}, packed.batch.view(), packed.id.data(), packed.lambda.data(), packed.status.data(), step.dt};
     std::vector<Real> guess(packed.lambda.size(), Real(77)), expected = guess;
-    RecallJob<Real> own = recall;
+    WarmStartLoadJob<Real> own = load_job;
     own.guess = guess.data();
-    there.recall(own, stream);
-    there.remember(remember, stream);
+    there.load(own, stream);
+    there.store(store_job, stream);
     there.reset(step.reset, stream);
     own.guess = expected.data();
-    here->recall(own, stream);
-    here->remember(remember, stream);
+    here->load(own, stream);
+    here->store(store_job, stream);
     here->reset(step.reset, stream);
     std::vector<WarmStartRecord> record(step.envs.size()), expected_record(step.envs.size());
     there.records(record, stream);
@@ -90,8 +91,8 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
   view.space = MemorySpace::cuda;
   std::shared_ptr<const cuda::EmulatedDevice::Graph> graph;
   device->begin_capture(own.get());
-  there.recall({{}, view, id.data(), guess.data(), 0.01, 0.9, StepScaling::capped}, stream);
-  there.remember({{}, view, id.data(), lambda.data(), status.data(), 0.01}, stream);
+  there.load({{}, view, id.data(), guess.data(), 0.01, 0.9, StepScaling::capped}, stream);
+  there.store({{}, view, id.data(), lambda.data(), status.data(), 0.01}, stream);
   EXPECT_THROW(there.reset(std::vector<Offset>{1}, stream), Error);
   graph = device->end_capture(own.get());
   for (const auto& step : life) {
@@ -107,9 +108,8 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
     device->launch(graph, own.get());
     device->synchronize(own.get());
     std::vector<float> expected(packed.lambda.size());
-    here->recall({{}, packed.batch.view(), packed.id.data(), expected.data(), 0.01, 0.9, StepScaling::capped}, stream);
-    here->remember({{}, packed.batch.view(), packed.id.data(), packed.lambda.data(), packed.status.data(), 0.01},
-                   stream);
+    here->load({{}, packed.batch.view(), packed.id.data(), expected.data(), 0.01, 0.9, StepScaling::capped}, stream);
+    here->store({{}, packed.batch.view(), packed.id.data(), packed.lambda.data(), packed.status.data(), 0.01}, stream);
     EXPECT_TRUE(same_bits(
         std::vector<float>(guess.begin(), guess.begin() + static_cast<std::ptrdiff_t>(expected.size())), expected));
   }
@@ -143,10 +143,10 @@ TEST(DeviceWarmStart, the_public_store_works_on_the_emulated_device) {
   options.beta = 0.5;
   WarmStartStore<double> store(Device::emulated(), {1, 2, 2}, options);
   std::vector<double> guess(2, 77.0);
-  EXPECT_THROW(store.recall(view, step.id.data(), 0.01, guess.data()), Error) << "memory of the host";
+  EXPECT_THROW(store.load(view, step.id.data(), 0.01, guess.data()), Error) << "memory of the host";
   view.space = MemorySpace::cuda;
-  store.remember(view, step.id.data(), {step.lambda.data(), nullptr, step.status.data()}, 0.01);
-  store.recall(view, step.id.data(), 0.02, guess.data());
+  store.store(view, step.id.data(), {step.lambda.data(), nullptr, step.status.data()}, 0.01);
+  store.load(view, step.id.data(), 0.02, guess.data());
   EXPECT_EQ(guess, (std::vector<double>{0.5, 0.75}));
   std::vector<WarmStartRecord> record(1);
   store.records(record);

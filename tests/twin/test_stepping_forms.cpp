@@ -207,7 +207,7 @@ TEST(SteppingForms, bodies_whose_step_changes_keep_their_forces) {
   EXPECT_NEAR(impulse[0], kBeta * kFall, 1e-12);  // the guess itself: no sweep follows
 }
 
-TEST(SteppingForms, misuse_is_refused_and_forgets_nothing) {
+TEST(SteppingForms, misuse_is_refused_and_resets_nothing) {
   EXPECT_THROW(JacobianSteppingSolver<double>(Device::cpu(), few(), JacobianCapacity{}), Error);
   EXPECT_THROW(BodySteppingSolver<double>(Device::cpu(), {}, few_sweeps(), 0, 4), Error);
   JacobianCapacity small = room<double>();

@@ -25,7 +25,7 @@ class Oracle {
  public:
   Oracle(double beta, StepScaling scaling) : beta_(beta), scaling_(scaling) {}
 
-  std::vector<Real> recall(const EnvStep<Real>& env, double dt, bool fits) {
+  std::vector<Real> load(const EnvStep<Real>& env, double dt, bool fits) {
     record_.hits = 0;
     record_.flags = fits ? 0U : std::uint32_t{kWarmStartTooLarge};
     if (!fits) ++record_.too_large;
@@ -48,7 +48,7 @@ class Oracle {
     return guess;
   }
 
-  void remember(const EnvStep<Real>& env, double dt, bool fits) {
+  void store(const EnvStep<Real>& env, double dt, bool fits) {
     known_.clear();
     dt_ = dt;
     std::uint32_t refused = 0;
@@ -98,14 +98,14 @@ class Oracle {
 };
 
 template <class Real>
-std::vector<Real> recall(WarmStartStore<Real>& store, const Packed<Real>& step, double dt) {
+std::vector<Real> load_guess(WarmStartStore<Real>& store, const Packed<Real>& step, double dt) {
   std::vector<Real> guess(step.lambda.size(), Real(77));
-  store.recall(step.batch.view(), step.id.data(), dt, guess.data());
+  store.load(step.batch.view(), step.id.data(), dt, guess.data());
   return guess;
 }
 template <class Real>
-void remember(WarmStartStore<Real>& store, Packed<Real>& step, double dt) {
-  store.remember(step.batch.view(), step.id.data(), {step.lambda.data(), nullptr, step.status.data()}, dt);
+void store_step(WarmStartStore<Real>& store, Packed<Real>& step, double dt) {
+  store.store(step.batch.view(), step.id.data(), {step.lambda.data(), nullptr, step.status.data()}, dt);
 }
 template <class Real>
 std::vector<WarmStartRecord> records(const WarmStartStore<Real>& store) {
@@ -125,18 +125,18 @@ void expect_life_like_the_oracle(std::uint64_t seed, const WarmStartCapacity& ca
   for (const Step<Real>& step : random_life<Real>(random, envs, 40)) {
     Packed<Real> packed(step.envs);
     const auto& arrays = packed.batch.arrays();
-    const std::vector<Real> guess = recall(store, packed, step.dt);
+    const std::vector<Real> guess = load_guess(store, packed, step.dt);
     std::vector<Real> expected;
     std::vector<bool> fits;
     for (std::size_t e = 0; e < step.envs.size(); ++e) {
       fits.push_back(arrays.env_cone_offsets[e + 1] <= capacity.cones &&
                      arrays.env_row_offsets[e + 1] <= capacity.rows);
-      const auto part = oracle[e].recall(step.envs[e], step.dt, fits[e]);
+      const auto part = oracle[e].load(step.envs[e], step.dt, fits[e]);
       expected.insert(expected.end(), part.begin(), part.end());
     }
     ASSERT_TRUE(same_bits(guess, expected)) << "seed " << seed;
-    remember(store, packed, step.dt);
-    for (std::size_t e = 0; e < step.envs.size(); ++e) oracle[e].remember(step.envs[e], step.dt, fits[e]);
+    store_step(store, packed, step.dt);
+    for (std::size_t e = 0; e < step.envs.size(); ++e) oracle[e].store(step.envs[e], step.dt, fits[e]);
     store.reset(step.reset);
     for (const Offset e : step.reset) oracle[static_cast<std::size_t>(e)].reset();
     const auto found = records(store);
@@ -178,13 +178,13 @@ TEST(warm_start, an_environment_is_served_alike_alone_and_among_two_hundred_on_a
     std::vector<float> expected;
     for (std::size_t e = 0; e < step.envs.size(); ++e) {
       Packed<float> one({step.envs[e]});
-      const auto guess = recall(alone[e], one, step.dt);
+      const auto guess = load_guess(alone[e], one, step.dt);
       expected.insert(expected.end(), guess.begin(), guess.end());
-      remember(alone[e], one, step.dt);
+      store_step(alone[e], one, step.dt);
     }
     for (auto& store : together) {
-      EXPECT_TRUE(same_bits(recall(store, all, step.dt), expected));
-      remember(store, all, step.dt);
+      EXPECT_TRUE(same_bits(load_guess(store, all, step.dt), expected));
+      store_step(store, all, step.dt);
     }
   }
 }
@@ -196,9 +196,9 @@ TEST(warm_start, an_environment_that_starts_over_is_like_one_of_a_new_store) {
   WarmStartStore<double> fresh(Device::cpu(), store.capacity());
   for (std::size_t s = 0; s < life.size(); ++s) {
     Packed<double> step(life[s].envs);
-    EXPECT_TRUE(same_bits(recall(store, step, life[s].dt), recall(fresh, step, life[s].dt))) << "step " << s;
-    remember(store, step, life[s].dt);
-    remember(fresh, step, life[s].dt);
+    EXPECT_TRUE(same_bits(load_guess(store, step, life[s].dt), load_guess(fresh, step, life[s].dt))) << "step " << s;
+    store_step(store, step, life[s].dt);
+    store_step(fresh, step, life[s].dt);
     const auto a = records(store);
     const auto b = records(fresh);
     EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(WarmStartRecord)), 0) << "step " << s;
@@ -216,10 +216,10 @@ TEST(warm_start, an_environment_that_starts_over_is_like_one_of_a_new_store) {
 TEST(warm_start, a_mask_resets_the_environments_it_names_and_no_other) {
   Packed<double> step({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
   WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
-  remember(store, step, 0.01);
+  store_step(store, step, 0.01);
   const std::uint8_t mask[] = {0, 1};
   store.reset_where(mask);
-  EXPECT_EQ(recall(store, step, 0.01), (std::vector<double>{2.0, 0.0}));
+  EXPECT_EQ(load_guess(store, step, 0.01), (std::vector<double>{2.0, 0.0}));
 }
 
 TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_their_use_is_left_alone) {
@@ -243,8 +243,8 @@ TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_
         id[static_cast<std::size_t>(view.env_cone_offsets[e]) + c] = step.envs[e].cones[c].id;
       std::copy(step.envs[e].lambda.begin(), step.envs[e].lambda.end(), lambda.begin() + view.env_row_offsets[e]);
     }
-    padded_store.recall(view, id.data(), step.dt, guess.data());
-    const auto expected = recall(packed_store, packed, step.dt);
+    padded_store.load(view, id.data(), step.dt, guess.data());
+    const auto expected = load_guess(packed_store, packed, step.dt);
     std::size_t row = 0;
     for (std::size_t e = 0; e < step.envs.size(); ++e) {
       const auto first = static_cast<std::size_t>(view.env_row_offsets[e]);
@@ -253,21 +253,21 @@ TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_
       for (std::size_t i = used; i < used + 3; ++i) ASSERT_EQ(guess[first + i], 77.0F);
       row += used;
     }
-    padded_store.remember(view, id.data(), {lambda.data(), nullptr, packed.status.data()}, step.dt);
-    remember(packed_store, packed, step.dt);
+    padded_store.store(view, id.data(), {lambda.data(), nullptr, packed.status.data()}, step.dt);
+    store_step(packed_store, packed, step.dt);
     const auto a = records(padded_store);
     const auto b = records(packed_store);
     ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(WarmStartRecord)), 0);
   }
 }
 
-TEST(warm_start, an_environment_missing_from_the_last_batch_is_forgotten) {
+TEST(warm_start, an_environment_missing_from_the_last_batch_is_reset) {
   Packed<double> two({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
   Packed<double> one({{{{5, ConeKind::unilateral, 1}}, {4.0}}});
   WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
-  remember(store, two, 0.01);
-  remember(store, one, 0.01);
-  EXPECT_EQ(recall(store, two, 0.01), (std::vector<double>{4.0, 0.0}));
+  store_step(store, two, 0.01);
+  store_step(store, one, 0.01);
+  EXPECT_EQ(load_guess(store, two, 0.01), (std::vector<double>{4.0, 0.0}));
 }
 
 TEST(warm_start, stepping_a_scene_again_takes_fewer_iterations_and_a_poisoned_environment_leaves_no_trace) {
@@ -288,10 +288,10 @@ TEST(warm_start, stepping_a_scene_again_takes_fewer_iterations_and_a_poisoned_en
     const auto rows = static_cast<std::size_t>(now.row_count());
     Solution<double> out{std::vector<double>(rows), std::vector<double>(rows), std::vector<EnvStatus>(3)};
     std::vector<double> guess(rows);
-    store.recall(now.view(), id.data(), 0.01, guess.data());
+    store.load(now.view(), id.data(), 0.01, guess.data());
     const SolutionView<double> view{out.lambda.data(), out.w.data(), out.status.data()};
     solver.solve(solver.plan(now.view()), now.view(), view, guess.data());
-    store.remember(now.view(), id.data(), view, 0.01);
+    store.store(now.view(), id.data(), view, 0.01);
     return out;
   };
   const auto cold = step(batch);
@@ -343,38 +343,36 @@ TEST(warm_start, misuse_is_refused_with_name_value_and_remedy_and_changes_nothin
   Packed<double> one({{{{5, ConeKind::unilateral, 1}}, {4.0}}});
   Packed<double> two({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
   WarmStartStore<double> store(Device::cpu(), {1, 2, 2}, {1.0});
-  remember(store, one, 0.01);
-  EXPECT_THAT(misuse([&] { recall(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
-  EXPECT_THAT(misuse([&] { remember(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
+  store_step(store, one, 0.01);
+  EXPECT_THAT(misuse([&] { load_guess(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
+  EXPECT_THAT(misuse([&] { store_step(store, two, 0.01); }), HasSubstr("2 environments, the store has room for 1"));
   for (const double dt : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()})
-    EXPECT_THAT(misuse([&] { remember(store, one, dt); }), HasSubstr("dt = "));
+    EXPECT_THAT(misuse([&] { store_step(store, one, dt); }), HasSubstr("dt = "));
   std::vector<double> guess{77.0};
-  EXPECT_THAT(misuse([&] { store.recall(one.batch.view(), nullptr, 0.01, guess.data()); }),
-              HasSubstr("cone_id is null"));
-  EXPECT_THAT(misuse([&] { store.recall(one.batch.view(), one.id.data(), 0.01, nullptr); }),
-              HasSubstr("guess is null"));
-  EXPECT_THAT(misuse([&] { store.remember(one.batch.view(), one.id.data(), {}, 0.01); }), HasSubstr("lambda is null"));
+  EXPECT_THAT(misuse([&] { store.load(one.batch.view(), nullptr, 0.01, guess.data()); }), HasSubstr("cone_id is null"));
+  EXPECT_THAT(misuse([&] { store.load(one.batch.view(), one.id.data(), 0.01, nullptr); }), HasSubstr("guess is null"));
+  EXPECT_THAT(misuse([&] { store.store(one.batch.view(), one.id.data(), {}, 0.01); }), HasSubstr("lambda is null"));
   EXPECT_THAT(misuse([&] {
-                store.remember(one.batch.view(), one.id.data(), {one.lambda.data(), nullptr, nullptr}, 0.01);
+                store.store(one.batch.view(), one.id.data(), {one.lambda.data(), nullptr, nullptr}, 0.01);
               }),
               HasSubstr("status is null"));
   auto device_view = one.batch.view();
   device_view.space = MemorySpace::cuda;
-  EXPECT_THAT(misuse([&] { store.recall(device_view, one.id.data(), 0.01, guess.data()); }), HasSubstr("space"));
+  EXPECT_THAT(misuse([&] { store.load(device_view, one.id.data(), 0.01, guess.data()); }), HasSubstr("space"));
   const Offset outside[] = {0, 1};
   EXPECT_THAT(misuse([&] { store.reset(outside); }), HasSubstr("environment 1 cannot be reset"));
   EXPECT_THAT(misuse([&] { store.reset_where(nullptr); }), HasSubstr("mask is null"));
   std::vector<WarmStartRecord> many(2);
   EXPECT_THAT(misuse([&] { store.records(many); }), HasSubstr("2 records"));
   EXPECT_EQ(guess[0], 77.0);
-  EXPECT_EQ(recall(store, one, 0.01), std::vector<double>{4.0}) << "a refused call changed what is remembered";
+  EXPECT_EQ(load_guess(store, one, 0.01), std::vector<double>{4.0}) << "a refused call changed what is stored";
 }
 
 TEST(warm_start, a_store_and_a_batch_without_anything_work) {
   Packed<float> none({});
   WarmStartStore<float> store(Device::cpu(), {});
-  EXPECT_TRUE(recall(store, none, 0.01).empty());
-  remember(store, none, 0.01);
+  EXPECT_TRUE(load_guess(store, none, 0.01).empty());
+  store_step(store, none, 0.01);
   store.reset_all();
   EXPECT_TRUE(records(store).empty());
 }

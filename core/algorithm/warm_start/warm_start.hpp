@@ -4,7 +4,7 @@
 #include "core/job/warm_start_job.hpp"
 #include "core/team/reduce.hpp"
 
-/// Remembering one environment's reactions and handing them out again (docs/warm_start.md).
+/// Storing one environment's reactions and handing them out again (docs/warm_start.md).
 namespace stiction::inline STICTION_ISA {
 
 /// Where one environment's cones and rows are in this step's batch.
@@ -61,7 +61,7 @@ STICTION_HD std::uint32_t sort_cones(TeamT& team, const ContactBatchView<Real>& 
   return team.combine(flags);
 }
 
-/// What a remembered reaction is multiplied by in a step of another length; 0 where that is not a finite number.
+/// What a stored reaction is multiplied by in a step of another length; 0 where that is not a finite number.
 template <class Real>
 STICTION_HD Real carry_factor(double beta, StepScaling scaling, double dt_before, double dt_now) {
   double ratio = 1.0;
@@ -73,7 +73,7 @@ STICTION_HD Real carry_factor(double beta, StepScaling scaling, double dt_before
 
 /// The first guess of one environment.
 template <Team TeamT, class Real>
-STICTION_HD void recall_env(TeamT& team, const RecallJob<Real>& job, Offset env) {
+STICTION_HD void load_warm_start(TeamT& team, const WarmStartLoadJob<Real>& job, Offset env) {
   const WarmStartMemory<Real>& memory = job.memory;
   const WarmStartSpan span = warm_start_span(job.batch, memory, env);
   Real* const guess = job.guess + span.first_row;
@@ -87,7 +87,7 @@ STICTION_HD void recall_env(TeamT& team, const RecallJob<Real>& job, Offset env)
   WarmStartEntry* const cone = memory.sorting + span.first_cone;
   const std::uint32_t flags = sort_cones(team, job.batch, job.cone_id, span, cone);
   const WarmStartSlot slot = memory.slot[env];
-  const WarmStartEntry* const known = memory.remembered + slot.first_cone;
+  const WarmStartEntry* const known = memory.stored + slot.first_cone;
   const Real* const lambda = memory.lambda + slot.first_row;
   const Real factor = carry_factor<Real>(job.beta, job.scaling, slot.dt, job.dt);
   for_each(team, span.cones, [&](Index p) {
@@ -111,13 +111,13 @@ STICTION_HD void recall_env(TeamT& team, const RecallJob<Real>& job, Offset env)
 }
 
 /// Whether an answer is worth starting from. Named one by one: a code that is not known here is not trusted.
-STICTION_HD bool worth_remembering(EnvCode code) {
+STICTION_HD bool worth_storing(EnvCode code) {
   return code == EnvCode::solved || code == EnvCode::max_iterations || code == EnvCode::stalled;
 }
 
-/// Forgets one environment, and why.
+/// Drops what is stored of one environment, and notes why.
 template <Team TeamT, class Real>
-STICTION_HD void forget_env(TeamT& team, const WarmStartMemory<Real>& memory, Offset env, std::uint32_t flags) {
+STICTION_HD void reset_warm_start(TeamT& team, const WarmStartMemory<Real>& memory, Offset env, std::uint32_t flags) {
   single(team, [&] {
     memory.slot[env] = WarmStartSlot{0, 0, 1.0, 0, 0};
     memory.record[env].flags |= flags;
@@ -127,21 +127,21 @@ STICTION_HD void forget_env(TeamT& team, const WarmStartMemory<Real>& memory, Of
 
 /// A reset of one environment, if the mask asks for it.
 template <Team TeamT, class Real>
-STICTION_HD void forget_masked(TeamT& team, const ForgetJob<Real>& job, Offset env) {
-  if (job.mask == nullptr || job.mask[env] != 0) forget_env(team, job.memory, env, kWarmStartReset);
+STICTION_HD void reset_masked(TeamT& team, const WarmStartResetJob<Real>& job, Offset env) {
+  if (job.mask == nullptr || job.mask[env] != 0) reset_warm_start(team, job.memory, env, kWarmStartReset);
 }
 
-/// The reactions of one environment, for the next step. What was remembered is overwritten in place: recalling is over,
-/// and no environment reads another's part.
+/// Stores the reactions of one environment for the next step, in the place of the last one's: loading is over, and no
+/// environment reads another's part.
 template <Team TeamT, class Real>
-STICTION_HD void remember_env(TeamT& team, const RememberJob<Real>& job, Offset env) {
+STICTION_HD void store_warm_start(TeamT& team, const WarmStartStoreJob<Real>& job, Offset env) {
   const WarmStartMemory<Real>& memory = job.memory;
   if (env >= job.batch.env_count) {
-    forget_env(team, memory, env, 0);
+    reset_warm_start(team, memory, env, 0);
     return;
   }
   // Of an environment that failed nothing is read: its offsets may be what was wrong.
-  const bool failed = !worth_remembering(job.status[env].code);
+  const bool failed = !worth_storing(job.status[env].code);
   const WarmStartSpan span = failed ? WarmStartSpan{0, 0, 0, 0, true} : warm_start_span(job.batch, memory, env);
   const Real* const lambda = job.lambda + span.first_row;
   std::uint32_t refused = failed ? std::uint32_t{kWarmStartFailed} : 0U;
@@ -150,10 +150,10 @@ STICTION_HD void remember_env(TeamT& team, const RememberJob<Real>& job, Offset 
   refused = team.combine(refused);
   if (!span.fits) refused |= kWarmStartTooLarge;
   if (refused != 0) {
-    forget_env(team, memory, env, refused);
+    reset_warm_start(team, memory, env, refused);
     return;
   }
-  const std::uint32_t flags = sort_cones(team, job.batch, job.cone_id, span, memory.remembered + span.first_cone);
+  const std::uint32_t flags = sort_cones(team, job.batch, job.cone_id, span, memory.stored + span.first_cone);
   for_each(team, span.rows, [&](Index i) { memory.lambda[span.first_row + i] = lambda[i]; });
   single(team, [&] {
     memory.slot[env] = WarmStartSlot{span.first_cone, span.first_row, job.dt, span.cones, 0};

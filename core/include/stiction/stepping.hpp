@@ -17,11 +17,11 @@
 ///                 solver.reset_where(done_mask, stream);                // environments that start over
 namespace stiction {
 
-/// What all of them have: memory of the last step, and ways to forget it.
+/// What all of them have: memory of the last step, and ways to reset it.
 template <class Real>
 class StepMemory {
  public:
-  /// Forgets the reactions of environments that start over: a list, or wherever mask[e] is not zero (capacity.envs, in
+  /// Resets the reactions of environments that start over: a list, or wherever mask[e] is not zero (capacity.envs, in
   /// the device's memory), or all. \throws as WarmStartStore::reset.
   void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
   void reset_where(const std::uint8_t* mask, StreamRef stream = StreamRef::default_stream());
@@ -35,13 +35,13 @@ class StepMemory {
 
   /// \throws Error(invalid_argument) if the batch has more rows than there is room for.
   void check_rows(Offset row_count) const;
-  /// Recalls, lets solve(first guess) solve, and remembers.
+  /// Loads the first guess, calls solve(first guess), and stores the reactions.
   template <class Batch, class Answer, class Solve>
   void step(const Batch& batch, const std::uint64_t* id, double dt, const Answer& answer, StreamRef stream,
             Solve&& solve) {
-    store_.recall(batch, id, dt, guess_.get(), stream);
+    store_.load(batch, id, dt, guess_.get(), stream);
     solve(static_cast<const Real*>(guess_.get()));
-    store_.remember(batch, id, answer, dt, stream);
+    store_.store(batch, id, answer, dt, stream);
   }
 
   WarmStartStore<Real> store_;
@@ -58,8 +58,8 @@ class SteppingSolver : public StepMemory<Real> {
   SteppingSolver(Device device, const SolverOptions& options, const Capacity& capacity,
                  const WarmStartOptions& warm_start = {});
 
-  /// Recalls, solves and remembers a step of length `dt` [s]. cone_id: contact ids, unique within an environment
-  /// (cone_count), in the batch's memory space. \throws as Solver::solve and WarmStartStore::recall, before anything is
+  /// Loads, solves and stores a step of length `dt` [s]. cone_id: contact ids, unique within an environment
+  /// (cone_count), in the batch's memory space. \throws as Solver::solve and WarmStartStore::load, before anything is
   /// written.
   void solve(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const SolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
@@ -81,7 +81,7 @@ class JacobianSteppingSolver : public StepMemory<Real> {
   JacobianSteppingSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
                          const WarmStartOptions& warm_start = {}, FactorUse use = FactorUse::by_size);
 
-  /// As SteppingSolver::solve; \throws as JacobianSolver::solve and WarmStartStore::recall. What is remembered stays
+  /// As SteppingSolver::solve; \throws as JacobianSolver::solve and WarmStartStore::load. What is stored stays
   /// as it was if a number is rejected (InvalidPolicy::reject).
   void solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const JacobianSolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
@@ -107,15 +107,15 @@ class BodySteppingSolver : public StepMemory<Real> {
   BodySteppingSolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options, Offset envs,
                      Offset contacts, const WarmStartOptions& warm_start = kImpulses);
 
-  /// Recalls, solves and remembers a step. Without a plan one is made, for which a batch in device memory is waited
+  /// Loads, solves and stores a step. Without a plan one is made, for which a batch in device memory is waited
   /// for; with one the step is asynchronous on `stream` (BodySolver::solve).
-  /// \throws as BodySolver::plan, BodySolver::solve and WarmStartStore::recall, before anything is written.
+  /// \throws as BodySolver::plan, BodySolver::solve and WarmStartStore::load, before anything is written.
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              StreamRef stream = StreamRef::default_stream());
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              StreamRef stream = StreamRef::default_stream());
 
-  /// Other time stepping or options from the next step on; what is remembered stays. \throws as the constructor
+  /// Other time stepping or options from the next step on; what is stored stays. \throws as the constructor
   void change(const TimeStepping& stepping, const BodySolverOptions& options);
 
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { memory_.synchronize(stream); }

@@ -10,7 +10,7 @@
 
 namespace stiction {
 
-/// What a change of the time step does to a remembered reaction. Which one keeps the physics depends on what lambda is.
+/// What a change of the time step does to a stored reaction. Which one keeps the physics depends on what lambda is.
 enum class StepScaling : std::uint8_t {
   capped = 0,  ///< min(1, dt_prev / dt): lambda is a force, and the new step starts with no more impulse lambda dt
                ///< than the last one ended with
@@ -31,19 +31,19 @@ struct WarmStartCapacity {
   Offset rows = 0;
 };
 
-/// What was noticed about one environment since the last recall began; any number of bits at once.
+/// What was noticed about one environment since the last load began; any number of bits at once.
 enum WarmStartFlag : std::uint32_t {
-  kWarmStartTooLarge = 1U << 0,     ///< it ends beyond the store's cones or rows: started from zero, not remembered
-  kWarmStartFailed = 1U << 1,       ///< its solve ended numerical, invalid_input or unsupported: forgotten
-  kWarmStartNotFinite = 1U << 2,    ///< its reactions hold NaN or infinity: forgotten
+  kWarmStartTooLarge = 1U << 0,     ///< it ends beyond the store's cones or rows: started from zero, not stored
+  kWarmStartFailed = 1U << 1,       ///< its solve ended numerical, invalid_input or unsupported: not stored
+  kWarmStartNotFinite = 1U << 2,    ///< its reactions hold NaN or infinity: not stored
   kWarmStartDuplicateId = 1U << 3,  ///< two of its cones share an id: only the first of them is served
-  kWarmStartReset = 1U << 4,        ///< forgotten by reset
+  kWarmStartReset = 1U << 4,        ///< it was reset
 };
 
 /// What the store did for one environment. 16 bytes, no padding.
 struct WarmStartRecord {
-  Index hits;               ///< cones of the last recall that start from a remembered reaction
-  Index misses;             ///< cones of the last recall that start from zero
+  Index hits;               ///< cones of the last load that start from a stored reaction
+  Index misses;             ///< cones of the last load that start from zero
   std::uint32_t flags;      ///< WarmStartFlag bits
   std::uint32_t too_large;  ///< calls in which it did not fit, since the store was made
 };
@@ -52,18 +52,18 @@ static_assert(sizeof(WarmStartRecord) == 16);
 template <class Real>
 class WarmStartMachine;
 
-/// Remembers the reactions of the last step and hands them out as the first guess of the next, contact by contact:
+/// Stores the reactions of the last step and hands them out as the first guess of the next, contact by contact:
 ///
 ///     lambda_0 = beta * lambda_prev * min(1, dt_prev / dt)          (StepScaling::capped)
 ///
 /// (warm starting of sequential impulses: Catto 2005; docs/warm_start.md). A cone is known by its environment and its
 /// id, which may be any 64-bit number that is unique within the environment; of cones that share one, the first in
-/// the batch's order is remembered and served. New cones start from zero, cones that vanish are forgotten, and so is a
+/// the batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a
 /// cone whose kind or number of rows changed. An environment whose solve ended numerical, invalid_input or unsupported
-/// is forgotten whole: nothing of a failure reaches the next step.
+/// is reset whole: nothing of a failure reaches the next step.
 ///
-/// Each step: recall, solve, remember. Environment e of every batch is the same simulation. All memory is taken when
-/// the store is made. An environment that does not fit is solved from zero, not remembered, and says so in its record;
+/// Each step: load, solve, store. Environment e of every batch is the same simulation. All memory is taken when
+/// the store is made. An environment that does not fit is solved from zero, not stored, and says so in its record;
 /// it fits if its cones and rows end within the capacity, so with too little room it matters what stands before it, and
 /// with enough room no environment's guess depends on another's.
 template <class Real>
@@ -76,38 +76,64 @@ class WarmStartStore {
   WarmStartStore(WarmStartStore&&) noexcept;
   WarmStartStore& operator=(WarmStartStore&&) noexcept;
 
-  /// Writes the first guess of every row: what is remembered, brought to this step of length `dt` [s], or +0.
+  /// Writes the first guess of every row: what is stored, brought to this step of length `dt` [s], or +0.
   /// The batch's structure must be sound (Solver::plan checks it); its numbers are not read.
   /// cone_id: (cone_count), guess: (row_count) [lambda]; both in the batch's memory space, which is host memory for a
   /// store on the CPU and device memory else; there the call is asynchronous on `stream` and may be captured.
   /// \throws Error(invalid_argument) before anything is written: more environments than the store has room for, dt
   /// not finite or <= 0, an array missing, memory of another device.
-  void recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream());
+  void load(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+            StreamRef stream = StreamRef::default_stream());
 
-  /// Forgets the step before and remembers the reactions of this one; environments beyond the batch's are forgotten.
-  /// solution: lambda (row_count) and status (env_count) as the solver wrote them. \throws as recall
-  void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
-                double dt, StreamRef stream = StreamRef::default_stream());
+  /// Stores the reactions of this step in the place of the step before; environments beyond the batch's are reset.
+  /// solution: lambda (row_count) and status (env_count) as the solver wrote them. \throws as load
+  void store(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
+             double dt, StreamRef stream = StreamRef::default_stream());
 
   /// Warm starts of Jacobian batches, and of contacts of bodies, whose reactions are three numbers each
   /// (docs/bodies.md).
-  void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream());
-  void remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
-                const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
-  void recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream());
-  void remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
-                const BodySolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
+  void load(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+            StreamRef stream = StreamRef::default_stream());
+  void store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
+             const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
+  void load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
+            StreamRef stream = StreamRef::default_stream());
+  void store(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, const BodySolutionView<Real>& solution,
+             double dt, StreamRef stream = StreamRef::default_stream());
 
-  /// Forgets environments that start over. \throws Error(invalid_argument) for an index outside the capacity, or
-  /// during a capture, which would replay this list; then nothing was forgotten.
+  /// Names of load and store before numerics epoch 2, kept until 1.0.
+  void recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+              StreamRef stream = StreamRef::default_stream()) {
+    load(batch, cone_id, dt, guess, stream);
+  }
+  void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+              StreamRef stream = StreamRef::default_stream()) {
+    load(batch, cone_id, dt, guess, stream);
+  }
+  void recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
+              StreamRef stream = StreamRef::default_stream()) {
+    load(batch, contact_id, dt, guess, stream);
+  }
+  void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
+                double dt, StreamRef stream = StreamRef::default_stream()) {
+    store(batch, cone_id, solution, dt, stream);
+  }
+  void remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
+                const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
+    store(batch, cone_id, solution, dt, stream);
+  }
+  void remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
+                const BodySolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
+    store(batch, contact_id, solution, dt, stream);
+  }
+
+  /// Resets environments that start over. \throws Error(invalid_argument) for an index outside the capacity, or
+  /// during a capture, which would replay this list; then nothing was reset.
   void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
-  /// Forgets environment e wherever mask[e] is not zero. mask: (capacity.envs), in the store's memory space.
+  /// Resets environment e wherever mask[e] is not zero. mask: (capacity.envs), in the store's memory space.
   /// \throws Error(invalid_argument) if mask is null.
   void reset_where(const std::uint8_t* mask, StreamRef stream = StreamRef::default_stream());
-  /// Forgets everything.
+  /// Resets everything.
   void reset_all(StreamRef stream = StreamRef::default_stream());
 
   /// Copies the records of the first environments to the host, and waits for them.

@@ -178,7 +178,7 @@ class MujocoVectorEnv(VectorEnv):
             data.qpos[:] = self.task.init_qpos + qpos
             data.qvel[:] = self._init_qvel + qvel
         self.simulation.forward(active=None if mask.all() else mask)
-        self.simulation.forget(chosen)
+        self.simulation.reset_warm_start(chosen)
         self.episode_length[chosen] = 0
         self._over[chosen] = False
 
