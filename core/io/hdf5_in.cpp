@@ -1,53 +1,16 @@
 #include "core/io/hdf5_in.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 
+#include "core/io/dataset_check.hpp"
 #include "core/io/header_check.hpp"
-#include "core/io/inflated_size.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::io {
 namespace {
-
-/// No deflate stream expands more (zlib's documented limit of 1032:1), so no honest dataset claims more than this many
-/// bytes for each byte that is stored for it.
-constexpr std::uint64_t kDeflateLimit = 1032;
-
-/// Longest text attribute or fixed-length string taken.
-constexpr std::size_t kMaxTextBytes = std::size_t{1} << 20;
-
-const char* class_name(H5T_class_t type_class) {
-  switch (type_class) {
-    case H5T_INTEGER:
-      return "integers";
-    case H5T_FLOAT:
-      return "floating-point numbers";
-    case H5T_STRING:
-      return "strings";
-    case H5T_ENUM:
-      return "enumerators";
-    default:
-      return "an unusual type";
-  }
-}
-
-/// The standard types: IEEE and two's complement, either byte order. HDF5 can describe others (odd exponents, padding
-/// bits), which no honest writer uses and whose conversion is the least travelled code of HDF5.
-bool is_standard(hid_t type, H5T_class_t type_class) {
-  const auto any_of = [type](const auto& known) {
-    return std::any_of(known.begin(), known.end(), [type](hid_t one) { return H5Tequal(type, one) > 0; });
-  };
-  if (type_class == H5T_FLOAT) {
-    return any_of(std::array{H5T_IEEE_F32LE, H5T_IEEE_F32BE, H5T_IEEE_F64LE, H5T_IEEE_F64BE});
-  }
-  return any_of(std::array{H5T_STD_I8LE, H5T_STD_I8BE, H5T_STD_U8LE, H5T_STD_U8BE, H5T_STD_I16LE, H5T_STD_I16BE,
-                           H5T_STD_U16LE, H5T_STD_U16BE, H5T_STD_I32LE, H5T_STD_I32BE, H5T_STD_U32LE, H5T_STD_U32BE,
-                           H5T_STD_I64LE, H5T_STD_I64BE, H5T_STD_U64LE, H5T_STD_U64BE});
-}
 
 /// Makes HDF5 hand out references to strings of variable length as they lie in the file, for TextHeap, by a conversion
 /// to opaque bytes that converts nothing.
@@ -71,41 +34,6 @@ class RawReferences {
   }
   Handle text_, type_;
 };
-
-/// Bytes that a chunk unpacks to, the filters that `skipped` leaves out of account; nothing if it is damaged.
-/// HDF5 1.10.8 takes for granted that they are as many as its elements have.
-std::optional<std::uint64_t> unpacked_size(const std::vector<H5Z_filter_t>& filters, std::uint32_t skipped,
-                                           std::span<const char> stored, std::uint64_t limit) {
-  constexpr std::uint64_t kChecksum = 4;
-  std::uint64_t size = stored.size();
-  bool packed = true;  // not inflated yet
-  for (auto i = static_cast<std::ptrdiff_t>(filters.size()); i-- > 0;) {
-    const H5Z_filter_t filter = filters[static_cast<std::size_t>(i)];
-    if ((skipped >> i & 1) != 0) continue;
-    if (filter == H5Z_FILTER_FLETCHER32) {
-      if (size < kChecksum) return std::nullopt;
-      size -= kChecksum;
-    } else if (filter == H5Z_FILTER_DEFLATE) {
-      const auto inflated = packed ? inflated_size(stored.first(size), limit + kChecksum) : std::nullopt;
-      if (!inflated) return std::nullopt;
-      size = *inflated;
-      packed = false;
-    } else if (packed && std::find(filters.begin(), filters.begin() + i, H5Z_FILTER_DEFLATE) != filters.begin() + i) {
-      return std::nullopt;  // shuffled after it was packed, as no writer does
-    }
-  }
-  return size;
-}
-
-/// Whether a chunk has `wanted` bytes when its filters are undone.
-bool holds_chunk(hid_t dataset, hsize_t begin, const std::vector<H5Z_filter_t>& filters, std::size_t stored,
-                 std::uint64_t wanted) {
-  if (filters.empty()) return stored == wanted;
-  std::vector<char> content(stored);
-  std::uint32_t skipped = 0;
-  return H5Dread_chunk(dataset, H5P_DEFAULT, &begin, &skipped, content.data()) >= 0 &&
-         unpacked_size(filters, skipped, content, wanted) == wanted;
-}
 
 std::string fixed_text(const char* text, std::size_t width) {
   return {text, std::find(text, text + width, '\0')};
@@ -231,108 +159,6 @@ InputFile::Dataset InputFile::open(const std::string& path, Values values, std::
   dataset.count = static_cast<std::size_t>(extent);
   check_storage(path, dataset);
   return dataset;
-}
-
-void InputFile::check_type(const std::string& path, hid_t type, Values values) const {
-  const H5T_class_t found = H5Tget_class(type);
-  const H5T_class_t wanted = values == Values::real ? H5T_FLOAT : values == Values::integer ? H5T_INTEGER : H5T_STRING;
-  if (found != wanted) {
-    refuse_dataset(path, std::string("holds ") + class_name(found) + ", expected " + class_name(wanted));
-  }
-  if (wanted == H5T_STRING) {
-    if (H5Tis_variable_str(type) <= 0 && H5Tget_size(type) > kMaxTextBytes) {
-      refuse_dataset(path, "holds strings of more than 1 MiB");
-    }
-  } else if (!is_standard(type, wanted)) {
-    refuse_dataset(path, std::string("holds ") + class_name(found) + " of no standard layout (" +
-                             std::to_string(H5Tget_size(type)) + " bytes)");
-  }
-}
-
-void InputFile::check_storage(const std::string& path, const Dataset& dataset) const {
-  if (dataset.count == 0) return;
-  // Of a string of variable length the array holds a reference; in memory that would be a pointer.
-  const bool reference = H5Tis_variable_str(dataset.type.get()) > 0;
-  const std::size_t width = reference ? kTextReference : H5Tget_size(dataset.type.get());
-  if (width == 0 || dataset.count > std::numeric_limits<std::size_t>::max() / kDeflateLimit / width) {
-    refuse_dataset(path, "claims " + std::to_string(dataset.count) + " elements, more than any file holds");
-  }
-  const std::size_t bytes = dataset.count * width;
-  const Handle properties(H5Dget_create_plist(dataset.id.get()), H5Pclose);
-  if (!properties.ok()) refuse_dataset(path, "has an unreadable layout" + hdf5_reason());
-  if (H5Pget_external_count(properties.get()) > 0) refuse_dataset(path, "keeps its data in another file");
-  switch (H5Pget_layout(properties.get())) {
-    case H5D_CHUNKED:
-      return check_chunks(path, dataset, properties.get(), bytes);
-    case H5D_COMPACT:
-    case H5D_CONTIGUOUS:
-      break;
-    default:
-      refuse_dataset(path, "has neither a compact, contiguous nor chunked layout");
-  }
-  const std::uint64_t stored = H5Dget_storage_size(dataset.id.get());
-  if (stored < bytes || bytes > file_bytes_) {
-    refuse_dataset(path, "claims " + std::to_string(dataset.count) + " elements (" + std::to_string(bytes) +
-                             " bytes), the file of " + std::to_string(file_bytes_) + " bytes stores " +
-                             std::to_string(stored) + " for it");
-  }
-}
-
-void InputFile::check_chunks(const std::string& path, const Dataset& dataset, hid_t properties,
-                             std::size_t bytes) const {
-  const int filters = H5Pget_nfilters(properties);
-  bool deflated = false;
-  std::vector<H5Z_filter_t> pipeline;
-  for (int i = 0; i < filters; ++i) {
-    unsigned flags = 0, config = 0;
-    std::size_t value_count = 0;
-    const H5Z_filter_t filter =
-        H5Pget_filter2(properties, static_cast<unsigned>(i), &flags, &value_count, nullptr, 0, nullptr, &config);
-    if (filter != H5Z_FILTER_DEFLATE && filter != H5Z_FILTER_SHUFFLE && filter != H5Z_FILTER_FLETCHER32) {
-      refuse_dataset(path, "is packed with filter " + std::to_string(filter) +
-                               ", only deflate, shuffle and fletcher32 "
-                               "are read");
-    }
-    deflated = deflated || filter == H5Z_FILTER_DEFLATE;
-    pipeline.push_back(filter);
-  }
-  const std::uint64_t limit = deflated ? kDeflateLimit : 1;
-  const std::string claim =
-      "claims " + std::to_string(dataset.count) + " elements (" + std::to_string(bytes) + " bytes)";
-  if (bytes / limit > file_bytes_) {
-    refuse_dataset(path, claim + ", more than a file of " + std::to_string(file_bytes_) + " bytes holds");
-  }
-  hsize_t chunk = 0;
-  if (H5Pget_chunk(properties, 1, &chunk) != 1 || chunk == 0) refuse_dataset(path, "has an unreadable chunk size");
-  if (chunk > dataset.count && chunk * (bytes / dataset.count) / limit > file_bytes_) {
-    refuse_dataset(path, "claims chunks of " + std::to_string(chunk) + " elements, more than the file holds");
-  }
-  const std::uint64_t chunk_bytes = chunk * (bytes / dataset.count);
-  std::uint64_t left = file_bytes_;  // honest chunks do not overlap
-  // HDF5 says of chunks without filters what they should have, and what they have only by a search through all of them.
-  constexpr std::uint64_t kMostUnpacked = 1 << 14;
-  if (pipeline.empty() && (dataset.count - 1) / chunk >= kMostUnpacked) {
-    refuse_dataset(path, "has more than " + std::to_string(kMostUnpacked) + " chunks that are not packed");
-  }
-  for (hsize_t begin = 0; begin < dataset.count; begin += chunk) {
-    hsize_t stored = 0;
-    haddr_t address = HADDR_UNDEF;
-    unsigned mask = 0;
-    const herr_t found = pipeline.empty()
-                             ? H5Dget_chunk_info_by_coord(dataset.id.get(), &begin, &mask, &address, &stored)
-                             : H5Dget_chunk_storage_size(dataset.id.get(), &begin, &stored);
-    if (found < 0 || stored == 0) {
-      refuse_dataset(path, "lacks the chunk that begins at element " + std::to_string(begin));
-    }
-    if (stored > left) {
-      refuse_dataset(path,
-                     "has a chunk of " + std::to_string(stored) + " bytes in a file of " + std::to_string(file_bytes_));
-    }
-    left -= stored;
-    if (!holds_chunk(dataset.id.get(), begin, pipeline, static_cast<std::size_t>(stored), chunk_bytes)) {
-      refuse_dataset(path, "has a damaged chunk that begins at element " + std::to_string(begin));
-    }
-  }
 }
 
 void InputFile::read(const std::string& path, const Dataset& dataset, hid_t memory_type, void* out) const {

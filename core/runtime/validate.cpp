@@ -1,25 +1,19 @@
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <string>
-#include <string_view>
 #include <utility>
 
 #include "core/base/fp_env.hpp"
-#include "core/job/cone_counts.hpp"
 #include "core/runtime/defects.hpp"
-#include "core/runtime/diagonals.hpp"
 #include "core/runtime/stored_columns.hpp"
 #include "core/runtime/survey.hpp"
+#include "core/runtime/validate_values.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {
 namespace {
-
-constexpr const char* kFixOrIsolate =
-    "; fix the value or solve with isolation (--isolate) to flag this environment and go on";
 
 /// Which environment owns position i, by offsets that are sound; empty environments own nothing.
 Offset owner_of(const Offset* offsets, Offset env_count, Offset i) {
@@ -65,12 +59,6 @@ class Validator {
   }
 
  private:
-  /// What is known of an environment whose offsets are sound.
-  struct Found {
-    bool broken = false;  ///< a cone or a column has a defect
-    StoredColumns columns = StoredColumns::any;
-  };
-
   [[nodiscard]] bool offsets_are_sound() const {
     return env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
   }
@@ -79,7 +67,8 @@ class Validator {
   void check_environments(bool with_values) {
     if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
     if (env_rows_sound_ && rows_sound_) check_columns();
-    if (with_values && offsets_are_sound() && !report_.full()) check_values();
+    if (with_values && offsets_are_sound() && !report_.full())
+      ValueValidator<Real>(batch_, found_, pivots_, report_).run();
   }
 
   /// Counts and pointers, before anything is read through them.
@@ -152,7 +141,7 @@ class Validator {
                                   batch_.factor_count, "factor entries", env_place, report_);
       for (Offset env = 0; rows_sound_ && env < batch_.env_count; ++env) rows_sound_ = check_factor(env);
     }
-    found_.assign(static_cast<std::size_t>(batch_.env_count), Found{});
+    found_.assign(static_cast<std::size_t>(batch_.env_count), EnvStructure{});
   }
 
   /// A factor has as many entries in every row, and takes the place of stored ones.
@@ -310,138 +299,11 @@ class Validator {
                                             : batch_.env_row_offsets[env + 1] - batch_.env_row_offsets[env];
   }
 
-  /// What was found when the batch was made.
-  void check_flags() {
-    for (Offset env = 0; batch_.env_flags != nullptr && env < batch_.env_count && !report_.full(); ++env) {
-      for (int bit = 0; bit < kEnvFlagCount; ++bit) {
-        const auto flag = static_cast<EnvFlag>(1U << bit);
-        if (flag == kFlagContactsDropped || (batch_.env_flags[env] & flag) == 0) continue;
-        report_.add({env, -1, -1, false,
-                     "env " + std::to_string(env) + " was marked " + flag_name(flag) +
-                         " when the batch was made; fix its input or solve with isolation (--isolate) to flag this "
-                         "environment and go on"});
-      }
-    }
-  }
-
-  void check_values() {
-    check_flags();
-    check_entries();
-    check_factor_values();
-    check_row_arrays();
-    check_diagonals();
-  }
-
-  void check_entries() {
-    if (all_finite(std::span(batch_.A, static_cast<std::size_t>(batch_.nonzero_count)))) return;
-    for_each_row([&](Offset env, Offset cone, Offset row) {
-      for (Index k = 0; k < batch_.row_entries(row); ++k) {
-        const Real value = batch_.A[batch_.row_offsets[row] + k];
-        if (std::isfinite(value)) continue;
-        add_value("A", env, cone, row, ", column " + std::to_string(batch_.row_columns(row)[k]), value,
-                  "must be finite");
-      }
-    });
-  }
-
-  void check_row_arrays() {
-    check_rows("b", batch_.b, [&](Offset, Offset row) { return std::isfinite(batch_.b[row]) ? "" : "must be finite"; });
-    check_rows("R", batch_.R, [&](Offset, Offset row) {
-      if (!std::isfinite(batch_.R[row])) return "must be finite";
-      return batch_.R[row] < 0 ? "compliance must be >= 0" : "";
-    });
-    check_rows(
-        "mu", batch_.mu,
-        [&](Offset cone, Offset row) {
-          if (batch_.cone_kind[cone] != ConeKind::friction || row == batch_.normal_row(cone)) return "";
-          const Real mu = batch_.mu[batch_.mu_at(row)];
-          if (!std::isfinite(mu)) return "friction must be finite";
-          return mu < 0 ? "friction must be >= 0" : "";
-        },
-        batch_.mu_offsets);
-    check_rows("lo", batch_.lo, [&](Offset cone, Offset row) -> std::string {
-      if (batch_.cone_kind[cone] != ConeKind::box) return {};
-      const Real lo = batch_.lo[row], hi = batch_.hi[row];
-      if (std::isnan(lo)) return "a bound must be a number (-inf: no bound)";
-      if (lo > hi) return "the lower bound must not be above the upper, hi = " + shortest_text(hi);
-      return lo > std::numeric_limits<Real>::max() ? "no finite reaction reaches this lower bound" : "";
-    });
-    check_rows("hi", batch_.hi, [&](Offset cone, Offset row) {
-      if (batch_.cone_kind[cone] != ConeKind::box) return "";
-      const Real hi = batch_.hi[row];
-      if (std::isnan(hi)) return "a bound must be a number (inf: no bound)";
-      return hi < std::numeric_limits<Real>::lowest() ? "no finite reaction stays below this upper bound" : "";
-    });
-  }
-
-  void check_factor_values() {
-    if (batch_.factor_offsets == nullptr ||
-        all_finite(std::span(batch_.factor, static_cast<std::size_t>(batch_.factor_count))))
-      return;
-    for_each_row([&](Offset env, Offset cone, Offset row) {
-      for (const Real value : factor_row(batch_, env, row))
-        if (!std::isfinite(value)) add_value("factor", env, cone, row, "", value, "must be finite");
-    });
-  }
-
-  /// A + R needs a positive diagonal wherever a cone bounds the reaction, unless the environment is one for pivoting.
-  /// What is not finite was reported before.
-  void check_diagonals() {
-    Offset looked_at = -1;
-    bool takes_any = false;
-    for_each_row([&](Offset env, Offset cone, Offset row) {
-      if (batch_.cone_kind[cone] == ConeKind::free) return;
-      if (pivots_ && env != looked_at) {
-        looked_at = env;
-        takes_any = !has_friction_cones(batch_, env);
-      }
-      if (takes_any) return;
-      const bool runs = found_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
-      const Real diagonal = diagonal_of(batch_, env, row, runs);
-      if (diagonal > 0 || !std::isfinite(diagonal)) return;
-      add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
-    });
-  }
-
-  /// Calls fault(cone, row) for every row; a text that is not empty says what is wrong with values[row].
-  template <class Fault>
-  void check_rows(const char* array, const Real* values, const Fault& fault, const Offset* places = nullptr) {
-    for_each_row([&](Offset env, Offset cone, Offset row) {
-      const auto what = fault(cone, row);  // text that need not be copied, where it is always the same
-      if (std::string_view(what).empty()) return;
-      add_value(array, env, cone, row, "", values[places == nullptr ? row : places[row]], std::string(what));
-    });
-  }
-
-  /// Calls visit(env, cone, row), positions in the batch, for every row of the environments whose structure holds.
-  template <class Visit>
-  void for_each_row(const Visit& visit) const {
-    for (Offset env = 0; env < batch_.env_count; ++env) {
-      if (found_[static_cast<std::size_t>(env)].broken) continue;
-      const Offset first_cone = batch_.env_cone_offsets[env];
-      for (Offset cone = first_cone; cone < first_cone + batch_.env_cones(env); ++cone) {
-        for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row) {
-          if (report_.full()) return;
-          visit(env, cone, row);
-        }
-      }
-    }
-  }
-
-  void add_value(const char* array, Offset env, Offset cone, Offset row, const std::string& column, Real value,
-                 const std::string& fault) {
-    const auto env_cone = static_cast<Index>(cone - batch_.env_cone_offsets[env]);
-    const auto env_row = static_cast<Index>(row - batch_.env_row_offsets[env]);
-    report_.add({env, env_cone, env_row, false,
-                 std::string(array) + "[env " + std::to_string(env) + ", cone " + std::to_string(env_cone) + ", row " +
-                     std::to_string(env_row) + column + "] = " + shortest_text(value) + ": " + fault + kFixOrIsolate});
-  }
-
   const ContactBatchView<Real>& batch_;
   DefectReport report_;
   bool pivots_;  ///< the solver is one that takes rows without a positive diagonal
   bool env_rows_sound_ = false, env_cones_sound_ = false, cone_rows_sound_ = false, rows_sound_ = false;
-  std::vector<Found> found_;  ///< of each environment's cones and columns  (env_count)
+  std::vector<EnvStructure> found_;  ///< of each environment's cones and columns  (env_count)
 };
 
 template <class Real>

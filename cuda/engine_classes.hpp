@@ -1,0 +1,26 @@
+#pragma once
+
+#include "core/job/cone_counts.hpp"
+#include "core/job/size_class.hpp"
+#include "stiction/solver.hpp"
+
+/// What the engine knows of size classes when it makes room for them and when it launches them.
+namespace stiction::cuda {
+
+/// Lanes of the team that sorts environments into classes.
+constexpr int kSortLanes = 256;
+
+inline bool is_sparse(SizeClass size_class) {
+  return size_class == SizeClass::sparse_block || size_class == SizeClass::sparse_device;
+}
+
+inline bool is_thread_per_env(SizeClass size_class) {
+  return size_class == SizeClass::thread_medium || size_class == SizeClass::thread_small;
+}
+
+/// Whether environments can be so large that they are sparse.
+inline bool may_be_sparse(const Capacity& capacity) {
+  return choose_path(capacity.env_rows, 0) == EnvPath::sparse;
+}
+
+}  // namespace stiction::cuda
