@@ -17,14 +17,14 @@ import argparse
 import copy
 import sys
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
-import h5py
 import mujoco
 import numpy as np
 
-FREE, UNILATERAL, BOX, FRICTION = range(4)  # cone_kind of the file format
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from contact_batch import BOX, FREE, FRICTION, UNILATERAL, System, natural_residual, write  # noqa: E402
 
 # Types of rows from this one on are contacts.
 CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
@@ -42,30 +42,6 @@ BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL,
 
 class RecordError(Exception):
     """Bad input or usage; the message is one sentence for the user."""
-
-
-@dataclass
-class System:
-    """One environment: n rows in cones over nv degrees of freedom; w is an acceleration, lambda a force."""
-
-    cone_kind: np.ndarray   # (cones)
-    cone_rows: np.ndarray   # (cones) rows of each cone
-    row_param: np.ndarray   # (n) mu of the axis, or the box bound, else 0
-    A: np.ndarray           # (n, n) J M^-1 J', without R
-    b: np.ndarray           # (n) J v_free - row_target
-    R: np.ndarray           # (n) efc_R
-    J: np.ndarray           # (n, nv)
-    M: np.ndarray           # (nv, nv)
-    v_free: np.ndarray      # (nv) qacc_smooth: the acceleration without constraint forces
-    row_target: np.ndarray  # (n) efc_aref: the acceleration each row asks for
-    lambda_ref: np.ndarray  # (n) efc_force
-    v_ref: np.ndarray       # (nv) qacc
-
-    def stored_bytes(self):
-        """Size of this environment in the file before compression, pointers included."""
-        entries = sum(np.count_nonzero(m) for m in (self.A, self.J, self.M))
-        n, nv = self.J.shape
-        return 12 * entries + 9 * len(self.cone_kind) + 8 * (7 * n + 3 * nv) + 24
 
 
 def reference_model(model):
@@ -154,40 +130,6 @@ def extract(tight, data):
     return System(cone_kind=kinds, cone_rows=rows, row_param=param, A=0.5 * (A + A.T),
                   b=np.einsum("ik,k->i", J, v_free) - target, R=data.efc_R.copy(), J=J, M=0.5 * (M + M.T),
                   v_free=v_free, row_target=target, lambda_ref=data.efc_force.copy(), v_ref=data.qacc.copy())
-
-
-def natural_residual(system, force):
-    """The relative natural-map residual of `force` under the convex law (docs/recording.md)."""
-    w = system.A @ force + system.R * force + system.b
-    diagonal = np.diag(system.A) + system.R
-    worst, start = 0.0, 0
-    for kind, size in zip(system.cone_kind, system.cone_rows):
-        rows = slice(start, start + size)
-        start += size
-        x, y, mu, scale = force[rows].copy(), w[rows].copy(), system.row_param[rows], diagonal[rows].mean()
-        if kind == FRICTION:
-            gripping = np.concatenate(([True], mu[1:] > 0))  # an axis without friction carries no force
-            idle = np.abs(x[~gripping]).max(initial=0.0) * scale
-            x, y, mu = x[gripping], y[gripping], mu[gripping]
-            x[1:] /= mu[1:]
-            y[1:] *= mu[1:]
-            gap = np.append(x - project_cone(x - y / scale), idle / scale)
-        else:
-            low, high = {FREE: (-np.inf, np.inf), UNILATERAL: (0, np.inf), BOX: (-mu[0], mu[0])}[int(kind)]
-            gap = x - np.clip(x - y / scale, low, high)
-        worst = max(worst, scale * np.linalg.norm(gap))
-    return worst / max(np.abs(system.b).max(initial=0.0), np.finfo(float).tiny)
-
-
-def project_cone(z):
-    """Euclidean projection onto z[0] >= norm(z[1:])."""
-    slide = np.linalg.norm(z[1:])
-    if slide <= -z[0]:
-        return np.zeros_like(z)
-    if slide <= z[0]:
-        return z
-    height = 0.5 * (z[0] + slide)
-    return np.append(height, z[1:] * (height / slide))
 
 
 def random_control(model, rng, scale):
@@ -298,39 +240,6 @@ def record_trajectories(options):
              "cone_id": np.concatenate([ids for _, ids in taken]),
              "env_name": names * count}
     return [system for system, _ in taken], extra
-
-
-def pointers(sizes):
-    return np.concatenate(([0], np.cumsum(sizes, dtype=np.int64)))
-
-
-def csr(matrices):
-    """The matrices below one another as ptr, col, val; columns count from each matrix's own first."""
-    places = [np.nonzero(m) for m in matrices]
-    counts = np.concatenate([np.count_nonzero(m, axis=1) for m in matrices])
-    return {"ptr": pointers(counts), "col": np.concatenate([p[1] for p in places]).astype(np.int32),
-            "val": np.concatenate([m[p] for m, p in zip(matrices, places)])}
-
-
-def write(path, systems, source, extra=None):
-    """Writes the contact-batch file; deflate, because the pointers and Jacobians compress well."""
-    arrays = {"env_row_ptr": pointers([len(s.b) for s in systems]),
-              "env_cone_ptr": pointers([len(s.cone_kind) for s in systems]),
-              "env_dof_ptr": pointers([len(s.v_free) for s in systems]),
-              "cone_row_ptr": pointers(np.concatenate([s.cone_rows for s in systems]))}
-    for name in ("cone_kind", "row_param", "b", "R", "v_free", "row_target", "lambda_ref", "v_ref"):
-        arrays[name] = np.concatenate([getattr(s, name) for s in systems])
-    for name in ("A", "J", "M"):
-        for part, values in csr([getattr(s, name) for s in systems]).items():
-            arrays[f"{name}/{part}"] = values
-    arrays |= extra or {}
-    with h5py.File(path, "w") as file:
-        file.attrs.update({"format": "contact-batch", "version": 1, "source": source, "law": "convex"})
-        for name, values in arrays.items():
-            if name == "env_name":
-                values = np.array(values, h5py.string_dtype())
-            packed = {"compression": "gzip", "compression_opts": 9, "shuffle": True} if values.size else {}
-            file.create_dataset(name, data=values, track_times=False, **packed)
 
 
 def parse(arguments):
