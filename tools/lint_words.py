@@ -10,9 +10,11 @@ import re
 import subprocess
 import sys
 
-CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".py", ".sh", ".cmake", ".txt"}
+CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c", ".inc", ".py", ".sh", ".cmake", ".txt"}
 TEXT = CODE | {".md", ".json", ".yml", ".yaml", ".cff", ".in", ".toml"}
-MAX_LINES = 500  # the house aims at 400; beyond this a file holds more than one idea
+MAX_LINES = 400  # of code; beyond this a file holds more than one idea
+# Longer, and why.
+LONG_TABLES = {"tests/support/golden.inc": "hashes of every case, recorded by tools/update_goldens.py"}
 # The rules themselves spell the words they look for.
 SPELLS_THE_WORDS = {"tools/lint_words.py"}
 
@@ -56,7 +58,7 @@ def problems_of(path, text):
         if line != line.rstrip():
             found.append(f"{path}:{number}: trailing blanks")
     lines = text.count("\n")
-    if suffix in CODE and lines > MAX_LINES:
+    if suffix in CODE and path not in LONG_TABLES and lines > MAX_LINES:
         found.append(f"{path}:{lines}: {lines} lines; a file holds one idea in at most {MAX_LINES}")
     if text and not text.endswith("\n"):
         found.append(f"{path}: no newline at the end")
@@ -96,7 +98,11 @@ def self_test():
         ("a.hpp", "#define STICTION_HD inline\n", 0),
         ("a.cpp", "int x; \n", 1),
         ("a.cpp", "int x;", 1),
+        ("a.cpp", "int x;\n" * MAX_LINES, 0),
         ("a.cpp", "int x;\n" * (MAX_LINES + 1), 1),
+        ("a.c", "int x;\n" * (MAX_LINES + 1), 1),
+        ("a.py", "x = 1\n" * (MAX_LINES + 1), 1),
+        ("tests/support/golden.inc", "int x;\n" * (MAX_LINES + 1), 0),
     ]
     failed = [(path, text[:40]) for path, text, expected in cases if len(problems_of(path, text)) != expected]
     for path, text in failed:
