@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Finds words that promise later work, paths of one machine, comments without a subject, and what grew too long.
+"""Finds words that promise later work, paths of one machine, comments without a subject, names of tests in another
+style, and what grew too long.
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -28,6 +29,11 @@ MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")
 MACHINE_PATH = re.compile(r"(?<![\w.$}])/(work|root|home/\w+)/\w")
+# GoogleTest: Suite.SentenceInCamelCase (its own rule: no underscores); Python: test_sentence_in_snake_case.
+GOOGLE_TEST = re.compile(r"^(?:TYPED_)?TEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\)", re.MULTILINE)
+GOOGLE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*$")
+PYTHON_TEST = re.compile(r"^ *def (test\w*)\(", re.MULTILINE)
+PYTHON_NAME = re.compile(r"test(_[a-z0-9]+)+$")
 MACRO = re.compile(r"^\s*#\s*define\s+(\w+)")
 MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
 
@@ -35,7 +41,7 @@ MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
 def problems_of(path, text):
     """Sentences for one file; `path` decides which rules speak."""
     found = []
-    suffix = pathlib.PurePosixPath(path).suffix
+    suffix = pathlib.PurePosixPath(path.removesuffix(".in")).suffix  # a template is what is made of it
     is_prose = suffix == ".md" and not GENERATED.match(path)
     before = ""
     for number, line in enumerate(text.splitlines(), start=1):
@@ -57,6 +63,14 @@ def problems_of(path, text):
             found.append(f"{path}:{number}: macro {macro.group(1)} must begin with STICTION_")
         if line != line.rstrip():
             found.append(f"{path}:{number}: trailing blanks")
+    if suffix in {".hpp", ".cpp", ".cu"}:
+        for suite, name in GOOGLE_TEST.findall(text.replace("@", "")):
+            if not GOOGLE_NAME.match(suite) or not GOOGLE_NAME.match(name.removeprefix("DISABLED_")):
+                found.append(f"{path}: the test {suite}.{name} is named Suite.SentenceInCamelCase")
+    if suffix == ".py" and re.search(r"(^|/)tests/", path):
+        for name in PYTHON_TEST.findall(text):
+            if not PYTHON_NAME.match(name):
+                found.append(f"{path}: the test {name} is named test_sentence_in_snake_case")
     lines = text.count("\n")
     if suffix in CODE and path not in LONG_TABLES and lines > MAX_LINES:
         found.append(f"{path}:{lines}: {lines} lines; a file holds one idea in at most {MAX_LINES}")
@@ -96,6 +110,11 @@ def self_test():
         ("a.md", "| word " * 30 + "|\n```\n" + "word " * 30 + "end\n```\n", 0),
         ("a.hpp", "#define MIN(a) a\n", 1),
         ("a.hpp", "#define STICTION_HD inline\n", 0),
+        ("a.cpp", "TEST(Suite, SaysWhat) {}\nTYPED_TEST(Suite, DISABLED_SaysWhat2) {}\n", 0),
+        ("a.cpp", "TEST(suite, SaysWhat) {}\nTEST_F(Suite,\n       says_what) {}\n", 2),
+        ("a.cpp.in", "TEST(suite, @Method@SaysWhat) {}\n", 1),
+        ("tests/a.py", "def test_says_what():\n    pass\n", 0),
+        ("tests/a.py", "class A:\n    def testSaysWhat(self):\n        pass\n", 1),
         ("a.cpp", "int x; \n", 1),
         ("a.cpp", "int x;", 1),
         ("a.cpp", "int x;\n" * MAX_LINES, 0),

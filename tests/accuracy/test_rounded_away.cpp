@@ -25,7 +25,7 @@ std::vector<Hopeless> hopeless() {
           {"a body between walls that meet", system({unilateral(), unilateral()}, {1, -1, -1, 1}, {-1, -1})}};
 }
 
-TEST(rounded_away, no_solver_calls_a_problem_without_a_solution_solved) {
+TEST(RoundedAway, NoSolverCallsAProblemWithoutASolutionSolved) {
   std::vector<SolverKind> solvers(std::begin(kEverySolver), std::end(kEverySolver));
   solvers.push_back(SolverKind::automatic);
   for (const auto& [name, env] : hopeless())
@@ -43,7 +43,7 @@ TEST(rounded_away, no_solver_calls_a_problem_without_a_solution_solved) {
       }
 }
 
-TEST(rounded_away, what_has_a_solution_is_solved_as_far_as_doubles_reach) {
+TEST(RoundedAway, WhatHasASolutionIsSolvedAsFarAsDoublesReach) {
   for (const SolverKind solver : {SolverKind::npgs, SolverKind::admm, SolverKind::ipm, SolverKind::automatic}) {
     const auto batch = batch_of({system({free_row(), unilateral()}, {2, 1, 1, 3}, {1e3, -1})});
     const EnvStatus status = solve(batch, options(solver, 1e-12, 5000)).status[0];
@@ -52,7 +52,7 @@ TEST(rounded_away, what_has_a_solution_is_solved_as_far_as_doubles_reach) {
 }
 
 /// Squares of numbers below 1e-162 are zero in double, and so was the residual.
-TEST(rounded_away, numbers_whose_squares_vanish_are_not_called_solved_unseen) {
+TEST(RoundedAway, NumbersWhoseSquaresVanishAreNotCalledSolvedUnseen) {
   for (const double scale : {1e-100, 1e-155, 1e-200, 1e-264, 1e-300}) {
     const auto batch = batch_of({contact({4, 1, 1}, {-scale, 0.3 * scale, 0.1 * scale}, 0.5),
                                  system({unilateral(), unilateral()}, {2, 1, 1, 2}, {-scale, scale})});
@@ -72,7 +72,7 @@ TEST(rounded_away, numbers_whose_squares_vanish_are_not_called_solved_unseen) {
   EXPECT_EQ(solve(at_rest, options(SolverKind::npgs, kTolerance, 1)).status[0].code, EnvCode::solved);
 }
 
-TEST(rounded_away, friction_beyond_all_sense_hides_no_contact_that_penetrates) {
+TEST(RoundedAway, FrictionBeyondAllSenseHidesNoContactThatPenetrates) {
   const auto batch = batch_of({contact({1, 1, 1}, {-1, 1, 0}, 1e100)}, Law::coulomb);
   for (const SolverKind solver : kAllSolvers) {
     const Solution<double> answer = solve(batch, options(solver, kTolerance, 50));
@@ -81,7 +81,7 @@ TEST(rounded_away, friction_beyond_all_sense_hides_no_contact_that_penetrates) {
   }
 }
 
-TEST(rounded_away, an_open_contact_may_slide_as_fast_as_it_likes) {
+TEST(RoundedAway, AnOpenContactMaySlideAsFastAsItLikes) {
   // The first contact is pressed, w = lambda - 1; its reaction moves the second one along, by 1e25 a unit, and not
   // inward.
   std::vector<double> A = diagonal(std::vector<double>(6, 1.0));
@@ -95,7 +95,7 @@ TEST(rounded_away, an_open_contact_may_slide_as_fast_as_it_likes) {
   EXPECT_EQ(answer.lambda[3], 0.0);
 }
 
-TEST(rounded_away, nor_does_it_in_body_form) {
+TEST(RoundedAway, NorDoesItInBodyForm) {
   BodyEnvironment<double> stack = scenes::make_body_stack(3, 4);
   for (auto& one : stack.contacts) one.mu = 1e100;
   BodyBatch<double> batch;

@@ -264,7 +264,7 @@ void expect_same_on_teams(const ContactBatch<double>& wide, EnvPath path, const 
   }
 }
 
-TEST(torture, admm_through_velocities_and_by_gradients_has_the_same_bits_on_blocks_of_every_width) {
+TEST(Torture, AdmmThroughVelocitiesAndByGradientsHasTheSameBitsOnBlocksOfEveryWidth) {
   // One law and precision each: every further one is ten seconds of compiling for the same phases.
   const ContactBatch<double> coulomb = as_factor(some_contacts(12), Law::coulomb);
   expect_same_on_teams<Admm, Law::coulomb, double>(coulomb, EnvPath::factor, "velocities");

@@ -82,7 +82,7 @@ double largest_difference_from(PreconditionerWorkspace& workspace, F&& counts) {
   return worst;
 }
 
-TEST(BlockFactor, the_plan_is_what_it_says) {
+TEST(BlockFactor, ThePlanIsWhatItSays) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings())
       for (const Fill fill : {Fill::complete, Fill::none}) {
@@ -131,7 +131,7 @@ TEST(BlockFactor, the_plan_is_what_it_says) {
       }
 }
 
-TEST(BlockFactor, a_grid_has_fewer_levels_than_rows_and_free_bodies_have_one) {
+TEST(BlockFactor, AGridHasFewerLevelsThanRowsAndFreeBodiesHaveOne) {
   const auto levels = [](const BoxScene& scene, Ordering ordering) {
     PreconditionerWorkspace workspace(box_matrix(scene, 1e-3), Preconditioning::block_ldl, ordering);
     return workspace.factor().level_count;
@@ -146,7 +146,7 @@ TEST(BlockFactor, a_grid_has_fewer_levels_than_rows_and_free_bodies_have_one) {
   }
 }
 
-TEST(BlockFactor, its_product_is_the_matrix) {
+TEST(BlockFactor, ItsProductIsTheMatrix) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings()) {
       PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
@@ -156,7 +156,7 @@ TEST(BlockFactor, its_product_is_the_matrix) {
     }
 }
 
-TEST(BlockFactor, conjugate_gradients_need_it_once_or_twice) {
+TEST(BlockFactor, ConjugateGradientsNeedItOnceOrTwice) {
   for (const double compliance : {1e-3, 1e-6})
     for (const BoxScene& scene : scenes()) {
       PreconditionerWorkspace workspace(box_matrix(scene, compliance, 20), Preconditioning::block_ldl);
@@ -168,7 +168,7 @@ TEST(BlockFactor, conjugate_gradients_need_it_once_or_twice) {
     }
 }
 
-TEST(BlockFactor, lanes_change_no_bit) {
+TEST(BlockFactor, LanesChangeNoBit) {
   for (const BoxScene& scene : scenes()) {
     PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl);
     const std::vector<double> r = random_vector(workspace.n(), 4);
@@ -185,7 +185,7 @@ TEST(BlockFactor, lanes_change_no_bit) {
   }
 }
 
-TEST(BlockFactor, what_is_no_permutation_is_refused) {
+TEST(BlockFactor, WhatIsNoPermutationIsRefused) {
   const BlockSystem system = box_matrix(box_tower(3), 1e-3);
   std::vector<Index> stream;
   for (const std::vector<Index>& order : {std::vector<Index>{0, 1}, {0, 1, 1}, {0, 1, 3}, {-1, 0, 1}})
@@ -211,7 +211,7 @@ Sparse pattern_in_order(const BlockPattern& H, const std::vector<Index>& order) 
   return matrix;
 }
 
-TEST(BlockFactor, fill_is_what_eigen_counts_in_the_same_order) {
+TEST(BlockFactor, FillIsWhatEigenCountsInTheSameOrder) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings()) {
       const BlockSystem system = box_matrix(scene, 1e-3);
@@ -226,7 +226,7 @@ TEST(BlockFactor, fill_is_what_eigen_counts_in_the_same_order) {
     }
 }
 
-TEST(BlockFactor, minimum_degree_fills_as_much_as_eigens_own_factorisation) {
+TEST(BlockFactor, MinimumDegreeFillsAsMuchAsEigensOwnFactorisation) {
   if (!is_available(Ordering::minimum_degree)) GTEST_SKIP() << "built without Eigen";
   for (const BoxScene& scene : {box_wall(12, 12), box_pyramid(8)}) {
     const BlockSystem system = box_matrix(scene, 1e-3);
@@ -237,7 +237,7 @@ TEST(BlockFactor, minimum_degree_fills_as_much_as_eigens_own_factorisation) {
   }
 }
 
-TEST(BlockFactor, its_solution_is_eigens) {
+TEST(BlockFactor, ItsSolutionIsEigens) {
   for (const BoxScene& scene : scenes())
     for (const Ordering ordering : orderings()) {
       PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);

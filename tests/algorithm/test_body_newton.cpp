@@ -81,7 +81,7 @@ Env carpet() {
 
 }  // namespace
 
-TEST(BodyNewton, solves_the_convex_law_with_every_preconditioner) {
+TEST(BodyNewton, SolvesTheConvexLawWithEveryPreconditioner) {
   for (const BodyPreconditioner preconditioner : kPreconditioners)
     for (const double R : {1e-2, 1e-4}) {
       const std::string where = std::string(to_string(preconditioner)) + ", R " + std::to_string(R);
@@ -91,7 +91,7 @@ TEST(BodyNewton, solves_the_convex_law_with_every_preconditioner) {
     }
 }
 
-TEST(BodyNewton, solves_coulombs_law_with_every_preconditioner) {
+TEST(BodyNewton, SolvesCoulombsLawWithEveryPreconditioner) {
   for (const BodyPreconditioner preconditioner : kPreconditioners) {
     const BodySolverOptions options = newton(Law::coulomb, 1e-8, preconditioner);
     expect_solved(scenes::make_body_stack(3, 6), options, {}, std::string(to_string(preconditioner)) + ", stack");
@@ -100,7 +100,7 @@ TEST(BodyNewton, solves_coulombs_law_with_every_preconditioner) {
   }
 }
 
-TEST(BodyNewton, needs_no_compliance) {
+TEST(BodyNewton, NeedsNoCompliance) {
   for (const Law law : {Law::convex, Law::coulomb}) {
     const BodySolverOptions options = newton(law, law == Law::convex ? 1e-10 : 1e-8);
     const std::string where = to_string(law);
@@ -113,7 +113,7 @@ TEST(BodyNewton, needs_no_compliance) {
   }
 }
 
-TEST(BodyNewton, takes_no_and_much_friction) {
+TEST(BodyNewton, TakesNoAndMuchFriction) {
   for (const double mu : {0.0, 2.0})
     for (const Law law : {Law::convex, Law::coulomb})
       for (const double R : {0.0, 1e-3})
@@ -122,7 +122,7 @@ TEST(BodyNewton, takes_no_and_much_friction) {
                       std::string(to_string(law)) + ", mu " + std::to_string(mu) + ", R " + std::to_string(R));
 }
 
-TEST(BodyNewton, carries_a_thousand_times_its_weight) {
+TEST(BodyNewton, CarriesAThousandTimesItsWeight) {
   Env env = box_bodies(box_tower(5), 0.5);
   env.bodies.back().inv_mass /= 1000;
   for (double& v : env.bodies.back().inv_inertia) v /= 1000;
@@ -132,7 +132,7 @@ TEST(BodyNewton, carries_a_thousand_times_its_weight) {
 }
 
 /// Where the answer is unique in velocities (convex law with compliance), another method finds the same ones.
-TEST(BodyNewton, velocities_agree_with_sequential_impulses) {
+TEST(BodyNewton, VelocitiesAgreeWithSequentialImpulses) {
   const Env env = scenes::make_body_pile(11, 40);
   const TimeStepping stepping = compliant(0.02);
   const auto solution = solve_one(env, newton(Law::convex, 1e-11), stepping);
@@ -149,7 +149,7 @@ TEST(BodyNewton, velocities_agree_with_sequential_impulses) {
 }
 
 /// By hand: friction mu m g dt against the motion; a torque about y spins the ball up.
-TEST(BodyNewton, a_sliding_ball_is_braked_by_mu_and_set_spinning) {
+TEST(BodyNewton, ASlidingBallIsBrakedByMuAndSetSpinning) {
   const double mu = 0.3, mass = 2, radius = 0.1;
   Env env = ball_on_floor(radius, mass, mu);
   env.bodies[0].twist = {1, 0, 0, 0, 0, 0};
@@ -161,7 +161,7 @@ TEST(BodyNewton, a_sliding_ball_is_braked_by_mu_and_set_spinning) {
   EXPECT_NEAR(solution.twist[4], radius * friction / (0.4 * mass * radius * radius), 1e-9);
 }
 
-TEST(BodyNewton, a_tower_of_fifty_takes_tens_of_steps_where_impulses_take_thousands_of_sweeps) {
+TEST(BodyNewton, ATowerOfFiftyTakesTensOfStepsWhereImpulsesTakeThousandsOfSweeps) {
   const Env env = box_bodies(box_tower(50), 0.5);
   for (const BodyPreconditioner preconditioner :
        {BodyPreconditioner::block_diagonal, BodyPreconditioner::factor, BodyPreconditioner::multigrid}) {
@@ -178,7 +178,7 @@ TEST(BodyNewton, a_tower_of_fifty_takes_tens_of_steps_where_impulses_take_thousa
 
 /// Enough bodies for three levels, below which a W-cycle is a V-cycle; the assembled system of so many would take a
 /// minute.
-TEST(BodyNewton, multigrid_has_cycles_and_prolongations_to_choose_from) {
+TEST(BodyNewton, MultigridHasCyclesAndProlongationsToChooseFrom) {
   const Env env = box_bodies(box_tower(250), 0.5);
   std::vector<std::vector<double>> impulses;
   for (const Prolongation prolongation : {Prolongation::plain, Prolongation::smoothed})
@@ -193,7 +193,7 @@ TEST(BodyNewton, multigrid_has_cycles_and_prolongations_to_choose_from) {
     }
 }
 
-TEST(BodyNewton, bodies_that_nothing_touches_fly_and_kinematic_ones_are_not_pushed) {
+TEST(BodyNewton, BodiesThatNothingTouchesFlyAndKinematicOnesAreNotPushed) {
   Env env = pushed(box_bodies(box_tower(3), 0.4), 0.4);
   Env::Body belt;
   belt.kinematic = true;
@@ -215,7 +215,7 @@ TEST(BodyNewton, bodies_that_nothing_touches_fly_and_kinematic_ones_are_not_push
   }
 }
 
-TEST(BodyNewton, bodies_that_cannot_turn_or_move_are_not_turned_or_moved) {
+TEST(BodyNewton, BodiesThatCannotTurnOrMoveAreNotTurnedOrMoved) {
   Env env = pushed(box_bodies(box_tower(3), 0.4), 0.4);
   env.bodies[1].inv_inertia = {};
   env.bodies[2].inv_mass = 0;
@@ -226,7 +226,7 @@ TEST(BodyNewton, bodies_that_cannot_turn_or_move_are_not_turned_or_moved) {
 }
 
 /// By hand: u + R lambda = 0, inside the cone for a slow slide.
-TEST(BodyNewton, where_nothing_can_be_moved_compliance_alone_answers) {
+TEST(BodyNewton, WhereNothingCanBeMovedComplianceAloneAnswers) {
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.bodies[0].inv_mass = 0;
   env.bodies[0].inv_inertia = {};
@@ -241,7 +241,7 @@ TEST(BodyNewton, where_nothing_can_be_moved_compliance_alone_answers) {
     }
 }
 
-TEST(BodyNewton, contacts_that_all_open_lose_what_a_warm_start_gave_them) {
+TEST(BodyNewton, ContactsThatAllOpenLoseWhatAWarmStartGaveThem) {
   Env env = box_bodies(box_tower(3), 0.5);
   for (std::size_t k = 0; k < env.bodies.size(); ++k) env.bodies[k].twist[2] = 1.0 + static_cast<double>(k);
   const std::vector<double> pushes(3 * env.contacts.size(), 0.01);
@@ -254,7 +254,7 @@ TEST(BodyNewton, contacts_that_all_open_lose_what_a_warm_start_gave_them) {
     }
 }
 
-TEST(BodyNewton, nothing_to_solve_is_solved) {
+TEST(BodyNewton, NothingToSolveIsSolved) {
   Env flight;
   flight.bodies.resize(1);
   flight.bodies[0].twist_change = {0, 0, -1, 0, 0, 0};
@@ -271,7 +271,7 @@ TEST(BodyNewton, nothing_to_solve_is_solved) {
   }
 }
 
-TEST(BodyNewton, a_warm_start_at_the_answer_needs_no_step) {
+TEST(BodyNewton, AWarmStartAtTheAnswerNeedsNoStep) {
   const Env env = box_bodies(box_tower(10), 0.5);
   BodySolverOptions options = newton(Law::coulomb, 1e-8);
   const auto batch = batch_of<double>({env});
@@ -284,7 +284,7 @@ TEST(BodyNewton, a_warm_start_at_the_answer_needs_no_step) {
   EXPECT_EQ(warm.status[0].iterations, 0);
 }
 
-TEST(BodyNewton, sub_steps_follow_each_other_as_those_of_impulses_do) {
+TEST(BodyNewton, SubStepsFollowEachOtherAsThoseOfImpulsesDo) {
   Env env = ball_on_floor(0.1, 2.0, 0.0);
   env.contacts[0].restitution = 0.5;
   env.bodies[0].twist[2] = -2;
@@ -295,7 +295,7 @@ TEST(BodyNewton, sub_steps_follow_each_other_as_those_of_impulses_do) {
   EXPECT_NEAR(solve_one(env, options).twist[2], 1 - 0.75 * kFall, 1e-9);
 }
 
-TEST(BodyNewton, capacity_and_poison_are_answered_as_by_impulses) {
+TEST(BodyNewton, CapacityAndPoisonAreAnsweredAsByImpulses) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   Env deep = carpet();
   for (std::size_t c = 0; c < deep.contacts.size(); ++c) deep.contacts[c].depth = 1e-4 * static_cast<double>(c % 7);
@@ -314,7 +314,7 @@ TEST(BodyNewton, capacity_and_poison_are_answered_as_by_impulses) {
                         std::span<const double>(solution.impulse).last(192)));
 }
 
-TEST(BodyNewton, without_a_solution_it_says_that_it_stalled_or_ran_out_and_stays_finite) {
+TEST(BodyNewton, WithoutASolutionItSaysThatItStalledOrRanOutAndStaysFinite) {
   // Two kinematic walls that close in on a ball.
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.bodies.resize(3);
@@ -336,13 +336,13 @@ TEST(BodyNewton, without_a_solution_it_says_that_it_stalled_or_ran_out_and_stays
   }
 }
 
-TEST(BodyNewton, masses_beyond_single_precision_end_in_a_finite_answer) {
+TEST(BodyNewton, MassesBeyondSinglePrecisionEndInAFiniteAnswer) {
   const auto solution = solve_bodies(batch_of<float>({beyond_single_precision()}), {}, newton(Law::coulomb, 1e-6));
   for (const float v : solution.twist) EXPECT_TRUE(std::isfinite(v));
   for (const float v : solution.impulse) EXPECT_TRUE(std::isfinite(v));
 }
 
-TEST(BodyNewton, single_precision_ends_where_its_impulses_do) {
+TEST(BodyNewton, SinglePrecisionEndsWhereItsImpulsesDo) {
   const auto env = scenes::rounded(box_bodies(box_tower(20), 0.5));
   const auto solution = solve_bodies(batch_of<float>({env}), compliant(1e-3), newton(Law::coulomb, 1e-5));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
@@ -353,7 +353,7 @@ TEST(BodyNewton, single_precision_ends_where_its_impulses_do) {
   EXPECT_LE(best.status[0].residual, solution.status[0].residual);
 }
 
-TEST(BodyNewton, misuse_is_named) {
+TEST(BodyNewton, MisuseIsNamed) {
   using ::testing::HasSubstr;
   const auto batch = batch_of<double>({box_bodies(box_tower(2), 0.5)});
   std::vector<double> impulse(100), twist(100);

@@ -49,7 +49,7 @@ class EveryPair : public testing::TestWithParam<std::pair<ShapeKind, ShapeKind>>
 
 }  // namespace
 
-TEST_P(EveryPair, deepest_point_says_the_signed_distance) {
+TEST_P(EveryPair, DeepestPointSaysTheSignedDistance) {
   const auto [one, other] = GetParam();
   std::mt19937_64 random(20260);
   const bool boxes = one == ShapeKind::box && other == ShapeKind::box;
@@ -85,7 +85,7 @@ TEST_P(EveryPair, deepest_point_says_the_signed_distance) {
   EXPECT_GE(overlapping, 10);
 }
 
-TEST_P(EveryPair, points_lie_halfway_between_the_surfaces_along_a_unit_normal) {
+TEST_P(EveryPair, PointsLieHalfwayBetweenTheSurfacesAlongAUnitNormal) {
   const auto [one, other] = GetParam();
   std::mt19937_64 random(4711);
   for (int k = 0; k < 200; ++k) {
@@ -111,7 +111,7 @@ TEST_P(EveryPair, points_lie_halfway_between_the_surfaces_along_a_unit_normal) {
   }
 }
 
-TEST_P(EveryPair, contacts_are_those_of_the_swapped_pair_with_opposite_normals) {
+TEST_P(EveryPair, ContactsAreThoseOfTheSwappedPairWithOppositeNormals) {
   const auto [one, other] = GetParam();
   std::mt19937_64 random(99);
   int compared = 0;
@@ -136,7 +136,7 @@ TEST_P(EveryPair, contacts_are_those_of_the_swapped_pair_with_opposite_normals) 
   EXPECT_GE(compared, 120);
 }
 
-TEST_P(EveryPair, features_ascend_and_stay_in_range) {
+TEST_P(EveryPair, FeaturesAscendAndStayInRange) {
   const auto [one, other] = GetParam();
   std::mt19937_64 random(5);
   for (int k = 0; k < 300; ++k) {
@@ -152,13 +152,13 @@ TEST_P(EveryPair, features_ascend_and_stay_in_range) {
 
 using Kinds = std::pair<ShapeKind, ShapeKind>;
 INSTANTIATE_TEST_SUITE_P(
-    collide, EveryPair,
+    Collide, EveryPair,
     testing::Values(Kinds{ShapeKind::sphere, ShapeKind::sphere}, Kinds{ShapeKind::sphere, ShapeKind::capsule},
                     Kinds{ShapeKind::capsule, ShapeKind::capsule}, Kinds{ShapeKind::sphere, ShapeKind::box},
                     Kinds{ShapeKind::capsule, ShapeKind::box}, Kinds{ShapeKind::box, ShapeKind::box}),
     [](const auto& pair) { return std::string(name_of(pair.param.first)) + "_" + name_of(pair.param.second); });
 
-TEST(collide, a_plane_is_touched_by_the_lowest_points) {
+TEST(Collide, APlaneIsTouchedByTheLowestPoints) {
   std::mt19937_64 random(3);
   for (int k = 0; k < 100; ++k) {
     const Shape plane = shape_of(ShapeKind::plane, {0, 0, 0}, {0.3, -0.2, 0.1}, random_turn(random));
@@ -182,7 +182,7 @@ TEST(collide, a_plane_is_touched_by_the_lowest_points) {
   }
 }
 
-TEST(collide, a_box_on_a_box_has_the_four_corners_of_the_overlap) {
+TEST(Collide, ABoxOnABoxHasTheFourCornersOfTheOverlap) {
   const Shape below = shape_of(ShapeKind::box, {1, 2, 0.5});
   const Shape above = shape_of(ShapeKind::box, {0.5, 3, 0.25}, {0.8, 0, 0.74});
   const Manifold<double> found = collide(below, above, 0.01);
@@ -200,7 +200,7 @@ TEST(collide, a_box_on_a_box_has_the_four_corners_of_the_overlap) {
   EXPECT_EQ(corners, 1 + 2 + 4 + 8);
 }
 
-TEST(collide, eight_corners_of_an_octagon_become_four_that_span_it) {
+TEST(Collide, EightCornersOfAnOctagonBecomeFourThatSpanIt) {
   const double half = std::sqrt(0.5);
   const Quaternion<double> eighth{std::sqrt((1 + half) / 2), 0, 0, std::sqrt((1 - half) / 2)};
   const Manifold<double> found =
@@ -216,7 +216,7 @@ TEST(collide, eight_corners_of_an_octagon_become_four_that_span_it) {
   EXPECT_GT(y_high - y_low, 1.4);
 }
 
-TEST(collide, crossed_edges_touch_in_one_point) {
+TEST(Collide, CrossedEdgesTouchInOnePoint) {
   // Two bars on their edges, crosswise, each turned by 45 degrees about its own axis.
   const double c = std::sqrt((1 + std::sqrt(0.5)) / 2), s = std::sqrt((1 - std::sqrt(0.5)) / 2);
   const double top = std::sqrt(2.0) * 0.1;
@@ -231,7 +231,7 @@ TEST(collide, crossed_edges_touch_in_one_point) {
   EXPECT_NEAR(found.at[0].point.z, top - 0.01, 1e-9);
 }
 
-TEST(collide, a_capsule_lies_on_a_face_in_two_points_and_stands_on_it_in_one) {
+TEST(Collide, ACapsuleLiesOnAFaceInTwoPointsAndStandsOnItInOne) {
   const Shape box = shape_of(ShapeKind::box, {1, 1, 0.5});
   const double half = std::sqrt(0.5);
   const Shape lying = shape_of(ShapeKind::capsule, {0.1, 0.8, 0}, {0.6, 0, 0.59}, {half, 0, half, 0});
@@ -246,7 +246,7 @@ TEST(collide, a_capsule_lies_on_a_face_in_two_points_and_stands_on_it_in_one) {
   EXPECT_NEAR(one.at[0].depth, 0.01, kFew);
 }
 
-TEST(collide, parallel_capsules_touch_at_both_ends_of_their_overlap) {
+TEST(Collide, ParallelCapsulesTouchAtBothEndsOfTheirOverlap) {
   const Shape a = shape_of(ShapeKind::capsule, {0.1, 0.5, 0});
   const Shape b = shape_of(ShapeKind::capsule, {0.2, 0.5, 0}, {0.29, 0, 0.4});
   const Manifold<double> found = collide(a, b, 0.0);
@@ -260,7 +260,7 @@ TEST(collide, parallel_capsules_touch_at_both_ends_of_their_overlap) {
   }
 }
 
-TEST(collide, shapes_with_one_centre_part_along_some_unit_normal) {
+TEST(Collide, ShapesWithOneCentrePartAlongSomeUnitNormal) {
   for (const ShapeKind one : {ShapeKind::sphere, ShapeKind::capsule, ShapeKind::box})
     for (const ShapeKind other : {ShapeKind::sphere, ShapeKind::capsule, ShapeKind::box}) {
       const Manifold<double> found = collide(shape_of(one, {0.2, 0.3, 0.4}), shape_of(other, {0.3, 0.2, 0.1}), 0.0);

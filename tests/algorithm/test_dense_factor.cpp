@@ -38,7 +38,7 @@ double worst_residual(const std::vector<double>& k, const std::vector<double>& x
   return worst;
 }
 
-TEST(DenseFactor, solves_what_it_factored) {
+TEST(DenseFactor, SolvesWhatItFactored) {
   for (const Index n : {1, 2, 3, 17, 64}) {
     std::vector<double> k = symmetric(n, n, 0.1, 7), b(static_cast<std::size_t>(n));
     for (std::size_t i = 0; i < b.size(); ++i) b[i] = std::sin(static_cast<double>(i) + 1.0);
@@ -50,7 +50,7 @@ TEST(DenseFactor, solves_what_it_factored) {
   }
 }
 
-TEST(DenseFactor, a_consistent_semidefinite_system_is_solved_without_its_null_space) {
+TEST(DenseFactor, AConsistentSemidefiniteSystemIsSolvedWithoutItsNullSpace) {
   const Index n = 20, rank = 12;
   const std::vector<double> k = symmetric(n, rank, 0.0, 3);
   std::vector<double> b(n, 0.0);
@@ -63,7 +63,7 @@ TEST(DenseFactor, a_consistent_semidefinite_system_is_solved_without_its_null_sp
   EXPECT_LT(worst_residual(k, x, b), 1e-9);
 }
 
-TEST(DenseFactor, the_number_of_lanes_changes_no_bit) {
+TEST(DenseFactor, TheNumberOfLanesChangesNoBit) {
   const Index n = 23;
   const std::vector<double> k = symmetric(n, n, 0.1, 11);
   const std::vector<double> b(n, 1.0);

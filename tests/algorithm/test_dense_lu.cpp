@@ -46,7 +46,7 @@ Factored solved(const std::vector<double>& k, const std::vector<double>& b) {
   return f;
 }
 
-TEST(DenseLu, solves_what_it_factored) {
+TEST(DenseLu, SolvesWhatItFactored) {
   for (const Index n : {1, 2, 3, 17, 64}) {
     const std::vector<double> k = general(n, 5);
     std::vector<double> b(static_cast<std::size_t>(n));
@@ -58,7 +58,7 @@ TEST(DenseLu, solves_what_it_factored) {
   }
 }
 
-TEST(DenseLu, a_zero_in_a_pivots_place_is_no_obstacle) {
+TEST(DenseLu, AZeroInAPivotsPlaceIsNoObstacle) {
   // 2 x_1 = 4, 3 x_0 + x_1 = 5.
   const Factored f = solved({0, 3, 2, 1}, {4, 5});
   EXPECT_EQ(f.replaced, 0);
@@ -67,12 +67,12 @@ TEST(DenseLu, a_zero_in_a_pivots_place_is_no_obstacle) {
   EXPECT_EQ(f.pivots, (std::vector<double>{1, 1}));
 }
 
-TEST(DenseLu, among_equal_magnitudes_the_first_row_is_the_pivot) {
+TEST(DenseLu, AmongEqualMagnitudesTheFirstRowIsThePivot) {
   const Factored f = solved({1, -2, 2, 0, 1, 1, 1, 1, 5}, {1, 1, 1});
   EXPECT_EQ(f.pivots[0], 1.0);
 }
 
-TEST(DenseLu, a_direction_that_the_matrix_does_not_see_gets_no_part_of_the_solution) {
+TEST(DenseLu, ADirectionThatTheMatrixDoesNotSeeGetsNoPartOfTheSolution) {
   const Factored f = solved({1, 0, 0, 0, 0, 0, 0, 0, 4}, {3, 7, 8});
   EXPECT_EQ(f.replaced, 1);
   EXPECT_EQ(f.x[0], 3.0);
@@ -80,7 +80,7 @@ TEST(DenseLu, a_direction_that_the_matrix_does_not_see_gets_no_part_of_the_solut
   EXPECT_EQ(f.x[2], 2.0);
 }
 
-TEST(DenseLu, the_number_of_lanes_changes_no_bit) {
+TEST(DenseLu, TheNumberOfLanesChangesNoBit) {
   const std::vector<double> k = general(23, 9);
   const std::vector<double> b(23, 1.0);
   const Factored serial = solved(k, b);

@@ -207,7 +207,7 @@ void expect_same_on_every_team() {
     EXPECT_TRUE(same_bits(alone, on_team<kLaw, Real>(env, width))) << "width " << width;
 }
 
-TEST(torture, ipm_without_matrices_has_the_same_bits_on_blocks_of_every_width) {
+TEST(Torture, IpmWithoutMatricesHasTheSameBitsOnBlocksOfEveryWidth) {
   expect_same_on_every_team<Law::convex, float>();
   expect_same_on_every_team<Law::coulomb, double>();
 }

@@ -80,7 +80,7 @@ bool is_positive_definite(const Dense& A) {
   return Eigen::LLT<Dense>(A).info() == Eigen::Success;
 }
 
-TEST(Multigrid, a_cycle_is_symmetric_and_positive_definite) {
+TEST(Multigrid, ACycleIsSymmetricAndPositiveDefinite) {
   with_every_kind(26, 3, [](const MultigridCase& one, const Multigrid& grids) {
     for (unsigned seed = 0; seed < 100; ++seed) {
       const Vector x = random_vector(static_cast<Index>(one.size()), 2 * seed),
@@ -93,7 +93,7 @@ TEST(Multigrid, a_cycle_is_symmetric_and_positive_definite) {
   });
 }
 
-TEST(Multigrid, no_error_grows_in_a_cycle) {
+TEST(Multigrid, NoErrorGrowsInACycle) {
   with_every_kind(9, 2, [](MultigridCase& one, const Multigrid& grids) {
     const Dense H = to_eigen(one.H());
     Dense inverse(H.rows(), H.cols());
@@ -110,7 +110,7 @@ TEST(Multigrid, no_error_grows_in_a_cycle) {
   });
 }
 
-TEST(Multigrid, few_bodies_and_uncoupled_ones_are_solved_exactly) {
+TEST(Multigrid, FewBodiesAndUncoupledOnesAreSolvedExactly) {
   StackedBoxes few = StackedBoxes::wall(7);
   few.add_box({-50, 0, 20.3});
   StackedBoxes pairs;
@@ -136,7 +136,7 @@ TEST(Multigrid, few_bodies_and_uncoupled_ones_are_solved_exactly) {
   EXPECT_TRUE(outcome.is_met) << "a pair has twelve unknowns";
 }
 
-TEST(Multigrid, nothing_and_a_single_body_are_no_special_cases) {
+TEST(Multigrid, NothingAndASingleBodyAreNoSpecialCases) {
   SerialTeam team;
   MultigridCase nothing(StackedBoxes(), 1.0, {});
   cycle(nothing.prepared(team), Vector());
@@ -148,7 +148,7 @@ TEST(Multigrid, nothing_and_a_single_body_are_no_special_cases) {
   EXPECT_LE((cycle(one.prepared(team), b) - exact).norm(), 1e-12 * exact.norm());
 }
 
-TEST(Multigrid, coarse_matrices_are_galerkin_products) {
+TEST(Multigrid, CoarseMatricesAreGalerkinProducts) {
   with_every_kind(26, 3, [](const MultigridCase&, const Multigrid& grids) {
     for (Index l = 0; l + 1 < grids.plan.levels(); ++l) {
       const Sparse H = to_eigen(grids.level(l).smoother.H), P = to_eigen(grids.level(l).P);
@@ -193,14 +193,14 @@ double rigid_error(const Multigrid& grids, const std::vector<double>& positions)
   return worst;
 }
 
-TEST(Multigrid, rigid_prolongations_reproduce_the_six_motions_of_the_whole) {
+TEST(Multigrid, RigidProlongationsReproduceTheSixMotionsOfTheWhole) {
   const StackedBoxes scene = StackedBoxes::wall(26);
   SerialTeam team;
   MultigridCase one(scene, 1e-3, {Prolongation::plain, Cycle::v});
   EXPECT_LE(rigid_error(one.prepared(team), scene.positions()), 1e-15);
 }
 
-TEST(Multigrid, smoothed_prolongations_do_where_those_cost_no_force) {
+TEST(Multigrid, SmoothedProlongationsDoWhereThoseCostNoForce) {
   StackedBoxes scene = StackedBoxes::wall(26);
   scene.lift_off_the_ground();
   SerialTeam team;
@@ -211,7 +211,7 @@ TEST(Multigrid, smoothed_prolongations_do_where_those_cost_no_force) {
   EXPECT_GE(rigid_error(heavy.prepared(team), scene.positions()), 1e-6);
 }
 
-TEST(Multigrid, the_power_method_comes_close_to_the_largest_eigenvalue) {
+TEST(Multigrid, ThePowerMethodComesCloseToTheLargestEigenvalue) {
   SerialTeam team;
   MultigridCase one(StackedBoxes::wall(18), 1e-3, {});
   const Multigrid grids = one.prepared(team);
@@ -239,14 +239,14 @@ Index iterations_on(const StackedBoxes& scene) {
   return outcome.iterations;
 }
 
-TEST(Multigrid, iterations_hardly_grow_with_the_wall) {
+TEST(Multigrid, IterationsHardlyGrowWithTheWall) {
   const Index small = iterations_on(StackedBoxes::wall(10)), medium = iterations_on(StackedBoxes::wall(30)),
               large = iterations_on(StackedBoxes::wall(60));
   EXPECT_LE(medium, 2 * small);
   EXPECT_LE(large, 2 * small) << small << ", " << medium << ", " << large;
 }
 
-TEST(Multigrid, open_contacts_do_not_tie_bodies_together) {
+TEST(Multigrid, OpenContactsDoNotTieBodiesTogether) {
   StackedBoxes scene = StackedBoxes::wall(30);
   const Index closed = iterations_on(scene);
   scene.open_beds(20);
@@ -254,7 +254,7 @@ TEST(Multigrid, open_contacts_do_not_tie_bodies_together) {
   EXPECT_LE(2 * iterations_on(scene), 3 * closed) << closed;
 }
 
-TEST(Multigrid, the_number_of_lanes_changes_no_bit) {
+TEST(Multigrid, TheNumberOfLanesChangesNoBit) {
   for (const MultigridOptions& options : kMultigridKinds) {
     const StackedBoxes scene = mixed_scene(13);
     MultigridCase serial(scene, 1e-3, options);

@@ -100,7 +100,7 @@ void measure(const std::string& name, const StackedBoxes& scene, double R) {
   std::printf(" %.2f, %.2f |\n", complexity[0], complexity[1]);
 }
 
-TEST(MultigridTable, scenes_of_some_hundred_bodies) {
+TEST(MultigridTable, ScenesOfSomeHundredBodies) {
   for (const double R : {1e-3, 1e-5}) {
     measure("tower", StackedBoxes::tower(200), R);
     measure("wall", StackedBoxes::wall(10), R);
@@ -108,7 +108,7 @@ TEST(MultigridTable, scenes_of_some_hundred_bodies) {
   }
 }
 
-TEST(MultigridTable, DISABLED_scenes_of_some_thousand_bodies) {
+TEST(MultigridTable, DISABLED_ScenesOfSomeThousandBodies) {
   for (const double R : {1e-3, 1e-5}) {
     measure("tower", StackedBoxes::tower(1000), R);
     for (const Index n : {30, 60}) measure("wall", StackedBoxes::wall(n), R);

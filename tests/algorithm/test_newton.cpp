@@ -56,7 +56,7 @@ void expect_hand_answer(const HandAnswer& hand) {
     EXPECT_NEAR(run.prepared.env.w[i], hand.w[i], 1e-11) << "w of row " << i;
   }
 }
-TEST(Newton, small_systems_have_the_answers_worked_out_by_hand) {
+TEST(Newton, SmallSystemsHaveTheAnswersWorkedOutByHand) {
   for (const HandAnswer& hand : hand_answers()) {
     SCOPED_TRACE(hand.why);
     if (hand.law == Law::convex) {
@@ -67,11 +67,11 @@ TEST(Newton, small_systems_have_the_answers_worked_out_by_hand) {
   }
 }
 
-TEST(Newton, the_public_solver_has_the_answers_worked_out_by_hand) {
+TEST(Newton, ThePublicSolverHasTheAnswersWorkedOutByHand) {
   expect_hand_answers(SolverKind::newton, 1e-11, 100);
 }
 
-TEST(Newton, compliance_that_is_part_of_the_motion_is_taken_out_of_the_matrix) {
+TEST(Newton, ComplianceThatIsPartOfTheMotionIsTakenOutOfTheMatrix) {
   // A = 1, R = 1: a pressed row has lambda = 2 / 2, and the primal problem's zeta is lambda itself.
   Environment<double> env = contact({1, 1, 1}, {-2, 0.25, 0}, 0.5);
   env.R = {1, 1, 1};
@@ -92,7 +92,7 @@ Recipe recipe_of(std::uint64_t seed, double rank, double compliance) {
   return recipe;
 }
 
-TEST(Newton, compliant_systems_are_solved_to_rounding_in_few_iterations_even_if_they_are_singular) {
+TEST(Newton, CompliantSystemsAreSolvedToRoundingInFewIterationsEvenIfTheyAreSingular) {
   for (const double rank : {1.5, 0.5})
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
       SCOPED_TRACE(testing::Message() << "rank " << rank << ", seed " << seed);
@@ -111,7 +111,7 @@ TEST(Newton, compliant_systems_are_solved_to_rounding_in_few_iterations_even_if_
     }
 }
 
-TEST(Newton, the_line_search_makes_it_converge_from_any_warm_start) {
+TEST(Newton, TheLineSearchMakesItConvergeFromAnyWarmStart) {
   const Environment<double> env = random_contacts(recipe_of(3, 0.5, 0.01));
   std::vector<double> wild(env.b.size());
   for (std::size_t i = 0; i < wild.size(); ++i) wild[i] = (i % 2 == 0 ? 1e4 : -1e4) * static_cast<double>(i + 1);
@@ -120,14 +120,14 @@ TEST(Newton, the_line_search_makes_it_converge_from_any_warm_start) {
   EXPECT_LT(run.absolute, 1e-10);
 }
 
-TEST(Newton, the_answer_as_warm_start_is_where_it_stays) {
+TEST(Newton, TheAnswerAsWarmStartIsWhereItStays) {
   const Environment<double> env = random_contacts(recipe_of(5, 1.5, 0.01));
   const oracle::Answer truth = oracle::solve_convex(env);
   Iterated<Law::convex> run(env, 100, truth.lambda);
   EXPECT_LE(run.iterations_to(1e-8), 1);
 }
 
-TEST(Newton, rigid_systems_go_by_the_natural_map) {
+TEST(Newton, RigidSystemsGoByTheNaturalMap) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     SCOPED_TRACE(seed);
     const Environment<double> env = random_contacts(recipe_of(seed, 1.5, 0.0));
@@ -138,7 +138,7 @@ TEST(Newton, rigid_systems_go_by_the_natural_map) {
   }
 }
 
-TEST(Newton, where_coulombs_solution_is_unique_it_is_the_oracles) {
+TEST(Newton, WhereCoulombsSolutionIsUniqueItIsTheOracles) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     SCOPED_TRACE(seed);
     Recipe recipe = recipe_of(seed, 1.5, 0.0);
@@ -153,7 +153,7 @@ TEST(Newton, where_coulombs_solution_is_unique_it_is_the_oracles) {
   }
 }
 
-TEST(Newton, the_sparse_system_has_the_same_answer) {
+TEST(Newton, TheSparseSystemHasTheSameAnswer) {
   for (const double compliance : {0.01, 0.0}) {
     const Environment<double> env = random_contacts(recipe_of(2, 1.5, compliance));
     Iterated<Law::convex> dense(env);
@@ -163,7 +163,7 @@ TEST(Newton, the_sparse_system_has_the_same_answer) {
   }
 }
 
-TEST(Newton, nothing_is_not_a_number_where_bounds_meet_friction_is_absent_or_nothing_moves) {
+TEST(Newton, NothingIsNotANumberWhereBoundsMeetFrictionIsAbsentOrNothingMoves) {
   Environment<double> env =
       system({friction(3), box(), free_row()},
              {1, 0, 0, .1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, .1, 0, 0, 1, 0, 0, 0, 0, 0, 1}, {-1, 1, 1, -1, 1});
@@ -203,7 +203,7 @@ void expect_same_bits_on_teams(const Environment<double>& env) {
   const std::vector<double> alone = on_a_team<kLaw, SystemOf>(env, 1);
   for (const Index width : {2, 3, 8, 33}) EXPECT_EQ((on_a_team<kLaw, SystemOf>(env, width)), alone) << width;
 }
-TEST(Newton, the_number_of_lanes_changes_no_bit) {
+TEST(Newton, TheNumberOfLanesChangesNoBit) {
   for (const double compliance : {0.01, 0.0}) {
     const Environment<double> env = random_contacts(recipe_of(7, 0.6, compliance));
     expect_same_bits_on_teams<Law::convex, Dense>(env);

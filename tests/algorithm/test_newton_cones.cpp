@@ -90,7 +90,7 @@ void expect_minimisers() {
   }
   EXPECT_GT(slid, 500);
 }
-TEST(CompliantCone, its_reaction_is_the_minimiser_whatever_the_axes_compliance) {
+TEST(CompliantCone, ItsReactionIsTheMinimiserWhateverTheAxesCompliance) {
   expect_minimisers<2>();
   expect_minimisers<3>();
   expect_minimisers<4>();
@@ -141,7 +141,7 @@ void expect_derivative(Shape shape, double lo, double hi) {
     EXPECT_GT(seen[kSliding], 10);
   }
 }
-TEST(CompliantCone, its_factor_is_that_of_the_derivative) {
+TEST(CompliantCone, ItsFactorIsThatOfTheDerivative) {
   expect_derivative(ConeShape<ConeKind::free, 1>{}, 0, 0);
   expect_derivative(ConeShape<ConeKind::unilateral, 1>{}, 0, 0);
   expect_derivative(ConeShape<ConeKind::box, 1>{}, -0.5, 0.25);
@@ -150,7 +150,7 @@ TEST(CompliantCone, its_factor_is_that_of_the_derivative) {
   expect_derivative(Friction<4>{}, 0, 0);
 }
 
-TEST(CompliantCone, the_apex_and_axes_without_friction_make_no_nan) {
+TEST(CompliantCone, TheApexAndAxesWithoutFrictionMakeNoNan) {
   for (const Vector<3>& u : {Vector<3>{0, 0, 0}, Vector<3>{-1, 0, 0}, Vector<3>{1, 0, 0}, Vector<3>{0, 1, 0},
                              Vector<3>{1, 1, 0}, Vector<3>{-1, 1, 0}, Vector<3>{0, 1e-300, 1e-300},
                              Vector<3>{-1e-300, 1e-300, 0}, Vector<3>{1e300, -1e300, 1e300}}) {
@@ -188,7 +188,7 @@ void expect_projection_derivative() {
     }
   }
 }
-TEST(ConeDerivative, is_the_derivative_of_the_projection) {
+TEST(ConeDerivative, IsTheDerivativeOfTheProjection) {
   expect_projection_derivative<2>();
   expect_projection_derivative<3>();
   expect_projection_derivative<6>();

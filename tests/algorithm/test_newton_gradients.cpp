@@ -136,7 +136,7 @@ void expect_same_on_teams(const ContactBatch<double>& wide, const std::string& w
   }
 }
 
-TEST(torture, newton_by_gradients_has_the_same_bits_on_blocks_of_every_width) {
+TEST(Torture, NewtonByGradientsHasTheSameBitsOnBlocksOfEveryWidth) {
   // Small, because every step of gradients is a dozen barriers.
   JacobianRecipe recipe;
   recipe.contacts = 4;

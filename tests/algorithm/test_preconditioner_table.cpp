@@ -110,15 +110,15 @@ void expect_measured(const TableRow& row) {
   EXPECT_EQ(iterations, row.iterations) << "docs/math/preconditioners.md says otherwise";
 }
 
-TEST(PreconditionerTable, is_what_is_measured) {
+TEST(PreconditionerTable, IsWhatIsMeasured) {
   for (const TableRow& row : kTable) expect_measured(row);
 }
-TEST(PreconditionerTable, DISABLED_is_what_is_measured_in_minutes) {
+TEST(PreconditionerTable, DISABLED_IsWhatIsMeasuredInMinutes) {
   for (const TableRow& row : kLongTable) expect_measured(row);
 }
 
 /// Of orderings whose algorithm is this library's own.
-TEST(PreconditionerTable, incomplete_cholesky_by_ordering_is_what_is_measured) {
+TEST(PreconditionerTable, IncompleteCholeskyByOrderingIsWhatIsMeasured) {
   const auto iterations = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);
     PreconditionerWorkspace workspace(system, Preconditioning::incomplete_cholesky, ordering);
@@ -160,7 +160,7 @@ std::array<Index, 2> eliminate(const BlockPattern& pattern, const std::vector<In
 }
 
 /// Those whose algorithm is this library's own; a library's may change with its version.
-TEST(PreconditionerTable, fill_is_what_is_counted) {
+TEST(PreconditionerTable, FillIsWhatIsCounted) {
   const auto blocks = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);
     PreconditionerWorkspace workspace(system, Preconditioning::block_ldl, ordering);

@@ -20,7 +20,7 @@ std::vector<BoxScene> degenerate() {
   return {box_tower(1), random_touching(1, 6, 0.0), two, random_touching(4, 20, 1.0), random_touching(5, 40, 0.05)};
 }
 
-TEST(Preconditioners, are_symmetric_and_positive_definite) {
+TEST(Preconditioners, AreSymmetricAndPositiveDefinite) {
   for (const auto& scenes : {piles(), degenerate()})
     for (const BoxScene& scene : scenes)
       for (const Preconditioning kind : kAllPreconditionings) {
@@ -37,7 +37,7 @@ TEST(Preconditioners, are_symmetric_and_positive_definite) {
       }
 }
 
-TEST(Preconditioners, each_needs_no_more_iterations_than_the_scalar_diagonal) {
+TEST(Preconditioners, EachNeedsNoMoreIterationsThanTheScalarDiagonal) {
   for (const double compliance : {1e-3, 1e-5})
     for (const unsigned sliding : {0U, 20U})
       for (const BoxScene& scene : piles()) {
@@ -53,7 +53,7 @@ TEST(Preconditioners, each_needs_no_more_iterations_than_the_scalar_diagonal) {
       }
 }
 
-TEST(Preconditioners, solve_what_has_no_couplings_at_once) {
+TEST(Preconditioners, SolveWhatHasNoCouplingsAtOnce) {
   for (const BoxScene& scene : {box_tower(1), random_touching(1, 6, 0.0)})
     for (const Preconditioning kind : kAllPreconditionings) {
       if (kind == Preconditioning::scalar_diagonal) continue;
@@ -63,7 +63,7 @@ TEST(Preconditioners, solve_what_has_no_couplings_at_once) {
     }
 }
 
-TEST(Preconditioners, lanes_change_no_bit) {
+TEST(Preconditioners, LanesChangeNoBit) {
   for (const auto& scenes : {piles(), degenerate()})
     for (const BoxScene& scene : scenes)
       for (const Preconditioning kind : kAllPreconditionings) {
@@ -85,7 +85,7 @@ TEST(Preconditioners, lanes_change_no_bit) {
       }
 }
 
-TEST(ScalarDiagonal, divides_by_what_is_on_the_diagonal) {
+TEST(ScalarDiagonal, DividesByWhatIsOnTheDiagonal) {
   PreconditionerWorkspace workspace(box_matrix(box_wall(3, 3), 1e-3), Preconditioning::scalar_diagonal);
   const std::vector<double> H = dense_of(workspace.system.matrix()), r = random_vector(workspace.n(), 5),
                             z = workspace.apply(r);
@@ -115,7 +115,7 @@ double shift_of(PreconditionerWorkspace& workspace) {
   return IncompleteCholesky{workspace.factor(), workspace.memory.data()}.prepare(team, workspace.system.matrix());
 }
 
-TEST(IncompleteCholesky, is_the_factorisation_itself_where_that_has_no_fill) {
+TEST(IncompleteCholesky, IsTheFactorisationItselfWhereThatHasNoFill) {
   PreconditionerWorkspace incomplete(box_matrix(box_tower(50), 1e-5), Preconditioning::incomplete_cholesky);
   PreconditionerWorkspace complete(box_matrix(box_tower(50), 1e-5), Preconditioning::block_ldl);
   const std::vector<double> r = random_vector(incomplete.n(), 8);
@@ -123,7 +123,7 @@ TEST(IncompleteCholesky, is_the_factorisation_itself_where_that_has_no_fill) {
   EXPECT_EQ(shift_of(incomplete), 0.0);
 }
 
-TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
+TEST(IncompleteCholesky, AgreesWithTheMatrixOnItsPattern) {
   PreconditionerWorkspace workspace(box_matrix(box_wall(6, 6), 1e-3), Preconditioning::incomplete_cholesky);
   ASSERT_EQ(shift_of(workspace), 0.0);
   const BlockFactorView plan = workspace.factor();
@@ -157,7 +157,7 @@ TEST(IncompleteCholesky, agrees_with_the_matrix_on_its_pattern) {
   EXPECT_TRUE(has_dropped) << "a matrix without fill would show nothing";
 }
 
-TEST(IncompleteCholesky, begins_again_with_a_larger_diagonal_where_a_pivot_is_lost) {
+TEST(IncompleteCholesky, BeginsAgainWithALargerDiagonalWhereAPivotIsLost) {
   // Kershaw (1978): positive definite, and the last pivot of IC(0) is -5.
   PreconditionerWorkspace workspace(spread({{3, -2, 0, 2}, {-2, 3, -2, 0}, {0, -2, 3, -2}, {2, 0, -2, 3}}),
                                     Preconditioning::incomplete_cholesky, Ordering::natural);
@@ -172,14 +172,14 @@ TEST(IncompleteCholesky, begins_again_with_a_larger_diagonal_where_a_pivot_is_lo
   EXPECT_TRUE(workspace.solve(random_vector(workspace.n(), 1), solution, 1e-10, 24).is_met);
 }
 
-TEST(IncompleteCholesky, ends_with_a_matrix_that_nothing_mends) {
+TEST(IncompleteCholesky, EndsWithAMatrixThatNothingMends) {
   PreconditionerWorkspace workspace(spread({{1, 1000}, {1000, 1}}), Preconditioning::incomplete_cholesky,
                                     Ordering::natural);
   EXPECT_EQ(shift_of(workspace), 64.0);
   for (const double z : workspace.apply(random_vector(workspace.n(), 1))) EXPECT_TRUE(std::isfinite(z));
 }
 
-TEST(SparseInverse, is_the_inverse_where_its_rows_are_full) {
+TEST(SparseInverse, IsTheInverseWhereItsRowsAreFull) {
   for (const BoxScene& scene : {box_tower(1), box_tower(2), random_touching(6, 9, 1.0)}) {
     PreconditionerWorkspace inverse(box_matrix(scene, 1e-3), Preconditioning::sparse_inverse);
     PreconditionerWorkspace factor(box_matrix(scene, 1e-3), Preconditioning::block_ldl);
@@ -190,7 +190,7 @@ TEST(SparseInverse, is_the_inverse_where_its_rows_are_full) {
   }
 }
 
-TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
+TEST(SparseInverse, RowsAreShortHoweverManyTouchABody) {
   PreconditionerWorkspace workspace(box_matrix(random_touching(7, 30, 1.0), 1e-3), Preconditioning::sparse_inverse);
   const SparseInverseView plan = workspace.inverse();
   Index longest = 0;
@@ -203,7 +203,7 @@ TEST(SparseInverse, rows_are_short_however_many_touch_a_body) {
 /// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i: what is left is orthogonal
 /// to the rows of L that the pattern lets in, which with H = L L' says that G H has no block on the pattern but the
 /// diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
-TEST(SparseInverse, minimises_the_distance_of_G_L_from_the_identity_up_to_the_scale_of_its_rows) {
+TEST(SparseInverse, MinimisesTheDistanceOfGLFromTheIdentityUpToTheScaleOfItsRows) {
   for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {
     PreconditionerWorkspace workspace(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);
     workspace.apply(random_vector(workspace.n(), 1));

@@ -146,19 +146,19 @@ class SiCase {
 
 }  // namespace
 
-TEST(si, blocks_of_every_width_give_the_same_bits_for_a_random_cloud) {
+TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsForARandomCloud) {
   const Env cloud = random_bodies(5, 12, 45);
   SiCase<Law::coulomb, float>(cloud, 1, true, true).expect_same_on_all_blocks();
   SiCase<Law::convex, float>(cloud, 1, false, false).expect_same_on_all_blocks();
 }
 
-TEST(si, blocks_of_every_width_give_the_same_bits_in_sub_steps) {
+TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsInSubSteps) {
   const Env pile = scenes::make_body_pile(9, 70);
   SiCase<Law::coulomb, double>(pile, 3, true, true).expect_same_on_all_blocks();
   SiCase<Law::convex, double>(pile, 2, false, true).expect_same_on_all_blocks();
 }
 
-TEST(si, a_poisoned_environment_is_refused_alike_and_safely) {
+TEST(SequentialImpulses, APoisonedEnvironmentIsRefusedAlikeAndSafely) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto poison = [](auto&& change, std::uint32_t flag) {
     Env env = random_bodies(6, 8, 20);
@@ -182,7 +182,7 @@ TEST(si, a_poisoned_environment_is_refused_alike_and_safely) {
       kFlagBadDiagonal);
 }
 
-TEST(si, an_iteration_that_overflows_is_answered_alike) {
+TEST(SequentialImpulses, AnIterationThatOverflowsIsAnsweredAlike) {
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.bodies[0].inv_mass = 3e38;
   env.contacts[0].arm_b = {1e19, 1e19, -1e19};

@@ -7,7 +7,7 @@
 
 namespace stiction::test {
 
-TEST(torture, a_block_gives_every_lane_the_first_lanes_value) {
+TEST(Torture, ABlockGivesEveryLaneTheFirstLanesValue) {
   for (const Index width : kWidths) {
     std::vector<double> seen(static_cast<std::size_t>(width));
     run_stressed(width, kTorture<1>, [&](auto& team) {
@@ -19,7 +19,7 @@ TEST(torture, a_block_gives_every_lane_the_first_lanes_value) {
   }
 }
 
-TEST(torture, maxima_flags_and_sums_are_on_every_lane_whatever_the_width) {
+TEST(Torture, MaximaFlagsAndSumsAreOnEveryLaneWhateverTheWidth) {
   const std::vector<float> values{0.1F, 7.5F, 3.3F, 1e-3F, 2.2F, 7.25F, 0.7F};
   const auto term = [&](Index leaf) { return values[static_cast<std::size_t>(leaf) % values.size()]; };
   SerialTeam serial;
@@ -34,17 +34,17 @@ TEST(torture, maxima_flags_and_sums_are_on_every_lane_whatever_the_width) {
   }
 }
 
-TEST(torture, lanes_that_dawdle_change_no_bit_of_a_dense_environment) {
+TEST(Torture, LanesThatDawdleChangeNoBitOfADenseEnvironment) {
   const TortureCase<Npgs, Law::coulomb, float> one(small_dense(), true);
   for (const Index width : {3, 33}) one.expect_same_dense<1>(width, kJitter, "jitter, dense");
 }
 
-TEST(torture, lanes_that_dawdle_change_no_bit_of_a_sparse_environment) {
+TEST(Torture, LanesThatDawdleChangeNoBitOfASparseEnvironment) {
   const TortureCase<Apgd, Law::convex, double> one(small_sparse(), false);
   for (const Index width : {5, 16}) one.expect_same_sparse(width, kJitter, "jitter, sparse");
 }
 
-TEST(torture, a_poisoned_environment_is_refused_alike_on_blocks_of_every_width) {
+TEST(Torture, APoisonedEnvironmentIsRefusedAlikeOnBlocksOfEveryWidth) {
   Environment<double> poisoned = small_dense();
   poisoned.b[2] = std::numeric_limits<double>::quiet_NaN();
   const TortureCase<Npgs, Law::coulomb, float> one(poisoned, false);

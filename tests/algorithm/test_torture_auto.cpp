@@ -42,7 +42,7 @@ void expect_the_same_on_teams(const ContactBatch<double>& batch_of_doubles, Law 
   EXPECT_EQ(on_engine(device, batch, options, SizeClass::dense_block), solve_hashes(batch, options));
 }
 
-TEST(torture, the_ladder_has_the_same_bits_on_teams_of_a_few_lanes) {
+TEST(Torture, TheLadderHasTheSameBitsOnTeamsOfAFewLanes) {
   const ContactBatch<double> batch = late_stages(40);
   ASSERT_GE(batch.env_count(), 8);
   for (const int lanes : {1, 2, 3, 8}) {
@@ -51,7 +51,7 @@ TEST(torture, the_ladder_has_the_same_bits_on_teams_of_a_few_lanes) {
   }
 }
 
-TEST(torture, the_ladder_has_the_same_bits_on_teams_of_more_lanes_than_rows) {
+TEST(Torture, TheLadderHasTheSameBitsOnTeamsOfMoreLanesThanRows) {
   const ContactBatch<double> batch = late_stages(12);
   ASSERT_GE(batch.env_count(), 2);
   expect_the_same_on_teams<float>(batch, Law::coulomb, 1e-6, 33);
@@ -59,7 +59,7 @@ TEST(torture, the_ladder_has_the_same_bits_on_teams_of_more_lanes_than_rows) {
 }
 
 /// A sparse environment, whose stages run on another kind of system.
-TEST(torture, the_ladder_has_the_same_bits_on_a_sparse_environment) {
+TEST(Torture, TheLadderHasTheSameBitsOnASparseEnvironment) {
   ContactBatch<double> batch(Law::coulomb);
   batch.add(scenes::make("stack", 5, 0, 7).system);
   ASSERT_GT(batch.row_count(), 64);
@@ -67,7 +67,7 @@ TEST(torture, the_ladder_has_the_same_bits_on_a_sparse_environment) {
 }
 
 /// What the chain above is worth: stages that answer when each may iterate as long as it takes.
-TEST(torture, environments_of_the_chain_end_on_several_rungs) {
+TEST(Torture, EnvironmentsOfTheChainEndOnSeveralRungs) {
   SolverOptions patient = chain(Law::coulomb, 1e-9);
   patient.max_iterations = 500;
   std::set<SolverKind> answered;

@@ -85,19 +85,19 @@ class NewtonCase {
 
 }  // namespace
 
-TEST(TortureBodyNewton, blocks_of_every_width_give_the_same_bits_with_every_preconditioner) {
+TEST(TortureBodyNewton, BlocksOfEveryWidthGiveTheSameBitsWithEveryPreconditioner) {
   const BodyEnvironment<double> cloud = random_bodies(5, 8, 25);
   for (int kind = 0; kind < kBodyPreconditionerCount; ++kind)
     NewtonCase<Law::coulomb>(cloud, static_cast<BodyPreconditioner>(kind), 1).expect_same_on_all_blocks();
 }
 
-TEST(TortureBodyNewton, blocks_of_every_width_give_the_same_bits_in_sub_steps) {
+TEST(TortureBodyNewton, BlocksOfEveryWidthGiveTheSameBitsInSubSteps) {
   const BodyEnvironment<double> stack = scenes::make_body_stack(9, 5);
   NewtonCase<Law::convex>(stack, BodyPreconditioner::block_diagonal, 2).expect_same_on_all_blocks();
   NewtonCase<Law::coulomb>(stack, BodyPreconditioner::factor, 2).expect_same_on_all_blocks();
 }
 
-TEST(TortureBodyNewton, a_hierarchy_of_two_levels_gives_the_same_bits) {
+TEST(TortureBodyNewton, AHierarchyOfTwoLevelsGivesTheSameBits) {
   const BodyEnvironment<double> tower = box_bodies(box_tower(70), 0.5);
   NewtonCase<Law::convex>(tower, BodyPreconditioner::multigrid, 1).expect_same(3, [](TortureTeam& team, Index rank) {
     return StressTeam<1>(team, rank);

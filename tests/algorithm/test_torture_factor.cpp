@@ -52,7 +52,7 @@ void torture_both_laws() {
 
 }  // namespace
 
-TEST(torture, factors_have_the_same_bits_on_blocks_of_every_width) {
+TEST(Torture, FactorsHaveTheSameBitsOnBlocksOfEveryWidth) {
   torture_both_laws<Pgs>();
   torture_both_laws<Npgs>();
   torture_both_laws<Jacobi>();
@@ -92,7 +92,7 @@ void expect_same_form(const JacobianBatchView<double>& view) {
     }
 }
 
-TEST(torture, assembling_and_velocities_have_the_same_bits_on_blocks_of_every_width) {
+TEST(Torture, AssemblingAndVelocitiesHaveTheSameBitsOnBlocksOfEveryWidth) {
   for (const bool sparse : {false, true})
     for (const Index mass_block : {0, 6}) {
       JacobianBatch<double> jacobian(Law::convex, MassForm::matrix, mass_block);

@@ -58,7 +58,7 @@ void torture(const Environment<double>& environment, EnvPath path) {
     }
 }
 
-TEST(torture, lemke_has_the_same_bits_on_teams_of_every_width) {
+TEST(Torture, LemkeHasTheSameBitsOnTeamsOfEveryWidth) {
   const Environment<double> small = islands(40, 40);
   torture<float>(small, EnvPath::dense);
   torture<double>(small, EnvPath::dense);

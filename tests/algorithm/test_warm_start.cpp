@@ -21,7 +21,7 @@ void run_dawdling(Index width, std::uint64_t seed, F&& f) {
       width, [seed](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<1>(team, rank), seed); }, f);
 }
 
-TEST(sort, is_what_the_standard_library_makes_of_every_length_and_order) {
+TEST(Sort, IsWhatTheStandardLibraryMakesOfEveryLengthAndOrder) {
   std::mt19937_64 random(1);
   const auto ascending = [](std::uint64_t a, std::uint64_t b) { return a < b; };
   for (Index n = 0; n <= 130; ++n) {
@@ -41,7 +41,7 @@ TEST(sort, is_what_the_standard_library_makes_of_every_length_and_order) {
 
 /// By the 0-1 principle a network that sorts every sequence of zeros and ones sorts everything. Ties among zeros are
 /// broken by place, which a network of comparators cannot tell from a strict order.
-TEST(sort, sorts_every_sequence_of_zeros_and_ones_up_to_length_14) {
+TEST(Sort, SortsEverySequenceOfZerosAndOnesUpToLength14) {
   for (Index n = 1; n <= 14; ++n) {
     for (std::uint32_t pattern = 0; pattern < (1U << n); ++pattern) {
       std::vector<std::uint32_t> values(static_cast<std::size_t>(n));
@@ -53,7 +53,7 @@ TEST(sort, sorts_every_sequence_of_zeros_and_ones_up_to_length_14) {
   }
 }
 
-TEST(sort, does_not_depend_on_how_many_lanes_there_are) {
+TEST(Sort, DoesNotDependOnHowManyLanesThereAre) {
   std::mt19937_64 random(2);
   for (const Index width : kWidths) {
     for (const Index n : {1, 2, 31, 32, 33, 100}) {
@@ -69,7 +69,7 @@ TEST(sort, does_not_depend_on_how_many_lanes_there_are) {
   }
 }
 
-TEST(sort, finds_the_first_of_equals_and_the_end) {
+TEST(Sort, FindsTheFirstOfEqualsAndTheEnd) {
   const int values[] = {1, 3, 3, 3, 7};
   const auto before = [](int a, int b) { return a < b; };
   EXPECT_EQ(lower_bound(values, 5, 0, before), 0);
@@ -129,7 +129,7 @@ bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 
-TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
+TEST(WarmStart, LanesOfEveryNumberAndSpeedLeaveTheSameBytes) {
   const Cones before(3, 120);
   const Cones now(4, 140);
   const std::vector<EnvStatus> status(2);
@@ -163,7 +163,7 @@ TEST(warm_start, lanes_of_every_number_and_speed_leave_the_same_bytes) {
   }
 }
 
-TEST(warm_start, the_factor_of_a_changed_step_is_the_printed_formula) {
+TEST(WarmStart, TheFactorOfAChangedStepIsThePrintedFormula) {
   EXPECT_EQ(carry_factor<double>(0.5, StepScaling::capped, 0.01, 0.04), 0.5 * 0.25);
   EXPECT_EQ(carry_factor<double>(0.5, StepScaling::capped, 0.04, 0.01), 0.5);
   EXPECT_EQ(carry_factor<double>(0.5, StepScaling::none, 0.04, 0.01), 0.5);

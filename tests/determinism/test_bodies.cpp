@@ -40,7 +40,7 @@ BodySolverOptions few_steps(BodyPreconditioner preconditioner) {
 
 }  // namespace
 
-TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_instruction_set) {
+TEST(Bodies, NewtonsMethodHasTheSameBitsOnEveryNumberOfThreadsAndInstructionSet) {
   const auto batch =
       batch_of<float>({scenes::rounded(random_bodies(1, 5, 20)), scenes::rounded(scenes::make_body_pile(2, 5000)),
                        scenes::rounded(random_bodies(2, 5, 20))});
@@ -57,7 +57,7 @@ TEST(bodies, newtons_method_has_the_same_bits_on_every_number_of_threads_and_ins
   }
 }
 
-TEST(bodies, newtons_method_does_not_depend_on_neighbours_or_place) {
+TEST(Bodies, NewtonsMethodDoesNotDependOnNeighboursOrPlace) {
   const auto envs = mixed_environments();
   const auto batch = batch_of<float>(envs);
   for (const BodyPreconditioner preconditioner :
@@ -74,7 +74,7 @@ TEST(bodies, newtons_method_does_not_depend_on_neighbours_or_place) {
   }
 }
 
-TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads) {
+TEST(Bodies, OneLargeEnvironmentHasTheSameBitsOnEveryNumberOfThreads) {
   // Large enough for a team (4096 contacts), and two small neighbours that are not.
   const auto batch =
       batch_of<float>({scenes::rounded(random_bodies(1, 5, 20)), scenes::rounded(scenes::make_body_pile(2, 6000)),
@@ -93,7 +93,7 @@ TEST(bodies, one_large_environment_has_the_same_bits_on_every_number_of_threads)
     }
 }
 
-TEST(bodies, every_instruction_set_gives_the_same_bits) {
+TEST(Bodies, EveryInstructionSetGivesTheSameBits) {
   const auto batch = batch_of<float>(mixed_environments());
   const auto expected = solve_bodies(batch, {}, few_sweeps());
   for (const char* name : usable_isas()) {
@@ -102,7 +102,7 @@ TEST(bodies, every_instruction_set_gives_the_same_bits) {
   }
 }
 
-TEST(bodies, an_environment_does_not_depend_on_its_neighbours_or_its_place) {
+TEST(Bodies, AnEnvironmentDoesNotDependOnItsNeighboursOrItsPlace) {
   const auto envs = mixed_environments();
   const auto batch = batch_of<float>(envs);
   const auto together = solve_bodies(batch, {}, few_sweeps());
@@ -121,7 +121,7 @@ TEST(bodies, an_environment_does_not_depend_on_its_neighbours_or_its_place) {
                        part_of(apart, other.view(), static_cast<Offset>(k)), "environment " + std::to_string(place[k]));
 }
 
-TEST(bodies, a_poisoned_environment_leaves_all_others_alone) {
+TEST(Bodies, APoisonedEnvironmentLeavesAllOthersAlone) {
   auto envs = mixed_environments();
   const auto clean = batch_of<float>(envs);
   const auto expected = solve_bodies(clean, {}, few_sweeps());

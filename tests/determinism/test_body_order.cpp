@@ -68,7 +68,7 @@ class BodyOrder : public testing::Test {
 using Precisions = testing::Types<float, double>;
 TYPED_TEST_SUITE(BodyOrder, Precisions);
 
-TYPED_TEST(BodyOrder, permuted_environments_keep_their_bits) {
+TYPED_TEST(BodyOrder, PermutedEnvironmentsKeepTheirBits) {
   this->for_every_method([](const auto& whole) {
     auto order = whole.identity();
     scenes::Rng rng(17);
@@ -78,7 +78,7 @@ TYPED_TEST(BodyOrder, permuted_environments_keep_their_bits) {
   });
 }
 
-TYPED_TEST(BodyOrder, split_batches_and_batches_of_one_keep_their_bits) {
+TYPED_TEST(BodyOrder, SplitBatchesAndBatchesOfOneKeepTheirBits) {
   this->for_every_method([](const auto& whole) {
     const auto all = whole.identity();
     const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 3);
@@ -88,7 +88,7 @@ TYPED_TEST(BodyOrder, split_batches_and_batches_of_one_keep_their_bits) {
   });
 }
 
-TYPED_TEST(BodyOrder, merged_and_repeated_environments_keep_their_bits) {
+TYPED_TEST(BodyOrder, MergedAndRepeatedEnvironmentsKeepTheirBits) {
   this->for_every_method([](const auto& whole) {
     std::vector<std::size_t> order;
     for (int copy = 0; copy < 3; ++copy)

@@ -119,7 +119,7 @@ void expect_packs_change_nothing(const Setting& setting) {
 
 }  // namespace
 
-TEST(body_packs, an_environment_has_the_bits_of_a_call_of_its_own) {
+TEST(BodyPacks, AnEnvironmentHasTheBitsOfACallOfItsOwn) {
   for (const char* name : usable_isas()) {
     const ScopedIsa isa(name);
     for (const Setting& setting : kSettings) {
@@ -130,7 +130,7 @@ TEST(body_packs, an_environment_has_the_bits_of_a_call_of_its_own) {
   }
 }
 
-TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
+TEST(BodyPacks, EveryEnvironmentIsDealtOnceAndPacksHoldLikeSizes) {
   BodyPlanData plan;
   plan.kept = {40, 0, 5000, 41, 3, 42, 39, 2, 38, 3, 700};
   std::vector<Offset> bodies{0};
@@ -161,7 +161,7 @@ TEST(body_packs, every_environment_is_dealt_once_and_packs_hold_like_sizes) {
   for (const std::size_t e : {1U, 10U}) EXPECT_FALSE(packed[e]) << e;
 }
 
-TEST(body_packs, environments_whose_contacts_are_between_the_same_bodies_come_together) {
+TEST(BodyPacks, EnvironmentsWhoseContactsAreBetweenTheSameBodiesComeTogether) {
   BodyPlanData plan;
   std::vector<Offset> bodies{0};
   std::vector<Offset> contacts{0};

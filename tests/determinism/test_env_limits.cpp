@@ -44,23 +44,23 @@ void expect_own_limits(SolverKind solver, Device device, IslandMode islands = Is
   }
 }
 
-TEST(EnvLimits, each_environment_stops_by_its_own_on_the_cpu) {
+TEST(EnvLimits, EachEnvironmentStopsByItsOwnOnTheCpu) {
   expect_own_limits<float>(SolverKind::npgs, Device::cpu());
   expect_own_limits<double>(SolverKind::apgd, Device::cpu());
 }
 
-TEST(EnvLimits, each_environment_stops_by_its_own_on_a_device) {
+TEST(EnvLimits, EachEnvironmentStopsByItsOwnOnADevice) {
   expect_own_limits<float>(SolverKind::npgs, Device::emulated());
 }
 
-TEST(EnvLimits, every_island_has_its_environments_own) {
+TEST(EnvLimits, EveryIslandHasItsEnvironmentsOwn) {
   const ContactBatch<double> batch = ragged_batch(3, 4);
   const Islands islands = find_islands(batch.view());
   ASSERT_GT(*std::max_element(islands.count.begin(), islands.count.end()), 1);
   expect_own_limits<double>(SolverKind::npgs, Device::cpu(), IslandMode::apart);
 }
 
-TEST(EnvLimits, they_travel_with_the_environment) {
+TEST(EnvLimits, TheyTravelWithTheEnvironment) {
   const ContactBatch<double> batch = with_limits(scene_batch("mixed", 9, 1));
   const std::vector<Offset> order = {8, 3, 3, 0};
   const ContactBatch<double> gathered = gather(batch, order);

@@ -29,7 +29,7 @@ BodyBatch<Real> crowd() {
   return batch;
 }
 
-TYPED_TEST(IsaForms, bodies_have_the_same_bits_by_every_method) {
+TYPED_TEST(IsaForms, BodiesHaveTheSameBitsByEveryMethod) {
   const BodyBatch<TypeParam> batch = crowd<TypeParam>();
   for (const BodyMethodCase& method : every_body_method()) {
     std::optional<BodySolution<TypeParam>> expected;
@@ -62,7 +62,7 @@ template <class Real>
   return same_bits(std::span<const Real>(a.velocity), std::span<const Real>(b.velocity));
 }
 
-TYPED_TEST(IsaForms, jacobians_have_the_same_bits_by_every_solver) {
+TYPED_TEST(IsaForms, JacobiansHaveTheSameBitsByEverySolver) {
   using Real = TypeParam;
   for (const SolverKind solver : kEveryChoice)
     for (const Law law : kBothLaws)

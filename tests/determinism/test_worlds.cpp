@@ -44,14 +44,14 @@ class Scenes : public testing::TestWithParam<const char*> {};
 
 }  // namespace
 
-TEST_P(Scenes, bits_do_not_depend_on_threads) {
+TEST_P(Scenes, BitsDoNotDependOnThreads) {
   const std::uint64_t one = hash_after<double>(GetParam(), 18, kSteps, 1);
   for (const int threads : {2, 5}) EXPECT_EQ(hash_after<double>(GetParam(), 18, kSteps, threads), one);
   const std::uint64_t single = hash_after<float>(GetParam(), 18, kSteps, 1);
   EXPECT_EQ(hash_after<float>(GetParam(), 18, kSteps, 2), single);
 }
 
-TEST_P(Scenes, bits_do_not_depend_on_neighbours) {
+TEST_P(Scenes, BitsDoNotDependOnNeighbours) {
   World<double> many = started<double>(GetParam(), 32);
   run(many, kSteps);
   for (const Offset env : {0, 17, 31}) {
@@ -75,12 +75,12 @@ void expect_the_same_of_every_instruction_set(const char* scene) {
   }
 }
 
-TEST_P(Scenes, bits_do_not_depend_on_the_instruction_set) {
+TEST_P(Scenes, BitsDoNotDependOnTheInstructionSet) {
   expect_the_same_of_every_instruction_set<double>(GetParam());
   expect_the_same_of_every_instruction_set<float>(GetParam());
 }
 
-TEST_P(Scenes, environments_differ_by_seed_and_index) {
+TEST_P(Scenes, EnvironmentsDifferBySeedAndIndex) {
   World<double> world = started<double>(GetParam(), 2);
   EXPECT_NE(state_of(world, 0), state_of(world, 1));
   EXPECT_NE(state_of(world, 0), state_of(started<double>(GetParam(), 1, {}, Device::cpu(), 1), 0));
@@ -118,13 +118,13 @@ void expect_the_same_on_a_device(const char* scene, Offset envs, int steps) {
   expect_same(here, there);
 }
 
-TEST_P(Scenes, bits_do_not_depend_on_the_device) {
+TEST_P(Scenes, BitsDoNotDependOnTheDevice) {
   expect_the_same_on_a_device<double>(GetParam(), 5, 60);
   expect_the_same_on_a_device<float>(GetParam(), 3, 60);
   expect_the_same_on_a_device<double>(GetParam(), 1, 5);
 }
 
-INSTANTIATE_TEST_SUITE_P(worlds, Scenes, testing::Values("pile", "walker", "stack", "bounce", "slide"),
+INSTANTIATE_TEST_SUITE_P(Worlds, Scenes, testing::Values("pile", "walker", "stack", "bounce", "slide"),
                          [](const auto& scene) { return std::string(scene.param); });
 
 }  // namespace stiction::test

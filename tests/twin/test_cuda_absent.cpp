@@ -18,7 +18,7 @@ class CudaAbsent : public ::testing::Test {
   std::string reason_;
 };
 
-TEST_F(CudaAbsent, devices_lists_the_reason) {
+TEST_F(CudaAbsent, DevicesListsTheReason) {
   EXPECT_FALSE(reason_.empty());
 #if defined(STICTION_HAS_CUDA)
   EXPECT_THAT(reason_, ::testing::AnyOf(::testing::HasSubstr("cudaError"), ::testing::HasSubstr("reports none")));
@@ -27,7 +27,7 @@ TEST_F(CudaAbsent, devices_lists_the_reason) {
 #endif
 }
 
-TEST_F(CudaAbsent, a_solver_on_cuda_throws_that_reason) {
+TEST_F(CudaAbsent, ASolverOnCudaThrowsThatReason) {
   try {
     const Solver solver(Device::cuda(0), SolverOptions{});
     FAIL() << "a solver was made on a device that is not there";
@@ -41,7 +41,7 @@ TEST_F(CudaAbsent, a_solver_on_cuda_throws_that_reason) {
   }
 }
 
-TEST_F(CudaAbsent, asking_again_gives_the_same_answer) {
+TEST_F(CudaAbsent, AskingAgainGivesTheSameAnswer) {
   std::string again;
   EXPECT_FALSE(usable_cuda(again));
   EXPECT_EQ(again, reason_);

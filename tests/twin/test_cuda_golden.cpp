@@ -12,7 +12,7 @@ namespace {
 
 class CudaGolden : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(CudaGolden, every_answer_has_the_bits_of_the_table) {
+TEST_P(CudaGolden, EveryAnswerHasTheBitsOfTheTable) {
   std::string reason;
   const std::optional<Device> device = usable_cuda(reason);
   if (!device) GTEST_SKIP() << "no GPU to compare with: " << reason;
@@ -21,7 +21,7 @@ TEST_P(CudaGolden, every_answer_has_the_bits_of_the_table) {
   for (const GoldenCase& row : rows) EXPECT_EQ(goldens().at(row.name), row.hash(*device)) << row.name;
 }
 
-INSTANTIATE_TEST_SUITE_P(forms, CudaGolden, ::testing::ValuesIn(kGoldenForms),
+INSTANTIATE_TEST_SUITE_P(Forms, CudaGolden, ::testing::ValuesIn(kGoldenForms),
                          [](const auto& form) { return std::string(form.param); });
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 /// A solve captured into a CUDA graph once and launched again and again.
 #if !defined(STICTION_HAS_CUDA)
-TEST(CudaGraph, is_tested_where_the_build_has_cuda) {
+TEST(CudaGraph, IsTestedWhereTheBuildHasCuda) {
   GTEST_SKIP() << "built without the CUDA machine";
 }
 #else
@@ -58,7 +58,7 @@ std::vector<ContactBatch<float> > different_batches(int count, Offset envs) {
   return batches;
 }
 
-TEST(CudaGraph, a_captured_solve_is_replayed_with_other_numbers_contacts_and_counts) {
+TEST(CudaGraph, ACapturedSolveIsReplayedWithOtherNumbersContactsAndCounts) {
   std::string reason;
   const std::optional<Device> device = usable_cuda(reason);
   if (!device) GTEST_SKIP() << "no GPU to replay a graph on: " << reason;

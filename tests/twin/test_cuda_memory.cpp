@@ -4,7 +4,7 @@
 
 /// Batches that live on the GPU, and the errors of a device.
 #if !defined(STICTION_HAS_CUDA)
-TEST(CudaMemory, is_tested_where_the_build_has_cuda) {
+TEST(CudaMemory, IsTestedWhereTheBuildHasCuda) {
   GTEST_SKIP() << "built without the CUDA machine";
 }
 #else
@@ -114,7 +114,7 @@ class CudaMemory : public ::testing::Test {
   cudaStream_t stream_ = nullptr;
 };
 
-TEST_F(CudaMemory, a_batch_on_the_device_has_the_bits_of_the_host_on_a_stream_of_the_callers) {
+TEST_F(CudaMemory, ABatchOnTheDeviceHasTheBitsOfTheHostOnAStreamOfTheCallers) {
   for (const SolverKind solver : kAllSolvers) {
     SCOPED_TRACE(to_string(solver));
     SolverOptions chosen = options(solver, 1e-6, 40);
@@ -124,7 +124,7 @@ TEST_F(CudaMemory, a_batch_on_the_device_has_the_bits_of_the_host_on_a_stream_of
   }
 }
 
-TEST_F(CudaMemory, a_failing_call_throws_with_its_name_and_leaves_no_error_behind) {
+TEST_F(CudaMemory, AFailingCallThrowsWithItsNameAndLeavesNoErrorBehind) {
   try {
     void* memory = nullptr;
     STICTION_CUDA_TRY(cudaMalloc(&memory, std::size_t{1} << 60));
@@ -136,7 +136,7 @@ TEST_F(CudaMemory, a_failing_call_throws_with_its_name_and_leaves_no_error_behin
   EXPECT_EQ(cudaPeekAtLastError(), cudaSuccess);
 }
 
-TEST_F(CudaMemory, a_device_that_is_not_there_is_named_with_those_that_are) {
+TEST_F(CudaMemory, ADeviceThatIsNotThereIsNamedWithThoseThatAre) {
   try {
     const Solver solver(Device::cuda(1000), SolverOptions{});
     FAIL() << "a solver was made on cuda:1000";

@@ -54,7 +54,7 @@ class CudaTwin : public ::testing::Test {
 
 class CudaTwinOf : public CudaTwin, public ::testing::WithParamInterface<std::tuple<SolverKind, Law>> {};
 
-TEST_P(CudaTwinOf, ragged_batches_have_the_same_bits_in_both_precisions) {
+TEST_P(CudaTwinOf, RaggedBatchesHaveTheSameBitsInBothPrecisions) {
   const auto [solver, law] = GetParam();
   const ContactBatch<double> batch = everything();
   {
@@ -67,7 +67,7 @@ TEST_P(CudaTwinOf, ragged_batches_have_the_same_bits_in_both_precisions) {
   }
 }
 
-TEST_P(CudaTwinOf, a_warm_start_has_the_same_bits) {
+TEST_P(CudaTwinOf, AWarmStartHasTheSameBits) {
   const auto [solver, law] = GetParam();
   const ContactBatch<float> batch = convert<float>(everything());
   std::vector<float> warm(static_cast<std::size_t>(batch.row_count()));
@@ -76,7 +76,7 @@ TEST_P(CudaTwinOf, a_warm_start_has_the_same_bits) {
   expect_twins(batch, twin_options(solver, law), std::span<const float>(warm));
 }
 
-TEST_P(CudaTwinOf, a_thousand_contacts_in_one_environment_have_the_same_bits) {
+TEST_P(CudaTwinOf, AThousandContactsInOneEnvironmentHaveTheSameBits) {
   const auto [solver, law] = GetParam();
   const ContactBatch<double> batch = batch_of({scenes::make("stack", 3, 0, 250).system});
   SolverOptions few = twin_options(solver, law);
@@ -86,7 +86,7 @@ TEST_P(CudaTwinOf, a_thousand_contacts_in_one_environment_have_the_same_bits) {
 }
 
 #if defined(STICTION_HAS_CUDA)
-TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
+TEST_P(CudaTwinOf, WhoWorksOnAnEnvironmentChangesNoBit) {
   const auto [solver, law] = GetParam();
   const ContactBatch<float> batch = convert<float>(everything());
   const SolverOptions options = twin_options(solver, law);
@@ -108,14 +108,14 @@ TEST_P(CudaTwinOf, who_works_on_an_environment_changes_no_bit) {
 }
 #endif
 
-INSTANTIATE_TEST_SUITE_P(every_solver_and_law, CudaTwinOf,
+INSTANTIATE_TEST_SUITE_P(EverySolverAndLaw, CudaTwinOf,
                          ::testing::Combine(::testing::ValuesIn(kEverySolver), ::testing::ValuesIn(kBothLaws)),
                          [](const auto& instance) {
                            return std::string(to_string(std::get<0>(instance.param))) + "_" +
                                   to_string(std::get<1>(instance.param));
                          });
 
-TEST_F(CudaTwin, a_permuted_batch_has_the_same_bits_environment_by_environment) {
+TEST_F(CudaTwin, APermutedBatchHasTheSameBitsEnvironmentByEnvironment) {
   const ContactBatch<float> batch = convert<float>(everything());
   std::vector<Offset> order(static_cast<std::size_t>(batch.env_count()));
   std::iota(order.begin(), order.end(), Offset{0});
@@ -127,7 +127,7 @@ TEST_F(CudaTwin, a_permuted_batch_has_the_same_bits_environment_by_environment) 
   for (std::size_t i = 0; i < order.size(); ++i) EXPECT_EQ(actual[i], expected[static_cast<std::size_t>(order[i])]);
 }
 
-TEST_F(CudaTwin, thousands_of_small_environments_have_the_same_bits) {
+TEST_F(CudaTwin, ThousandsOfSmallEnvironmentsHaveTheSameBits) {
   ContactBatch<double> batch(Law::coulomb);
   std::vector<Environment<double>> some;
   for (std::uint64_t e = 0; e < 50; ++e)
@@ -136,11 +136,11 @@ TEST_F(CudaTwin, thousands_of_small_environments_have_the_same_bits) {
   expect_twins(convert<float>(batch), twin_options(SolverKind::npgs, Law::coulomb));
 }
 
-TEST_F(CudaTwin, a_batch_without_environments_is_solved) {
+TEST_F(CudaTwin, ABatchWithoutEnvironmentsIsSolved) {
   expect_twins(ContactBatch<float>{}, twin_options(SolverKind::npgs, Law::convex));
 }
 
-TEST_F(CudaTwin, a_solver_gives_the_same_bits_again_and_again) {
+TEST_F(CudaTwin, ASolverGivesTheSameBitsAgainAndAgain) {
   const ContactBatch<float> batch = convert<float>(everything());
   const SolverOptions npgs = twin_options(SolverKind::npgs, Law::coulomb);
   const Solution<float> expected = solve(batch, npgs);
@@ -157,7 +157,7 @@ TEST_F(CudaTwin, a_solver_gives_the_same_bits_again_and_again) {
   }
 }
 
-TEST_F(CudaTwin, w_may_be_left_out) {
+TEST_F(CudaTwin, WMayBeLeftOut) {
   const ContactBatch<float> batch = convert<float>(everything());
   const SolverOptions npgs = twin_options(SolverKind::npgs, Law::convex);
   const Solution<float> expected = solve(batch, npgs);

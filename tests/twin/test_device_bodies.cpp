@@ -90,7 +90,7 @@ BodyRequest<Real> request_of(const BodyBatch<Real>& batch, const BodyPlan& plan,
 
 }  // namespace
 
-TEST(DeviceBodies, an_emulated_device_gives_the_cpus_bits) {
+TEST(DeviceBodies, AnEmulatedDeviceGivesTheCpusBits) {
   for (const Law law : {Law::coulomb, Law::convex})
     for (const bool momentum : {false, true}) {
       BodySolverOptions options = quick(law);
@@ -102,7 +102,7 @@ TEST(DeviceBodies, an_emulated_device_gives_the_cpus_bits) {
     }
 }
 
-TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
+TEST(DeviceBodies, NewtonsMethodGivesTheCpusBitsOnAnyNumberOfLanes) {
   std::vector<BodyEnvironment<double>> envs;
   for (std::uint64_t seed = 0; seed < 6; ++seed) envs.push_back(random_bodies(seed, 5, static_cast<Index>(9 * seed)));
   envs.push_back({});
@@ -137,7 +137,7 @@ TEST(DeviceBodies, newtons_method_gives_the_cpus_bits_on_any_number_of_lanes) {
   check(double{});
 }
 
-TEST(DeviceBodies, a_plan_for_newtons_method_serves_impulses_too) {
+TEST(DeviceBodies, APlanForNewtonsMethodServesImpulsesToo) {
   const auto batch = batch_in<double>({random_bodies(1, 5, 13), scenes::make_body_stack(3, 4)});
   BodySolverOptions options = quick(Law::coulomb);
   const auto expected = solve_bodies(batch, {}, options);
@@ -156,7 +156,7 @@ TEST(DeviceBodies, a_plan_for_newtons_method_serves_impulses_too) {
 }
 
 /// What a device's fast memory has room for decides who works on a scene, and nothing else.
-TEST(DeviceBodies, a_lane_of_its_own_gives_the_bits_of_a_team) {
+TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
   const auto check = [](auto real) {
     using Real = decltype(real);
     const auto batch = batch_in<Real>(small_scenes());
@@ -186,7 +186,7 @@ TEST(DeviceBodies, a_lane_of_its_own_gives_the_bits_of_a_team) {
   check(double{});
 }
 
-TEST(DeviceBodies, fast_memory_decides_how_many_classes_there_are) {
+TEST(DeviceBodies, FastMemoryDecidesHowManyClassesThereAre) {
   std::vector<BodyEnvironment<double>> envs{random_bodies(1, 2, 4), random_bodies(2, 9, 16), random_bodies(3, 9, 17),
                                             random_bodies(4, 40, 16)};
   const auto batch = batch_in<float>(envs);
@@ -203,7 +203,7 @@ TEST(DeviceBodies, fast_memory_decides_how_many_classes_there_are) {
   EXPECT_EQ(launches(0), 1);
 }
 
-TEST(DeviceBodies, lanes_teams_and_order_change_nothing) {
+TEST(DeviceBodies, LanesTeamsAndOrderChangeNothing) {
   const auto batch = mixed_batch<float>();
   const BodySolverOptions options = quick(Law::coulomb);
   const auto expected = solve_bodies(batch, {}, options);
@@ -218,7 +218,7 @@ TEST(DeviceBodies, lanes_teams_and_order_change_nothing) {
     }
 }
 
-TEST(DeviceBodies, a_whole_device_works_on_one_large_environment) {
+TEST(DeviceBodies, AWholeDeviceWorksOnOneLargeEnvironment) {
   BodyBatch<float> batch;
   batch.add(scenes::rounded(scenes::make_body_pile(5, 20000)));
   ASSERT_GT(batch.contact_count(), 16385);
@@ -228,7 +228,7 @@ TEST(DeviceBodies, a_whole_device_works_on_one_large_environment) {
 }
 
 /// The emulated device's memory is any memory of the process, so a batch can be said to lie there.
-TEST(DeviceBodies, a_captured_solve_is_replayed_with_other_numbers) {
+TEST(DeviceBodies, ACapturedSolveIsReplayedWithOtherNumbers) {
   const BodySolverOptions options = quick(Law::coulomb);
   const auto batch = mixed_batch<float>();
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
@@ -267,7 +267,7 @@ TEST(DeviceBodies, a_captured_solve_is_replayed_with_other_numbers) {
   expect_same(expected, out);
 }
 
-TEST(DeviceBodies, a_device_that_fails_leaves_nothing_behind) {
+TEST(DeviceBodies, ADeviceThatFailsLeavesNothingBehind) {
   const auto batch = mixed_batch<float>();
   const BodySolverOptions options = quick(Law::coulomb);
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());

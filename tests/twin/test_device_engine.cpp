@@ -38,15 +38,15 @@ void expect_the_cpus_bits_of_every_solver() {
   }
 }
 
-TEST(DeviceEngine, every_solver_and_law_gives_the_cpus_bits_in_single_precision) {
+TEST(DeviceEngine, EverySolverAndLawGivesTheCpusBitsInSinglePrecision) {
   expect_the_cpus_bits_of_every_solver<float>();
 }
 
-TEST(DeviceEngine, every_solver_and_law_gives_the_cpus_bits_in_double_precision) {
+TEST(DeviceEngine, EverySolverAndLawGivesTheCpusBitsInDoublePrecision) {
   expect_the_cpus_bits_of_every_solver<double>();
 }
 
-TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
+TEST(DeviceEngine, LanesTeamsAndTheOrderOfExecutionChangeNothing) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 3));
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);
@@ -57,7 +57,7 @@ TEST(DeviceEngine, lanes_teams_and_the_order_of_execution_change_nothing) {
     }
 }
 
-TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
+TEST(DeviceEngine, TheClassOfAnEnvironmentChangesNothing) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(2, 6));
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);
@@ -68,7 +68,7 @@ TEST(DeviceEngine, the_class_of_an_environment_changes_nothing) {
   }
 }
 
-TEST(DeviceEngine, room_that_graphs_use_is_not_taken_from_them) {
+TEST(DeviceEngine, RoomThatGraphsUseIsNotTakenFromThem) {
   const ContactBatch<float> small = convert<float>(ragged_batch(1, 1)), large = convert<float>(ragged_batch(4, 1));
   const SolverOptions options = quick(SolverKind::npgs);
   cuda::EmulatedDevice device;
@@ -86,7 +86,7 @@ TEST(DeviceEngine, room_that_graphs_use_is_not_taken_from_them) {
   EXPECT_EQ(env_hashes(small, there.fetch(small, stream.get())), solve_hashes(small, options));
 }
 
-TEST(DeviceEngine, a_plan_is_made_again_once_graphs_may_have_written_over_it) {
+TEST(DeviceEngine, APlanIsMadeAgainOnceGraphsMayHaveWrittenOverIt) {
   const ContactBatch<float> one = convert<float>(scene_batch("mixed", 20, 1)),
                             two = convert<float>(scene_batch("mixed", 20, 2));
   const SolverOptions options = quick(SolverKind::npgs);
@@ -118,7 +118,7 @@ TEST(DeviceEngine, a_plan_is_made_again_once_graphs_may_have_written_over_it) {
   EXPECT_EQ(env_hashes(two, there_two.fetch(two, stream.get())), solve_hashes(two, options));
 }
 
-TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
+TEST(DeviceEngine, AGraphIsReplayedWithOtherNumbersContactsAndCounts) {
   constexpr Offset kEnvs = 16;
   constexpr int kReplays = 18;
   std::vector<ContactBatch<float>> batches;
@@ -150,7 +150,7 @@ TEST(DeviceEngine, a_graph_is_replayed_with_other_numbers_contacts_and_counts) {
   EXPECT_EQ(device.calls(cuda::DeviceCall::allocate), allocations);
 }
 
-TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
+TEST(DeviceEngine, SolvesOnTwoStreamsDoNotMeet) {
   const ContactBatch<float> one = convert<float>(ragged_batch(2, 1)), two = convert<float>(ragged_batch(2, 2));
   const SolverOptions options = quick(SolverKind::npgs);
   const Capacity reserved = larger(Capacity::of(one.view()), Capacity::of(two.view()));
@@ -170,7 +170,7 @@ TEST(DeviceEngine, solves_on_two_streams_do_not_meet) {
   }
 }
 
-TEST(DeviceEngine, nothing_to_solve_is_no_trouble) {
+TEST(DeviceEngine, NothingToSolveIsNoTrouble) {
   const SolverOptions options = quick(SolverKind::npgs);
   EXPECT_TRUE(solve(ContactBatch<float>(Law::convex), options, Device::emulated()).status.empty());
   ContactBatch<float> empty(Law::convex);
@@ -179,7 +179,7 @@ TEST(DeviceEngine, nothing_to_solve_is_no_trouble) {
   for (const EnvStatus& status : answer.status) EXPECT_EQ(status.code, EnvCode::solved);
 }
 
-TEST(DeviceEngine, a_giant_among_many_changes_nobodys_bits) {
+TEST(DeviceEngine, AGiantAmongManyChangesNobodysBits) {
   ContactBatch<double> batch(Law::coulomb);
   for (std::uint64_t e = 0; e < 40; ++e) {
     if (e == 21) batch.add(scenes::make("pile", 9, 0, 900).system);
@@ -191,7 +191,7 @@ TEST(DeviceEngine, a_giant_among_many_changes_nobodys_bits) {
   EXPECT_EQ(on_engine(device, single, options), solve_hashes(single, options));
 }
 
-TEST(DeviceEngine, a_method_with_matrices_has_room_for_the_small_beside_the_giant) {
+TEST(DeviceEngine, AMethodWithMatricesHasRoomForTheSmallBesideTheGiant) {
   // The giant gets no matrices, and so needs less memory than those that do.
   ContactBatch<double> batch(Law::convex);
   for (std::uint64_t e = 0; e < 4; ++e) {
@@ -206,7 +206,7 @@ TEST(DeviceEngine, a_method_with_matrices_has_room_for_the_small_beside_the_gian
   for (const EnvStatus& status : solve(single, options).status) EXPECT_EQ(status.iterations, 2);
 }
 
-TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
+TEST(DeviceEngine, AnEnvironmentBeyondTheCapacityIsFlaggedAndLeftOut) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 4));
   const SolverOptions options = quick(SolverKind::npgs);
   Capacity reserved = Capacity::of(batch.view());
@@ -238,7 +238,7 @@ TEST(DeviceEngine, an_environment_beyond_the_capacity_is_flagged_and_left_out) {
   EXPECT_GT(left_out, 0);
 }
 
-TEST(DeviceEngine, a_broken_structure_is_flagged_where_it_is) {
+TEST(DeviceEngine, ABrokenStructureIsFlaggedWhereItIs) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(2, 4));
   const SolverOptions options = quick(SolverKind::npgs);
   const auto expected = solve_hashes(batch, options);

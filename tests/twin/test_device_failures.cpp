@@ -48,7 +48,7 @@ struct Call {
   }
 };
 
-TEST(DeviceStaging, a_batch_in_many_pieces_is_answered_as_a_whole) {
+TEST(DeviceStaging, ABatchInManyPiecesIsAnsweredAsAWhole) {
   Call call;
   const auto expected = solve_hashes(call.batch, call.options);
   for (const std::uint64_t seed : {0, 1, 2, 3}) {
@@ -60,7 +60,7 @@ TEST(DeviceStaging, a_batch_in_many_pieces_is_answered_as_a_whole) {
   }
 }
 
-TEST(DeviceStaging, rows_that_are_not_in_use_stay_the_callers) {
+TEST(DeviceStaging, RowsThatAreNotInUseStayTheCallers) {
   // Room for one row and one cone more than each environment has.
   const ContactBatch<double> tight = scene_batch("stack", 3, 1, 2);
   const ContactBatchView<double> view = tight.view();
@@ -103,7 +103,7 @@ TEST(DeviceStaging, rows_that_are_not_in_use_stay_the_callers) {
 
 class DeviceFailures : public ::testing::TestWithParam<cuda::DeviceCall> {};
 
-TEST_P(DeviceFailures, become_errors_and_leave_nothing_behind) {
+TEST_P(DeviceFailures, BecomeErrorsAndLeaveNothingBehind) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
   const auto sound = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 9});
@@ -135,7 +135,7 @@ TEST_P(DeviceFailures, become_errors_and_leave_nothing_behind) {
   EXPECT_GT(failures, 0);
 }
 
-TEST_P(DeviceFailures, the_same_machine_goes_on_after_one) {
+TEST_P(DeviceFailures, TheSameMachineGoesOnAfterOne) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
   const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 4});
@@ -159,7 +159,7 @@ INSTANTIATE_TEST_SUITE_P(EveryCall, DeviceFailures,
                          ::testing::Values(cuda::DeviceCall::allocate, cuda::DeviceCall::copy, cuda::DeviceCall::launch,
                                            cuda::DeviceCall::synchronize, cuda::DeviceCall::create));
 
-TEST(DeviceCapture, what_waits_or_allocates_while_captured_is_an_error) {
+TEST(DeviceCapture, WhatWaitsOrAllocatesWhileCapturedIsAnError) {
   cuda::EmulatedDevice device;
   const cuda::Stream stream(device), other(device);
   const cuda::Event event(device), outside(device);
@@ -175,7 +175,7 @@ TEST(DeviceCapture, what_waits_or_allocates_while_captured_is_an_error) {
   EXPECT_THROW(device.end_capture(stream.get()), Error);
 }
 
-TEST(DeviceOrder, a_stream_that_does_not_wait_may_run_first) {
+TEST(DeviceOrder, AStreamThatDoesNotWaitMayRunFirst) {
   // With some seed the second stream's copy comes before the first one's: the emulated device finds such mistakes.
   bool seen_early = false, seen_late = false;
   for (std::uint64_t seed = 1; seed < 40; ++seed) {

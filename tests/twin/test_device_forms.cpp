@@ -63,7 +63,7 @@ void expect_the_cpus_bits(const ContactBatchView<double>& view) {
   }
 }
 
-TEST(DeviceForms, factors) {
+TEST(DeviceForms, Factors) {
   JacobianBatch<double> batch(Law::coulomb);
   for (std::uint64_t seed = 1; seed < 6; ++seed) {
     batch.add(random_jacobian({seed, 2, 2, 6}));
@@ -112,12 +112,12 @@ struct PaddedArrays {
   }
 };
 
-TEST(DeviceForms, padded_arrays) {
+TEST(DeviceForms, PaddedArrays) {
   expect_the_cpus_bits(PaddedArrays(MatrixRows::by_room, RowOrder::normal_first, 40).view());
   expect_the_cpus_bits(PaddedArrays(MatrixRows::by_rows, RowOrder::normal_first, 40).view());
 }
 
-TEST(DeviceForms, padded_arrays_with_too_little_room_are_flagged) {
+TEST(DeviceForms, PaddedArraysWithTooLittleRoomAreFlagged) {
   const PaddedArrays arrays(MatrixRows::by_room, RowOrder::normal_first, 12);
   expect_the_cpus_bits(arrays.view());
   Solution<double> answer = rubbish(arrays.view());
@@ -129,7 +129,7 @@ TEST(DeviceForms, padded_arrays_with_too_little_room_are_flagged) {
   EXPECT_LT(flagged, 7);
 }
 
-TEST(DeviceForms, normals_last_and_friction_by_contact) {
+TEST(DeviceForms, NormalsLastAndFrictionByContact) {
   expect_the_cpus_bits(PaddedArrays(MatrixRows::by_rows, RowOrder::normal_last, 40).view());
 }
 

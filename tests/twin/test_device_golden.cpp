@@ -18,7 +18,7 @@ bool is_slow(const std::string& name) {
 class DeviceGolden : public ::testing::TestWithParam<const char*> {};
 
 /// A method has a row for each law and precision: with every third row all of them get their turn, and all methods.
-TEST_P(DeviceGolden, every_third_answer_has_the_bits_of_the_table) {
+TEST_P(DeviceGolden, EveryThirdAnswerHasTheBitsOfTheTable) {
   int index = 0, compared = 0;
   for (const GoldenCase& row : golden_cases_of(GetParam())) {
     if (index++ % 3 != 0 || is_slow(row.name)) continue;
@@ -28,7 +28,7 @@ TEST_P(DeviceGolden, every_third_answer_has_the_bits_of_the_table) {
   EXPECT_GE(compared, 8);
 }
 
-INSTANTIATE_TEST_SUITE_P(forms, DeviceGolden, ::testing::ValuesIn(kGoldenForms),
+INSTANTIATE_TEST_SUITE_P(Forms, DeviceGolden, ::testing::ValuesIn(kGoldenForms),
                          [](const auto& form) { return std::string(form.param); });
 
 }  // namespace

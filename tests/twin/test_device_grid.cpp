@@ -82,7 +82,7 @@ Seen alone() {
   return seen;
 }
 
-TEST(DeviceGrid, lanes_of_all_blocks_run_at_once_and_meet_at_one_barrier) {
+TEST(DeviceGrid, LanesOfAllBlocksRunAtOnceAndMeetAtOneBarrier) {
   const Seen expected = alone();
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     cuda::EmulatedDevice device({kLanes, kBlocks, seed});
@@ -143,11 +143,11 @@ void expect_the_cpus_bits_of_a_giant(SolverKind solver, Law law) {
 class Giants : public testing::TestWithParam<SolverKind> {};
 
 // Which lane does what does not depend on how law and precision are paired; test_device_engine.cpp has every pair.
-TEST_P(Giants, have_the_cpus_bits_in_single_precision) {
+TEST_P(Giants, HaveTheCpusBitsInSinglePrecision) {
   expect_the_cpus_bits_of_a_giant<float>(GetParam(), Law::convex);
 }
 
-TEST_P(Giants, have_the_cpus_bits_in_double_precision) {
+TEST_P(Giants, HaveTheCpusBitsInDoublePrecision) {
   expect_the_cpus_bits_of_a_giant<double>(GetParam(), Law::coulomb);
 }
 
@@ -178,7 +178,7 @@ void expect_the_cpus_bits_of_a_pile(BodySolverOptions options) {
   expect_same_bodies(solve_bodies(batch, {}, options), out, "");
 }
 
-TEST(DeviceGrid, impulses_of_one_large_scene_have_the_cpus_bits) {
+TEST(DeviceGrid, ImpulsesOfOneLargeSceneHaveTheCpusBits) {
   for (const bool momentum : {false, true}) {
     SCOPED_TRACE(momentum ? "momentum" : "no momentum");
     BodySolverOptions options;
@@ -192,7 +192,7 @@ TEST(DeviceGrid, impulses_of_one_large_scene_have_the_cpus_bits) {
   }
 }
 
-TEST(DeviceGrid, newtons_method_on_one_large_scene_has_the_cpus_bits) {
+TEST(DeviceGrid, NewtonsMethodOnOneLargeSceneHasTheCpusBits) {
   BodySolverOptions options = newton_options(Law::coulomb, BodyPreconditioner::block_diagonal);
   options.iterations = 1;
   expect_the_cpus_bits_of_a_pile<float>(options);

@@ -39,7 +39,7 @@ void expect_the_cpus_bits(const Form& form, const cuda::EmulatedDeviceOptions& o
   }
 }
 
-TEST(DeviceJacobian, has_the_cpus_bits_in_every_form) {
+TEST(DeviceJacobian, HasTheCpusBitsInEveryForm) {
   for (const FactorUse use : {FactorUse::never, FactorUse::by_size, FactorUse::always})
     for (const bool sparse : {false, true})
       for (const Index block : use == FactorUse::by_size ? std::vector<Index>{0, 6, 1} : std::vector<Index>{6})
@@ -50,7 +50,7 @@ TEST(DeviceJacobian, has_the_cpus_bits_in_every_form) {
         }
 }
 
-TEST(DeviceJacobian, has_the_cpus_bits_on_any_lanes_and_teams) {
+TEST(DeviceJacobian, HasTheCpusBitsOnAnyLanesAndTeams) {
   for (const int lanes : {1, 3, 5})
     for (const std::uint64_t seed : {0, 1, 2}) {
       SCOPED_TRACE(std::to_string(lanes) + " lanes, seed " + std::to_string(seed));
@@ -58,7 +58,7 @@ TEST(DeviceJacobian, has_the_cpus_bits_on_any_lanes_and_teams) {
     }
 }
 
-TEST(DeviceJacobian, the_object_on_the_cpu_answers_as_the_function_does) {
+TEST(DeviceJacobian, TheObjectOnTheCpuAnswersAsTheFunctionDoes) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     JacobianSolver<float> solver(Device::cpu(), some_iterations<float>(), {});
     for (const bool sparse : {false, true})
@@ -74,7 +74,7 @@ TEST(DeviceJacobian, the_object_on_the_cpu_answers_as_the_function_does) {
   }
 }
 
-TEST(DeviceJacobian, a_bad_mass_stays_in_its_environment) {
+TEST(DeviceJacobian, ABadMassStaysInItsEnvironment) {
   const auto batch = random_batch<double>(3, {});
   for (const FactorUse use : {FactorUse::never, FactorUse::always}) {
     RoomyJacobians<double> arrays(batch.view(), 0, 0);
@@ -125,7 +125,7 @@ std::vector<Offset> flagged(const JacobianBatch<double>& batch, const JacobianCa
   return found;
 }
 
-TEST(DeviceJacobian, what_does_not_fit_is_flagged_and_leaves_the_others_alone) {
+TEST(DeviceJacobian, WhatDoesNotFitIsFlaggedAndLeavesTheOthersAlone) {
   const auto batch = random_batch<double>(2, {});
   const JacobianCapacity enough = JacobianCapacity::of(batch.view());
   EXPECT_EQ(flagged(batch, enough), std::vector<Offset>{});
@@ -170,7 +170,7 @@ void expect_broken(const Form& form, Index room, const std::vector<Offset>& brok
   }
 }
 
-TEST(DeviceJacobian, broken_integers_are_found_where_they_are) {
+TEST(DeviceJacobian, BrokenIntegersAreFoundWhereTheyAre) {
   for (const Index room : {0, 90}) {
     expect_broken({}, room, {2, 3}, [](auto& arrays) { arrays.env_row_offsets[3] = -1; });
     expect_broken({}, room, {2, 3}, [](auto& arrays) { arrays.env_dof_offsets[3] = Offset{1} << 40; });
@@ -187,7 +187,7 @@ TEST(DeviceJacobian, broken_integers_are_found_where_they_are) {
                 [](auto& arrays) { arrays.cone_kind[arrays.cone_kind.size() - 4] = static_cast<ConeKind>(7); });
 }
 
-TEST(DeviceJacobian, a_captured_solve_is_replayed_with_other_numbers_and_counts) {
+TEST(DeviceJacobian, ACapturedSolveIsReplayedWithOtherNumbersAndCounts) {
   for (const Index room : {0, 90}) {
     for (const std::uint64_t seed : {0, 6}) {
       const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
@@ -222,7 +222,7 @@ TEST(DeviceJacobian, a_captured_solve_is_replayed_with_other_numbers_and_counts)
   }
 }
 
-TEST(DeviceJacobian, no_environments_are_fine) {
+TEST(DeviceJacobian, NoEnvironmentsAreFine) {
   for (const Device device : {Device::cpu(), Device::emulated()}) {
     JacobianSolver<double> solver(device, {}, {});
     const JacobianBatch<double> batch;
@@ -233,7 +233,7 @@ TEST(DeviceJacobian, no_environments_are_fine) {
   }
 }
 
-TEST(DeviceJacobian, a_failing_device_leaves_nothing_behind) {
+TEST(DeviceJacobian, AFailingDeviceLeavesNothingBehind) {
   const auto batch = random_batch<float>(1, {});
   const RoomyJacobians<float> arrays(batch.view(), 0, 0);
   const auto view = arrays.view(MemorySpace::cuda);
@@ -267,7 +267,7 @@ TEST(DeviceJacobian, a_failing_device_leaves_nothing_behind) {
   }
 }
 
-TEST(DeviceJacobian, the_public_solver_works_on_the_emulated_device) {
+TEST(DeviceJacobian, ThePublicSolverWorksOnTheEmulatedDevice) {
   const auto batch = random_batch<double>(2, {});
   const RoomyJacobians<double> arrays(batch.view(), 90, 0);
   const auto here = arrays.view(MemorySpace::host), there = arrays.view(MemorySpace::cuda);

@@ -96,7 +96,7 @@ void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, co
   expect_hosts_integers(batch, engine.plan_arrays());
 }
 
-TEST(DevicePlan, integers_are_the_hosts_on_a_thousand_random_batches) {
+TEST(DevicePlan, IntegersAreTheHostsOnAThousandRandomBatches) {
   std::mt19937 random(5);
   for (int k = 0; k < 1000 && !::testing::Test::HasFailure(); ++k) {
     cuda::EmulatedDevice device({1 + k % 3, 1 + k % 4, static_cast<std::uint64_t>(k)});
@@ -104,14 +104,14 @@ TEST(DevicePlan, integers_are_the_hosts_on_a_thousand_random_batches) {
   }
 }
 
-TEST(DevicePlan, integers_are_the_hosts_on_every_scene) {
+TEST(DevicePlan, IntegersAreTheHostsOnEveryScene) {
   cuda::EmulatedDevice device({2, 3, 1});
   plan_on(device, ragged_batch(8, 1), "ragged");
   plan_on(device, scene_batch("mixed", 300, 3), "mixed");
   plan_on(device, scene_batch("pile", 3, 3, 500), "pile");
 }
 
-TEST(DevicePlan, islands_are_the_hosts) {
+TEST(DevicePlan, IslandsAreTheHosts) {
   std::mt19937 random(6);
   for (int k = 0; k < 200; ++k) {
     const ContactBatch<double> batch = random_structures(random);
@@ -128,7 +128,7 @@ TEST(DevicePlan, islands_are_the_hosts) {
   }
 }
 
-TEST(DevicePlan, islands_are_found_through_the_solver) {
+TEST(DevicePlan, IslandsAreFoundThroughTheSolver) {
   const ContactBatch<double> batch = ragged_batch(3, 2);
   const Islands host = find_islands(batch.view());
   ContactBatchView<double> there = batch.view();
@@ -143,7 +143,7 @@ TEST(DevicePlan, islands_are_found_through_the_solver) {
   }
 }
 
-TEST(SizeClasses, keys_order_classes_and_then_sizes) {
+TEST(SizeClasses, KeysOrderClassesAndThenSizes) {
   int last = kSortKeys;
   SizeClass last_class = SizeClass::trivial;
   for (Index rows = 1; rows <= 1024; ++rows) {

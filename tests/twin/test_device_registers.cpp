@@ -33,13 +33,13 @@ Index window_for(const Environment<double>& environment) {
   return register_capacity(ready.system());
 }
 
-TEST(DeviceRegisters, up_to_six_contacts_of_three_rows_fit_into_a_window) {
+TEST(DeviceRegisters, UpToSixContactsOfThreeRowsFitIntoAWindow) {
   for (const auto& [count, window] :
        {std::pair{1, 4}, std::pair{3, 4}, std::pair{4, 4}, std::pair{5, 6}, std::pair{6, 6}, std::pair{7, 0}})
     EXPECT_EQ(window_for(contacts(count, 5)), window) << count;
 }
 
-TEST(DeviceRegisters, other_cones_do_not_fit) {
+TEST(DeviceRegisters, OtherConesDoNotFit) {
   EXPECT_EQ(window_for(contacts(3, 5, 2)), 0);
   EXPECT_EQ(window_for(contacts(3, 5, 4)), 0);
   Environment<double> mixed = system({friction(3), unilateral()}, diagonal({1, 1, 1, 1}), {-1, 0, 0, -1});
@@ -47,7 +47,7 @@ TEST(DeviceRegisters, other_cones_do_not_fit) {
   EXPECT_EQ(window_for(mixed), 0);
 }
 
-TEST(DeviceRegisters, a_matrix_that_is_not_its_transpose_to_the_bit_does_not_fit) {
+TEST(DeviceRegisters, AMatrixThatIsNotItsTransposeToTheBitDoesNotFit) {
   Ready<Npgs, Law::convex> ready(contacts(2, 6));
   auto& s = ready.system();
   ASSERT_EQ(register_capacity(s), 4);
@@ -96,7 +96,7 @@ void expect_equal_chunks(int count) {
   }
 }
 
-TEST(DeviceRegisters, every_chunk_leaves_the_bits_of_the_dense_system) {
+TEST(DeviceRegisters, EveryChunkLeavesTheBitsOfTheDenseSystem) {
   for (int count = 1; count <= 6; ++count) {
     expect_equal_chunks<Pgs, Law::convex>(count);
     expect_equal_chunks<Pgs, Law::coulomb>(count);
@@ -122,7 +122,7 @@ std::vector<std::uint32_t> one_chunk_without_lower_half(Index max_iterations, bo
   return x;
 }
 
-TEST(DeviceRegisters, whole_chunks_run_in_the_window_and_no_others) {
+TEST(DeviceRegisters, WholeChunksRunInTheWindowAndNoOthers) {
   const auto intact = one_chunk_without_lower_half(8, false, false);
   EXPECT_EQ(one_chunk_without_lower_half(8, true, true), intact);
   EXPECT_NE(one_chunk_without_lower_half(8, false, true), intact);
@@ -158,7 +158,7 @@ ContactBatch<float> small_batch() {
   return batch;
 }
 
-TEST(DeviceRegisters, batches_of_small_environments_have_the_cpus_bits) {
+TEST(DeviceRegisters, BatchesOfSmallEnvironmentsHaveTheCpusBits) {
   const ContactBatch<float> batch = small_batch();
   const Capacity need = Capacity::of(batch.view());
   bool overflowed = false;

@@ -38,7 +38,7 @@ ContactBatch<float> pool() {
   return convert<float>(all);
 }
 
-TEST(DeviceReplay, one_graph_answers_whatever_batch_is_in_its_place) {
+TEST(DeviceReplay, OneGraphAnswersWhateverBatchIsInItsPlace) {
   const Offset envs = number_from("STICTION_REPLAY_ENVS", 256);
   const int replays = number_from("STICTION_REPLAYS", 8);
   const ContactBatch<float> source = pool();

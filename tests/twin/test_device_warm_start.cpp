@@ -53,7 +53,7 @@ struct Twins {
   StreamRef stream = StreamRef::default_stream();
 };
 
-TEST(DeviceWarmStart, serves_and_records_what_the_cpu_does_on_any_lanes_and_teams) {
+TEST(DeviceWarmStart, ServesAndRecordsWhatTheCpuDoesOnAnyLanesAndTeams) {
   for (const int lanes : {1, 2, 5}) {
     for (const std::uint64_t seed : {0, 1, 2}) {
       SCOPED_TRACE(std::to_string(lanes) + " lanes, seed " + std::to_string(seed));
@@ -66,7 +66,7 @@ TEST(DeviceWarmStart, serves_and_records_what_the_cpu_does_on_any_lanes_and_team
   }
 }
 
-TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
+TEST(DeviceWarmStart, AStepIsCapturedAndReplayedWithOtherContacts) {
   std::mt19937_64 random(7);
   auto life = random_life<float>(random, 9, 20);
   const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{3, 2, 4});
@@ -115,7 +115,7 @@ TEST(DeviceWarmStart, a_step_is_captured_and_replayed_with_other_contacts) {
   }
 }
 
-TEST(DeviceWarmStart, a_failing_device_leaves_nothing_behind) {
+TEST(DeviceWarmStart, AFailingDeviceLeavesNothingBehind) {
   for (const auto call : {cuda::DeviceCall::allocate, cuda::DeviceCall::create, cuda::DeviceCall::copy,
                           cuda::DeviceCall::launch, cuda::DeviceCall::synchronize}) {
     const auto device = std::make_shared<cuda::EmulatedDevice>();
@@ -136,7 +136,7 @@ TEST(DeviceWarmStart, a_failing_device_leaves_nothing_behind) {
   }
 }
 
-TEST(DeviceWarmStart, the_public_store_works_on_the_emulated_device) {
+TEST(DeviceWarmStart, ThePublicStoreWorksOnTheEmulatedDevice) {
   Packed<double> step({{{{5, ConeKind::unilateral, 1}, {6, ConeKind::unilateral, 1}}, {2.0, 3.0}}});
   auto view = step.batch.view();
   WarmStartOptions options;

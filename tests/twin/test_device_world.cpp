@@ -50,7 +50,7 @@ struct Calls {
   int allocations = cuda::shared_emulated_device()->calls(DeviceCall::allocate);
 };
 
-TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
+TEST(DeviceWorld, AStepIsFourLaunchesAndBringsHomeIntegersAlone) {
   const auto held = cuda::shared_emulated_device();  // counts for as long as it is held
   World<float> world = started<float>("walker", 6, {}, Device::emulated());
   run(world, 40);
@@ -76,7 +76,7 @@ TEST(DeviceWorld, a_step_is_four_launches_and_brings_home_integers_alone) {
   EXPECT_EQ(Calls().launches - looked.launches, 1);
 }
 
-TEST(DeviceWorld, contacts_are_found_again_with_more_room_where_there_was_too_little) {
+TEST(DeviceWorld, ContactsAreFoundAgainWithMoreRoomWhereThereWasTooLittle) {
   const auto held = cuda::shared_emulated_device();  // counts for as long as it is held
   World<double> world = started<double>("stack", 2, {}, Device::emulated());
   World<double> here = started<double>("stack", 2);
@@ -95,7 +95,7 @@ TEST(DeviceWorld, contacts_are_found_again_with_more_room_where_there_was_too_li
   EXPECT_GT(searches, kSteps);
 }
 
-TEST(DeviceWorld, lanes_teams_and_their_order_do_not_reach_the_bits) {
+TEST(DeviceWorld, LanesTeamsAndTheirOrderDoNotReachTheBits) {
   constexpr Offset kEnvs = 7;
   for (const EmulatedDeviceOptions& options :
        {EmulatedDeviceOptions{1, 1, 0}, EmulatedDeviceOptions{2, 3, 1}, EmulatedDeviceOptions{5, 2, 2}}) {
@@ -118,7 +118,7 @@ TEST(DeviceWorld, lanes_teams_and_their_order_do_not_reach_the_bits) {
   }
 }
 
-TEST(DeviceWorld, wrenches_resets_and_broken_environments_are_as_on_the_cpu) {
+TEST(DeviceWorld, WrenchesResetsAndBrokenEnvironmentsAreAsOnTheCpu) {
   constexpr std::size_t kBroken = 1, kReset = 3;
   WorldOptions options;
   options.solver.max_contacts_per_env = 10;
@@ -147,7 +147,7 @@ TEST(DeviceWorld, wrenches_resets_and_broken_environments_are_as_on_the_cpu) {
   EXPECT_TRUE(same_bits(here.impulses(), there.impulses()));
 }
 
-TEST(DeviceWorld, a_world_of_nothing_steps) {
+TEST(DeviceWorld, AWorldOfNothingSteps) {
   World<float> none(Device::emulated(), scenes::make_world("slide").description, 0);
   none.step();
   EXPECT_TRUE(none.motion().empty());
@@ -156,7 +156,7 @@ TEST(DeviceWorld, a_world_of_nothing_steps) {
   EXPECT_EQ(bare.status()[1].code, EnvCode::solved);
 }
 
-TEST(DeviceWorld, a_device_that_fails_at_any_call_is_an_error_and_leaks_nothing) {
+TEST(DeviceWorld, ADeviceThatFailsAtAnyCallIsAnErrorAndLeaksNothing) {
   const World<double> start = started<double>("stack", 2);
   for (const DeviceCall call : {DeviceCall::allocate, DeviceCall::copy, DeviceCall::launch, DeviceCall::synchronize}) {
     int failures = 0;

@@ -27,14 +27,14 @@ ContactBatch<double> mixed_lot() {
   return batch;
 }
 
-TEST(FallbackChain, names_an_answerer_that_there_is) {
+TEST(FallbackChain, NamesAnAnswererThatThereIs) {
   SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
   const Solution<double> answer = solve(mixed_lot(), chosen);
   for (const EnvStatus& status : answer.status) EXPECT_LT(static_cast<int>(status.solver), kSolverKindCount);
 }
 
-TEST(FallbackChain, threads_neighbours_and_order_change_nothing) {
+TEST(FallbackChain, ThreadsNeighboursAndOrderChangeNothing) {
   const ContactBatch<double> batch = mixed_lot();
   SolverOptions chosen = automatic(1e-6, 24);
   chosen.invalid = InvalidPolicy::isolate;
@@ -66,13 +66,13 @@ void expect_device_twin(double tolerance, Index max_iterations) {
     EXPECT_EQ(there.status[env].solver, here.status[env].solver) << env;
 }
 
-TEST(FallbackChain, a_device_takes_the_stages_of_the_cpu) {
+TEST(FallbackChain, ADeviceTakesTheStagesOfTheCpu) {
   // So few iterations leave most environments to every stage.
   expect_device_twin<float>(1e-5, 5);
   expect_device_twin<double>(1e-7, 5);
 }
 
-TEST(FallbackChain, whatever_the_first_solver_solves_is_solved) {
+TEST(FallbackChain, WhateverTheFirstSolverSolvesIsSolved) {
   const ContactBatch<double> batch = ragged_batch(1, 2);
   const Index enough = stage_iterations(0, 1, std::numeric_limits<Index>::max());
   const Solution<double> first = solve(batch, options(SolverKind::npgs, 1e-4, enough));
@@ -83,7 +83,7 @@ TEST(FallbackChain, whatever_the_first_solver_solves_is_solved) {
     }
 }
 
-TEST(FallbackChain, goes_on_where_the_first_solver_falls_short) {
+TEST(FallbackChain, GoesOnWhereTheFirstSolverFallsShort) {
   // So few sweeps do not solve these; the stages above have as many iterations each.
   const ContactBatch<double> batch = scene_batch("stack", 6, 3);
   const SolverOptions few = automatic(1e-8, 12);
@@ -94,7 +94,7 @@ TEST(FallbackChain, goes_on_where_the_first_solver_falls_short) {
   }
 }
 
-TEST(FallbackChain, leads_from_sweeps_to_what_is_certain) {
+TEST(FallbackChain, LeadsFromSweepsToWhatIsCertain) {
   EnvFeatures seen;
   seen.rows = 30;
   seen.friction_cones = 10;
@@ -112,7 +112,7 @@ TEST(FallbackChain, leads_from_sweeps_to_what_is_certain) {
   EXPECT_EQ(next_stage(0, seen), kInteriorStage);
 }
 
-TEST(FallbackChain, starts_from_a_warm_start) {
+TEST(FallbackChain, StartsFromAWarmStart) {
   const ContactBatch<double> batch = scene_batch("walker", 6, 3);
   const Solution<double> cold = solve(batch, automatic(1e-8, 2000));
   const Solution<double> warm =

@@ -65,7 +65,7 @@ Solution<double> take(SteppingSolver<double>& solver, const Step& step, bool on_
   return answer;
 }
 
-TEST(Stepping, every_device_takes_the_same_steps) {
+TEST(Stepping, EveryDeviceTakesTheSameSteps) {
   constexpr int kSteps = 6;
   SteppingSolver<double> cpu(Device::cpu(), tight(), room_for(kSteps));
   SteppingSolver<double> device(Device::emulated(), tight(), room_for(kSteps));
@@ -80,7 +80,7 @@ TEST(Stepping, every_device_takes_the_same_steps) {
   }
 }
 
-TEST(Stepping, a_step_starts_where_the_last_one_ended) {
+TEST(Stepping, AStepStartsWhereTheLastOneEnded) {
   SteppingSolver<double> solver(Device::cpu(), tight(), room_for(1));
   const Step step = make_step(0);
   const Solution<double> cold = take(solver, step, false);
@@ -93,7 +93,7 @@ TEST(Stepping, a_step_starts_where_the_last_one_ended) {
   EXPECT_LT(warm_sum, cold_sum);
 }
 
-TEST(Stepping, what_was_reset_starts_cold_and_nothing_else_does) {
+TEST(Stepping, WhatWasResetStartsColdAndNothingElseDoes) {
   const Step step = make_step(0);
   SteppingSolver<double> untouched(Device::cpu(), tight(), room_for(1)), solver(Device::cpu(), tight(), room_for(1));
   const auto cold = env_hashes(step.batch, take(solver, step, false));
@@ -108,7 +108,7 @@ TEST(Stepping, what_was_reset_starts_cold_and_nothing_else_does) {
   EXPECT_EQ(env_hashes(step.batch, take(solver, step, false)), cold);
 }
 
-TEST(Stepping, misuse_is_refused) {
+TEST(Stepping, MisuseIsRefused) {
   EXPECT_THROW(SteppingSolver<double>(Device::cpu(), tight(), Capacity{}), Error);
   Capacity small = room_for(1);
   small.rows = 3;

@@ -149,7 +149,7 @@ void expect_jacobian_steps() {
   expect_same(take(solver, first, ids), cold);
 }
 
-TEST(SteppingForms, a_jacobian_step_starts_from_what_its_contacts_had) {
+TEST(SteppingForms, AJacobianStepStartsFromWhatItsContactsHad) {
   expect_jacobian_steps<double>();
   expect_jacobian_steps<float>();
 }
@@ -181,13 +181,13 @@ void expect_body_steps() {
   expect_same(take(solver, first), cold);
 }
 
-TEST(SteppingForms, a_step_of_bodies_starts_from_what_its_contacts_had) {
+TEST(SteppingForms, AStepOfBodiesStartsFromWhatItsContactsHad) {
   expect_body_steps<double>();
   expect_body_steps<float>();
 }
 
 /// A step half as long gives about half the impulse.
-TEST(SteppingForms, bodies_whose_step_changes_keep_their_forces) {
+TEST(SteppingForms, BodiesWhoseStepChangesKeepTheirForces) {
   BodyBatch<double> batch;
   BodyEnvironment<double> ball = ball_on_floor(0.1, 2, 0.5);
   ball.bodies[0].twist_change[2] = -kFall;
@@ -207,7 +207,7 @@ TEST(SteppingForms, bodies_whose_step_changes_keep_their_forces) {
   EXPECT_NEAR(impulse[0], kBeta * kFall, 1e-12);  // the guess itself: no sweep follows
 }
 
-TEST(SteppingForms, misuse_is_refused_and_resets_nothing) {
+TEST(SteppingForms, MisuseIsRefusedAndResetsNothing) {
   EXPECT_THROW(JacobianSteppingSolver<double>(Device::cpu(), few(), JacobianCapacity{}), Error);
   EXPECT_THROW(BodySteppingSolver<double>(Device::cpu(), {}, few_sweeps(), 0, 4), Error);
   JacobianCapacity small = room<double>();

@@ -34,33 +34,33 @@ Edges grid(Index side) {
   return edges;
 }
 
-TEST(Aggregates, a_chain_is_cut_into_threes_and_its_end_joins_the_last) {
+TEST(Aggregates, AChainIsCutIntoThreesAndItsEndJoinsTheLast) {
   EXPECT_EQ(aggregate_of(7, chain(7)), (Numbers{0, 0, 1, 1, 1, 2, 2}));
   EXPECT_EQ(aggregate_of(6, chain(6)), (Numbers{0, 0, 1, 1, 1, 1}));
   EXPECT_EQ(find_aggregates(pattern_of(7, chain(7)).view()).root, (Numbers{0, 3, 6}));
 }
 
-TEST(Aggregates, a_grid_is_covered_by_crosses_and_what_is_left_joins_where_it_has_most_neighbours) {
+TEST(Aggregates, AGridIsCoveredByCrossesAndWhatIsLeftJoinsWhereItHasMostNeighbours) {
   EXPECT_EQ(aggregate_of(9, grid(3)), (Numbers{0, 0, 1, 0, 1, 1, 0, 1, 1}));
 }
 
-TEST(Aggregates, a_star_is_one_aggregate_wherever_its_centre_is_numbered) {
+TEST(Aggregates, AStarIsOneAggregateWhereverItsCentreIsNumbered) {
   EXPECT_EQ(aggregate_of(4, {{0, 1}, {0, 2}, {0, 3}}), (Numbers{0, 0, 0, 0}));
   EXPECT_EQ(aggregate_of(4, {{3, 0}, {3, 1}, {3, 2}}), (Numbers{0, 0, 0, 0}));
 }
 
-TEST(Aggregates, among_equals_the_lower_number_is_joined) {
+TEST(Aggregates, AmongEqualsTheLowerNumberIsJoined) {
   // 0 - 2 - 4 - 3 - 1, the roots at both ends.
   EXPECT_EQ(aggregate_of(5, {{0, 2}, {2, 4}, {4, 3}, {3, 1}}), (Numbers{0, 1, 0, 1, 0}));
 }
 
-TEST(Aggregates, bodies_without_neighbours_belong_to_none) {
+TEST(Aggregates, BodiesWithoutNeighboursBelongToNone) {
   EXPECT_EQ(aggregate_of(6, {{1, 2}, {4, 5}}), (Numbers{-1, 0, 0, -1, 1, 1}));
   EXPECT_EQ(aggregate_of(1, {}), (Numbers{-1}));
   EXPECT_EQ(aggregate_of(0, {}), (Numbers{}));
 }
 
-TEST(Aggregates, every_coupled_body_is_in_one_with_a_neighbour_of_its_own_and_near_the_root) {
+TEST(Aggregates, EveryCoupledBodyIsInOneWithANeighbourOfItsOwnAndNearTheRoot) {
   const StackedBoxes scene = StackedBoxes::wall(17);
   const BlockSet set = scene.matrix(1.0).pattern;
   const BlockPattern graph = set.view();
@@ -101,7 +101,7 @@ bool is_ascending(const BlockPattern& pattern) {
   return true;
 }
 
-TEST(MultigridPlan, patterns_are_the_products_they_stand_for) {
+TEST(MultigridPlan, PatternsAreTheProductsTheyStandFor) {
   for (const Prolongation prolongation : {Prolongation::plain, Prolongation::smoothed}) {
     const BlockSet finest = StackedBoxes::wall(14).matrix(1.0).pattern;
     Numbers stream{7, 7};  // whatever came before
@@ -151,7 +151,7 @@ TEST(MultigridPlan, patterns_are_the_products_they_stand_for) {
   }
 }
 
-TEST(MultigridPlan, coarsens_down_to_what_a_dense_factor_takes_and_not_at_all_below) {
+TEST(MultigridPlan, CoarsensDownToWhatADenseFactorTakesAndNotAtAllBelow) {
   const auto plan = [](Index bodies, const Edges& edges, auto&& look) {
     Numbers stream;
     append_multigrid(stream, pattern_of(bodies, edges).view(), Prolongation::plain);

@@ -34,7 +34,7 @@ constexpr double kFew = 1e-9;
 
 }  // namespace
 
-TEST(bodies, a_ball_at_rest_is_held_by_its_weight) {
+TEST(Bodies, ABallAtRestIsHeldByItsWeight) {
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.bodies[0].twist_change[2] = -kFall;
   const auto solution = solve_one(env, tight());
@@ -43,7 +43,7 @@ TEST(bodies, a_ball_at_rest_is_held_by_its_weight) {
   for (const double v : solution.twist) EXPECT_NEAR(v, 0, kFew);
 }
 
-TEST(bodies, a_sliding_ball_is_braked_by_mu_and_set_spinning) {
+TEST(Bodies, ASlidingBallIsBrakedByMuAndSetSpinning) {
   const double mu = 0.3, mass = 2, radius = 0.1;
   Env env = ball_on_floor(radius, mass, mu);
   env.bodies[0].twist = {1, 0, 0, 0, 0, 0};
@@ -57,7 +57,7 @@ TEST(bodies, a_sliding_ball_is_braked_by_mu_and_set_spinning) {
   EXPECT_NEAR(solution.twist[2], 0, kFew);
 }
 
-TEST(bodies, a_slow_ball_sticks_and_rolls) {
+TEST(Bodies, ASlowBallSticksAndRolls) {
   const double radius = 0.1;
   Env env = ball_on_floor(radius, 2.0, 1.0);
   env.bodies[0].twist = {0.01, 0, 0, 0, 0, 0};
@@ -68,7 +68,7 @@ TEST(bodies, a_slow_ball_sticks_and_rolls) {
   EXPECT_NEAR(solution.twist[4], 0.01 / 1.4 / radius, 10 * kFew);
 }
 
-TEST(bodies, a_fast_ball_bounces_and_one_below_the_threshold_does_not) {
+TEST(Bodies, AFastBallBouncesAndOneBelowTheThresholdDoesNot) {
   Env env = ball_on_floor(0.1, 2.0, 0.0);
   env.contacts[0].restitution = 0.5;
   env.bodies[0].twist[2] = -2;
@@ -84,7 +84,7 @@ TEST(bodies, a_fast_ball_bounces_and_one_below_the_threshold_does_not) {
   EXPECT_NEAR(solve_one(env, options).twist[2], 1 - 0.75 * kFall, kFew);
 }
 
-TEST(bodies, a_gap_may_close_but_not_more) {
+TEST(Bodies, AGapMayCloseButNotMore) {
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.contacts[0].depth = -0.002;
   env.bodies[0].twist[2] = -1;
@@ -101,7 +101,7 @@ TEST(bodies, a_gap_may_close_but_not_more) {
   EXPECT_NEAR(solve_one(env, options).twist[2], 0, kFew);
 }
 
-TEST(bodies, a_penetration_beyond_the_slop_is_undone_by_its_share) {
+TEST(Bodies, APenetrationBeyondTheSlopIsUndoneByItsShare) {
   Env env = ball_on_floor(0.1, 2.0, 0.5);
   env.contacts[0].depth = 0.003;
   TimeStepping stepping;
@@ -112,7 +112,7 @@ TEST(bodies, a_penetration_beyond_the_slop_is_undone_by_its_share) {
   EXPECT_NEAR(solve_one(env, tight(), stepping).twist[2], 0, kFew);
 }
 
-TEST(bodies, compliance_lets_a_contact_yield) {
+TEST(Bodies, ComplianceLetsAContactYield) {
   Env env = ball_on_floor(0.1, 2.0, 0.0);
   env.bodies[0].twist_change[2] = -kFall;
   TimeStepping stepping;
@@ -124,7 +124,7 @@ TEST(bodies, compliance_lets_a_contact_yield) {
   EXPECT_NEAR(solution.twist[2], -r * solution.impulse[0], kFew);
 }
 
-TEST(bodies, a_kinematic_floor_drags_and_is_not_pushed) {
+TEST(Bodies, AKinematicFloorDragsAndIsNotPushed) {
   Env env = ball_on_floor(0.1, 2.0, 0.4);
   Env::Body belt;
   belt.kinematic = true;
@@ -140,7 +140,7 @@ TEST(bodies, a_kinematic_floor_drags_and_is_not_pushed) {
 }
 
 /// The environment assembled densely, judged by code that shares nothing with the solver.
-TEST(bodies, residual_velocities_and_motion_agree_with_the_assembled_system) {
+TEST(Bodies, ResidualVelocitiesAndMotionAgreeWithTheAssembledSystem) {
   TimeStepping stepping;
   stepping.slop = 1e-4;
   for (const Law law : {Law::coulomb, Law::convex})
@@ -182,7 +182,7 @@ TEST(bodies, residual_velocities_and_motion_agree_with_the_assembled_system) {
 }
 
 /// Where the answer is unique in velocities (convex law with compliance), another solver finds the same ones.
-TEST(bodies, velocities_agree_with_the_contact_solver) {
+TEST(Bodies, VelocitiesAgreeWithTheContactSolver) {
   TimeStepping stepping;
   stepping.cfm = 1e-4;
   const Env env = scenes::make_body_pile(11, 40);
@@ -204,7 +204,7 @@ TEST(bodies, velocities_agree_with_the_contact_solver) {
   for (std::size_t i = 0; i < expected.w.size(); ++i) EXPECT_NEAR(solution.w[i], expected.w[i], 1e-8) << "row " << i;
 }
 
-TEST(bodies, contacts_between_bodies_change_no_total_momentum) {
+TEST(Bodies, ContactsBetweenBodiesChangeNoTotalMomentum) {
   Env env = random_bodies(4, 6, 30);
   for (auto& body : env.bodies) body.kinematic = false;
   // Points in space, so that both arms meet; the world is taken out.
@@ -246,7 +246,7 @@ TEST(bodies, contacts_between_bodies_change_no_total_momentum) {
   }
 }
 
-TEST(bodies, an_environment_over_capacity_keeps_its_deepest_contacts) {
+TEST(Bodies, AnEnvironmentOverCapacityKeepsItsDeepestContacts) {
   Env env = random_bodies(8, 5, 24);
   for (std::size_t c = 0; c < env.contacts.size(); ++c) env.contacts[c].depth = 1e-3 * static_cast<double>(c * 7 % 5);
   BodySolverOptions options;
@@ -279,7 +279,7 @@ TEST(bodies, an_environment_over_capacity_keeps_its_deepest_contacts) {
   EXPECT_TRUE(same_bits(std::span<const double>(expected.twist), std::span<const double>(solution.twist)));
 }
 
-TEST(bodies, a_warm_start_at_the_answer_needs_no_sweep) {
+TEST(Bodies, AWarmStartAtTheAnswerNeedsNoSweep) {
   const Env env = scenes::make_body_stack(2, 3);
   BodySolverOptions options = tight();
   options.tolerance = 1e-7;

@@ -19,7 +19,7 @@ using Env = BodyEnvironment<double>;
 
 }  // namespace
 
-TEST(bodies_inputs, nothing_to_solve_is_solved) {
+TEST(BodiesInputs, NothingToSolveIsSolved) {
   EXPECT_TRUE(solve_bodies(BodyBatch<float>{}).status.empty());
   Env flight;
   flight.bodies.resize(1);
@@ -33,7 +33,7 @@ TEST(bodies_inputs, nothing_to_solve_is_solved) {
   EXPECT_EQ(solution.twist, (std::vector<double>{1, 2, 2, 4, 5, 6}));
 }
 
-TEST(bodies_inputs, masses_beyond_single_precision_end_in_a_finite_answer) {
+TEST(BodiesInputs, MassesBeyondSinglePrecisionEndInAFiniteAnswer) {
   BodySolverOptions options;
   options.substeps = 2;
   const auto solution = solve_bodies(batch_of<float>({beyond_single_precision()}), {}, options);
@@ -43,7 +43,7 @@ TEST(bodies_inputs, masses_beyond_single_precision_end_in_a_finite_answer) {
 }
 
 /// The body turns so fast, and the arm is so long, that the velocity of the contact is infinity less infinity.
-TEST(bodies_inputs, a_motion_that_no_number_tells_is_the_largest_number) {
+TEST(BodiesInputs, AMotionThatNoNumberTellsIsTheLargestNumber) {
   constexpr double kLargest = std::numeric_limits<double>::max();
   Env env;
   env.bodies.resize(1);
@@ -67,7 +67,7 @@ TEST(bodies_inputs, a_motion_that_no_number_tells_is_the_largest_number) {
   }
 }
 
-TEST(bodies_inputs, every_number_of_a_batch_is_looked_at) {
+TEST(BodiesInputs, EveryNumberOfABatchIsLookedAt) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), infinite = std::numeric_limits<double>::infinity();
   struct Case {
     const char* message;
@@ -115,7 +115,7 @@ TEST(bodies_inputs, every_number_of_a_batch_is_looked_at) {
   EXPECT_TRUE(validate(batch_of<double>({sound, moved, sound}).view()).empty());
 }
 
-TEST(bodies_inputs, misuse_is_named) {
+TEST(BodiesInputs, MisuseIsNamed) {
   using ::testing::HasSubstr;
   BodyBatch<double> batch;
   Env env = ball_on_floor(0.1, 1, 0.5);
@@ -162,7 +162,7 @@ TEST(bodies_inputs, misuse_is_named) {
 }
 
 /// A call that plans for itself gives what one with a plan gives, and refuses what plan() or solve() would.
-TEST(bodies_inputs, a_plan_of_the_calls_own_changes_nothing) {
+TEST(BodiesInputs, APlanOfTheCallsOwnChangesNothing) {
   const auto batch = batch_of<double>({random_bodies(1, 5, 20), random_bodies(2, 7, 31), random_bodies(1, 5, 20)});
   for (const InvalidPolicy policy : {InvalidPolicy::reject, InvalidPolicy::isolate}) {
     BodySolverOptions options;

@@ -67,7 +67,7 @@ void expect_sound(const Env& env, const BodyPlanData& plan) {
 
 }  // namespace
 
-TEST(body_plan, colours_never_push_a_body_twice) {
+TEST(BodyPlan, ColoursNeverPushABodyTwice) {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     const Env env = random_bodies(seed, 2 + static_cast<Index>(seed % 9), static_cast<Index>(seed % 40));
     SCOPED_TRACE(seed);
@@ -75,7 +75,7 @@ TEST(body_plan, colours_never_push_a_body_twice) {
   }
 }
 
-TEST(body_plan, a_hub_of_many_contacts_is_coloured_like_any_other_body) {
+TEST(BodyPlan, AHubOfManyContactsIsColouredLikeAnyOtherBody) {
   // One body that touches 300 others, which touch their neighbours: the hub alone needs 300 colours.
   Env env;
   env.bodies.resize(301);
@@ -92,7 +92,7 @@ TEST(body_plan, a_hub_of_many_contacts_is_coloured_like_any_other_body) {
   EXPECT_EQ(plan.color_count[0], 300);
 }
 
-TEST(body_plan, a_pile_needs_few_colours) {
+TEST(BodyPlan, APileNeedsFewColours) {
   const Env env = scenes::make_body_pile(1, 3000);
   const BodyPlanData plan = make_body_plan(batch_of<double>({env}).view(), 0);
   expect_sound(env, plan);
@@ -106,7 +106,7 @@ TEST(body_plan, a_pile_needs_few_colours) {
   EXPECT_LE(plan.color_count[0], largest + 3);
 }
 
-TEST(body_plan, four_contacts_of_a_face_are_one_vertex) {
+TEST(BodyPlan, FourContactsOfAFaceAreOneVertex) {
   const Env env = scenes::make_body_stack(1, 6);
   const BodyPlanData plan = make_body_plan(batch_of<double>({env}).view(), 0);
   expect_sound(env, plan);
@@ -114,7 +114,7 @@ TEST(body_plan, four_contacts_of_a_face_are_one_vertex) {
   EXPECT_EQ(plan.color_offsets[2], 6);
 }
 
-TEST(body_plan, an_environment_is_planned_as_if_it_were_alone) {
+TEST(BodyPlan, AnEnvironmentIsPlannedAsIfItWereAlone) {
   const Env a = random_bodies(1, 5, 20), b = random_bodies(2, 7, 31);
   const BodyPlanData alone = make_body_plan(batch_of<double>({b}).view(), 0);
   const BodyPlanData both = make_body_plan(batch_of<double>({a, Env{}, b}).view(), 0);
@@ -150,7 +150,7 @@ void expect_planned_alone(const std::vector<Env>& envs, const BodyPlanData& plan
   expect_part("body_contacts", plan.body_contacts, 2 * contact, alone.body_contacts);
 }
 
-TEST(body_plan, neighbours_that_are_alike_are_planned_as_if_they_were_alone) {
+TEST(BodyPlan, NeighboursThatAreAlikeArePlannedAsIfTheyWereAlone) {
   const Env base = random_bodies(3, 6, 25);
   Env held = base, moved = base, turned = base, crowded = base, shallow = base;
   held.bodies[2].kinematic = !held.bodies[2].kinematic;

@@ -74,7 +74,7 @@ Index bandwidth(const Graph& graph, const std::vector<Index>& order) {
   return widest;
 }
 
-TEST(Ordering, every_ordering_is_a_permutation_or_says_what_to_install) {
+TEST(Ordering, EveryOrderingIsAPermutationOrSaysWhatToInstall) {
   for (int i = 0; i < kOrderingCount; ++i) {
     const auto ordering = static_cast<Ordering>(i);
     SCOPED_TRACE(to_string(ordering));
@@ -98,14 +98,14 @@ TEST(Ordering, every_ordering_is_a_permutation_or_says_what_to_install) {
   }
 }
 
-TEST(Ordering, the_default_and_the_natural_order_are_in_every_build) {
+TEST(Ordering, TheDefaultAndTheNaturalOrderAreInEveryBuild) {
   EXPECT_TRUE(is_available(kDefaultOrdering));
   EXPECT_TRUE(is_available(Ordering::natural));
   const Graph graph = shuffled_grid(5, 1);
   EXPECT_EQ(order_rows(graph.pattern(), Ordering::natural), (std::vector<Index>{0, 1, 2, 3, 4}));
 }
 
-TEST(Ordering, the_pattern_alone_decides) {
+TEST(Ordering, ThePatternAloneDecides) {
   const Graph graph = shuffled_grid(30, 30), other = shuffled_grid(40, 20);
   for (int i = 0; i < kOrderingCount; ++i) {
     const auto ordering = static_cast<Ordering>(i);
@@ -124,7 +124,7 @@ TEST(Ordering, the_pattern_alone_decides) {
   }
 }
 
-TEST(Ordering, cuthill_mckee_finds_the_narrowest_band_of_chains_and_grids) {
+TEST(Ordering, CuthillMckeeFindsTheNarrowestBandOfChainsAndGrids) {
   const Graph chain = shuffled_grid(50, 1), grid = shuffled_grid(30, 8);
   const auto order = [](const Graph& graph) { return order_rows(graph.pattern(), Ordering::reverse_cuthill_mckee); };
   EXPECT_EQ(bandwidth(chain, order(chain)), 1);
@@ -132,7 +132,7 @@ TEST(Ordering, cuthill_mckee_finds_the_narrowest_band_of_chains_and_grids) {
   EXPECT_GT(bandwidth(grid, order_rows(grid.pattern(), Ordering::natural)), 100) << "nothing to find";
 }
 
-TEST(Ordering, a_pattern_that_no_symmetric_matrix_has_is_refused) {
+TEST(Ordering, APatternThatNoSymmetricMatrixHasIsRefused) {
   const std::vector<Index> offsets{0, 1, 2}, columns{0, 0};
   EXPECT_THROW(order_rows({2, 2, offsets.data(), columns.data()}, Ordering::natural), Error) << "no diagonal";
   EXPECT_THROW(order_rows({2, 3, offsets.data(), columns.data()}, Ordering::natural), Error) << "not square";

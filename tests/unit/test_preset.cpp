@@ -7,7 +7,7 @@
 namespace stiction::test {
 namespace {
 
-TEST(Preset, names_are_read_back_and_others_are_refused_with_the_list) {
+TEST(Preset, NamesAreReadBackAndOthersAreRefusedWithTheList) {
   for (int k = 0; k < kPresetCount; ++k) {
     const auto preset = static_cast<Preset>(k);
     EXPECT_EQ(preset_from_string(to_string(preset)), preset);
@@ -21,7 +21,7 @@ TEST(Preset, names_are_read_back_and_others_are_refused_with_the_list) {
   }
 }
 
-TEST(Preset, each_asks_for_more_than_the_one_before) {
+TEST(Preset, EachAsksForMoreThanTheOneBefore) {
   for (int k = 1; k < kPresetCount; ++k) {
     const SolverOptions before = options_for(static_cast<Preset>(k - 1)), next = options_for(static_cast<Preset>(k));
     EXPECT_LT(next.tolerance, before.tolerance);
@@ -29,7 +29,7 @@ TEST(Preset, each_asks_for_more_than_the_one_before) {
   }
 }
 
-TEST(Preset, what_is_solved_under_one_is_as_accurate_as_it_says) {
+TEST(Preset, WhatIsSolvedUnderOneIsAsAccurateAsItSays) {
   const ContactBatch<double> batch = scene_batch("walker", 12, 4);
   for (int k = 0; k < kPresetCount; ++k) {
     const SolverOptions options = options_for(static_cast<Preset>(k));

@@ -147,7 +147,7 @@ void expect_life_like_the_oracle(std::uint64_t seed, const WarmStartCapacity& ca
   }
 }
 
-TEST(warm_start, serves_what_a_map_by_id_would) {
+TEST(WarmStart, ServesWhatAMapByIdWould) {
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     expect_life_like_the_oracle<double>(seed, {5, 2000, 8000}, {});
     expect_life_like_the_oracle<float>(seed, {5, 2000, 8000}, {0.8, StepScaling::proportional, 1});
@@ -155,7 +155,7 @@ TEST(warm_start, serves_what_a_map_by_id_would) {
   }
 }
 
-TEST(warm_start, what_does_not_fit_starts_from_zero_and_is_counted) {
+TEST(WarmStart, WhatDoesNotFitStartsFromZeroAndIsCounted) {
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     expect_life_like_the_oracle<double>(seed, {6, 60, 8000}, {});
     expect_life_like_the_oracle<float>(seed, {6, 2000, 150}, {});
@@ -163,7 +163,7 @@ TEST(warm_start, what_does_not_fit_starts_from_zero_and_is_counted) {
   }
 }
 
-TEST(warm_start, an_environment_is_served_alike_alone_and_among_two_hundred_on_any_number_of_threads) {
+TEST(WarmStart, AnEnvironmentIsServedAlikeAloneAndAmongTwoHundredOnAnyNumberOfThreads) {
   std::mt19937_64 random(9);
   const int envs = 200;
   const auto life = random_life<float>(random, envs, 12);
@@ -189,7 +189,7 @@ TEST(warm_start, an_environment_is_served_alike_alone_and_among_two_hundred_on_a
   }
 }
 
-TEST(warm_start, an_environment_that_starts_over_is_like_one_of_a_new_store) {
+TEST(WarmStart, AnEnvironmentThatStartsOverIsLikeOneOfANewStore) {
   std::mt19937_64 random(10);
   const auto life = random_life<double>(random, 4, 30);
   WarmStartStore<double> store(Device::cpu(), {4, 2000, 8000});
@@ -213,7 +213,7 @@ TEST(warm_start, an_environment_that_starts_over_is_like_one_of_a_new_store) {
   }
 }
 
-TEST(warm_start, a_mask_resets_the_environments_it_names_and_no_other) {
+TEST(WarmStart, AMaskResetsTheEnvironmentsItNamesAndNoOther) {
   Packed<double> step({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
   WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
   store_step(store, step, 0.01);
@@ -222,7 +222,7 @@ TEST(warm_start, a_mask_resets_the_environments_it_names_and_no_other) {
   EXPECT_EQ(load_guess(store, step, 0.01), (std::vector<double>{2.0, 0.0}));
 }
 
-TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_their_use_is_left_alone) {
+TEST(WarmStart, PaddedArraysAreServedLikePackedOnesAndWhatLiesBehindTheirUseIsLeftAlone) {
   std::mt19937_64 random(12);
   const int envs = 5;
   WarmStartStore<float> packed_store(Device::cpu(), {envs, 4000, 16000});
@@ -261,7 +261,7 @@ TEST(warm_start, padded_arrays_are_served_like_packed_ones_and_what_lies_behind_
   }
 }
 
-TEST(warm_start, an_environment_missing_from_the_last_batch_is_reset) {
+TEST(WarmStart, AnEnvironmentMissingFromTheLastBatchIsReset) {
   Packed<double> two({{{{5, ConeKind::unilateral, 1}}, {2.0}}, {{{5, ConeKind::unilateral, 1}}, {3.0}}});
   Packed<double> one({{{{5, ConeKind::unilateral, 1}}, {4.0}}});
   WarmStartStore<double> store(Device::cpu(), {2, 2, 2}, {1.0});
@@ -270,7 +270,7 @@ TEST(warm_start, an_environment_missing_from_the_last_batch_is_reset) {
   EXPECT_EQ(load_guess(store, two, 0.01), (std::vector<double>{4.0, 0.0}));
 }
 
-TEST(warm_start, stepping_a_scene_again_takes_fewer_iterations_and_a_poisoned_environment_leaves_no_trace) {
+TEST(WarmStart, SteppingASceneAgainTakesFewerIterationsAndAPoisonedEnvironmentLeavesNoTrace) {
   const ContactBatch<double> batch = scene_batch("stack", 3, 4);
   auto arrays = batch.arrays();
   arrays.b[0] = std::numeric_limits<double>::quiet_NaN();
@@ -321,7 +321,7 @@ std::string misuse(F&& action) {
   return "no Error was thrown";
 }
 
-TEST(warm_start, misuse_is_refused_with_name_value_and_remedy_and_changes_nothing) {
+TEST(WarmStart, MisuseIsRefusedWithNameValueAndRemedyAndChangesNothing) {
   const auto make = [](const WarmStartCapacity& capacity, const WarmStartOptions& options) {
     return misuse([&] { WarmStartStore<double>(Device::cpu(), capacity, options); });
   };
@@ -368,7 +368,7 @@ TEST(warm_start, misuse_is_refused_with_name_value_and_remedy_and_changes_nothin
   EXPECT_EQ(load_guess(store, one, 0.01), std::vector<double>{4.0}) << "a refused call changed what is stored";
 }
 
-TEST(warm_start, a_store_and_a_batch_without_anything_work) {
+TEST(WarmStart, AStoreAndABatchWithoutAnythingWork) {
   Packed<float> none({});
   WarmStartStore<float> store(Device::cpu(), {});
   EXPECT_TRUE(load_guess(store, none, 0.01).empty());

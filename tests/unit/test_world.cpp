@@ -42,7 +42,7 @@ WorldDescription colliding(double restitution, bool alike) {
 
 }  // namespace
 
-TEST(world, free_fall_is_semi_implicit_euler_to_rounding) {
+TEST(World, FreeFallIsSemiImplicitEulerToRounding) {
   WorldDescription description;
   WorldBody& ball = add_body(description, ShapeKind::sphere, {0.1, 0, 0});
   ball.position = {1, 2, 3};
@@ -61,7 +61,7 @@ TEST(world, free_fall_is_semi_implicit_euler_to_rounding) {
   EXPECT_NEAR(world.state().orientation[3], std::sin(angle / 2), 1e-12);
 }
 
-TEST(world, a_tumbling_box_keeps_its_angular_momentum_and_nearly_its_energy) {
+TEST(World, ATumblingBoxKeepsItsAngularMomentumAndNearlyItsEnergy) {
   WorldDescription description;
   description.gravity = {0, 0, 0};
   WorldBody& box = add_body(description, ShapeKind::box, {0.1, 0.2, 0.3});
@@ -87,7 +87,7 @@ TEST(world, a_tumbling_box_keeps_its_angular_momentum_and_nearly_its_energy) {
   EXPECT_LT(fine, coarse / 3);  // of second order
 }
 
-TEST(world, collisions_conserve_linear_and_angular_momentum) {
+TEST(World, CollisionsConserveLinearAndAngularMomentum) {
   for (const double restitution : {0.0, 0.7}) {
     World<double> world(Device::cpu(), colliding(restitution, false), 1, tight());
     const WorldMotion before = world.motion()[0];
@@ -106,7 +106,7 @@ TEST(world, collisions_conserve_linear_and_angular_momentum) {
   }
 }
 
-TEST(world, without_stabilisation_no_step_of_inelastic_bodies_adds_energy) {
+TEST(World, WithoutStabilisationNoStepOfInelasticBodiesAddsEnergy) {
   // Balls and cubes: their spin has no gyroscopic term, whose own error has a sign that may be either.
   WorldDescription description = colliding(0, true);
   description.gravity = {0, 0, -kGravity};
@@ -127,7 +127,7 @@ TEST(world, without_stabilisation_no_step_of_inelastic_bodies_adds_energy) {
   EXPECT_LT(energy, 0.7 * scale);
 }
 
-TEST(world, a_block_slides_or_stops_by_its_friction) {
+TEST(World, ABlockSlidesOrStopsByItsFriction) {
   const double tangent = 0.3, c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
   for (const double mu : {0.2, 0.29, 0.31, 0.5}) {
     WorldDescription description;
@@ -154,7 +154,7 @@ TEST(world, a_block_slides_or_stops_by_its_friction) {
   }
 }
 
-TEST(world, a_block_at_rest_stays_below_the_angle_of_friction_and_slides_above_it) {
+TEST(World, ABlockAtRestStaysBelowTheAngleOfFrictionAndSlidesAboveIt) {
   for (const double mu : {0.295, 0.305}) {
     const double tangent = 0.3, c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
     WorldDescription description;
@@ -168,7 +168,7 @@ TEST(world, a_block_at_rest_stays_below_the_angle_of_friction_and_slides_above_i
   }
 }
 
-TEST(world, balls_rise_by_the_square_of_their_restitution) {
+TEST(World, BallsRiseByTheSquareOfTheirRestitution) {
   WorldOptions options = tight();
   World<double> world = started<double>("bounce", 1, options);
   const double radius = 0.1;
@@ -199,7 +199,7 @@ TEST(world, balls_rise_by_the_square_of_their_restitution) {
   EXPECT_NEAR(apexes[2][2] / apexes[2][1], 0.81, 0.01);
 }
 
-TEST(world, a_rimless_wheel_walks_at_its_limit_cycle) {
+TEST(World, ARimlessWheelWalksAtItsLimitCycle) {
   using Wheel = scenes::RimlessWheel;
   World<double> world = started<double>("walker", 1, tight());
   const double alpha = std::acos(-1.0) / Wheel::kSpokes, gamma = std::atan(Wheel::kSlope),
@@ -238,7 +238,7 @@ TEST(world, a_rimless_wheel_walks_at_its_limit_cycle) {
   EXPECT_NEAR(position_of(world, 0)[1], 0, 1e-6);
 }
 
-TEST(world, a_stack_at_rest_stays) {
+TEST(World, AStackAtRestStays) {
   WorldOptions options;
   options.solver.threads = 1;
   World<double> world = started<double>("stack", 1, options);
@@ -250,7 +250,7 @@ TEST(world, a_stack_at_rest_stays) {
     for (const double v : world_twist(world, body)) EXPECT_NEAR(v, 0, 1e-3);
 }
 
-TEST(world, newton_and_impulses_carry_a_stack_with_the_same_velocities) {
+TEST(World, NewtonAndImpulsesCarryAStackWithTheSameVelocities) {
   const auto fallen = [](BodyMethod method) {
     WorldOptions options = tight();
     options.solver.method = method;
@@ -270,7 +270,7 @@ TEST(world, newton_and_impulses_carry_a_stack_with_the_same_velocities) {
   for (std::size_t k = 0; k < impulses.size(); ++k) EXPECT_NEAR(impulses[k], newton[k], 1e-7);
 }
 
-TEST(world, contacts_keep_their_names_and_warm_starts_save_sweeps) {
+TEST(World, ContactsKeepTheirNamesAndWarmStartsSaveSweeps) {
   const auto sweeps = [](double share) {
     WorldOptions options = tight();
     options.solver.tolerance = 1e-6;

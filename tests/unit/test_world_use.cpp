@@ -33,7 +33,7 @@ std::vector<double> copy_of(std::span<const double> values) {
 
 }  // namespace
 
-TEST(world_use, a_wrench_accelerates_by_mass_and_inertia) {
+TEST(WorldUse, AWrenchAcceleratesByMassAndInertia) {
   WorldDescription description;
   description.gravity = {0, 0, 0};
   const WorldBody body = add_body(description, ShapeKind::box, {0.1, 0.1, 0.1});
@@ -46,7 +46,7 @@ TEST(world_use, a_wrench_accelerates_by_mass_and_inertia) {
   for (const double v : world_twist(world, 0)) EXPECT_EQ(v, 0);
 }
 
-TEST(world_use, reset_begins_again_where_the_mask_says) {
+TEST(WorldUse, ResetBeginsAgainWhereTheMaskSays) {
   World<double> world(Device::cpu(), ball_above_floor(), 3);
   run(world, 120);
   const std::vector<double> landed = copy_of(world.state().position);
@@ -61,7 +61,7 @@ TEST(world_use, reset_begins_again_where_the_mask_says) {
   for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(world.state().position[3 + k], fresh.state().position[k]);
 }
 
-TEST(world_use, reset_takes_states_and_normalises_quaternions) {
+TEST(WorldUse, ResetTakesStatesAndNormalisesQuaternions) {
   World<double> world(Device::cpu(), ball_above_floor(), 1);
   const std::vector<double> position{1, 2, 3}, orientation{2, 0, 0, 0}, twist{1, 0, 0, 0, 0, 0};
   const std::vector<std::uint8_t> all{1};
@@ -77,7 +77,7 @@ TEST(world_use, reset_takes_states_and_normalises_quaternions) {
   EXPECT_THAT(error_message([&] { world.reset(std::vector<std::uint8_t>{1, 1}); }), HasSubstr("mask has 2 entries"));
 }
 
-TEST(world_use, an_environment_with_a_broken_wrench_stands_still_alone) {
+TEST(WorldUse, AnEnvironmentWithABrokenWrenchStandsStillAlone) {
   World<double> world(Device::cpu(), ball_above_floor(), 3);
   World<double> sound(Device::cpu(), ball_above_floor(), 3);
   world.wrench()[6] = std::numeric_limits<double>::quiet_NaN();
@@ -97,7 +97,7 @@ TEST(world_use, an_environment_with_a_broken_wrench_stands_still_alone) {
   EXPECT_LT(world.state().position[5], 0.5);
 }
 
-TEST(world_use, speeds_beyond_all_numbers_end_as_invalid_input) {
+TEST(WorldUse, SpeedsBeyondAllNumbersEndAsInvalidInput) {
   WorldDescription description = ball_above_floor();
   description.bodies[0].twist[0] = 1e308;
   WorldOptions options;
@@ -109,7 +109,7 @@ TEST(world_use, speeds_beyond_all_numbers_end_as_invalid_input) {
   EXPECT_TRUE(std::isfinite(world.state().position[0]));
 }
 
-TEST(world_use, too_many_contacts_are_flagged_and_the_deepest_kept) {
+TEST(WorldUse, TooManyContactsAreFlaggedAndTheDeepestKept) {
   WorldOptions options;
   options.solver.max_contacts_per_env = 6;
   World<double> world = started<double>("stack", 2, options);
@@ -130,7 +130,7 @@ TEST(world_use, too_many_contacts_are_flagged_and_the_deepest_kept) {
   EXPECT_GT(pushed, 0);
 }
 
-TEST(world_use, compound_bodies_touch_with_every_shape_and_never_themselves) {
+TEST(WorldUse, CompoundBodiesTouchWithEveryShapeAndNeverThemselves) {
   WorldDescription description;
   add_floor(description);
   WorldBody dumbbell;
@@ -151,7 +151,7 @@ TEST(world_use, compound_bodies_touch_with_every_shape_and_never_themselves) {
   EXPECT_NEAR(carried, 2 * 9.81 * 0.005, 1e-6);
 }
 
-TEST(world_use, an_empty_world_steps) {
+TEST(WorldUse, AnEmptyWorldSteps) {
   World<double> none(Device::cpu(), ball_above_floor(), 0);
   none.step();
   World<float> bare(Device::cpu(), WorldDescription{}, 2);
@@ -160,7 +160,7 @@ TEST(world_use, an_empty_world_steps) {
   EXPECT_EQ(bare.status()[0].code, EnvCode::solved);
 }
 
-TEST(world_use, solid_bodies_have_the_masses_of_the_textbooks) {
+TEST(WorldUse, SolidBodiesHaveTheMassesOfTheTextbooks) {
   const double pi = std::acos(-1.0);
   const WorldBody ball = solid_body(world_shape(0, ShapeKind::sphere, {0.5, 0, 0}), 10);
   EXPECT_NEAR(ball.mass, 10 * 4 * pi / 3 / 8, 1e-12);
@@ -186,7 +186,7 @@ TEST(world_use, solid_bodies_have_the_masses_of_the_textbooks) {
   EXPECT_EQ(capsule.inertia[0], capsule.inertia[1]);
 }
 
-TEST(world_use, mistakes_are_named) {
+TEST(WorldUse, MistakesAreNamed) {
   const auto changed = [](auto&& change) {
     WorldDescription description = ball_above_floor();
     change(description);
