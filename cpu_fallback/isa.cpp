@@ -12,6 +12,7 @@ cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
+cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_baseline
 
 #if defined(STICTION_HAS_AVX2)
@@ -21,6 +22,7 @@ cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
+cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_avx2
 #endif
 
@@ -28,6 +30,7 @@ cpu::WorldKernelSet world_kernels();
 namespace isa_avx512 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
+cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_avx512
 #endif
 
@@ -56,14 +59,16 @@ BodyKernelSet avx512_si_kernels() {
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
     {"avx512", has_avx512, avx512_kernels, avx512_si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels,
-     isa_avx2::world_kernels},
+     isa_avx2::world_kernels, isa_avx512::velocity_kernels},
 #endif
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
-     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels},
+     isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels,
+     isa_avx2::velocity_kernels},
 #endif
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
-     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels},
+     isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels,
+     isa_baseline::velocity_kernels},
 };
 
 /// Sets that a program adds, in the order they came.

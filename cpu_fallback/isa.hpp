@@ -3,6 +3,7 @@
 #include "cpu_fallback/bodies_job.hpp"
 #include "cpu_fallback/jacobian_kernels.hpp"
 #include "cpu_fallback/job.hpp"
+#include "cpu_fallback/velocity_kernels.hpp"
 #include "cpu_fallback/world_kernels.hpp"
 #include "stiction/types.hpp"
 
@@ -17,6 +18,7 @@ struct Isa {
   NewtonBodyKernelSet (*newton_body_kernels)();
   JacobianKernelSet (*jacobian)();
   WorldKernelSet (*world_kernels)();
+  VelocityKernelSet (*velocity)();
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA

@@ -1,11 +1,13 @@
 #include "core/machine/jacobian_machine.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
 #include <type_traits>
 #include <vector>
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
+#include "core/algorithm/velocity/lane_env.hpp"
 #include "core/base/extents.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/scratch.hpp"
@@ -15,14 +17,18 @@ namespace stiction {
 
 namespace {
 
-template <class Real>
-cpu::JacobianKernels<Real> pick() {
-  const cpu::JacobianKernelSet set = cpu::best_isa().jacobian();
+/// The kernels of a precision.
+template <class Real, class Set>
+auto of_precision(const Set& set) {
   if constexpr (std::is_same_v<Real, float>) {
     return set.f32;
   } else {
     return set.f64;
   }
+}
+template <class Real>
+cpu::JacobianKernels<Real> pick() {
+  return of_precision<Real>(cpu::best_isa().jacobian());
 }
 
 /// kernel(job, env, scratch) for every environment.
@@ -45,7 +51,8 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.env_dofs = std::numeric_limits<Index>::max();
   }
 
-  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef) override {
+  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
+                                  StreamRef) override {
     SerialTeam team;
     arrays_.env_rows = std::numeric_limits<Index>::max();
     const auto envs = static_cast<std::size_t>(batch.env_count), rows = static_cast<std::size_t>(batch.row_count);
@@ -53,11 +60,13 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.matrix = at_least(matrix_, envs + 1);
     arrays_.factor = at_least(factor_, envs + 1);
     arrays_.parts = parts_.data();
+    reserve_answers(batch, newton != nullptr);
     Index largest = 0;
     for (Offset env = 0; env < batch.env_count; ++env) {
       count_env(team, JacobianBatchJob<Real>{batch, arrays_}, env);
       largest = larger_of(largest, batch.env_rows(env));
     }
+    if (newton != nullptr && solve_by_newton(*newton) == batch.env_count) return {};
     arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
     arrays_.factor_room = std::accumulate(arrays_.factor, arrays_.factor + envs, Offset{0});
     arrays_.env_rows = largest;
@@ -74,16 +83,22 @@ class CpuJacobian final : public JacobianMachine<Real> {
     for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {
-      if ((own.flags[env] & kNotAssembled) == 0) kernels.assemble(own, env, scratch);
+      if ((own.flags[env] & kNotAssembled) == 0 && !is_answered(arrays_, env)) kernels.assemble(own, env, scratch);
     });
     return contact_view(batch, arrays_);
   }
 
   void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                   StreamRef) override {
-    if (solution.velocity == nullptr) return;
-    velocities_on_cpu(JacobianBatchJob<Real>{batch, arrays_, solution.lambda, solution.status, solution.velocity}.job(),
-                      threads_);
+    const cpu::JacobianKernels<Real> kernels = pick<Real>();
+    const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
+    for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {
+      if (is_answered(arrays_, env)) {
+        hand_out(batch, env, solution);
+      } else if (solution.velocity != nullptr) {
+        kernels.velocity(own, env, scratch);
+      }
+    });
   }
 
  private:
@@ -93,12 +108,72 @@ class CpuJacobian final : public JacobianMachine<Real> {
     return array.data();
   }
 
+  /// Room for what Newton's method in velocities finds. Answers are kept here until all else is solved: a solve that
+  /// throws must have written nothing.
+  void reserve_answers(const JacobianBatchView<Real>& batch, bool by_newton) {
+    const std::size_t envs = by_newton ? static_cast<std::size_t>(batch.env_count) : 0;
+    arrays_.answered = by_newton ? at_least(answered_, envs + 1) : nullptr;
+    arrays_.env_row_counts = at_least(env_row_counts_, envs);
+    arrays_.env_cone_counts = at_least(env_cone_counts_, envs);
+    arrays_.status = at_least(status_, envs);
+    if (!by_newton) return;
+    const auto rows = static_cast<std::size_t>(batch.row_count);
+    answers_ = {at_least(lambda_, rows), at_least(w_, rows),
+                at_least(velocity_, static_cast<std::size_t>(batch.dof_count)), arrays_.status};
+  }
+
+  /// Environments of like size side by side: none waits long for another in its pack.
+  /// Returns how many were solved.
+  Offset solve_by_newton(const VelocityJob<Real>& newton) {
+    const JacobianBatchView<Real>& batch = newton.batch;
+    std::vector<Offset> envs;
+    for (Offset env = 0; env < batch.env_count; ++env)
+      if ((arrays_.flags[env] & kNotAssembled) == 0 && takes_shape(batch, newton.law, env)) envs.push_back(env);
+    const auto size = [&](Offset env) { return std::pair(batch.env_dofs(env), batch.env_rows(env)); };
+    std::stable_sort(envs.begin(), envs.end(), [&](Offset a, Offset b) { return size(a) < size(b); });
+    VelocityJob<Real> job = newton;
+    job.to = answers_;
+    job.answered = arrays_.answered;
+    const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
+    const int threads = cpu::thread_count(threads_);
+    std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(threads));
+    const auto count = static_cast<Offset>(envs.size()), run = Offset{kPacksPerRun} * kernels.width;
+    cpu::parallel_for(threads, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
+      const Offset begin = index * run;
+      kernels.solve(job, envs.data() + begin, smaller_of(run, count - begin),
+                    scratch[static_cast<std::size_t>(worker)]);
+    });
+    Offset solved = 0;
+    for (const Offset env : envs) {
+      leave_out_answered(arrays_, env);
+      solved += arrays_.answered[env];
+    }
+    return solved;
+  }
+
+  /// One environment's answer, to where the caller wants it.
+  void hand_out(const JacobianBatchView<Real>& batch, Offset env, const JacobianSolutionView<Real>& solution) const {
+    const Offset row = batch.env_row_offsets[env], dof = batch.env_dof_offsets[env];
+    std::copy_n(answers_.lambda + row, batch.env_rows(env), solution.lambda + row);
+    if (solution.w != nullptr) std::copy_n(answers_.w + row, batch.env_rows(env), solution.w + row);
+    if (solution.velocity != nullptr)
+      std::copy_n(answers_.velocity + dof, batch.env_dofs(env), solution.velocity + dof);
+    solution.status[env] = answers_.status[env];
+  }
+
+  static constexpr Offset kPacksPerRun = 2;
+
   int threads_;
   JacobianArrays<Real> arrays_{};
+  JacobianSolutionView<Real> answers_{};
   std::vector<std::uint32_t> flags_;
   std::vector<Offset> matrix_, factor_, parts_, row_offsets_, column_offsets_;
   std::vector<Index> row_counts_, column_;
   std::vector<Real> A_, Y_, b_;
+  std::vector<std::uint8_t> answered_;
+  std::vector<Index> env_row_counts_, env_cone_counts_;
+  std::vector<EnvStatus> status_;
+  std::vector<Real> lambda_, w_, velocity_;
 };
 
 }  // namespace

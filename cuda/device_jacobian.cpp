@@ -34,7 +34,8 @@ const JacobianKernels& kernels_of(const DeviceApi& api) {
 }  // namespace
 
 template <class Real>
-DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use)
+DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use,
+                                     bool by_newton)
     : api_(std::move(api)), done_(*api_) {
   arrays_.env_rows = capacity.env_rows;
   arrays_.env_dofs = capacity.env_dofs;
@@ -67,6 +68,7 @@ DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const Jacob
   set_.add(arrays_.Y, capacity.factor);
   set_.add(arrays_.b, capacity.rows);
   if (!shared) set_.add(scratch_, large_.teams * slot_);
+  if (by_newton) reserve_newton(capacity);
   memory_ = DeviceMemory(*api_, set_.bytes());
   set_.place(memory_.get());
   if (shared) scratch_ = nullptr;
@@ -84,6 +86,43 @@ DeviceJacobian<Real>::DeviceJacobian(std::shared_ptr<DeviceApi> api, const Jacob
     throw;
   }
   api_->synchronize(stream.get());
+}
+
+/// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
+/// addresses side by side.
+template <class Real>
+void DeviceJacobian<Real>::reserve_newton(const JacobianCapacity& capacity) {
+  const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
+  newton_.dofs = smaller_of(capacity.env_dofs, kMostVelocityDofs);
+  newton_.tree_entries = newton_.dofs * (newton_.dofs + 1) / 2;
+  newton_.largest = {rows, rows, Offset{rows} * newton_.dofs};
+  newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real>::Types>::doubles(
+      newton_.largest, newton_.dofs, newton_.tree_entries);
+  newton_.lists_per_lane =
+      (PackLists<1>::bytes(rows) + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
+  const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team +
+                            static_cast<Offset>(sizeof(Offset)) * kWarp * newton_.lists_per_lane;
+  const Offset wanted = (capacity.envs + kWarp - 1) / kWarp, fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
+  newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  newton_shape_.lanes = kWarp;
+  set_.add(arrays_.env_row_counts, capacity.envs);
+  set_.add(arrays_.env_cone_counts, capacity.envs);
+  set_.add(arrays_.answered, capacity.envs);
+  set_.add(arrays_.status, capacity.envs);
+  set_.add(newton_.numbers, newton_shape_.teams * newton_.numbers_per_team);
+  set_.add(newton_.lists, newton_shape_.teams * kWarp * newton_.lists_per_lane);
+}
+
+template <class Real>
+void DeviceJacobian<Real>::launch_newton(const VelocityJob<Real>& job, StreamHandle stream) {
+  VelocityArgs<Real> args = newton_;
+  args.job = job;
+  args.job.to.status = arrays_.status;
+  args.job.answered = arrays_.answered;
+  args.arrays = arrays_;
+  LaunchShape shape = newton_shape_;
+  shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  api_->launch(kernels_of<Real>(*api_).newton, shape, &args, stream);
 }
 
 template <class Real>
@@ -131,12 +170,14 @@ void DeviceJacobian<Real>::queue(StreamHandle stream, const Work& work) {
 }
 
 template <class Real>
-ContactBatchView<Real> DeviceJacobian<Real>::assemble(const JacobianBatchView<Real>& batch, StreamRef stream) {
+ContactBatchView<Real> DeviceJacobian<Real>::assemble(const JacobianBatchView<Real>& batch,
+                                                      const VelocityJob<Real>* newton, StreamRef stream) {
   const JacobianKernels& kernels = kernels_of<Real>(*api_);
   const JacobianBatchJob<Real> job{batch, arrays_};
   if (batch.env_count > 0)
     queue(stream.handle(), [&] {
       launch(kernels.count, small_, job, stream.handle());
+      if (newton != nullptr) launch_newton(*newton, stream.handle());
       launch(kernels.place, {1, kMostLanes}, job, stream.handle());
       launch(kernels.write, large_, job, stream.handle());
     });
@@ -148,7 +189,7 @@ void DeviceJacobian<Real>::velocities(const JacobianBatchView<Real>& batch, cons
                                       StreamRef stream) {
   const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
   queue(stream.handle(), [&] {
-    if (batch.env_count > 0 && solution.velocity != nullptr)
+    if (batch.env_count > 0 && (solution.velocity != nullptr || arrays_.answered != nullptr))
       launch(kernels_of<Real>(*api_).move, large_, job, stream.handle());
   });
 }

@@ -5,6 +5,7 @@
 #include "core/machine/jacobian_machine.hpp"
 #include "cuda/device/kernels.hpp"
 #include "cuda/device/memory.hpp"
+#include "cuda/programs/velocity_program.hpp"
 
 namespace stiction::cuda {
 
@@ -13,16 +14,20 @@ namespace stiction::cuda {
 template <class Real>
 class DeviceJacobian final : public JacobianMachine<Real> {
  public:
-  DeviceJacobian(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use);
+  /// `by_newton`: assemble() will be given a job for Newton's method in velocities.
+  DeviceJacobian(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use, bool by_newton);
   ~DeviceJacobian() override;
 
-  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) override;
+  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
+                                  StreamRef stream) override;
   void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                   StreamRef stream) override;
 
  private:
   void launch(const KernelRef& kernel, const LaunchShape& shape, const JacobianBatchJob<Real>& job,
               StreamHandle stream);
+  void reserve_newton(const JacobianCapacity& capacity);
+  void launch_newton(const VelocityJob<Real>& job, StreamHandle stream);
   void finish(StreamHandle stream) noexcept;
   template <class Work>
   void queue(StreamHandle stream, const Work& work);
@@ -32,6 +37,8 @@ class DeviceJacobian final : public JacobianMachine<Real> {
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
   LaunchShape small_, large_;  ///< of counting; of assembling and moving
+  LaunchShape newton_shape_;
+  VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;
   DeviceMemory memory_;
   Event done_;  ///< the arrays are free again

@@ -43,6 +43,7 @@ ALGORITHM = {
     "plan": [],
     "collision": ["rigid", "plan"],
     "jacobian": [],
+    "velocity": ["problem", "system", "sweep", "residual", "jacobian"],
     "warm_start": ["plan"],
 }
 

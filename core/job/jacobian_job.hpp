@@ -1,6 +1,7 @@
 #pragma once
 
 #include "stiction/jacobian.hpp"
+#include "stiction/status.hpp"
 
 namespace stiction {
 
@@ -34,6 +35,10 @@ struct JacobianArrays {
   Real* A;                 ///<                                                         (matrix_room)
   Real* Y;                 ///<                                                         (factor_room)
   Real* b;                 ///<                                                         (rows)
+  Index* env_row_counts;   ///< rows left to solve, 0 of what has its answer; null: all (envs)
+  Index* env_cone_counts;  ///< cones of them                                           (envs)
+  std::uint8_t* answered;  ///< 1: Newton's method in velocities has solved it          (envs)
+  EnvStatus* status;       ///< how                                                     (envs)
   Index env_rows;          ///< most rows of an environment
   Index env_dofs;          ///< most degrees of freedom
   Offset matrix_room;
@@ -46,9 +51,9 @@ template <class Real>
 struct JacobianBatchJob {
   JacobianBatchView<Real> batch;
   JacobianArrays<Real> to;
-  const Real* lambda = nullptr;       ///< reactions, where the batch's rows are        (row_count)
-  const EnvStatus* status = nullptr;  ///< how they were found                          (env_count)
-  Real* velocity = nullptr;           ///< out                                          (dof_count)
+  const Real* lambda = nullptr;  ///< reactions, where the batch's rows are        (row_count)
+  EnvStatus* status = nullptr;   ///< how they were found                          (env_count)
+  Real* velocity = nullptr;      ///< out                                          (dof_count)
 
   [[nodiscard]] STICTION_HD JacobianJob<Real> job() const {
     return {batch, batch.env_row_offsets, to.matrix, to.factor, to.A, to.b, to.Y, to.flags, lambda, velocity};
@@ -65,8 +70,9 @@ ContactBatchView<Real> contact_view(const JacobianBatchView<Real>& batch, const 
   view.nonzero_count = arrays.matrix_room;
   view.env_row_offsets = batch.env_row_offsets;
   view.env_cone_offsets = batch.env_cone_offsets;
-  view.env_row_counts = batch.env_row_counts;
-  view.env_cone_counts = batch.env_cone_counts;
+  view.env_row_counts = arrays.answered != nullptr ? arrays.env_row_counts : batch.env_row_counts;
+  view.env_cone_counts = arrays.answered != nullptr ? arrays.env_cone_counts : batch.env_cone_counts;
+  view.ends_early = batch.env_row_counts == nullptr;
   view.env_flags = arrays.flags;
   view.env_tolerance = batch.env_tolerance;
   view.env_max_iterations = batch.env_max_iterations;

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "core/job/jacobian_job.hpp"
+#include "core/job/velocity_job.hpp"
 #include "stiction/jacobian_solver.hpp"
 
 namespace stiction {
@@ -22,9 +23,12 @@ template <class Real>
 class JacobianMachine {
  public:
   virtual ~JacobianMachine() = default;
-  /// The contact batch; it is there in the order of `stream`, until the next one.
-  virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
-  /// The velocities that the answer of that contact batch leads to.
+  /// The contact batch; it is there in the order of `stream`, until the next one. With `newton`, environments whose
+  /// shape Newton's method in velocities takes are solved by it first, and those that are have no rows in the batch; a
+  /// machine that knows at once that these are all returns one without environments.
+  virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
+                                          StreamRef stream) = 0;
+  /// The velocities that the answer of that contact batch leads to, and the answers of Newton's method.
   virtual void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                           StreamRef stream) = 0;
 };
@@ -34,8 +38,10 @@ template <class Real>
 std::unique_ptr<JacobianMachine<Real>> make_cpu_jacobian(FactorUse use, int threads);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int ordinal, const JacobianCapacity& capacity, FactorUse use);
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int ordinal, const JacobianCapacity& capacity, FactorUse use,
+                                                          bool by_newton);
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use);
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use,
+                                                              bool by_newton);
 
 }  // namespace stiction

@@ -25,11 +25,11 @@ template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, cons
 template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse) {
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
-template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool);
+template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool);
 
 std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);

@@ -29,11 +29,11 @@ template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const
 template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity&, FactorUse) {
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
-template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
+template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
 
 template <class Real>
 std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>&, Offset, const WorldOptions&) {

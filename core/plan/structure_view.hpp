@@ -33,6 +33,7 @@ ContactBatchView<float> structure_view(const ContactBatchView<Real>& batch) {
   integers.mu_offsets = batch.mu_offsets;
   integers.mu_count = batch.mu_count;
   integers.normal_last = batch.normal_last;
+  integers.ends_early = batch.ends_early;
   integers.law = batch.law;
   integers.space = batch.space;
   return integers;

@@ -147,6 +147,11 @@ SolverKind solver_from_string(const std::string& name) {
                 "solver 'multigrid' works on bodies, not on contact batches: give the bodies to a BodySolver with "
                 "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " +
                     names);
+  if (name == to_string(SolverKind::velocity_newton))
+    throw Error(ErrorCode::invalid_argument,
+                "solver 'velocity_newton' works on J and M: give those (Batch.from_jacobian, JacobianSolver) to solver "
+                "auto, which takes it there; for a contact batch use one of: " +
+                    names);
   throw Error(ErrorCode::invalid_argument, "solver '" + name + "' is not known; use one of: " + names);
 }
 

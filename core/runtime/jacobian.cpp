@@ -9,6 +9,7 @@
 #include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
+#include "core/runtime/newton_job.hpp"
 #include "core/runtime/stored_columns.hpp"
 #include "stiction/status.hpp"
 
@@ -32,10 +33,11 @@ Offset block_rows(Index mass_block, Offset dofs) {
   return mass_block == 0 ? dofs : mass_block;
 }
 
-void check_blocks(Index mass_block, Offset dofs, const std::string& where) {
+template <class Name>
+void check_blocks(Index mass_block, Offset dofs, const Name& name) {
   if (dofs % larger_of<Offset>(1, block_rows(mass_block, dofs)) == 0) return;
-  refuse(where + " has " + std::to_string(dofs) + " degrees of freedom, which blocks of " + std::to_string(mass_block) +
-         " do not tile; choose another mass_block, or 0 for one dense block");
+  refuse(std::string(name()) + " has " + std::to_string(dofs) + " degrees of freedom, which blocks of " +
+         std::to_string(mass_block) + " do not tile; choose another mass_block, or 0 for one dense block");
 }
 
 /// Shapes of one environment, and its rows.
@@ -50,7 +52,7 @@ std::size_t check_shape(const JacobianEnvironment<Real>& env, Index mass_block) 
   }
   const auto rows = static_cast<std::size_t>(tiled);
   const std::size_t dofs = env.v_free.size();
-  check_blocks(mass_block, static_cast<Offset>(dofs), "the environment");
+  check_blocks(mass_block, static_cast<Offset>(dofs), [] { return "the environment"; });
   expect_length("M", env.M.size(), dofs * static_cast<std::size_t>(block_rows(mass_block, static_cast<Offset>(dofs))),
                 "degrees of freedom times rows of a block");
   if (env.row_offsets.empty() && env.column.empty()) {
@@ -120,12 +122,12 @@ void check_structure(const JacobianBatchView<Real>& batch) {
   check_pointer("lo", batch.lo, batch.row_count);
   check_pointer("hi", batch.hi, batch.row_count);
   for (Offset env = 0; env < batch.env_count; ++env) {
-    const std::string where = "env " + std::to_string(env);
+    const auto where = [env] { return "env " + std::to_string(env); };
     const Offset dofs = batch.env_dofs(env), block = block_rows(batch.mass_block, dofs);
     check_blocks(batch.mass_block, dofs, where);
     const Offset room = batch.env_mass_offsets[env + 1] - batch.env_mass_offsets[env];
     if (room < dofs * block)
-      refuse("M of " + where + " has room for " + std::to_string(room) + " entries, its " + std::to_string(dofs) +
+      refuse("M of " + where() + " has room for " + std::to_string(room) + " entries, its " + std::to_string(dofs) +
              " degrees of freedom take " + std::to_string(dofs * block) + "; fix env_mass_offsets");
     const Offset first = batch.env_row_offsets[env];
     for (Offset row = first; row < first + batch.env_rows(env); ++row) {
@@ -133,7 +135,7 @@ void check_structure(const JacobianBatchView<Real>& batch) {
       if (batch.column == nullptr
               ? count < dofs
               : !all_below(std::span(batch.column + begin, static_cast<std::size_t>(count)), static_cast<Index>(dofs)))
-        refuse("row " + std::to_string(row - first) + " of J of " + where +
+        refuse("row " + std::to_string(row - first) + " of J of " + where() +
                (batch.column == nullptr
                     ? " has " + std::to_string(count) + " entries, expected one per degree of freedom, "
                     : " has a column outside of its degrees of freedom, ") +
@@ -141,9 +143,9 @@ void check_structure(const JacobianBatchView<Real>& batch) {
     }
     const Offset cone = batch.env_cone_offsets[env], cones_end = cone + batch.env_cones(env);
     if (batch.cone_row_offsets[cone] != first && cones_end > cone)
-      refuse("the first cone of " + where + " does not begin at its first row; fix cone_row_offsets");
+      refuse("the first cone of " + where() + " does not begin at its first row; fix cone_row_offsets");
     if (batch.env_rows(env) != (cones_end > cone ? batch.cone_row_offsets[cones_end] - first : 0))
-      refuse("the cones of " + where + " do not tile its " + std::to_string(batch.env_rows(env)) +
+      refuse("the cones of " + where() + " do not tile its " + std::to_string(batch.env_rows(env)) +
              " rows; fix cone_row_offsets");
   }
 }
@@ -314,13 +316,70 @@ std::vector<Real> velocities(const JacobianBatchView<Real>& batch, std::span<con
   return result;
 }
 
+namespace {
+
+/// Vectors by row as the batch places its rows, room between environments included.
+template <class Real>
+struct Placed {
+  std::vector<Real> lambda, w, guess;
+};
+
+/// f(first row of an environment in the batch, its first row without room, rows) for every environment.
+template <class Real, class F>
+void for_each_span(const JacobianBatchView<Real>& batch, const std::vector<Offset>& compact, const F& f) {
+  for (Offset env = 0; env < batch.env_count; ++env)
+    f(batch.env_row_offsets[env], compact[static_cast<std::size_t>(env)], batch.env_rows(env));
+}
+template <class Real>
+std::vector<Real> spread(const JacobianBatchView<Real>& batch, const std::vector<Offset>& compact,
+                         std::span<const Real> from) {
+  std::vector<Real> to(static_cast<std::size_t>(batch.row_count));
+  for_each_span(batch, compact, [&](Offset placed, Offset packed, Index rows) {
+    std::copy_n(from.begin() + packed, rows, to.begin() + placed);
+  });
+  return to;
+}
+template <class Real>
+std::vector<Real> gathered(const JacobianBatchView<Real>& batch, const std::vector<Offset>& compact,
+                           const std::vector<Real>& from) {
+  std::vector<Real> to(static_cast<std::size_t>(compact.back()));
+  for_each_span(batch, compact, [&](Offset placed, Offset packed, Index rows) {
+    std::copy_n(from.begin() + placed, rows, to.begin() + packed);
+  });
+  return to;
+}
+
+}  // namespace
+
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverOptions& options, Device device,
                              std::span<const Real> warm_start, FactorUse use) {
   const ScopedFpEnv fp_env;
-  const ContactBatch<Real> contact = assemble(batch, use, options.threads);
-  JacobianSolution<Real> solution{contact.arrays().env_row_offsets, solve(contact, options, device, warm_start), {}};
-  solution.velocity = velocities(batch, std::span<const Real>(solution.contact.lambda), options.threads);
+  check_structure(batch);
+  if (options.threads < 0) refuse("threads = " + std::to_string(options.threads) + ", expected >= 0 (0: all cores)");
+  const Solver solver(device, options);
+  JacobianSolution<Real> solution;
+  solution.env_row_offsets = compact_rows(batch);
+  const auto rows = static_cast<std::size_t>(batch.row_count);
+  Placed<Real> placed{std::vector<Real>(rows), std::vector<Real>(rows), {}};
+  if (!warm_start.empty()) {
+    expect_length("warm_start", warm_start.size(), static_cast<std::size_t>(solution.env_row_offsets.back()),
+                  "one per row in use; pass the reactions of an earlier solution");
+    placed.guess = spread(batch, solution.env_row_offsets, warm_start);
+  }
+  solution.velocity.resize(static_cast<std::size_t>(batch.dof_count));
+  solution.contact.status.resize(static_cast<std::size_t>(batch.env_count));
+  const JacobianSolutionView<Real> view{placed.lambda.data(), placed.w.data(), solution.velocity.data(),
+                                        solution.contact.status.data()};
+  const Real* const guess = placed.guess.empty() ? nullptr : placed.guess.data();
+  const auto machine = make_cpu_jacobian<Real>(use, options.threads);
+  const VelocityJob<Real> newton = newton_job(batch, options, view, guess);
+  const ContactBatchView<Real> contact =
+      machine->assemble(batch, takes_newton(options) ? &newton : nullptr, StreamRef::default_stream());
+  if (contact.env_count > 0) solver.solve(contact, {view.lambda, view.w, view.status}, guess);
+  machine->velocities(batch, view, StreamRef::default_stream());
+  solution.contact.lambda = gathered(batch, solution.env_row_offsets, placed.lambda);
+  solution.contact.w = gathered(batch, solution.env_row_offsets, placed.w);
   return solution;
 }
 

@@ -8,6 +8,7 @@
 #include "core/base/fp_env.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/expect.hpp"
+#include "core/runtime/newton_job.hpp"
 #include "core/runtime/overlap.hpp"
 
 namespace stiction {
@@ -58,10 +59,11 @@ Capacity room_of(const JacobianCapacity& capacity, FactorUse use) {
 
 template <class Real>
 std::unique_ptr<JacobianMachine<Real>> make_machine(Device device, const JacobianCapacity& capacity, FactorUse use,
-                                                    int threads) {
-  if (device.kind == DeviceKind::cuda) return make_cuda_jacobian<Real>(device.ordinal, capacity, use);
-  if (device.kind == DeviceKind::emulated) return make_emulated_jacobian<Real>(capacity, use);
-  return make_cpu_jacobian<Real>(use, threads);
+                                                    const SolverOptions& options) {
+  const bool by_newton = takes_newton(options);
+  if (device.kind == DeviceKind::cuda) return make_cuda_jacobian<Real>(device.ordinal, capacity, use, by_newton);
+  if (device.kind == DeviceKind::emulated) return make_emulated_jacobian<Real>(capacity, use, by_newton);
+  return make_cpu_jacobian<Real>(use, options.threads);
 }
 
 void check_array(const char* name, const void* array, Offset length) {
@@ -138,7 +140,7 @@ JacobianSolver<Real>::JacobianSolver(Device device, const SolverOptions& options
                                      FactorUse use)
     : capacity_(checked(capacity)),
       solver_(device, options, room_of<Real>(capacity, use)),
-      machine_(make_machine<Real>(device, capacity, use, options.threads)) {}
+      machine_(make_machine<Real>(device, capacity, use, options)) {}
 template <class Real>
 JacobianSolver<Real>::~JacobianSolver() = default;
 template <class Real>
@@ -169,8 +171,10 @@ void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const Jac
   check(batch, solution);
   refuse_overlaps(batch, solution, warm_start);
   if (batch.env_count == 0) return;
-  const ContactBatchView<Real> contact = machine_->assemble(batch, stream);
-  solver_.solve(contact, {solution.lambda, solution.w, solution.status}, warm_start, stream);
+  const VelocityJob<Real> newton = newton_job(batch, solver_.options(), solution, warm_start);
+  const ContactBatchView<Real> contact =
+      machine_->assemble(batch, takes_newton(solver_.options()) ? &newton : nullptr, stream);
+  if (contact.env_count > 0) solver_.solve(contact, {solution.lambda, solution.w, solution.status}, warm_start, stream);
   machine_->velocities(batch, solution, stream);
 }
 

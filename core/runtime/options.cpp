@@ -21,6 +21,8 @@ void check_options(const SolverOptions& options) {
     fail(
         "solver = multigrid: works on bodies, not on contact batches; give the bodies to a BodySolver with "
         "BodyMethod::newton (docs/bodies.md), or choose ipm or newton here");
+  if (options.solver == SolverKind::velocity_newton)
+    fail("solver = velocity_newton: works on J and M alone; a JacobianSolver with solver auto takes it");
   if (options.direct_rows < kDirectRows || options.direct_rows > kMostDirectRows)
     fail("direct_rows = " + std::to_string(options.direct_rows) + ": must be from " + std::to_string(kDirectRows) +
          " to " + std::to_string(kMostDirectRows));

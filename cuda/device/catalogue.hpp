@@ -10,6 +10,7 @@
 #include "cuda/programs/solve_teams.hpp"
 #include "cuda/programs/solve_thread_per_env.hpp"
 #include "cuda/programs/trivial_program.hpp"
+#include "cuda/programs/velocity_program.hpp"
 #include "cuda/programs/warm_start_program.hpp"
 #include "cuda/programs/world_program.hpp"
 
@@ -60,7 +61,8 @@ JacobianKernels jacobian_kernels() {
   return {Make::template kernel<CountJacobians<Real>>("jacobian_count"),
           Make::template kernel<PlaceJacobians<Real>>("jacobian_place"),
           Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
-          Make::template kernel<MoveJacobians<Real>>("jacobian_move")};
+          Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
+          Make::template kernel<SolveVelocities<Real>>("velocity_newton")};
 }
 
 template <class Make, class Real>

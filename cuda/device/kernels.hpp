@@ -56,10 +56,11 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (programs/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;  ///< what each environment takes
-  KernelRef place;  ///< where each begins
-  KernelRef write;  ///< rows, A or Y, and b
-  KernelRef move;   ///< velocities
+  KernelRef count;   ///< what each environment takes
+  KernelRef place;   ///< where each begins
+  KernelRef write;   ///< rows, A or Y, and b
+  KernelRef move;    ///< velocities
+  KernelRef newton;  ///< Newton's method in velocities, before `place`  (programs/velocity_program.hpp)
 };
 
 /// Worlds, in one precision (programs/world_program.hpp).

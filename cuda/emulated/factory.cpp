@@ -41,11 +41,12 @@ template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const
 template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use) {
-  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_emulated_device(), capacity, use);
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use,
+                                                              bool by_newton) {
+  return std::make_unique<cuda::DeviceJacobian<Real>>(cuda::shared_emulated_device(), capacity, use, by_newton);
 }
 
-template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
-template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse);
+template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
+template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
 
 }  // namespace stiction

@@ -17,7 +17,7 @@ STICTION_HD ContactBatchView<float> with_totals(ContactBatchView<float> batch) {
   const auto shrink = [](Offset& room, Offset total) {
     if (total >= 0 && total < room) room = total;
   };
-  if (batch.env_row_counts == nullptr) {
+  if (batch.env_row_counts == nullptr || batch.ends_early) {
     shrink(batch.row_count, batch.env_row_offsets[batch.env_count]);
     shrink(batch.cone_count, batch.env_cone_offsets[batch.env_count]);
   }

@@ -64,7 +64,7 @@ def changed_tree(source):
     before = dict(files)
     page = files[PAGE].decode()
     types = files[TYPES].decode()
-    next_number = 1 + max(int(n) for n in re.findall(r"^  \w+ = (\d+),", types, re.M) if int(n) < 254)
+    next_number = 1 + max(int(n) for n in re.findall(r"^  \w+ = (\d+),", types, re.M) if int(n) < 253)
     enumerator = re.sub(r"= \d+", f"= {next_number}", block(page, "cpp", r"^  half = \d+,"))
     files["core/algorithm/solver/half.hpp"] = block(page, "cpp", r"^struct Half \{").encode()
     files["docs/math/half.md"] = NEW_PAGE.encode()

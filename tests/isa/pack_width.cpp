@@ -7,6 +7,7 @@ namespace stiction::inline STICTION_ISA {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
+cpu::VelocityKernelSet velocity_kernels();
 
 namespace {
 
@@ -30,7 +31,7 @@ cpu::BodyKernelSet body_kernels() {
 [[maybe_unused]] const bool kAdded =
     cpu::add_isa({STICTION_ISA_NAME, [] { return cpu::find_isa(kSingle) != nullptr; }, kernels, body_kernels,
                   [] { return single_environments().newton_body_kernels(); }, jacobian_kernels,
-                  [] { return single_environments().world_kernels(); }});
+                  [] { return single_environments().world_kernels(); }, velocity_kernels});
 
 }  // namespace
 

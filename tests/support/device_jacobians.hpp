@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/runtime/newton_job.hpp"
 #include "cuda/device_backend.hpp"
 #include "cuda/device_jacobian.hpp"
 #include "cuda/emulated/emulated_device.hpp"
@@ -23,6 +24,7 @@ struct Form {
   Index mass_block = 0;
   bool sparse = false;
   FactorUse use = FactorUse::by_size;
+  SolverKind solver = SolverKind::npgs;
 };
 
 /// Small environments, empty ones, one without degrees of freedom and one that is a factor by its size.
@@ -47,8 +49,9 @@ JacobianBatch<Real> random_batch(std::uint64_t seed, const Form& form) {
 }
 
 template <class Real>
-SolverOptions some_iterations() {
+SolverOptions some_iterations(SolverKind solver = SolverKind::npgs) {
   SolverOptions options;
+  options.solver = solver;
   options.tolerance = 1e-5;
   options.max_iterations = 24;
   options.invalid = InvalidPolicy::isolate;
@@ -99,24 +102,22 @@ void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer
 /// What JacobianSolver is made of, on a device of the test's.
 template <class Real>
 struct Machine {
-  Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use)
-      : backend(device), jacobian(device, capacity, use) {
+  Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use,
+          const SolverOptions& chosen = some_iterations<Real>())
+      : options(chosen), backend(device), jacobian(device, capacity, use, takes_newton(chosen)) {
     backend.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
                      Offset{capacity.env_rows} * capacity.env_rows, capacity.env_dofs, Precision::f64},
-                    SolverKind::npgs);
+                    options.solver);
   }
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
-    const ContactBatchView<Real> contact = jacobian.assemble(batch, stream);
-    backend.solve(SolveRequest<Real>{nullptr,
-                                     contact,
-                                     {solution.lambda, solution.w, solution.status},
-                                     nullptr,
-                                     contact.law,
-                                     some_iterations<Real>(),
-                                     stream});
+    const VelocityJob<Real> newton = newton_job<Real>(batch, options, solution, nullptr);
+    const ContactBatchView<Real> contact = jacobian.assemble(batch, takes_newton(options) ? &newton : nullptr, stream);
+    backend.solve(SolveRequest<Real>{
+        nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, stream});
     jacobian.velocities(batch, solution, stream);
   }
 
+  SolverOptions options;
   cuda::DeviceBackend backend;
   cuda::DeviceJacobian<Real> jacobian;
 };

@@ -45,6 +45,7 @@ inline const GoldenCases& golden_cases() {
     add_pyramid_goldens(cases);
     add_jacobian_goldens(cases);
     add_factor_goldens(cases);
+    add_velocity_goldens(cases);
     add_body_goldens(cases);
     add_world_goldens(cases);
     return cases;

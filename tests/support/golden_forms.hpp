@@ -10,9 +10,10 @@
 #include "tests/support/golden_matrices.hpp"
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/velocity_cases.hpp"
 
 /// Golden rows of Jacobian batches: "jacobian/..." for every form of J and M, "factor/..." for environments whose A is
-/// kept as a factor.
+/// kept as a factor; "jacobian/chains/..." have no A.
 namespace stiction::test {
 
 struct GoldenJacobian {
@@ -70,6 +71,27 @@ inline void add_jacobian_goldens(GoldenCases& cases) {
         return jacobian_hash(solve(batch, golden_options(solver), device));
       });
   }
+}
+
+/// Newton's method in velocities, to a tolerance: cold, and from the answer less a twentieth.
+inline void add_velocity_goldens(GoldenCases& cases) {
+  for (const double start : {0.0, 0.95})
+    add_laws(cases, std::string("jacobian/chains/") + (start > 0.0 ? "warm" : "cold"),
+             [start](auto real, Law law, Device device) {
+               using Real = decltype(real);
+               JacobianBatch<Real> batch(law);
+               for (std::uint64_t seed = 1; seed <= 7; ++seed)
+                 batch.add(cast<Real>(random_chain({seed, static_cast<Index>(3 + 2 * seed),
+                                                    seed % 2 == 0 ? cones_of_every_kind() : ChainRecipe{}.cones, 0.0,
+                                                    seed == 7 ? 0.0 : 0.01})));
+               SolverOptions options = golden_options(SolverKind::automatic);
+               options.tolerance = sizeof(Real) == sizeof(float) ? 1e-4 : 1e-8;
+               options.max_iterations = 200;
+               auto guess = solve(batch, options).contact.lambda;
+               for (Real& reaction : guess) reaction = reaction * static_cast<Real>(start);
+               if (start == 0.0) guess.clear();
+               return jacobian_hash(solve(batch, options, device, std::span<const Real>(guess)));
+             });
 }
 
 /// Every solver on environments that are all kept as factors.

@@ -21,7 +21,8 @@ template <class Real>
 void expect_the_cpus_bits(const Form& form, const cuda::EmulatedDeviceOptions& options) {
   const auto batch = random_batch<Real>(options.seed + 1, form);
   const auto packed = batch.view();
-  const auto expected = solve(packed, some_iterations<Real>(), Device::cpu(), {}, form.use);
+  const SolverOptions chosen = some_iterations<Real>(form.solver);
+  const auto expected = solve(packed, chosen, Device::cpu(), {}, form.use);
   for (const Index room : {0, 90}) {
     SCOPED_TRACE(room == 0 ? "packed" : "padded");
     const RoomyJacobians<Real> arrays(packed, room, 5);
@@ -31,7 +32,7 @@ void expect_the_cpus_bits(const Form& form, const cuda::EmulatedDeviceOptions& o
     JacobianCapacity capacity = JacobianCapacity::of(packed, form.use);
     capacity.rows = view.row_count;
     capacity.cones = view.cone_count;
-    Machine<Real> machine(device, capacity, form.use);
+    Machine<Real> machine(device, capacity, form.use, chosen);
     Answer<Real> answer(view);
     for (int again = 0; again < 2; ++again) machine.solve(view, answer.view(), StreamRef(stream.get()));
     device->synchronize(stream.get());
@@ -48,6 +49,16 @@ TEST(DeviceJacobian, HasTheCpusBitsInEveryForm) {
                        ", block " + std::to_string(block));
           expect_the_cpus_bits<double>({mass, block, sparse, use}, {2, 3, static_cast<std::uint64_t>(block)});
         }
+}
+
+TEST(DeviceJacobian, HasTheCpusBitsWhereNewtonInVelocitiesGoesFirst) {
+  for (const bool sparse : {false, true})
+    for (const Index block : {0, 6, 1}) {
+      SCOPED_TRACE("sparse " + std::to_string(sparse) + ", block " + std::to_string(block));
+      const Form form{MassForm::matrix, block, sparse, FactorUse::by_size, SolverKind::automatic};
+      expect_the_cpus_bits<double>(form, {3, 1 + block % 2, static_cast<std::uint64_t>(block)});
+      expect_the_cpus_bits<float>(form, {2, 1, static_cast<std::uint64_t>(block) + 1});
+    }
 }
 
 TEST(DeviceJacobian, HasTheCpusBitsOnAnyLanesAndTeams) {

@@ -76,7 +76,27 @@ STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
     to.flags[env] = flags;
     to.matrix[env] = assembled && !as_factor ? extent.rows * extent.rows : 0;
     to.factor[env] = assembled && as_factor ? extent.rows * extent.dofs : 0;
+    if (to.answered == nullptr) return;
+    to.answered[env] = 0;
+    to.env_row_counts[env] = job.batch.env_rows(env);
+    to.env_cone_counts[env] = job.batch.env_cones(env);
   });
+}
+
+/// Whether an environment has its answer, so that nothing is assembled of it.
+template <class Real>
+STICTION_HD bool is_answered(const JacobianArrays<Real>& arrays, Offset env) {
+  return arrays.answered != nullptr && arrays.answered[env] != 0;
+}
+
+/// After Newton's method in velocities: what has its answer takes no room and has no rows.
+template <class Real>
+STICTION_HD void leave_out_answered(const JacobianArrays<Real>& arrays, Offset env) {
+  if (!is_answered(arrays, env)) return;
+  arrays.matrix[env] = 0;
+  arrays.factor[env] = 0;
+  arrays.env_row_counts[env] = 0;
+  arrays.env_cone_counts[env] = 0;
 }
 
 /// Where the entries of all environments begin, from how many each has. What ends beyond the room gets none, nor does
@@ -149,14 +169,19 @@ STICTION_HD void write_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
   // Every lane has seen the flags before one of them adds to them.
   team.sync();
   write_rows(team, job, env);
-  if (assembled) assemble_env<RowTile<Real>>(team, job.job(), env, scratch);
+  if (assembled && !is_answered(job.to, env)) assemble_env<RowTile<Real>>(team, job.job(), env, scratch);
 }
 
-/// The velocity of one environment, if its place is known.
+/// The velocity of one environment, if its place is known. One that had its answer before gets its status back.
 template <Team TeamT, class Real>
 STICTION_HD void move_env(TeamT& team, const JacobianBatchJob<Real>& job, Offset env, Real* scratch) {
+  if (is_answered(job.to, env)) {
+    single(team, [&] { job.status[env] = job.to.status[env]; });
+    return;
+  }
   const JacobianExtent extent = extent_of(job.batch, env);
-  if (extent.rows < 0 || extent.dofs < 0 || (job.status[env].flags & kFlagBadStructure) != 0) return;
+  if (job.velocity == nullptr || extent.rows < 0 || extent.dofs < 0 || (job.status[env].flags & kFlagBadStructure) != 0)
+    return;
   velocity_env<RowTile<Real>>(team, job.job(), env, scratch);
 }
 

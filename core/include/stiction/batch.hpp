@@ -66,6 +66,8 @@ struct ContactBatchView {
   const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
   bool normal_last = false;  ///< rows of friction cones come tangential first and the normal last; environments that
                              ///< are not solved densely (choose_path) cannot be read so
+  bool ends_early = false;   ///< in device memory: rows and cones end with the last environment's offsets, and the
+                             ///< totals are room, as they are without counts
   Law law = Law::convex;
   MemorySpace space = MemorySpace::host;
 

@@ -112,6 +112,10 @@ class JacobianBatch {
   std::vector<Real> J_, M_, v_free_, target_, R_, mu_, lo_, hi_;
 };
 
+/// Most degrees of freedom of an environment that solver auto gives to Newton's method in velocities
+/// (docs/math/velocity_newton.md): a set of them is one word.
+inline constexpr Index kMostVelocityDofs = 64;
+
 /// Which environments are kept as factors.
 enum class FactorUse : std::uint8_t {
   never,

@@ -32,19 +32,20 @@ enum class Precision : std::uint8_t { f32 = 0, f64 = 1 };
 
 /// A solver by its command-line name (docs/cli.md).
 enum class SolverKind : std::uint8_t {
-  pgs = 0,          ///< projected Gauss-Seidel by cones
-  npgs = 1,         ///< the same with momentum and restarts
-  jacobi = 2,       ///< damped projected Jacobi
-  apgd = 3,         ///< accelerated projected gradient descent
-  nsgs = 4,         ///< Gauss-Seidel with the exact one-contact Coulomb solve
-  admm = 5,         ///< operator splitting with a cached factor
-  newton = 6,       ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
-  lemke = 7,        ///< complementary pivoting, for problems without friction cones
-  ipm = 8,          ///< predictor-corrector interior point
-  subspace = 9,     ///< npgs with steps to where all contacts keep sticking, sliding or being open
-  end,              ///< no solver: the number after those that can answer a contact batch
-  multigrid = 254,  ///< of bodies alone: Newton's method with that preconditioner (docs/bodies.md)
-  automatic = 255,  ///< "auto": per environment, from its own features; a status names the one that answered
+  pgs = 0,                ///< projected Gauss-Seidel by cones
+  npgs = 1,               ///< the same with momentum and restarts
+  jacobi = 2,             ///< damped projected Jacobi
+  apgd = 3,               ///< accelerated projected gradient descent
+  nsgs = 4,               ///< Gauss-Seidel with the exact one-contact Coulomb solve
+  admm = 5,               ///< operator splitting with a cached factor
+  newton = 6,             ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
+  lemke = 7,              ///< complementary pivoting, for problems without friction cones
+  ipm = 8,                ///< predictor-corrector interior point
+  subspace = 9,           ///< npgs with steps to where all contacts keep sticking, sliding or being open
+  end,                    ///< no solver: the number after those that can answer a contact batch
+  velocity_newton = 253,  ///< Newton's method in velocities, where J and M are given: what auto tries first there
+  multigrid = 254,        ///< of bodies alone: Newton's method with that preconditioner (docs/bodies.md)
+  automatic = 255,        ///< "auto": per environment, from its own features; a status names the one that answered
 };
 /// Solvers that can answer a contact batch.
 inline constexpr int kSolverKindCount = static_cast<int>(SolverKind::end);

@@ -1,0 +1,215 @@
+#pragma once
+
+#include "core/algorithm/residual/final_residual.hpp"
+#include "core/algorithm/velocity/load_pack.hpp"
+
+/// What decides about an answer, in double whatever the iteration's precision: v+ = v_free + M^-1 J' x, the motion of
+/// all rows and the natural map, of as many lanes as a vector of doubles has, from lane `first` on.
+namespace stiction::inline STICTION_ISA {
+
+/// The pack seen from lane `first` on, in double.
+template <class Types>
+struct DoublePack {
+  using Double = typename Types::Double;
+  using Doubles = typename Types::Doubles;
+  const VelocityWorkspace<Types>& workspace;
+  const DofTree& tree;
+  const Slot<Types::kLanes>* slots;
+  const SlotCounts& counts;
+  int first;
+
+  [[nodiscard]] STICTION_HD Doubles array(double* data) const { return {data + first}; }
+  [[nodiscard]] STICTION_HD Double number(const typename Types::Numbers& numbers, Offset i) const {
+    return doubles<Double>(numbers, i, first);
+  }
+
+  /// M = L'DL; the lanes in which M is positive definite.
+  STICTION_HD_OUTLINE Mask<Double> factor_mass() const {
+    const Doubles factor = array(workspace.factor);
+    for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
+    return factor_tree(tree, factor, array(workspace.pivot));
+  }
+
+  STICTION_HD void put(const typename Types::Numbers& numbers, Offset i, Double value) const {
+    narrow(value, numbers.data + i * Types::kStride + first);
+  }
+
+  /// sum += sign J' x of one slot.
+  STICTION_HD void push(const Slot<Types::kLanes>& slot, const Doubles& sum, Double sign) const {
+    for (Index k = 0; k < slot.rows; ++k) {
+      const Double x = sign * number(workspace.x, slot.row + k);
+      const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
+      for (Index c = 0; c < slot.columns; ++c)
+        sum.put(slot.dof[c], fma_(number(workspace.J, entry + c), x, sum[slot.dof[c]]));
+    }
+  }
+
+  /// velocity = v_free + M^-1 J' x.
+  STICTION_HD_OUTLINE void move() const {
+    const Doubles pushed = array(workspace.scratch);
+    for (Index k = 0; k < tree.dofs; ++k) pushed.put(k, Double(0));
+    for (Index s = 0; s < counts.slots; ++s) push(slots[s], pushed, Double(1));
+    solve_tree(tree, array(workspace.factor), array(workspace.pivot), pushed);
+    const Doubles velocity = array(workspace.velocity);
+    for (Index k = 0; k < tree.dofs; ++k) velocity.put(k, number(workspace.v_free, k) + pushed[k]);
+  }
+
+  /// J velocity - target of a row.
+  STICTION_HD Double row_motion(const Slot<Types::kLanes>& slot, Index k, const Doubles& velocity) const {
+    Double sum = Double(0) - number(workspace.target, slot.row + k);
+    const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
+    for (Index c = 0; c < slot.columns; ++c) sum = fma_(number(workspace.J, entry + c), velocity[slot.dof[c]], sum);
+    return sum;
+  }
+
+  /// Writes down where the steps since the last time led to, and z there. Steps add to z what they change, in the
+  /// iteration's precision; this is what that is accurate to.
+  STICTION_HD_OUTLINE void refresh_motion() const {
+    const Doubles v = array(workspace.v);
+    const typename Types::Numbers& moved = workspace.moved;
+    for (Index k = 0; k < tree.dofs; ++k) v.put(k, v[k] + number(moved, k));
+    for (Index s = 0; s < counts.slots; ++s)
+      for (Index k = 0; k < slots[s].rows; ++k) {
+        const Index row = slots[s].row + k;
+        put(workspace.z, row, row_motion(slots[s], k, v) + number(workspace.shift, row));
+      }
+  }
+
+  /// gradient = M (v - v_free) - J' x.
+  STICTION_HD_OUTLINE void refresh_gradient() const {
+    const Doubles v = array(workspace.v), sum = array(workspace.scratch);
+    const auto change = [&](Index k) { return v[k] - number(workspace.v_free, k); };
+    for (Index k = 0; k < tree.dofs; ++k) sum.put(k, Double(0));
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Index row = tree.begin[k];
+      const unsigned char* const path = tree.path(k);
+      const Double own = change(k);
+      Double force = number(workspace.M, row + tree.depth[k]) * own;
+      for (Index d = 0; d < tree.depth[k]; ++d) {
+        const Double entry = number(workspace.M, row + d);
+        force = fma_(entry, change(path[d]), force);
+        sum.put(path[d], fma_(entry, own, sum[path[d]]));
+      }
+      sum.put(k, sum[k] + force);
+    }
+    for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
+    for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+  }
+
+  /// The diagonal of A = J M^-1 J'.
+  STICTION_HD_OUTLINE void find_diagonal() const {
+    for (Index s = 0; s < counts.slots; ++s) {
+      const auto& slot = slots[s];
+      Index k = 0;
+      for (; k + 3 <= slot.rows; k += 3) find_diagonal_of<3>(slot, k);
+      for (; k < slot.rows; ++k) find_diagonal_of<1>(slot, k);
+    }
+  }
+
+  /// Of kRows rows of a slot from row `from` on: sum of (L^-T j)^2 / D, each element in turn along the root path.
+  template <int kRows>
+  STICTION_HD void find_diagonal_of(const Slot<Types::kLanes>& slot, Index from) const {
+    const Doubles L = array(workspace.factor), pivot = array(workspace.pivot), x = array(workspace.wide_rows);
+    const Index last = slot.columns == 0 ? 0 : slot.dof[slot.columns - 1];
+    const unsigned char* const path = tree.path(last);
+    for (Index d = 0; d < kRows * (tree.depth[last] + 1); ++d) x.put(d, Double(0));
+    for (int r = 0; r < kRows; ++r) {
+      const Offset entry = slot.entry + static_cast<Offset>(from + r) * slot.columns;
+      for (Index c = 0; c < slot.columns; ++c) x.put(kRows * slot.depth[c] + r, number(workspace.J, entry + c));
+    }
+    Double sum[kRows];
+    for (int r = 0; r < kRows; ++r) sum[r] = Double(0);
+    for (Index e = tree.depth[last]; e >= 0; --e) {
+      Double minus[kRows];
+      for (int r = 0; r < kRows; ++r) {
+        const Double value = x[kRows * e + r];
+        sum[r] = fma_(value * value, pivot[path[e]], sum[r]);
+        minus[r] = Double(0) - value;
+      }
+      const Doubles row = L.from(tree.begin[path[e]]);
+      for (Index d = 0; d < e; ++d) {
+        const Double entry = row[d];
+        for (int r = 0; r < kRows; ++r) x.put(kRows * d + r, fma_(minus[r], entry, x[kRows * d + r]));
+      }
+    }
+    for (int r = 0; r < kRows; ++r) array(workspace.diagonal).put(slot.row + from + r, sum[r]);
+  }
+
+  /// The weights of cones in the residual, and the largest |b| (docs/math/residual.md).
+  STICTION_HD_OUTLINE Double find_scale() const {
+    const Doubles weight = array(workspace.weight), diagonal = array(workspace.diagonal);
+    const Doubles velocity = array(workspace.velocity);
+    for (Index k = 0; k < tree.dofs; ++k) velocity.put(k, number(workspace.v_free, k));
+    Double largest(0);
+    for (Index s = 0; s < counts.slots; ++s) {
+      const auto& slot = slots[s];
+      Double sum(0);
+      for (Index k = 0; k < slot.rows; ++k) {
+        sum = sum + (diagonal[slot.row + k] + number(workspace.R, slot.row + k));
+        largest = max_(abs_(row_motion(slot, k, velocity)), largest);
+      }
+      weight.put(s, residual_weight(div_(sum, Double(static_cast<double>(slot.rows)))));
+    }
+    return max_(largest, Double(1e-300));
+  }
+
+  /// Largest square of a cone's natural map, and what roundings hide of it.
+  struct Evaluated {
+    Double square;
+    Double rounding_floor;
+  };
+
+  template <Law kLaw, class Shape>
+  STICTION_HD void evaluate_slot(Shape shape, Index index, Evaluated& evaluated) const {
+    const auto& slot = slots[index];
+    constexpr int kRows = Shape::kRows;
+    const Doubles velocity = array(workspace.velocity), motion = array(workspace.motion);
+    Double x[kRows];
+    Double y[kRows];
+    const auto load = [&](Index k) {
+      x[k] = number(workspace.x, slot.row + k);
+      y[k] = fma_(number(workspace.R, slot.row + k), x[k], row_motion(slot, k, velocity));
+      motion.put(slot.row + k, y[k]);
+    };
+    load(0);
+    for (int k = 1; k < kRows; ++k) {
+      load(k);
+      const Double mu = number(workspace.mu, slot.row + k);
+      x[k] = unit_reaction(x[k], mu);
+      y[k] = mu * y[k];
+    }
+    const Double a = array(workspace.weight)[index];
+    Double lo(0);
+    Double hi(0);
+    if constexpr (kRows == 1) {
+      lo = number(workspace.law, 3 * index + 1);
+      hi = number(workspace.law, 3 * index + 2);
+    }
+    evaluated.square = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), evaluated.square);
+    evaluated.rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), evaluated.rounding_floor);
+  }
+
+  /// Rows between bounds are boxes, whatever their kind: a free row has infinite ones.
+  STICTION_HD_OUTLINE Evaluated evaluate(Law law) const {
+    move();
+    Evaluated evaluated{Double(0), Double(0)};
+    for (Index s = 0; s < counts.slots; ++s) {
+      if (slots[s].rows == 1) {
+        evaluate_slot<Law::convex>(ConeShape<ConeKind::box, 1>{}, s, evaluated);
+        continue;
+      }
+      with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
+        if constexpr (decltype(shape)::kKind == ConeKind::friction) {
+          if (law == Law::coulomb) {
+            evaluate_slot<Law::coulomb>(shape, s, evaluated);
+          } else {
+            evaluate_slot<Law::convex>(shape, s, evaluated);
+          }
+        }
+      });
+    }
+    return evaluated;
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <type_traits>
+
+#include "core/base/pack.hpp"
+
+/// Arrays of numbers of which every lane has its own, side by side.
+namespace stiction::inline STICTION_ISA {
+
+/// Element i of lane l is data[i * kStride + l]. `Wide` is a Pack of all lanes or of a part of them, which `data` then
+/// points into; or, for a lane of a GPU's warp, one number.
+template <class Wide, int kStride>
+struct LaneArray {
+  Scalar<Wide>* data = nullptr;
+
+  STICTION_HD Wide operator[](Offset i) const {
+    Wide value;
+    load_lanes(data + i * kStride, value);
+    return value;
+  }
+  STICTION_HD void put(Offset i, Wide value) const { store_lanes(data + i * kStride, value); }
+  /// One lane's number.
+  [[nodiscard]] STICTION_HD Scalar<Wide>& at(Offset i, int lane) const { return data[i * kStride + lane]; }
+  [[nodiscard]] STICTION_HD LaneArray from(Offset i) const { return {data + i * kStride}; }
+};
+
+/// Doubles of as many lanes as one vector of Wide's size has.
+template <class Wide>
+struct DoubleLanes {
+  using Type = double;
+  static constexpr int kLanes = 1;
+};
+template <class T, int W>
+struct DoubleLanes<Pack<T, W>> {
+  static constexpr int kLanes = W * static_cast<int>(sizeof(T)) / static_cast<int>(sizeof(double));
+  using Type = Pack<double, kLanes>;
+};
+
+/// What Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by.
+template <class WideT, int kStrideT = RealTraits<WideT>::kLanes>
+struct LaneTypes {
+  using Wide = WideT;
+  using Real = Scalar<WideT>;
+  using Double = typename DoubleLanes<WideT>::Type;
+  static constexpr int kLanes = RealTraits<WideT>::kLanes;
+  static constexpr int kDoubleLanes = DoubleLanes<WideT>::kLanes;
+  static constexpr int kStride = kStrideT;
+  using Numbers = LaneArray<Wide, kStride>;
+  using Doubles = LaneArray<Double, kStride>;
+};
+
+/// Numbers of a LaneArray as doubles, from lane `first` on.
+template <int W>
+STICTION_HD void widen(const float* from, Pack<double, W>& to) {
+  to.v = __builtin_convertvector(*reinterpret_cast<const typename VectorOf<float, W>::Anywhere*>(from),
+                                 typename VectorOf<double, W>::Type);
+}
+template <int W>
+STICTION_HD void widen(const double* from, Pack<double, W>& to) {
+  load_lanes(from, to);
+}
+template <class Real>
+STICTION_HD void widen(const Real* from, double& to) {
+  to = static_cast<double>(*from);
+}
+/// Doubles as numbers of a LaneArray.
+template <int W>
+STICTION_HD void narrow(Pack<double, W> value, float* to) {
+  *reinterpret_cast<typename VectorOf<float, W>::Anywhere*>(to) =
+      __builtin_convertvector(value.v, typename VectorOf<float, W>::Type);
+}
+template <int W>
+STICTION_HD void narrow(Pack<double, W> value, double* to) {
+  store_lanes(to, value);
+}
+template <class Real>
+STICTION_HD void narrow(double value, Real* to) {
+  *to = static_cast<Real>(value);
+}
+template <class Double, class Wide, int kStride>
+STICTION_HD Double doubles(const LaneArray<Wide, kStride>& numbers, Offset i, int first) {
+  Double value;
+  widen(numbers.data + i * kStride + first, value);
+  return value;
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,127 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/algorithm/jacobian/jacobian_batch.hpp"
+#include "core/algorithm/problem/cone_shape.hpp"
+#include "core/base/words.hpp"
+#include "core/job/velocity_job.hpp"
+
+/// One environment as a lane of Newton's method in velocities takes it.
+namespace stiction::inline STICTION_ISA {
+
+/// Most rows: what a lane of a GPU keeps for an environment has room for the largest.
+inline constexpr Index kMostVelocityRows = 1024;
+/// A set of degrees of freedom of one environment.
+using DofSet = std::uint64_t;
+
+/// Where an environment's numbers are.
+template <class Real>
+struct LaneEnv {
+  Offset env = -1;  ///< -1: the lane has none
+  Index rows = 0;
+  Index dofs = 0;
+  Index cones = 0;
+  Index block = 1;  ///< rows of M's blocks
+  Offset first_row = 0;
+  Offset first_cone = 0;
+  const Real* M = nullptr;
+  const Real* v_free = nullptr;
+};
+
+/// Whether cones tile an environment's rows, each with as many as its kind has. Nothing in the arrays is believed; rows
+/// are known to be sound.
+template <class Real>
+STICTION_HD bool cones_are_sound(const JacobianBatchView<Real>& batch, Offset env) {
+  const Offset cones = used_part(batch.env_cone_offsets, batch.env_cone_counts, env, batch.cone_count);
+  const Offset first = batch.env_row_offsets[env], end = first + batch.env_rows(env);
+  Offset row = first;
+  for (Offset cone = 0; cone < cones; ++cone) {
+    const Offset at = batch.env_cone_offsets[env] + cone;
+    const Offset rows = batch.cone_row_offsets[at + 1] - batch.cone_row_offsets[at];
+    const ConeKind kind = batch.cone_kind[at];
+    const bool fits =
+        kind == ConeKind::friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1 && static_cast<unsigned>(kind) < 3U;
+    if (!fits || batch.cone_row_offsets[at] != row || row + rows > end) return false;
+    row += rows;
+  }
+  return cones > 0 && row == end;
+}
+
+/// Whether an environment is better solved so where that takes a sequence of problems (Coulomb's law, rows without
+/// compliance). Where rows are few beside the degrees of freedom, A is small and sweeps on it are faster; where they
+/// outnumber them, contacts are redundant, and sweeps slow (docs/math/auto.md).
+STICTION_HD bool pays_in_sequence(Index rows, Index dofs) {
+  return 8 * rows > 9 * dofs;
+}
+
+/// Whether the method takes an environment, by its shape. Its rows, J and M are known to be sound.
+template <class Real>
+STICTION_HD bool takes_shape(const JacobianBatchView<Real>& batch, Law law, Offset env) {
+  const Offset dofs = batch.env_dof_offsets[env + 1] - batch.env_dof_offsets[env];
+  const Index rows = batch.env_rows(env);
+  const bool is_whole =
+      batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
+  return is_whole && batch.mass_form == MassForm::matrix && dofs > 0 && dofs <= kMostVelocityDofs && rows > 0 &&
+         rows <= kMostVelocityRows && (law == Law::convex || pays_in_sequence(rows, static_cast<Index>(dofs))) &&
+         cones_are_sound(batch, env);
+}
+
+template <class Real>
+STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset env) {
+  LaneEnv<Real> e;
+  e.env = env;
+  e.rows = batch.env_rows(env);
+  e.dofs = batch.env_dofs(env);
+  e.cones = batch.env_cones(env);
+  e.block = batch.mass_block == 0 ? e.dofs : batch.mass_block;
+  e.first_row = batch.env_row_offsets[env];
+  e.first_cone = batch.env_cone_offsets[env];
+  e.M = batch.M + batch.env_mass_offsets[env];
+  e.v_free = batch.v_free + batch.env_dof_offsets[env];
+  return e;
+}
+
+STICTION_HD DofSet only(Index dof) {
+  return DofSet{1} << dof;
+}
+/// Those before `dof`.
+STICTION_HD DofSet below(Index dof) {
+  return (DofSet{1} << dof) - 1;
+}
+STICTION_HD Index size_of(DofSet set) {
+  Index count = 0;
+  for (; set != 0; set &= set - 1) ++count;
+  return count;
+}
+template <class F>
+STICTION_HD void for_each_dof(DofSet set, F&& f) {
+  for (; set != 0; set &= set - 1) f(lowest_bit(set));
+}
+
+/// Degrees of freedom that a row of J touches, by its stored numbers.
+template <class Real>
+STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
+  const Offset begin = batch.row_offsets[env.first_row + row];
+  if (batch.column == nullptr) return nonzero_of(batch.J + begin, env.dofs);
+  const Offset end = batch.row_offsets[env.first_row + row + 1];
+  DofSet set = 0;
+  for (Offset k = begin; k < end; ++k)
+    if (batch.J[k] != Real(0)) set |= only(batch.column[k]);
+  return set;
+}
+
+/// Degrees of freedom before `dof` that M couples it with.
+template <class Real>
+STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
+  const Index block = dof / env.block, begin = block * env.block;
+  return nonzero_of(env.M + static_cast<Offset>(dof) * env.block, dof - begin) << begin;
+}
+/// M's entry (i, j), j <= i, of the same block.
+template <class Real>
+STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index i, Index j) {
+  const Index begin = i / env.block * env.block;
+  return j < begin ? Real(0) : env.M[static_cast<Offset>(i) * env.block + (j - begin)];
+}
+
+}  // namespace stiction::inline STICTION_ISA

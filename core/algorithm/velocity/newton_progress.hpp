@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/macros.hpp"
+#include "stiction/types.hpp"
+
+/// How far an environment of Newton's method in velocities is, and when it is given up.
+namespace stiction::inline STICTION_ISA {
+
+/// Compliance below this share of A's diagonal is brought up to it by a proximal term.
+inline constexpr double kLeastCompliance = 1e-4;
+/// A warm start's contact sticks if its tangential reaction is less than this share of what its cone allows.
+inline constexpr double kInsideCone = 0.999;
+/// Share of the tolerance at which the estimate of the error proposes an answer.
+inline constexpr double kProposeAt = 0.3;
+/// Error at which the first of several problems is left, relative: the next one changes it by more.
+inline constexpr double kFirstGoal = 1e-2;
+/// Evaluations within which the residual is halved, or the lane is given up.
+inline constexpr int kMostUseless = 4;
+/// Steps without a better estimate before the lane is evaluated.
+inline constexpr int kMostIdle = 8;
+/// Steps of one environment, at most.
+inline constexpr Index kMostSteps = 200;
+/// Evaluations of one environment, at most.
+inline constexpr int kMostEvaluations = 60;
+
+/// How far an environment is.
+struct LaneProgress {
+  double tolerance = 0.0;
+  double scale = 1.0;                  ///< max|b|
+  double goal = 0.0;                   ///< error, relative, at which the lane is evaluated
+  double best = __builtin_huge_val();  ///< least residual so far, relative
+  double mark = __builtin_huge_val();  ///< residual that is to be halved, relative
+  double absolute = 0.0;               ///< the last residual [w]
+  std::uint32_t flags = 0;             ///< EnvFlag bits
+  Index max_iterations = 0;
+  Index steps = 0;
+  int useless = 0;
+  int evaluations = 0;
+  Index mixed = 0;  ///< evaluations that the next shift may be mixed of
+  bool is_busy = false;
+  bool is_solved = false;
+  bool has_outer = false;  ///< solves a sequence of problems: Coulomb's law, or a proximal term
+};
+
+}  // namespace stiction::inline STICTION_ISA

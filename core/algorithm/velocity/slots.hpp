@@ -1,0 +1,103 @@
+#pragma once
+
+#include "core/algorithm/velocity/lane_env.hpp"
+
+/// Which cones of a pack's environments are computed side by side. Integers only (docs/math/velocity_newton.md).
+namespace stiction::inline STICTION_ISA {
+
+/// A cone of one environment.
+struct SlotItem {
+  DofSet dofs;  ///< that its rows touch
+  Index rows;
+  Index row;   ///< its first, within the environment
+  Index cone;  ///< within the environment
+};
+
+/// Cones with one number of rows that touch the same degrees of freedom, at most one of each lane.
+template <int kLanes>
+struct Slot {
+  DofSet dofs;
+  Index rows;
+  Index columns;         ///< how many `dofs` are
+  unsigned char* dof;    ///< the `dofs`, in order                            (columns)
+  unsigned char* depth;  ///< of each in the elimination tree                 (columns)
+  Index row;             ///< first in arrays by row
+  Index entry;           ///< first in J: rows x columns
+  Index row_of[kLanes];  ///< first row within the lane's environment, -1: it has none
+  Index cone_of[kLanes];
+};
+
+/// Bytes for the columns of a slot.
+inline constexpr Index kColumnBytes = 2 * kMostVelocityDofs;
+
+/// What a pack's arrays are as large as.
+struct SlotCounts {
+  Index slots = 0;
+  Index rows = 0;
+  Offset entries = 0;
+};
+
+/// Whether a cone goes before another. Every environment's cones have this order in every pack, so that sums over them
+/// do.
+STICTION_HD bool goes_before(const SlotItem& a, const SlotItem& b) {
+  if (a.rows != b.rows) return a.rows < b.rows;
+  if (a.dofs != b.dofs) return a.dofs < b.dofs;
+  return a.row < b.row;
+}
+STICTION_HD bool share_a_slot(const SlotItem& a, const SlotItem& b) {
+  return a.rows == b.rows && a.dofs == b.dofs;
+}
+
+/// An environment's cones in that order  (env.cones).
+template <class Real>
+STICTION_HD void list_items(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, SlotItem* items) {
+  for (Index cone = 0; cone < env.cones; ++cone) {
+    const Offset* const begin = batch.cone_row_offsets + env.first_cone + cone;
+    SlotItem item{0, static_cast<Index>(begin[1] - begin[0]), static_cast<Index>(begin[0] - env.first_row), cone};
+    for (Index k = 0; k < item.rows; ++k) item.dofs |= row_dofs(batch, env, item.row + k);
+    Index at = cone;
+    for (; at > 0 && goes_before(item, items[at - 1]); --at) items[at] = items[at - 1];
+    items[at] = item;
+  }
+}
+
+/// Slots for the cones of all lanes: their lists are merged, so that each lane's cones keep their order. items[l] is
+/// lane l's list, of cones[l]. Room for all cones: slots, and kColumnBytes in `columns`.
+template <int kLanes>
+STICTION_HD SlotCounts merge_items(const SlotItem* const (&items)[kLanes], const Index (&cones)[kLanes],
+                                   Slot<kLanes>* slots, unsigned char* columns) {
+  SlotCounts counts;
+  Index next[kLanes] = {};
+  for (;;) {
+    const SlotItem* first = nullptr;
+    for (int l = 0; l < kLanes; ++l) {
+      if (next[l] == cones[l]) continue;
+      const SlotItem* const item = items[l] + next[l];
+      if (first == nullptr || (!share_a_slot(*item, *first) && goes_before(*item, *first))) first = item;
+    }
+    if (first == nullptr) return counts;
+    Slot<kLanes>& slot = slots[counts.slots++];
+    slot.dofs = first->dofs;
+    slot.rows = first->rows;
+    slot.dof = columns;
+    for_each_dof(slot.dofs, [&](Index dof) { *columns++ = static_cast<unsigned char>(dof); });
+    slot.columns = static_cast<Index>(columns - slot.dof);
+    slot.depth = columns;
+    columns += slot.columns;
+    slot.row = counts.rows;
+    slot.entry = static_cast<Index>(counts.entries);
+    counts.rows += slot.rows;
+    counts.entries += static_cast<Offset>(slot.rows) * slot.columns;
+    const SlotItem key = *first;
+    for (int l = 0; l < kLanes; ++l) {
+      slot.row_of[l] = -1;
+      slot.cone_of[l] = -1;
+      if (next[l] == cones[l] || !share_a_slot(items[l][next[l]], key)) continue;
+      slot.row_of[l] = items[l][next[l]].row;
+      slot.cone_of[l] = items[l][next[l]].cone;
+      ++next[l];
+    }
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,353 @@
+#pragma once
+
+#include "core/algorithm/velocity/evaluate_pack.hpp"
+#include "core/algorithm/velocity/newton_step.hpp"
+#include "core/algorithm/velocity/shift_terms.hpp"
+#include "core/algorithm/velocity/warm_guess.hpp"
+
+/// Newton's method in velocities for the environments in the lanes of a pack (docs/math/velocity_newton.md). A lane's
+/// numbers depend on its environment alone: what the others make it do as well is to add exact zeros, and to wait.
+namespace stiction::inline STICTION_ISA {
+
+template <class Types>
+class VelocityNewton {
+ public:
+  using Wide = typename Types::Wide;
+  using Real = typename Types::Real;
+  using Double = typename Types::Double;
+  static constexpr int kLanes = Types::kLanes;
+  /// Share of its error to which steps in this precision can take an environment before z is computed in double again.
+  static constexpr double kAccurateTo = sizeof(Real) == sizeof(float) ? 1e-4 : 0.0;
+
+  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes], const DofTree& tree,
+                             const Slot<kLanes>* slots, const SlotCounts& counts,
+                             const VelocityWorkspace<Types>& workspace)
+      : job_(job),
+        envs_(envs),
+        slots_(slots),
+        counts_(counts),
+        tree_(tree),
+        workspace_(workspace),
+        pack_{workspace_, tree_, slots, counts_} {}
+
+  /// Solves the environments, and writes each as soon as it is solved: what its lane holds after that is of no use.
+  STICTION_HD_OUTLINE void run() {
+    load();
+    while (iterate()) evaluate();
+    for (int l = 0; l < kLanes; ++l)
+      if (envs_[l].env >= 0) job_.answered[envs_[l].env] = progress_[l].is_solved ? 1 : 0;
+  }
+
+ private:
+  [[nodiscard]] STICTION_HD DoublePack<Types> in_double(int first) const {
+    return {workspace_, tree_, slots_, counts_, first};
+  }
+  [[nodiscard]] STICTION_HD ShiftTerms<Types> shift() const { return {workspace_, slots_, counts_, job_.law}; }
+  /// f(DoublePack) for all lanes.
+  template <class F>
+  STICTION_HD void for_each_part(F&& f) const {
+    for (int first = 0; first < kLanes; first += Types::kDoubleLanes) f(in_double(first));
+  }
+  static STICTION_HD double lane_of(double value, int) { return value; }
+  template <int W>
+  static STICTION_HD double lane_of(Pack<double, W> value, int lane) {
+    return value.v[lane];
+  }
+  static STICTION_HD bool is_set(bool mask, int) { return mask; }
+  template <class T, int W>
+  static STICTION_HD bool is_set(PackMask<T, W> mask, int lane) {
+    return (lane_bits(mask) >> lane & 1U) != 0;
+  }
+  /// One number for each lane.
+  template <class F>
+  static STICTION_HD Wide lanes(F&& f) {
+    Real values[kLanes];
+    for (int l = 0; l < kLanes; ++l) values[l] = static_cast<Real>(f(l));
+    Wide wide;
+    load_lanes(values, wide);
+    return wide;
+  }
+
+  STICTION_HD_OUTLINE void load() {
+    load_mass(workspace_, tree_, envs_);
+    for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_);
+    const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
+    for (int l = 0; l < kLanes; ++l) {
+      const Offset env = envs_[l].env;
+      LaneProgress& lane = progress_[l];
+      lane = LaneProgress{};
+      lane.tolerance = job_.tolerance;
+      lane.max_iterations = job_.max_iterations;
+      lane.is_busy = env >= 0 && is_set(sound, l);
+      if (!lane.is_busy) continue;
+      const double* const tolerance = job_.batch.env_tolerance;
+      const Index* const iterations = job_.batch.env_max_iterations;
+      if (tolerance != nullptr && tolerance[env] >= 0.0) lane.tolerance = tolerance[env];
+      if (iterations != nullptr && iterations[env] >= 0) lane.max_iterations = iterations[env];
+      lane.max_iterations = lane.max_iterations < kMostSteps ? lane.max_iterations : kMostSteps;
+      // With tolerance 0 every iteration is asked for, and this method would end at rounding.
+      lane.is_busy = lane.tolerance > 0.0;
+    }
+    for_each_part([&](const DoublePack<Types>& part) {
+      const auto definite = part.factor_mass();
+      part.find_diagonal();
+      const Double scale = part.find_scale();
+      for (int l = 0; l < Types::kDoubleLanes; ++l) {
+        LaneProgress& lane = progress_[part.first + l];
+        lane.scale = lane_of(scale, l);
+        lane.is_busy = lane.is_busy && is_set(definite, l) && finite_(lane.scale);
+      }
+    });
+    for (Index k = 0; k < tree_.dofs; ++k)
+      for (int l = 0; l < kLanes; ++l)
+        workspace_.mobility.at(k, l) = narrowed<Real>(workspace_.pivot[static_cast<Offset>(k) * Types::kStride + l]);
+    set_laws();
+    start();
+  }
+
+  /// Compliances of the iteration, and which lanes solve a sequence of problems.
+  STICTION_HD_OUTLINE void set_laws() {
+    constexpr double kRounding = sizeof(Real) == sizeof(float) ? 0x1p-20 : 0x1p-48;
+    for (Index s = 0; s < counts_.slots; ++s)
+      for (int l = 0; l < kLanes; ++l) {
+        const Slot<kLanes>& slot = slots_[s];
+        const auto diagonal = [&](Index k) { return workspace_.diagonal[Offset{slot.row + k} * Types::kStride + l]; };
+        const auto R = [&](Index k) { return static_cast<double>(workspace_.R.at(slot.row + k, l)); };
+        const auto least = [&](double of, double given) {
+          const double raised = max_(kLeastCompliance * of, given);
+          return raised > 0.0 ? raised : 1.0;
+        };
+        const auto add_prox = [&](Index k, double wanted) {
+          const double prox = wanted - R(k);
+          if (!(prox > kRounding * wanted)) return;
+          workspace_.prox.at(slot.row + k, l) = static_cast<Real>(prox);
+          progress_[l].has_outer = true;
+        };
+        const double normal = least(diagonal(0), R(0));
+        add_prox(0, normal);
+        workspace_.law.at(3 * s, l) = static_cast<Real>(div_(1.0, normal));
+        if (slot.rows == 1) continue;
+        double most = 0.0;
+        double mean = 0.0;
+        bool has_friction = false;
+        for (Index k = 1; k < slot.rows; ++k) {
+          const double mu = static_cast<double>(workspace_.mu.at(slot.row + k, l));
+          most = max_(mu * mu * R(k), most);
+          mean = fma_(mu * mu, diagonal(k), mean);
+          has_friction = has_friction || mu > 0.0;
+        }
+        const double tangential = least(div_(mean, static_cast<double>(slot.rows - 1)), most);
+        for (Index k = 1; k < slot.rows; ++k) {
+          const double mu = static_cast<double>(workspace_.mu.at(slot.row + k, l));
+          if (mu > 0.0) add_prox(k, div_(tangential, mu * mu));
+        }
+        workspace_.law.at(3 * s + 1, l) = static_cast<Real>(div_(1.0, tangential));
+        workspace_.law.at(3 * s + 2, l) = static_cast<Real>(div_(1.0, normal + tangential));
+        if (job_.law == Law::coulomb && has_friction && slot.row_of[l] >= 0) progress_[l].has_outer = true;
+      }
+    for (int l = 0; l < kLanes; ++l)
+      if (progress_[l].has_outer && !pays_in_sequence(envs_[l].rows, envs_[l].dofs)) progress_[l].is_busy = false;
+  }
+
+  /// The warm start's reactions in one lane; zeros where any of them is not finite.
+  STICTION_HD_OUTLINE void load_guess(int l) {
+    bool is_finite = true;
+    for (Index s = 0; s < counts_.slots; ++s)
+      for (Index k = 0; k < slots_[s].rows; ++k) {
+        const bool has = slots_[s].row_of[l] >= 0;
+        const Real given = has ? job_.warm_start[envs_[l].first_row + slots_[s].row_of[l] + k] : Real(0);
+        is_finite = is_finite && finite_(given);
+        workspace_.x.at(slots_[s].row + k, l) = given;
+      }
+    if (is_finite) return;
+    progress_[l].flags |= kFlagWarmStartRejected;
+    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.at(row, l) = Real(0);
+  }
+
+  /// The first velocity: v_free, or what the warm start's reactions lead to. Those are evaluated as they are, and may
+  /// be the answer.
+  STICTION_HD_OUTLINE void start() {
+    for (int l = 0; l < kLanes; ++l) {
+      LaneProgress& lane = progress_[l];
+      lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
+    }
+    if (job_.warm_start != nullptr) {
+      const WarmGuess<Types> guess{workspace_, slots_, counts_};
+      for (int l = 0; l < kLanes; ++l) load_guess(l);
+      for_each_proposal([&](int l, const FinalResidual& found) { judge_guess(l, found); });
+      for (int l = 0; l < kLanes; ++l) {
+        if (progress_[l].is_busy && progress_[l].has_outer) shift().renew(l, progress_[l]);
+        guess.aim(l);
+      }
+    }
+    for_each_part([&](const DoublePack<Types>& part) {
+      // Without a warm start this is v_free, at which the scale was found.
+      for (Index k = 0; k < tree_.dofs; ++k) part.array(workspace_.v).put(k, part.array(workspace_.velocity)[k]);
+    });
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+    if (job_.warm_start != nullptr) step_to_guess();
+    refresh();
+  }
+
+  /// To the velocity at which M (v - v_free) is J' of the guess's reactions and what they answer to the motion that v
+  /// has beyond theirs: one linear system, exact where no cone changes its state.
+  STICTION_HD_OUTLINE void step_to_guess() {
+    pack_.refresh_reactions();
+    pack_.push_back();
+    pack_.refresh_hessian();
+    factor_tree(tree_, workspace_.H, workspace_.inverse);
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, workspace_.gradient[k]);
+    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.moved);
+    const Wide busy = lanes([&](int l) { return progress_[l].is_busy ? 1.0 : 0.0; });
+    for (Index k = 0; k < tree_.dofs; ++k) {
+      const Wide step = workspace_.moved[k];
+      workspace_.moved.put(k, select(and_(busy > Wide(0), finite_(step)), step, Wide(0)));
+    }
+    for (int l = 0; l < kLanes; ++l)
+      if (progress_[l].is_busy) ++progress_[l].steps;
+  }
+
+  static STICTION_HD double propose(const LaneProgress& lane) { return kProposeAt * lane.tolerance; }
+
+  STICTION_HD_OUTLINE void refresh() {
+    for_each_part([](const DoublePack<Types>& part) { part.refresh_motion(); });
+    pack_.refresh_reactions();
+    for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+  }
+
+  /// Steps until every lane is finished or proposes an answer. Whether any proposes one.
+  STICTION_HD_OUTLINE bool iterate() {
+    const Wide busy = lanes([&](int l) { return progress_[l].is_busy ? 1.0 : 0.0; });
+    const Wide enough = lanes([&](int l) { return progress_[l].goal * progress_[l].scale; });
+    const Wide most = lanes([&](int l) { return progress_[l].max_iterations; });
+    Wide steps = lanes([&](int l) { return progress_[l].steps; });
+    Wide least(static_cast<Real>(__builtin_huge_val()));
+    Wide idle(0);
+    auto moving = busy > Wide(0);
+    if (!any(moving)) return false;
+    for (;;) {
+      Wide error(0);
+      Wide nothing(0);
+      for (Index k = 0; k < tree_.dofs; ++k) {
+        const Wide gradient = workspace_.gradient[k];
+        error = max_(abs_(gradient) * workspace_.mobility[k], error);
+        nothing = fma_(gradient, Wide(0), nothing);
+      }
+      const auto is_better = error < least;
+      least = select(is_better, error, least);
+      idle = select(is_better, Wide(0), idle + Wide(1));
+      moving = and_(moving, and_(and_(error > enough, nothing == Wide(0)),
+                                 and_(steps < most, idle < Wide(static_cast<Real>(kMostIdle)))));
+      if (!any(moving)) break;
+      step(moving);
+      steps = select(moving, steps + Wide(1), steps);
+    }
+    Real taken[kLanes];
+    store_lanes(taken, steps);
+    for (int l = 0; l < kLanes; ++l) progress_[l].steps = static_cast<Index>(taken[l]);
+    return true;
+  }
+
+  STICTION_HD_OUTLINE void step(Mask<Wide> moving) {
+    pack_.refresh_hessian();
+    factor_tree(tree_, workspace_.H, workspace_.inverse);
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, Wide(0) - workspace_.gradient[k]);
+    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.step);
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, select(moving, workspace_.step[k], Wide(0)));
+    const Wide descent = pack_.look_along();
+    pack_.take_step(pack_.search(moving, descent));
+  }
+
+  /// f(lane, FinalResidual) of the reactions in every lane.
+  template <class F>
+  STICTION_HD void for_each_proposal(F&& f) const {
+    for_each_part([&](const DoublePack<Types>& part) {
+      const auto evaluated = part.evaluate(job_.law);
+      for (int l = 0; l < Types::kDoubleLanes; ++l)
+        f(part.first + l, FinalResidual{sqrt_(lane_of(evaluated.square, l)), lane_of(evaluated.rounding_floor, l)});
+    });
+  }
+
+  /// Residuals of what the lanes propose. Lanes that are not finished go on from there.
+  STICTION_HD_OUTLINE void evaluate() {
+    for_each_proposal([&](int l, const FinalResidual& found) { judge(l, found); });
+    bool any_busy = false;
+    for (int l = 0; l < kLanes; ++l) {
+      any_busy = any_busy || progress_[l].is_busy;
+      if (progress_[l].is_busy && progress_[l].has_outer) shift().renew(l, progress_[l]);
+    }
+    if (any_busy) refresh();
+  }
+
+  /// The relative residual of a lane's reactions, which are written if it is small enough.
+  STICTION_HD double accept(int l, const FinalResidual& found) {
+    LaneProgress& lane = progress_[l];
+    lane.absolute = reported_residual(found, lane.tolerance * lane.scale);
+    const double relative = div_(lane.absolute, lane.scale);
+    lane.is_solved = finite_(relative) && relative <= lane.tolerance;
+    lane.is_busy = !lane.is_solved;
+    if (lane.is_solved) write_lane(l);
+    return relative;
+  }
+
+  STICTION_HD_OUTLINE void judge_guess(int l, const FinalResidual& found) {
+    LaneProgress& lane = progress_[l];
+    if (!lane.is_busy) return;
+    const double relative = accept(l, found);
+    if (lane.has_outer && relative < 1.0) lane.goal = max_(0.1 * relative, propose(lane));
+  }
+
+  STICTION_HD_OUTLINE void judge(int l, const FinalResidual& found) {
+    LaneProgress& lane = progress_[l];
+    if (!lane.is_busy) return;
+    const double relative = accept(l, found);
+    const bool has_halved = relative < 0.5 * lane.mark;
+    lane.useless = has_halved ? 0 : lane.useless + 1;
+    if (has_halved) lane.mark = relative;
+    if (relative > 2.0 * lane.best) lane.mixed = 0;
+    lane.best = min_(relative, lane.best);
+    ++lane.evaluations;
+    const int patience = lane.has_outer ? 4 * kMostUseless : kMostUseless;
+    lane.is_busy = lane.is_busy && finite_(relative) && lane.steps < lane.max_iterations && lane.useless < patience &&
+                   lane.evaluations < kMostEvaluations;
+    const double accurate = kAccurateTo * relative;
+    lane.goal = lane.has_outer              ? max_(max_(0.1 * relative, accurate), propose(lane))
+                : lane.goal > propose(lane) ? max_(accurate, propose(lane))
+                                            : 0.1 * lane.goal;
+  }
+
+  /// The answer of a lane, to where the batch has it.
+  STICTION_HD void write_lane(int l) {
+    const LaneEnv<Real>& env = envs_[l];
+    const LaneProgress& lane = progress_[l];
+    for (Index s = 0; s < counts_.slots; ++s) {
+      if (slots_[s].row_of[l] < 0) continue;
+      for (Index k = 0; k < slots_[s].rows; ++k) {
+        const Offset to = env.first_row + slots_[s].row_of[l] + k;
+        const Index row = slots_[s].row + k;
+        job_.to.lambda[to] = canonical_zero(workspace_.x.at(row, l));
+        if (job_.to.w != nullptr)
+          job_.to.w[to] = canonical_zero(saturated<Real>(workspace_.motion[Offset{row} * Types::kStride + l]));
+      }
+    }
+    for (Index k = 0; k < env.dofs && job_.to.velocity != nullptr; ++k)
+      job_.to.velocity[job_.batch.env_dof_offsets[env.env] + k] =
+          canonical_zero(saturated<Real>(workspace_.velocity[Offset{k} * Types::kStride + l]));
+    const std::uint32_t before = job_.batch.env_flags == nullptr ? 0U : job_.batch.env_flags[env.env];
+    job_.to.status[env.env] =
+        EnvStatus{div_(lane.absolute, lane.scale), lane.absolute,     before | lane.flags, lane.steps, EnvCode::solved,
+                  SolverKind::velocity_newton,     {0, 0, 0, 0, 0, 0}};
+  }
+
+  const VelocityJob<Real>& job_;
+  const LaneEnv<Real> (&envs_)[kLanes];
+  const Slot<kLanes>* slots_;
+  const SlotCounts& counts_;
+  const DofTree& tree_;
+  const VelocityWorkspace<Types>& workspace_;
+  NewtonPack<Types> pack_;
+  LaneProgress progress_[kLanes];
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "core/job/velocity_job.hpp"
+
+namespace stiction {
+
+/// Whether a solve of J and M begins with Newton's method in velocities (docs/math/auto.md). Islands apart are solved
+/// as environments of their own, by what takes A.
+inline bool takes_newton(const SolverOptions& options) {
+  return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
+}
+
+template <class Real>
+VelocityJob<Real> newton_job(const JacobianBatchView<Real>& batch, const SolverOptions& options,
+                             const JacobianSolutionView<Real>& solution, const Real* warm_start) {
+  VelocityJob<Real> job;
+  job.batch = batch;
+  job.law = options.law.value_or(batch.law);
+  job.tolerance = options.tolerance;
+  job.max_iterations = options.max_iterations;
+  job.warm_start = warm_start;
+  job.to = solution;
+  return job;
+}
+
+}  // namespace stiction

@@ -1,0 +1,170 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "core/algorithm/velocity/solve_pack.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/velocity_cases.hpp"
+
+/// Newton's method in velocities from inside: packs of every width, with unlike and broken environments in them,
+/// against each environment by itself.
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// Memory that is written over before it is used: nothing may be taken from what was there.
+template <class Types>
+struct Memory {
+  std::vector<Offset>& lists_memory;
+  std::vector<double>& numbers_memory;
+
+  [[nodiscard]] void* lists(Offset bytes) const {
+    lists_memory.assign(static_cast<std::size_t>(bytes) / sizeof(Offset) + 1, -1);
+    return lists_memory.data();
+  }
+  [[nodiscard]] VelocityWorkspace<Types> numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
+    const auto size = static_cast<std::size_t>(VelocityWorkspace<Types>::doubles(counts, dofs, tree_entries));
+    numbers_memory.assign(size + 1, std::numeric_limits<double>::quiet_NaN());
+    return VelocityWorkspace<Types>(numbers_memory.data(), counts, dofs, tree_entries);
+  }
+};
+
+template <class Real>
+struct Answers {
+  std::vector<Real> lambda, w, velocity;
+  std::vector<EnvStatus> status;
+  std::vector<std::uint8_t> answered;
+};
+
+/// Environments of a batch in the lanes of packs, in that order.
+template <class Wide>
+auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance) {
+  using Real = Scalar<Wide>;
+  using Types = LaneTypes<Wide>;
+  Answers<Real> answers;
+  const JacobianBatchView<Real> view = batch.view();
+  answers.lambda.assign(static_cast<std::size_t>(view.row_count), Real(-7));
+  answers.w = answers.lambda;
+  answers.velocity.assign(static_cast<std::size_t>(view.dof_count), Real(-7));
+  answers.status.resize(static_cast<std::size_t>(view.env_count));
+  answers.answered.assign(static_cast<std::size_t>(view.env_count), 9);
+  VelocityJob<Real> job;
+  job.batch = view;
+  job.law = view.law;
+  job.tolerance = tolerance;
+  job.max_iterations = 100;
+  job.to = {answers.lambda.data(), answers.w.data(), answers.velocity.data(), answers.status.data()};
+  job.answered = answers.answered.data();
+  std::vector<Offset> lists;
+  std::vector<double> numbers;
+  for (std::size_t at = 0; at < order.size(); at += Types::kLanes) {
+    const auto count = std::min<std::size_t>(Types::kLanes, order.size() - at);
+    solve_pack<Types>(job, order.data() + at, static_cast<Index>(count), Memory<Types>{lists, numbers});
+  }
+  return answers;
+}
+
+/// Chains of unlike length, cones and stiffness: none fits its neighbours' slots or tree.
+template <class Real>
+JacobianBatch<Real> unlike_chains(Law law) {
+  JacobianBatch<Real> batch(law);
+  const std::vector<std::vector<Cone>> cones = {
+      {friction(3), unilateral(), friction(3)}, cones_of_every_kind(), {unilateral()}, {box(), box(), free_row()}};
+  for (std::uint64_t seed = 0; seed < 24; ++seed) {
+    const ChainRecipe recipe{seed + 1, static_cast<Index>(3 + 5 * (seed % 7)), cones[seed % cones.size()], 0.0,
+                             seed % 6 == 5 ? 0.0 : 0.01};
+    batch.add(cast<Real>(random_chain(recipe)));
+  }
+  return batch;
+}
+
+std::vector<Offset> upwards(Offset count) {
+  std::vector<Offset> order;
+  for (Offset env = 0; env < count; ++env) order.push_back(env);
+  return order;
+}
+std::vector<Offset> shuffled(Offset count) {
+  std::vector<Offset> order;
+  for (Offset k = 0; k < count; ++k) order.push_back((7 * k + 5) % count);
+  return order;
+}
+
+template <class Real>
+void expect_the_same(const Answers<Real>& expected, const Answers<Real>& actual) {
+  EXPECT_EQ(expected.answered, actual.answered);
+  EXPECT_TRUE(same_bits(std::span<const Real>(expected.lambda), std::span<const Real>(actual.lambda)));
+  EXPECT_TRUE(same_bits(std::span<const Real>(expected.w), std::span<const Real>(actual.w)));
+  EXPECT_TRUE(same_bits(std::span<const Real>(expected.velocity), std::span<const Real>(actual.velocity)));
+  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(actual.status)));
+}
+
+template <class Wide>
+void expect_the_bits_of_single_environments(Law law, double tolerance) {
+  using Real = Scalar<Wide>;
+  const auto batch = unlike_chains<Real>(law);
+  const auto expected = solve_in_packs<Real>(batch, upwards(batch.env_count()), tolerance);
+  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), 15) << "few are solved";
+  expect_the_same(expected, solve_in_packs<Wide>(batch, upwards(batch.env_count()), tolerance));
+  expect_the_same(expected, solve_in_packs<Wide>(batch, shuffled(batch.env_count()), tolerance));
+}
+
+TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
+  for (const Law law : {Law::convex, Law::coulomb}) {
+    SCOPED_TRACE(to_string(law));
+    expect_the_bits_of_single_environments<Pack<double, 2>>(law, 1e-8);
+    expect_the_bits_of_single_environments<Pack<double, 4>>(law, 1e-8);
+    expect_the_bits_of_single_environments<Pack<double, 8>>(law, 1e-8);
+    expect_the_bits_of_single_environments<Pack<float, 4>>(law, 1e-4);
+    expect_the_bits_of_single_environments<Pack<float, 8>>(law, 1e-4);
+    expect_the_bits_of_single_environments<Pack<float, 16>>(law, 1e-4);
+  }
+}
+
+TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
+  const auto clean = unlike_chains<double>(Law::convex);
+  const auto order = shuffled(clean.env_count());
+  const auto expected = solve_in_packs<Pack<double, 8>>(clean, order, 1e-8);
+  const double infinite = std::numeric_limits<double>::infinity();
+  for (int fault = 0; fault < 8; ++fault) {
+    SCOPED_TRACE(fault);
+    JacobianBatch<double> batch(Law::convex);
+    for (std::uint64_t seed = 0; seed < 24; ++seed) {
+      JacobianEnvironment<double> env = random_chain({seed + 1, 9});
+      if (seed == 11) {
+        if (fault == 0) env.J[env.J.size() - 2] = std::numeric_limits<double>::quiet_NaN();
+        if (fault == 1) env.M[0] = infinite;
+        if (fault == 2) env.M[0] = -1.0;
+        if (fault == 3) env.v_free[3] = infinite;
+        if (fault == 4) env.R[2] = -1e-3;
+        if (fault == 5) env.mu[1] = -0.5;
+        if (fault == 6) env.target[0] = infinite;
+        if (fault == 7) env.J.assign(env.J.size(), 1e200);
+      }
+      batch.add(env);
+    }
+    JacobianBatch<double> sound(Law::convex);
+    for (std::uint64_t seed = 0; seed < 24; ++seed) sound.add(random_chain({seed + 1, 9}));
+    auto with_fault = solve_in_packs<Pack<double, 8>>(batch, order, 1e-8);
+    auto without = solve_in_packs<Pack<double, 8>>(sound, order, 1e-8);
+    EXPECT_EQ(with_fault.answered[11], 0);
+    // Of what is not solved nothing is written.
+    const auto view = batch.view();
+    for (Offset row = view.env_row_offsets[11]; row < view.env_row_offsets[12]; ++row) {
+      EXPECT_EQ(with_fault.lambda[static_cast<std::size_t>(row)], -7.0);
+      with_fault.lambda[static_cast<std::size_t>(row)] = without.lambda[static_cast<std::size_t>(row)];
+      with_fault.w[static_cast<std::size_t>(row)] = without.w[static_cast<std::size_t>(row)];
+    }
+    for (Offset k = view.env_dof_offsets[11]; k < view.env_dof_offsets[12]; ++k)
+      with_fault.velocity[static_cast<std::size_t>(k)] = without.velocity[static_cast<std::size_t>(k)];
+    with_fault.answered[11] = without.answered[11];
+    with_fault.status[11] = without.status[11];
+    expect_the_same(without, with_fault);
+  }
+  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), 20);
+}
+
+}  // namespace
