@@ -24,9 +24,15 @@ std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t secon
   return kind << 56U | first << 36U | second << 16U | number << 4U | edge;
 }
 
+/// What the solver begins with (docs/math/auto.md).
+MassForm mass_form_of(const SolverOptions& options, Index nv) {
+  const bool by_newton = options.solver == SolverKind::automatic && options.islands == IslandMode::together;
+  return by_newton && nv <= kMostVelocityDofs ? MassForm::matrix : MassForm::factor;
+}
+
 }  // namespace
 
-MujocoSystem::MujocoSystem() {
+MujocoSystem::MujocoSystem(MassForm form) : mass_form(form) {
   for (auto* offsets :
        {&env_row_offsets, &env_cone_offsets, &env_dof_offsets, &env_mass_offsets, &cone_row_offsets, &row_offsets})
     offsets->assign(1, 0);
@@ -58,7 +64,7 @@ JacobianBatchView<double> MujocoSystem::view() const {
   view.mu = mu.data();
   view.lo = lo.data();
   view.hi = hi.data();
-  view.mass_form = MassForm::factor;
+  view.mass_form = mass_form;
   return view;
 }
 
@@ -83,6 +89,8 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
       options_(options),
       warm_start_(warm_start),
       active_(data_.size(), 1),
+      system_(mass_form_of(options, layout_.nv)),
+      previous_(system_.mass_form),
       solver_(Device::cpu(), options, {}),
       was_reset_(data_.size(), 0) {}
 
@@ -230,7 +238,7 @@ void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index ro
   const auto nv = static_cast<std::size_t>(layout_.nv);
   if (!layout_.sparse) {
     for (Index row = 0; row < rows; ++row, J += nv, values += nv)
-      for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = values[nv - 1 - dof];
+      for (std::size_t dof = 0; dof < nv; ++dof) J[place_of(dof)] = values[dof];
     return;
   }
   const auto* count = array_at<const std::int32_t>(data, layout_.efc_J_rownnz);
@@ -239,11 +247,27 @@ void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index ro
   for (Index row = 0; row < rows; ++row, J += nv) {
     for (std::size_t dof = 0; dof < nv; ++dof) J[dof] = 0.0;
     for (std::int32_t entry = first[row]; entry < first[row] + count[row]; ++entry)
-      J[layout_.nv - 1 - column[entry]] = values[entry];
+      J[place_of(static_cast<std::size_t>(column[entry]))] = values[entry];
   }
 }
 
-void MujocoSimulations::fill_mass(const std::byte* data, double* factor) const {
+void MujocoSimulations::fill_mass(const std::byte* data, double* M) const {
+  if (system_.mass_form == MassForm::factor) {
+    fill_factor(data, M);
+    return;
+  }
+  const auto* values = array_at<const double>(data, layout_.mass);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  std::memset(M, 0, nv * nv * sizeof(double));
+  std::size_t entry = 0;
+  for (std::size_t row = 0; row < nv; ++row)
+    for (Index k = 0; k < layout_.mass_rownnz[row]; ++k, ++entry) {
+      const auto column = static_cast<std::size_t>(layout_.mass_colind[entry]);
+      M[row * nv + column] = M[column * nv + row] = values[entry];
+    }
+}
+
+void MujocoSimulations::fill_factor(const std::byte* data, double* factor) const {
   const auto* values = array_at<const double>(data, layout_.qLD);
   const auto nv = static_cast<std::size_t>(layout_.nv);
   std::memset(factor, 0, nv * nv * sizeof(double));
@@ -267,7 +291,7 @@ void MujocoSimulations::fill(std::size_t env) {
   const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
   const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
   double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
-  for (Offset dof = 0; dof < nv; ++dof) v_free[dof] = smooth[nv - 1 - dof];
+  for (std::size_t dof = 0; dof < static_cast<std::size_t>(nv); ++dof) v_free[place_of(dof)] = smooth[dof];
   fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;
 

@@ -17,7 +17,7 @@ struct MujocoLayout {
   // mjData: numbers
   std::size_t time, nefc;
   // mjData: pointers
-  std::size_t qpos, qvel, qacc, qacc_smooth, qacc_warmstart, qfrc_constraint, qLD;
+  std::size_t qpos, qvel, qacc, qacc_smooth, qacc_warmstart, qfrc_constraint, qLD, mass;
   std::size_t efc_type, efc_id, efc_R, efc_aref, efc_frictionloss, efc_force, efc_state;
   std::size_t efc_J, efc_J_rownnz, efc_J_rowadr, efc_J_colind, contact;
   // mjContact
@@ -42,10 +42,15 @@ struct MujocoFunctions {
 using MujocoStage = void (*)(const void* model, void* data);
 
 /// Rows of all simulations as MuJoCo left them, one simulation behind the other: a Jacobian batch of accelerations and
-/// forces, and its answer. Degrees of freedom are in reversed order: MuJoCo has M = L' D L, and backwards that is the
-/// Cholesky factor (L' D^1/2 read from its last row and column) that need not be computed again. Room only grows.
+/// forces, and its answer. Room only grows.
+///
+/// Newton's method in velocities takes M, and degrees of freedom as MuJoCo has them, each after what it hangs on. For
+/// solvers of A they are in reversed order: MuJoCo has M = L' D L, and backwards that is the Cholesky factor (L' D^1/2
+/// read from its last row and column) that need not be computed again.
 struct MujocoSystem {
-  MujocoSystem();  ///< with some room everywhere, because a view of nothing still names arrays
+  explicit MujocoSystem(MassForm form);  ///< with some room everywhere, because a view of nothing still names arrays
+
+  MassForm mass_form;
 
   std::vector<Offset> env_row_offsets, env_cone_offsets, env_dof_offsets, env_mass_offsets;
   std::vector<Offset> cone_row_offsets, row_offsets;
@@ -108,7 +113,12 @@ class MujocoSimulations {
   Index count_cones(const std::byte* data, Index rows) const;
   void fill_cones(const std::byte* data, Offset row, Offset cone, Index rows);
   void fill_jacobian(const std::byte* data, double* J, Index rows) const;
-  void fill_mass(const std::byte* data, double* factor) const;
+  void fill_mass(const std::byte* data, double* M) const;
+  void fill_factor(const std::byte* data, double* factor) const;
+  /// Where the batch has a degree of freedom of MuJoCo's.
+  [[nodiscard]] std::size_t place_of(std::size_t dof) const {
+    return system_.mass_form == MassForm::matrix ? dof : static_cast<std::size_t>(layout_.nv) - 1 - dof;
+  }
   void advance(std::size_t env, const double* velocity, const double* acceleration, double dt);
   void make_room();
 

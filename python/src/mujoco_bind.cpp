@@ -28,6 +28,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("qacc_warmstart", layout.qacc_warmstart);
   take("qfrc_constraint", layout.qfrc_constraint);
   take("qLD", layout.qLD);
+  take("M", layout.mass);
   take("efc_type", layout.efc_type);
   take("efc_id", layout.efc_id);
   take("efc_R", layout.efc_R);
@@ -77,6 +78,7 @@ nb::dict arrays_of(const nb::object& self) {
   out["ids"] = array_over(self, system.cone_id);
   out["J"] = array_over(self, system.J);
   out["M"] = array_over(self, system.M);
+  out["factored"] = nb::bool_(system.mass_form == MassForm::factor);
   out["v_free"] = array_over(self, system.v_free);
   out["target"] = array_over(self, system.target);
   out["R"] = array_over(self, system.R);

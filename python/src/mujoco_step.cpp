@@ -79,7 +79,7 @@ void MujocoSimulations::scatter() {
     const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
     const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
     auto* qacc = array_at<double>(data, layout_.qacc);
-    for (Index dof = 0; dof < layout_.nv; ++dof) qacc[dof] = velocity[layout_.nv - 1 - dof];
+    for (std::size_t dof = 0; dof < static_cast<std::size_t>(layout_.nv); ++dof) qacc[dof] = velocity[place_of(dof)];
     auto* force = array_at<double>(data, layout_.qfrc_constraint);
     if (rows == 0) {
       std::memset(force, 0, dofs);

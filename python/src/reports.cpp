@@ -124,6 +124,9 @@ void bind_reports(nb::module_& module) {
   module.def("code_names", &names_of_codes, "Names of status codes, by number.");
   module.def("flag_names", &names_of_flags, "Names of status flags, by bit.");
   module.def("solver_names", &names_of_solvers, "Names of solvers, by number.");
+  module.def(
+      "solver_name", [](std::uint8_t number) { return to_string(static_cast<SolverKind>(number)); }, nb::arg("number"),
+      "Name of the solver that a status names.");
   module.def("hash_bits", &hash_of, nb::arg("values"), "Hash of the bits of an array of float32 or float64.");
   const char* verify_text = "(relative, absolute) residual of each environment, recomputed in double.";
   module.def("verify", &verify_contacts, nb::arg("batch"), nb::arg("lambda_"), verify_text);

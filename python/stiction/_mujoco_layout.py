@@ -17,7 +17,7 @@ _NUMBERS = {"int": ctypes.c_int, "mjtNum": ctypes.c_double, "double": ctypes.c_d
             "char": ctypes.c_char, "unsigned int": ctypes.c_uint, "unsigned char": ctypes.c_uint8}
 
 #: Fields of mjData that hold a pointer to an array, by the name that they have here and there.
-POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "efc_type", "efc_id",
+POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "M", "efc_type", "efc_id",
             "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_state", "efc_J", "efc_J_rownnz", "efc_J_rowadr",
             "efc_J_colind", "contact")
 

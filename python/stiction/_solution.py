@@ -17,7 +17,7 @@ SOLVED = CODES.index("solved")
 
 def solver_name(number):
     """Name of a status record's solver."""
-    return SOLVERS[number] if number < len(SOLVERS) else "multigrid"
+    return _core.solver_name(number)
 
 
 class Answer(NamedTuple):

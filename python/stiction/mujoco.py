@@ -209,7 +209,7 @@ class BatchedSimulation:
     def batch(self):
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
         reactions, velocities, the accelerations, and cone_id."""
-        return _batch_of({name: array.copy() for name, array in _core.mujoco_arrays(self._core).items()}, self.model.nv)
+        return _batch_of(_core.mujoco_arrays(self._core), self.model.nv)
 
     def clear(self):
         """Sets the seconds to zero."""
@@ -310,15 +310,18 @@ def gather(model, data, **options):
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
     core.gather()
-    return _batch_of({name: array.copy() for name, array in _core.mujoco_arrays(core).items()}, model.nv)
+    return _batch_of(_core.mujoco_arrays(core), model.nv)
 
 
 def _batch_of(arrays, nv):
-    """The arrays of the C++ side, whose degrees of freedom run backwards, in MuJoCo's order."""
-    for name in ("J", "v_free", "velocities"):
-        arrays[name] = np.ascontiguousarray(arrays[name].reshape(-1, nv)[:, ::-1]).reshape(-1)
-    factor = arrays["M"].reshape(-1, nv, nv)
-    arrays["M"] = np.ascontiguousarray((factor @ factor.transpose(0, 2, 1))[:, ::-1, ::-1]).reshape(-1)
+    """A copy of the arrays of the C++ side. With M as a factor their degrees of freedom run backwards: in MuJoCo's order."""
+    factored = arrays.pop("factored")
+    arrays = {name: array.copy() for name, array in arrays.items()}
+    if factored:
+        for name in ("J", "v_free", "velocities"):
+            arrays[name] = np.ascontiguousarray(arrays[name].reshape(-1, nv)[:, ::-1]).reshape(-1)
+        factor = arrays["M"].reshape(-1, nv, nv)
+        arrays["M"] = np.ascontiguousarray((factor @ factor.transpose(0, 2, 1))[:, ::-1, ::-1]).reshape(-1)
     dims = np.diff(arrays["cone_row_offsets"])
     batch = Batch.from_jacobian(
         arrays["J"], arrays["M"], arrays["v_free"], arrays["target"], kinds=arrays["kinds"], dims=dims,
