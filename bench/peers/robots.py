@@ -256,14 +256,15 @@ def draw(rows, goals, path):
     figure, axes = plt.subplots(1, len(goals), figsize=(6 * len(goals), 4), sharey=True, squeeze=False)
     for axis, goal in zip(axes[0], goals):
         for shift, (start, form, colour) in enumerate([("cold", "factor", "tab:blue"), ("cold", "matrix", "tab:cyan"),
-                                                       ("warm", "factor", "tab:red"), ("warm", "matrix", "tab:orange")]):
+                                                       ("cold", "jacobian", "tab:green"), ("warm", "factor", "tab:red"),
+                                                       ("warm", "matrix", "tab:orange"), ("warm", "jacobian", "tab:olive")]):
             found = [best(rows, robot=name, form=form, start=start, goal=goal) for name in names]
             if not any(found):
                 continue
             low, ratio, high = (np.array([np.nan if row is None else row[key] for row in found])
                                 for key in ("ratio_q1", "ratio", "ratio_q3"))
-            given = "A" if form == "matrix" else "J and the factor of M"
-            axis.errorbar(np.arange(len(names)) + 0.15 * (shift - 1.5), ratio, [ratio - low, high - ratio], fmt="o", color=colour,
+            given = {"matrix": "A", "factor": "J and the factor of M", "jacobian": "J and M"}[form]
+            axis.errorbar(np.arange(len(names)) + 0.12 * (shift - 2.5), ratio, [ratio - low, high - ratio], fmt="o", color=colour,
                           capsize=2, label=f"{start}, {given} given")
         axis.axhline(1, color="black", linewidth=0.8)
         axis.set(title=f"residual {goal:g}", yscale="log")
