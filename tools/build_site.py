@@ -24,7 +24,7 @@ import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s]+)(\))")
-CODE = re.compile(r"^```.*?^```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
+CODE = re.compile(r"^ {0,3}```.*?^ {0,3}```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
 LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c", ".c": "c", ".py": "python",
              ".sh": "bash", ".cmake": "cmake", ".csv": "text", ".json": "json", ".txt": "text", ".toml": "toml"}
 HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"

@@ -18,7 +18,7 @@ import urllib.parse
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$", re.M)
-CODE = re.compile(r"^```.*?^```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
+CODE = re.compile(r"^ {0,3}```.*?^ {0,3}```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!\s*\n))+`", re.M | re.S)
 TEST = re.compile(r"\b(unit|algorithm|twin|determinism|accuracy)_(test_\w*)")
 
 
