@@ -122,8 +122,8 @@ class CpuJacobian final : public JacobianMachine<Real> {
                 at_least(velocity_, static_cast<std::size_t>(batch.dof_count)), arrays_.status};
   }
 
-  /// Environments of like size side by side: none waits long for another in its pack.
-  /// Returns how many were solved.
+  /// Newton's method on what it takes, environments of like size side by side, so that none waits long for another in
+  /// its pack. Returns how many were solved.
   Offset solve_by_newton(const VelocityJob<Real>& newton) {
     const JacobianBatchView<Real>& batch = newton.batch;
     std::vector<Offset> envs;

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "core/job/velocity_job.hpp"
 #include "cpu_fallback/scratch.hpp"
 

@@ -9,7 +9,7 @@
 #include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/newton_job.hpp"
+#include "core/runtime/solve_jacobian.hpp"
 #include "core/runtime/stored_columns.hpp"
 #include "stiction/status.hpp"
 
@@ -373,11 +373,7 @@ JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverO
                                         solution.contact.status.data()};
   const Real* const guess = placed.guess.empty() ? nullptr : placed.guess.data();
   const auto machine = make_cpu_jacobian<Real>(use, options.threads);
-  const VelocityJob<Real> newton = newton_job(batch, options, view, guess);
-  const ContactBatchView<Real> contact =
-      machine->assemble(batch, takes_newton(options) ? &newton : nullptr, StreamRef::default_stream());
-  if (contact.env_count > 0) solver.solve(contact, {view.lambda, view.w, view.status}, guess);
-  machine->velocities(batch, view, StreamRef::default_stream());
+  solve_jacobian(*machine, solver, batch, view, guess, StreamRef::default_stream());
   solution.contact.lambda = gathered(batch, solution.env_row_offsets, placed.lambda);
   solution.contact.w = gathered(batch, solution.env_row_offsets, placed.w);
   return solution;

@@ -8,8 +8,8 @@
 #include "core/base/fp_env.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/newton_job.hpp"
 #include "core/runtime/overlap.hpp"
+#include "core/runtime/solve_jacobian.hpp"
 
 namespace stiction {
 
@@ -171,11 +171,7 @@ void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const Jac
   check(batch, solution);
   refuse_overlaps(batch, solution, warm_start);
   if (batch.env_count == 0) return;
-  const VelocityJob<Real> newton = newton_job(batch, solver_.options(), solution, warm_start);
-  const ContactBatchView<Real> contact =
-      machine_->assemble(batch, takes_newton(solver_.options()) ? &newton : nullptr, stream);
-  if (contact.env_count > 0) solver_.solve(contact, {solution.lambda, solution.w, solution.status}, warm_start, stream);
-  machine_->velocities(batch, solution, stream);
+  solve_jacobian(*machine_, solver_, batch, solution, warm_start, stream);
 }
 
 template JacobianCapacity JacobianCapacity::of(const JacobianBatchView<float>&, FactorUse);

@@ -4,12 +4,7 @@
 
 namespace stiction {
 
-/// Whether a solve of J and M begins with Newton's method in velocities (docs/math/auto.md). Islands apart are solved
-/// as environments of their own, by what takes A.
-inline bool takes_newton(const SolverOptions& options) {
-  return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
-}
-
+/// What Newton's method in velocities is to do of a solve.
 template <class Real>
 VelocityJob<Real> newton_job(const JacobianBatchView<Real>& batch, const SolverOptions& options,
                              const JacobianSolutionView<Real>& solution, const Real* warm_start) {

@@ -26,8 +26,7 @@ std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t secon
 
 /// What the solver begins with (docs/math/auto.md).
 MassForm mass_form_of(const SolverOptions& options, Index nv) {
-  const bool by_newton = options.solver == SolverKind::automatic && options.islands == IslandMode::together;
-  return by_newton && nv <= kMostVelocityDofs ? MassForm::matrix : MassForm::factor;
+  return takes_newton(options) && nv <= kMostVelocityDofs ? MassForm::matrix : MassForm::factor;
 }
 
 }  // namespace

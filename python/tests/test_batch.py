@@ -210,6 +210,19 @@ def test_jacobians_give_reactions_and_velocities(mass):
         np.testing.assert_allclose(solution.w[env], J[env] @ moved - target[env], atol=1e-10)
 
 
+def test_a_solver_counts_what_was_solved_in_velocities():
+    # A mass of 2 that would fall with 1, on a plane that gives way: lambda (1/2 + R) = 1.
+    batch = Batch.from_jacobian(np.full((5, 1, 1), 1.0), np.full((5, 1, 1), 2.0), np.full((5, 1), -1.0),
+                                R=np.full((5, 1), 0.5), cones="unilateral")
+    solver = stiction.Solver()
+    solution = solver.solve(batch)
+    np.testing.assert_allclose(solution.lambda_, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(solution.velocities, -0.5, rtol=1e-12)
+    assert solver.stats()["solvers"] == {"velocity_newton": 5}
+    with pytest.raises(ValueError, match="solver"):
+        stiction.Solver(solver="velocity_newton")
+
+
 def test_jacobians_of_many_sizes_come_as_lists(scenes):
     batch = Batch.from_jacobian([s.J for s in scenes], [s.M for s in scenes], [s.v_free for s in scenes], mu=0.7,
                                 law="coulomb")

@@ -107,7 +107,8 @@ void expect_the_bits_of_single_environments(Law law, double tolerance) {
   using Real = Scalar<Wide>;
   const auto batch = unlike_chains<Real>(law);
   const auto expected = solve_in_packs<Real>(batch, upwards(batch.env_count()), tolerance);
-  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), 15) << "few are solved";
+  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), law == Law::convex ? 21 : 15)
+      << "fewer are solved than were";
   expect_the_same(expected, solve_in_packs<Wide>(batch, upwards(batch.env_count()), tolerance));
   expect_the_same(expected, solve_in_packs<Wide>(batch, shuffled(batch.env_count()), tolerance));
 }

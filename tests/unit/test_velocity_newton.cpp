@@ -6,6 +6,7 @@
 #include "stiction/error.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
+#include "stiction/trace.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
@@ -246,6 +247,39 @@ TEST(VelocityNewton, EndsWhereItsIterationsDo) {
   const auto none = solve(batch_of({env}), o);
   EXPECT_NE(none.contact.status[0].code, EnvCode::solved);
   EXPECT_NE(none.contact.status[0].solver, SolverKind::velocity_newton);
+  // Nor is a step taken to a warm start; what is the answer already needs none.
+  env = random_chain({3, 12});
+  const auto answer = solve(batch_of({env}), options(SolverKind::automatic, 1e-8, 1000)).contact.lambda;
+  auto near = answer;
+  for (double& reaction : near) reaction *= 0.99;
+  const auto warm = solve(batch_of({env}), o, Device::cpu(), std::span<const double>(near));
+  EXPECT_NE(warm.contact.status[0].code, EnvCode::solved);
+  const auto at_once = solve(batch_of({env}), o, Device::cpu(), std::span<const double>(answer));
+  EXPECT_EQ(at_once.contact.status[0].code, EnvCode::solved);
+  EXPECT_EQ(at_once.contact.status[0].iterations, 0);
+}
+
+TEST(VelocityNewton, ARowThatMovesNothingIsFlaggedAsItIsByEveryOtherSolver) {
+  auto env = random_chain({3, 4, cones_of_every_kind()});
+  for (std::size_t k = 0; k < 4; ++k) env.J[k] = 0.0;
+  env.R[0] = 0.0;
+  SolverOptions o = options(SolverKind::automatic, 1e-6, 1000);
+  EXPECT_THROW((void)solve(batch_of({env}), o), Error);
+  o.invalid = InvalidPolicy::isolate;
+  const auto status = solve(batch_of({env}), o).contact.status[0];
+  EXPECT_EQ(status.code, EnvCode::invalid_input);
+  EXPECT_NE(status.flags & static_cast<std::uint32_t>(kFlagBadDiagonal), 0U);
+}
+
+TEST(VelocityNewton, ATracerSeesIt) {
+  Tracer tracer;
+  SolverOptions o = options(SolverKind::automatic, 1e-6, 1000);
+  o.tracer = &tracer;
+  (void)solve(batch_of(chains(0.01)), o);
+  const auto spans = tracer.spans();
+  EXPECT_TRUE(std::any_of(spans.begin(), spans.end(), [](const Span& span) {
+    return std::string(span.name) == "velocity_newton" && span.environments == 40;
+  }));
 }
 
 TEST(VelocityNewton, RefusalsWriteNothing) {

@@ -117,11 +117,5 @@ STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
   const Index block = dof / env.block, begin = block * env.block;
   return nonzero_of(env.M + static_cast<Offset>(dof) * env.block, dof - begin) << begin;
 }
-/// M's entry (i, j), j <= i, of the same block.
-template <class Real>
-STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index i, Index j) {
-  const Index begin = i / env.block * env.block;
-  return j < begin ? Real(0) : env.M[static_cast<Offset>(i) * env.block + (j - begin)];
-}
 
 }  // namespace stiction::inline STICTION_ISA

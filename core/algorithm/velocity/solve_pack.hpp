@@ -5,7 +5,7 @@
 /// From environments of a batch to a pack that is solved. Where its memory comes from is a machine's affair.
 namespace stiction::inline STICTION_ISA {
 
-/// What is known of a pack before its numbers are looked at: who is in it and how its arrays lie.
+/// What is known of a pack before its numbers are looked at: which cones lie side by side, and how its arrays do.
 template <int kLanes>
 struct PackLists {
   DofTree tree;

@@ -123,6 +123,8 @@ class VelocityNewton {
           workspace_.prox.at(slot.row + k, l) = static_cast<Real>(prox);
           progress_[l].has_outer = true;
         };
+        // Such an environment is flagged kFlagBadDiagonal, or solved as one of its kind is, by what takes A.
+        if (!(diagonal(0) + R(0) > 0.0)) progress_[l].is_busy = false;
         const double normal = least(diagonal(0), R(0));
         add_prox(0, normal);
         workspace_.law.at(3 * s, l) = static_cast<Real>(div_(1.0, normal));
@@ -198,13 +200,14 @@ class VelocityNewton {
     factor_tree(tree_, workspace_.H, workspace_.inverse);
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, workspace_.gradient[k]);
     solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.moved);
-    const Wide busy = lanes([&](int l) { return progress_[l].is_busy ? 1.0 : 0.0; });
+    const auto may_step = [&](int l) { return progress_[l].is_busy && progress_[l].max_iterations > 0; };
+    const Wide stepping = lanes([&](int l) { return may_step(l) ? 1.0 : 0.0; });
     for (Index k = 0; k < tree_.dofs; ++k) {
       const Wide step = workspace_.moved[k];
-      workspace_.moved.put(k, select(and_(busy > Wide(0), finite_(step)), step, Wide(0)));
+      workspace_.moved.put(k, select(and_(stepping > Wide(0), finite_(step)), step, Wide(0)));
     }
     for (int l = 0; l < kLanes; ++l)
-      if (progress_[l].is_busy) ++progress_[l].steps;
+      if (may_step(l)) ++progress_[l].steps;
   }
 
   static STICTION_HD double propose(const LaneProgress& lane) { return kProposeAt * lane.tolerance; }

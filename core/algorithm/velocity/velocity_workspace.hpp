@@ -37,7 +37,6 @@ struct VelocityWorkspace {
   Numbers step;       ///<                                                       (dofs)
   Numbers inverse;    ///< of H's pivots                                         (dofs)
   Numbers mobility;   ///< of M's pivots                                         (dofs)
-  Numbers column;     ///< one slot's G J for one degree of freedom              (kMostConeRows)
   Numbers M;          ///<                                                       (tree entries)
   Numbers H;          ///<                                                       (tree entries)
   double* v;          ///< velocity                                              (dofs; lanes)
@@ -54,8 +53,7 @@ struct VelocityWorkspace {
   /// Doubles that a workspace takes.
   static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
     const Offset rows = counts.rows, slots = counts.slots;
-    const Offset numbers =
-        counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + kMaxConeRows + 2 * Offset{tree_entries};
+    const Offset numbers = counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries};
     const Offset wide = Offset{tree_entries} + 7 * Offset{dofs} + 2 * rows + (1 + kSlips) * slots;
     return kStride * (wide + (numbers + kDouble - 1) / kDouble);
   }
@@ -89,7 +87,6 @@ struct VelocityWorkspace {
       *part = take(counts.rows);
     for (Numbers* part : {&law, &slope}) *part = take(3 * Offset{counts.slots});
     for (Numbers* part : {&moved, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
-    column = take(kMaxConeRows);
     for (Numbers* part : {&M, &H}) *part = take(tree_entries);
   }
 };

@@ -25,6 +25,12 @@ struct JacobianCapacity {
                                      FactorUse use = FactorUse::by_size);
 };
 
+/// Whether a solve of J and M with these options begins with Newton's method in velocities, which takes M as a matrix
+/// (docs/math/auto.md). Islands apart are solved as environments of their own, by what takes A.
+[[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
+  return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
+}
+
 /// Where a JacobianSolver writes; same memory space as the batch. Reactions and motion lie where the batch has the row,
 /// and what it does not use of them is not written.
 template <class Real>
@@ -39,7 +45,8 @@ template <class Real>
 class JacobianMachine;
 
 /// Solves Jacobian batches where they are, on the host or on a device: assembles, solves, and moves the velocities
-/// (docs/jacobian.md). On every device the same bits.
+/// (docs/jacobian.md). Where takes_newton(), environments that Newton's method in velocities solves are not assembled.
+/// On every device the same bits.
 template <class Real>
 class JacobianSolver {
  public:
