@@ -7,6 +7,7 @@
 #include "tests/support/device_batch.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
+#include "tests/support/sanitizers.hpp"
 
 /// The GPU's host code and kernels on the emulated device: what it queues, in any order the streams allow, gives the
 /// CPU's bits.
@@ -32,7 +33,7 @@ void expect_the_cpus_bits_of_every_solver() {
       SCOPED_TRACE(label(solver, law));
       SolverOptions options = quick(solver);
       options.law = law;
-      options.max_iterations = few_iterations(solver, 24);
+      options.max_iterations = few_iterations(solver, kThreadSanitizer ? 3 : 24);
       EXPECT_EQ(on_engine(device, batch, options), solve_hashes(batch, options));
     }
   }

@@ -10,6 +10,7 @@
 #include "tests/support/body_methods.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
+#include "tests/support/sanitizers.hpp"
 
 /// One team that is the whole device: several blocks on the emulated device, whose lanes run at once, disagree about
 /// speed and meet at the grid's barrier alone.
@@ -117,7 +118,7 @@ SolverOptions brief(SolverKind solver, Law law) {
   options.solver = solver;
   options.law = law;
   // Without a matrix an iteration of these is a whole inner iteration.
-  options.max_iterations = is_costly(solver) ? 1 : 4;
+  options.max_iterations = is_costly(solver) || kThreadSanitizer ? 1 : 4;
   options.invalid = InvalidPolicy::isolate;
   options.threads = 1;
   return options;
