@@ -31,14 +31,15 @@ cpu::JacobianKernels<Real> pick() {
   return of_precision<Real>(cpu::best_isa().jacobian());
 }
 
-/// kernel(job, env, scratch) for every environment.
+/// kernel(job, env, scratch) for every environment; scratch() is memory for as many elements as it needs.
 template <class Real, class Kernel>
 void for_each_env(const JacobianJob<Real>& job, int threads, Offset (*elements)(const JacobianJob<Real>&, Offset),
                   const Kernel& kernel) {
   const int count = cpu::thread_count(threads);
   std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(count));
   cpu::parallel_for(count, static_cast<int>(job.batch.env_count), [&](int env, int worker) {
-    kernel(job, env, scratch[static_cast<std::size_t>(worker)].template reserve<Real>(elements(job, env)));
+    kernel(job, Offset{env},
+           [&] { return scratch[static_cast<std::size_t>(worker)].template reserve<Real>(elements(job, env)); });
   });
 }
 
@@ -82,8 +83,8 @@ class CpuJacobian final : public JacobianMachine<Real> {
     scan_envs(team, job);
     for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
-    for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {
-      if ((own.flags[env] & kNotAssembled) == 0 && !is_answered(arrays_, env)) kernels.assemble(own, env, scratch);
+    for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
+      if ((own.flags[env] & kNotAssembled) == 0 && !is_answered(arrays_, env)) kernels.assemble(own, env, scratch());
     });
     return contact_view(batch, arrays_);
   }
@@ -92,11 +93,11 @@ class CpuJacobian final : public JacobianMachine<Real> {
                   StreamRef) override {
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
-    for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, Real* scratch) {
+    for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
       if (is_answered(arrays_, env)) {
         hand_out(batch, env, solution);
       } else if (solution.velocity != nullptr) {
-        kernels.velocity(own, env, scratch);
+        kernels.velocity(own, env, scratch());
       }
     });
   }
@@ -130,18 +131,20 @@ class CpuJacobian final : public JacobianMachine<Real> {
     for (Offset env = 0; env < batch.env_count; ++env)
       if ((arrays_.flags[env] & kNotAssembled) == 0 && takes_shape(batch, newton.law, env)) envs.push_back(env);
     const auto size = [&](Offset env) { return std::pair(batch.env_dofs(env), batch.env_rows(env)); };
-    std::stable_sort(envs.begin(), envs.end(), [&](Offset a, Offset b) { return size(a) < size(b); });
+    const auto is_smaller = [&](Offset a, Offset b) { return size(a) < size(b); };
+    if (!std::is_sorted(envs.begin(), envs.end(), is_smaller)) std::stable_sort(envs.begin(), envs.end(), is_smaller);
     VelocityJob<Real> job = newton;
     job.to = answers_;
     job.answered = arrays_.answered;
     const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
     const int threads = cpu::thread_count(threads_);
-    std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(threads));
+    if (scratch_.size() < static_cast<std::size_t>(threads))
+      scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));
     const auto count = static_cast<Offset>(envs.size()), run = Offset{kPacksPerRun} * kernels.width;
     cpu::parallel_for(threads, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
       const Offset begin = index * run;
       kernels.solve(job, envs.data() + begin, smaller_of(run, count - begin),
-                    scratch[static_cast<std::size_t>(worker)]);
+                    scratch_[static_cast<std::size_t>(worker)]);
     });
     Offset solved = 0;
     for (const Offset env : envs) {
@@ -174,6 +177,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
   std::vector<Index> env_row_counts_, env_cone_counts_;
   std::vector<EnvStatus> status_;
   std::vector<Real> lambda_, w_, velocity_;
+  std::vector<cpu::VelocityScratch> scratch_;  ///< of every worker
 };
 
 }  // namespace
@@ -186,13 +190,17 @@ std::unique_ptr<JacobianMachine<Real>> make_cpu_jacobian(FactorUse use, int thre
 template <class Real>
 void assemble_on_cpu(const JacobianJob<Real>& job, int threads) {
   const cpu::JacobianKernels<Real> kernels = pick<Real>();
-  for_each_env(job, threads, kernels.elements, kernels.assemble);
+  for_each_env(job, threads, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
+    kernels.assemble(own, env, scratch());
+  });
 }
 
 template <class Real>
 void velocities_on_cpu(const JacobianJob<Real>& job, int threads) {
   const cpu::JacobianKernels<Real> kernels = pick<Real>();
-  for_each_env(job, threads, kernels.elements, kernels.velocity);
+  for_each_env(job, threads, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
+    kernels.velocity(own, env, scratch());
+  });
 }
 
 template std::unique_ptr<JacobianMachine<float>> make_cpu_jacobian(FactorUse, int);

@@ -95,7 +95,7 @@ void DeviceJacobian<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
   newton_.dofs = smaller_of(capacity.env_dofs, kMostVelocityDofs);
   newton_.tree_entries = newton_.dofs * (newton_.dofs + 1) / 2;
-  newton_.largest = {rows, rows, Offset{rows} * newton_.dofs};
+  newton_.largest = {rows, rows, Offset{rows} * newton_.dofs, rows};
   newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real>::Types>::doubles(
       newton_.largest, newton_.dofs, newton_.tree_entries);
   newton_.lists_per_lane =

@@ -22,6 +22,15 @@ STICTION_HD Index highest_bit(std::uint64_t word) {
 #endif
 }
 
+/// How many bits are set.
+STICTION_HD Index bit_count(std::uint64_t word) {
+#if defined(__CUDA_ARCH__)
+  return static_cast<Index>(__popcll(word));
+#else
+  return static_cast<Index>(__builtin_popcountll(word));
+#endif
+}
+
 /// Bit k: the k-th of `count` <= 64 numbers is not zero. NaN is not zero.
 template <class Real>
 STICTION_HD std::uint64_t nonzero_of(const Real* numbers, Index count) {

@@ -3,8 +3,9 @@
 /// What a test may ask about the build it is in.
 namespace stiction::test {
 
-/// Whether the thread sanitizer watches. It makes a solve some twenty times slower, and sees two accesses without an order
-/// in the first iteration as well as in the fortieth: tests of threads iterate less then, and leave out nothing else.
+/// Whether the thread sanitizer watches. It makes a solve some twenty times slower, and sees two accesses without an
+/// order in the first iteration as well as in the fortieth: tests of threads iterate less then, and leave out nothing
+/// else.
 #if defined(__SANITIZE_THREAD__)
 inline constexpr bool kThreadSanitizer = true;
 #else

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
+#include "core/algorithm/velocity/newton_progress.hpp"
 
 /// What decides about an answer, in double whatever the iteration's precision: v+ = v_free + M^-1 J' x, the motion of
 /// all rows and the natural map, of as many lanes as a vector of doubles has, from lane `first` on.
@@ -98,11 +99,13 @@ struct DoublePack {
 
   /// The diagonal of A = J M^-1 J'.
   STICTION_HD_OUTLINE void find_diagonal() const {
-    for (Index s = 0; s < counts.slots; ++s) {
+    for (Index s = 0; s < counts.slots;) {
       const auto& slot = slots[s];
+      s += run_of(slots, s, counts.slots);
+      const Index rows = slots[s - 1].row + slots[s - 1].rows - slot.row;
       Index k = 0;
-      for (; k + 3 <= slot.rows; k += 3) find_diagonal_of<3>(slot, k);
-      for (; k < slot.rows; ++k) find_diagonal_of<1>(slot, k);
+      for (; k + 3 <= rows; k += 3) find_diagonal_of<3>(slot, k);
+      for (; k < rows; ++k) find_diagonal_of<1>(slot, k);
     }
   }
 
@@ -133,6 +136,59 @@ struct DoublePack {
       }
     }
     for (int r = 0; r < kRows; ++r) array(workspace.diagonal).put(slot.row + from + r, sum[r]);
+  }
+
+  /// Lanes whose row of A has a diagonal that is not positive, and those to which a proximal term was given.
+  struct LawLanes {
+    Mask<Double> bad;
+    Mask<Double> proximal;
+  };
+  /// The larger of a compliance and the least of a row whose A has that diagonal.
+  static STICTION_HD Double at_least(Double diagonal, Double given) {
+    const Double raised = max_(Double(kLeastCompliance) * diagonal, given);
+    return select(raised > Double(0), raised, Double(1));
+  }
+  /// Adds what is missing in a row's compliance. The lanes in which that is more than a rounding.
+  STICTION_HD Mask<Double> add_prox(Index row, Double wanted, Mask<Double> where) const {
+    constexpr double kRounding = sizeof(typename Types::Real) == sizeof(float) ? 0x1p-20 : 0x1p-48;
+    const Double prox = wanted - number(workspace.R, row);
+    const auto added = and_(where, prox > Double(kRounding) * wanted);
+    put(workspace.prox, row, select(added, prox, Double(0)));
+    return added;
+  }
+
+  /// The iteration's compliances of a slot.
+  STICTION_HD void set_law(Index s, LawLanes& lanes) const {
+    const auto& slot = slots[s];
+    const Doubles diagonal = array(workspace.diagonal);
+    const Double given = number(workspace.R, slot.row);
+    lanes.bad = or_(lanes.bad, not_(diagonal[slot.row] + given > Double(0)));
+    const Double normal = at_least(diagonal[slot.row], given);
+    lanes.proximal = or_(lanes.proximal, add_prox(slot.row, normal, Double(0) == Double(0)));
+    put(workspace.law, 3 * s, div_(Double(1), normal));
+    if (slot.rows == 1) return;
+    Double most(0);
+    Double mean(0);
+    for (Index row = slot.row + 1; row < slot.row + slot.rows; ++row) {
+      const Double mu = number(workspace.mu, row);
+      most = max_(mu * mu * number(workspace.R, row), most);
+      mean = fma_(mu * mu, diagonal[row], mean);
+    }
+    const Double tangential = at_least(div_(mean, Double(static_cast<double>(slot.rows - 1))), most);
+    for (Index row = slot.row + 1; row < slot.row + slot.rows; ++row) {
+      const Double mu = number(workspace.mu, row);
+      const auto has_friction = mu > Double(0);
+      const Double wanted = div_(tangential, select(has_friction, mu * mu, Double(1)));
+      lanes.proximal = or_(lanes.proximal, add_prox(row, wanted, has_friction));
+    }
+    put(workspace.law, 3 * s + 1, div_(Double(1), tangential));
+    put(workspace.law, 3 * s + 2, div_(Double(1), normal + tangential));
+  }
+  STICTION_HD_OUTLINE LawLanes set_laws() const {
+    const auto none = Double(0) > Double(0);
+    LawLanes lanes{none, none};
+    for (Index s = 0; s < counts.slots; ++s) set_law(s, lanes);
+    return lanes;
   }
 
   /// The weights of cones in the residual, and the largest |b| (docs/math/residual.md).

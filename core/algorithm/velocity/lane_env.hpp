@@ -45,7 +45,7 @@ STICTION_HD bool cones_are_sound(const JacobianBatchView<Real>& batch, Offset en
     if (!fits || batch.cone_row_offsets[at] != row || row + rows > end) return false;
     row += rows;
   }
-  return cones > 0 && row == end;
+  return cones >= 0 && row == end;
 }
 
 /// Whether an environment is better solved so where that takes a sequence of problems (Coulomb's law, rows without
@@ -60,11 +60,11 @@ template <class Real>
 STICTION_HD bool takes_shape(const JacobianBatchView<Real>& batch, Law law, Offset env) {
   const Offset dofs = batch.env_dof_offsets[env + 1] - batch.env_dof_offsets[env];
   const Index rows = batch.env_rows(env);
+  const bool pays = law == Law::convex || rows == 0 || pays_in_sequence(rows, static_cast<Index>(dofs));
   const bool is_whole =
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
-  return is_whole && batch.mass_form == MassForm::matrix && dofs > 0 && dofs <= kMostVelocityDofs && rows > 0 &&
-         rows <= kMostVelocityRows && (law == Law::convex || pays_in_sequence(rows, static_cast<Index>(dofs))) &&
-         cones_are_sound(batch, env);
+  return is_whole && batch.mass_form == MassForm::matrix && dofs > 0 && dofs <= kMostVelocityDofs && rows >= 0 &&
+         rows <= kMostVelocityRows && pays && cones_are_sound(batch, env);
 }
 
 template <class Real>
@@ -90,19 +90,22 @@ STICTION_HD DofSet below(Index dof) {
   return (DofSet{1} << dof) - 1;
 }
 STICTION_HD Index size_of(DofSet set) {
-  Index count = 0;
-  for (; set != 0; set &= set - 1) ++count;
-  return count;
+  return bit_count(set);
 }
 template <class F>
 STICTION_HD void for_each_dof(DofSet set, F&& f) {
   for (; set != 0; set &= set - 1) f(lowest_bit(set));
 }
 
+/// So few degrees of freedom are taken for coupled all with all. Zeros are sooner multiplied with than looked for, and
+/// more cones lie side by side: 17 % of the time of the recorded car's 8, but 70 % more for Go1's 18.
+inline constexpr Index kDenseDofs = 9;
+
 /// Degrees of freedom that a row of J touches, by its stored numbers.
 template <class Real>
 STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
   const Offset begin = batch.row_offsets[env.first_row + row];
+  if (batch.column == nullptr && env.dofs <= kDenseDofs) return below(env.dofs);
   if (batch.column == nullptr) return nonzero_of(batch.J + begin, env.dofs);
   const Offset end = batch.row_offsets[env.first_row + row + 1];
   DofSet set = 0;
@@ -114,6 +117,7 @@ STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<
 /// Degrees of freedom before `dof` that M couples it with.
 template <class Real>
 STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
+  if (env.dofs <= kDenseDofs) return below(dof);
   const Index block = dof / env.block, begin = block * env.block;
   return nonzero_of(env.M + static_cast<Offset>(dof) * env.block, dof - begin) << begin;
 }

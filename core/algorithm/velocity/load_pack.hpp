@@ -6,66 +6,103 @@
 /// Environments into the lanes of a pack.
 namespace stiction::inline STICTION_ISA {
 
-/// Numbers from[l][column] of every lane to `to`, for `count` columns in ascending order; the row has `width` of them.
-/// Columns that lie close are turned over tile by tile. A lane without a row has a null pointer and gets zeros.
-template <class Types, class Real>
-STICTION_HD void load_columns(const Real* const (&from)[Types::kLanes], const unsigned char* columns, Index count,
-                              Index width, const typename Types::Numbers& to) {
+/// Numbers that a tile reads from a row of an environment, at most. It may reach beyond the row: what lies there is
+/// moved along and not used.
+template <class Real>
+inline constexpr Index kTileReach = kMostVelocityDofs + kTileEdge<Real>;
+
+/// A row of every lane, and how many numbers the array has from there on.
+template <class Types>
+struct LaneRows {
+  using Real = typename Types::Real;
+  const Real* row[Types::kLanes];
+  Offset rest[Types::kLanes];
+
+  /// The row at `offset` of an array of that size.
+  STICTION_HD void set(int lane, const Real* array, Offset offset, Offset size) {
+    row[lane] = array + offset;
+    rest[lane] = size - offset;
+  }
+  /// Numbers in the place of an array's: kTileReach of them.
+  STICTION_HD void set(int lane, const Real* numbers) {
+    row[lane] = numbers;
+    rest[lane] = kTileReach<Real>;
+  }
+};
+
+/// Numbers row[lane][column] to `to`, for `count` columns in ascending order, tile by tile where they lie close.
+template <class Types>
+STICTION_HD void load_columns(const LaneRows<Types>& from, const unsigned char* columns, Index count,
+                              const typename Types::Numbers& to) {
+  using Real = typename Types::Real;
   constexpr Index kEdge = kTileEdge<Real>;
   constexpr int kLanes = Types::kLanes;
-  Index c = 0;
-  while (c < count) {
-    if constexpr (kEdge > 1 && kLanes % kEdge == 0) {
-      // A tile that begins at this column, or ends where the row does.
-      const Index first = columns[c] + kEdge <= width ? columns[c] : width - kEdge;
+  const auto load_one = [&](Index c) {
+    for (int l = 0; l < kLanes; ++l) to.at(c, l) = from.row[l][columns[c]];
+  };
+  if constexpr (kEdge == 1 || kLanes % kEdge != 0) {
+    for (Index c = 0; c < count; ++c) load_one(c);
+  } else {
+    if (count == 0) return;
+    // What lies beyond the array is not read.
+    const Index reach = columns[count - 1] + kEdge;
+    Real copies[kLanes][kTileReach<Real>];
+    const Real* rows[kLanes];
+    for (int l = 0; l < kLanes; ++l) {
+      rows[l] = from.row[l];
+      if (from.rest[l] >= reach) continue;
+      for (Index i = 0; i < reach; ++i) copies[l][i] = i < from.rest[l] ? rows[l][i] : Real(0);
+      rows[l] = copies[l];
+    }
+    for (Index c = 0; c < count;) {
+      const Index first = columns[c];
       Index inside = 1;
       while (c + inside < count && columns[c + inside] < first + kEdge) ++inside;
-      if (inside > 1 && first >= 0) {
-        for (int lane = 0; lane < kLanes; lane += kEdge) {
-          const Real zeros[kEdge] = {};
-          const Real* rows[kEdge];
-          Real turned[kEdge][kEdge];
-          for (Index i = 0; i < kEdge; ++i) rows[i] = from[lane + i] == nullptr ? zeros : from[lane + i] + first;
-          transpose_tile(rows, turned);
-          for (Index k = 0; k < inside; ++k)
-            for (Index i = 0; i < kEdge; ++i) to.at(c + k, lane + i) = turned[columns[c + k] - first][i];
+      if (inside == 1) load_one(c);
+      for (int lane = 0; inside > 1 && lane < kLanes; lane += kEdge) {
+        const Real* tile[kEdge];
+        Real turned[kEdge][kEdge];
+        for (Index i = 0; i < kEdge; ++i) tile[i] = rows[lane + i] + first;
+        transpose_tile(tile, turned);
+        for (Index k = 0; k < inside; ++k) {
+          Pack<Real, kEdge> column;
+          load_lanes(turned[columns[c + k] - first], column);
+          store_lanes(&to.at(c + k, lane), column);
         }
-        c += inside;
-        continue;
       }
+      c += inside;
     }
-    for (int l = 0; l < kLanes; ++l) to.at(c, l) = from[l] == nullptr ? Real(0) : from[l][columns[c]];
-    ++c;
   }
 }
 
 /// M's lower triangle in the tree's envelope. Degrees of freedom that a lane does not have get a 1 on the diagonal.
 template <class Types, class Real>
-STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, const DofTree& tree,
-                                   const LaneEnv<Real> (&envs)[Types::kLanes]) {
+STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
+                                   const DofTree& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                   const Real (&zeros)[kTileReach<Real>]) {
   for (Index k = 0; k < tree.dofs; ++k) {
     const unsigned char* const path = tree.path(k);
     const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
-    const Real* from[Types::kLanes];
+    LaneRows<Types> from;
     bool is_dense = true;
     for (int l = 0; l < Types::kLanes; ++l) {
       const bool has = k < envs[l].dofs;
-      from[l] = has ? envs[l].M + static_cast<Offset>(k) * envs[l].block : nullptr;
+      from.set(l, zeros);
+      if (has) from.set(l, batch.M, (envs[l].M - batch.M) + static_cast<Offset>(k) * envs[l].block, batch.mass_count);
       is_dense = is_dense && (!has || envs[l].block == envs[l].dofs);
       workspace.v_free.at(k, l) = has ? envs[l].v_free[k] : Real(0);
     }
     if (is_dense) {
-      // Only what lies before the diagonal is read.
-      load_columns<Types>(from, path, tree.depth[k] + 1, k + 1, row);
+      load_columns<Types>(from, path, tree.depth[k] + 1, row);
     } else {
       for (int l = 0; l < Types::kLanes; ++l) {
-        const Index begin = from[l] == nullptr ? 0 : k / envs[l].block * envs[l].block;
+        const Index begin = k < envs[l].dofs ? k / envs[l].block * envs[l].block : 0;
         for (Index d = 0; d <= tree.depth[k]; ++d)
-          row.at(d, l) = from[l] != nullptr && path[d] >= begin ? from[l][path[d] - begin] : Real(0);
+          row.at(d, l) = path[d] >= begin ? from.row[l][path[d] - begin] : Real(0);
       }
     }
     for (int l = 0; l < Types::kLanes; ++l)
-      if (from[l] == nullptr) row.at(tree.depth[k], l) = Real(1);
+      if (k >= envs[l].dofs) row.at(tree.depth[k], l) = Real(1);
   }
 }
 
@@ -85,23 +122,43 @@ STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, Offset row, D
 /// Row k of a slot in every lane.
 template <class Types, class Real>
 STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                          const Slot<Types::kLanes>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes]) {
+                          const Slot<Types::kLanes>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
+                          const Real (&zeros)[kTileReach<Real>]) {
   const typename Types::Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
-  const Real* from[Types::kLanes];
-  Index width = kMostVelocityDofs;
-  for (int l = 0; l < Types::kLanes; ++l) {
-    const bool has = slot.row_of[l] >= 0;
-    const Offset row = has ? envs[l].first_row + slot.row_of[l] + k : 0;
-    from[l] = has ? batch.J + batch.row_offsets[row] : nullptr;
-    if (has && envs[l].dofs < width) width = envs[l].dofs;
-    if (has && batch.column != nullptr) load_stored(batch, row, slot.dofs, entries, l);
-  }
+  const auto row_of = [&](int l) { return envs[l].first_row + slot.row_of[l] + k; };
   if (batch.column == nullptr) {
-    load_columns<Types>(from, slot.dof, slot.columns, width, entries);
+    LaneRows<Types> from;
+    for (int l = 0; l < Types::kLanes; ++l) {
+      from.set(l, zeros);
+      if (slot.row_of[l] >= 0) from.set(l, batch.J, batch.row_offsets[row_of(l)], batch.entry_count);
+    }
+    load_columns<Types>(from, slot.dof, slot.columns, entries);
     return;
   }
+  for (int l = 0; l < Types::kLanes; ++l) {
+    if (slot.row_of[l] >= 0) {
+      load_stored(batch, row_of(l), slot.dofs, entries, l);
+      continue;
+    }
+    for (Index c = 0; c < slot.columns; ++c) entries.at(c, l) = Real(0);
+  }
+}
+
+/// A slot's numbers of an array by row, `otherwise` in lanes without its cone, or where there is no array.
+template <class Types, class Real>
+STICTION_HD void load_by_row(const Slot<Types::kLanes>& slot, const LaneEnv<Real> (&envs)[Types::kLanes],
+                             const Real* array, Real otherwise, const typename Types::Numbers& to) {
+  if (array == nullptr) {
+    for (Index k = 0; k < slot.rows; ++k) to.put(slot.row + k, typename Types::Wide(otherwise));
+    return;
+  }
+  Real others[kMaxConeRows];
+  for (Real& number : others) number = otherwise;
+  const Real* from[Types::kLanes];
   for (int l = 0; l < Types::kLanes; ++l)
-    for (Index c = 0; c < slot.columns && from[l] == nullptr; ++c) entries.at(c, l) = Real(0);
+    from[l] = slot.row_of[l] >= 0 ? array + envs[l].first_row + slot.row_of[l] : others;
+  for (Index k = 0; k < slot.rows; ++k)
+    for (int l = 0; l < Types::kLanes; ++l) to.at(slot.row + k, l) = from[l][k];
 }
 
 /// Bounds of a row by its kind.
@@ -121,23 +178,21 @@ STICTION_HD Bounds<Real> bounds_of(const JacobianBatchView<Real>& batch, ConeKin
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
                                    const Slot<Types::kLanes>& slot, Index index,
-                                   const LaneEnv<Real> (&envs)[Types::kLanes]) {
-  for (Index k = 0; k < slot.rows; ++k) load_row(workspace, batch, slot, k, envs);
+                                   const LaneEnv<Real> (&envs)[Types::kLanes], const Real (&zeros)[kTileReach<Real>]) {
+  using Wide = typename Types::Wide;
+  for (Index k = 0; k < slot.rows; ++k) load_row(workspace, batch, slot, k, envs, zeros);
+  load_by_row<Types, Real>(slot, envs, batch.target, Real(0), workspace.target);
+  load_by_row<Types, Real>(slot, envs, batch.R, Real(1), workspace.R);
+  load_by_row<Types, Real>(slot, envs, slot.rows > 1 ? batch.mu : nullptr, Real(1), workspace.mu);
+  workspace.mu.put(slot.row, Wide(1));
+  for (Index row = slot.row; row < slot.row + slot.rows; ++row)
+    for (const auto& terms : {workspace.shift, workspace.prox, workspace.held}) terms.put(row, Wide(0));
+  if (slot.rows > 1) return;
   for (int l = 0; l < Types::kLanes; ++l) {
     const bool has = slot.row_of[l] >= 0;
-    const Offset first = has ? envs[l].first_row + slot.row_of[l] : 0;
-    const ConeKind kind = has ? batch.cone_kind[envs[l].first_cone + slot.cone_of[l]] : ConeKind::box;
-    for (Index k = 0; k < slot.rows; ++k) {
-      const Index row = slot.row + k;
-      workspace.target.at(row, l) = has && batch.target != nullptr ? batch.target[first + k] : Real(0);
-      workspace.R.at(row, l) = has ? batch.R[first + k] : Real(1);
-      workspace.mu.at(row, l) = has && kind == ConeKind::friction && k > 0 ? batch.mu[first + k] : Real(1);
-      workspace.shift.at(row, l) = Real(0);
-      workspace.prox.at(row, l) = Real(0);
-      workspace.held.at(row, l) = Real(0);
-    }
-    if (slot.rows > 1) continue;
-    const Bounds<Real> bounds = has ? bounds_of(batch, kind, first) : Bounds<Real>{Real(0), Real(0)};
+    const Bounds<Real> bounds = has ? bounds_of(batch, batch.cone_kind[envs[l].first_cone + slot.cone_of[l]],
+                                                envs[l].first_row + slot.row_of[l])
+                                    : Bounds<Real>{Real(0), Real(0)};
     workspace.law.at(3 * index + 1, l) = bounds.lo;
     workspace.law.at(3 * index + 2, l) = bounds.hi;
   }

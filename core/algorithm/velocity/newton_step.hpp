@@ -97,20 +97,27 @@ struct NewtonPack {
       out[k] = workspace.mu[slot.row + k] * fma_(pull, workspace.unit[slot.row + k], across * scaled[k]);
   }
 
-  /// H += J'GJ of one slot, in the rows of kColumns degrees of freedom from column `first` on.
-  template <int kRows, int kColumns>
-  STICTION_HD void add_columns(const Slot<Types::kLanes>& slot, Index s, Index first) const {
-    const Numbers J = workspace.J.from(slot.entry);
+  /// out = G in for rows of a slot, or of kRows slots of one row each that touch the same degrees of freedom.
+  template <bool kCone, int kRows>
+  STICTION_HD void times_slopes(const Slot<Types::kLanes>& slot, Index s, Index from, const Wide (&in)[kRows],
+                                Wide (&out)[kRows]) const {
+    if constexpr (kCone) {
+      times_slope<kRows>(slot, s, in, out);
+    } else {
+      for (int k = 0; k < kRows; ++k) out[k] = workspace.unit[slot.row + from + k] * in[k];
+    }
+  }
+
+  /// H += J'GJ of rows `from` and on of a slot, in the rows of kColumns degrees of freedom from column `first` on.
+  template <bool kCone, int kRows, int kColumns>
+  STICTION_HD void add_columns(const Slot<Types::kLanes>& slot, Index s, Index from, Index first) const {
+    const Numbers J = workspace.J.from(slot.entry + static_cast<Offset>(from) * slot.columns);
     Wide out[kColumns][kRows];
     Numbers row[kColumns];
     for (int c = 0; c < kColumns; ++c) {
       Wide in[kRows];
       for (int k = 0; k < kRows; ++k) in[k] = J[k * slot.columns + first + c];
-      if constexpr (kRows == 1) {
-        out[c][0] = workspace.unit[slot.row] * in[0];
-      } else {
-        times_slope<kRows>(slot, s, in, out[c]);
-      }
+      times_slopes<kCone, kRows>(slot, s, from, in, out[c]);
       row[c] = workspace.H.from(tree.begin[slot.dof[first + c]]);
     }
     const auto add = [&](int c, Index other, const Wide(&entry)[kRows]) {
@@ -127,19 +134,33 @@ struct NewtonPack {
     }
   }
 
-  /// H += J'GJ of one slot.
-  template <int kRows>
-  STICTION_HD void add_slot(const Slot<Types::kLanes>& slot, Index s) const {
+  /// H += J'GJ of rows `from` and on of a slot.
+  template <bool kCone, int kRows>
+  STICTION_HD void add_slot(const Slot<Types::kLanes>& slot, Index s, Index from) const {
     Index first = 0;
-    for (; first + 2 <= slot.columns; first += 2) add_columns<kRows, 2>(slot, s, first);
-    if (first < slot.columns) add_columns<kRows, 1>(slot, s, first);
+    for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
+    if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);
+  }
+
+  /// H += J'GJ of all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is
+  /// read once for several rows.
+  STICTION_HD_OUTLINE void add_single_rows() const {
+    for (Index s = 0; s < counts.singles;) {
+      const Index run = run_of(slots, s, counts.singles);
+      Index k = 0;
+      for (; k + 4 <= run; k += 4) add_slot<false, 4>(slots[s], s, k);
+      for (; k + 2 <= run; k += 2) add_slot<false, 2>(slots[s], s, k);
+      if (k < run) add_slot<false, 1>(slots[s], s, k);
+      s += run;
+    }
   }
 
   /// H = M + J'GJ.
   STICTION_HD_OUTLINE void refresh_hessian() const {
     for (Index e = 0; e < tree.entries; ++e) workspace.H.put(e, workspace.M[e]);
-    for_each_slot([&](const auto& slot, Index s) { add_slot<1>(slot, s); },
-                  [&](auto shape, const auto& slot, Index s) { add_slot<decltype(shape)::kRows>(slot, s); });
+    add_single_rows();
+    for_each_slot([](const auto&, Index) {},
+                  [&](auto shape, const auto& slot, Index s) { add_slot<true, decltype(shape)::kRows>(slot, s, 0); });
   }
 
   /// gradient = J' G line.

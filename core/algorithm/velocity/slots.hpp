@@ -35,6 +35,7 @@ struct SlotCounts {
   Index slots = 0;
   Index rows = 0;
   Offset entries = 0;
+  Index singles = 0;  ///< slots of one row, which come first
 };
 
 /// Whether a cone goes before another. Every environment's cones have this order in every pack, so that sums over them
@@ -46,6 +47,15 @@ STICTION_HD bool goes_before(const SlotItem& a, const SlotItem& b) {
 }
 STICTION_HD bool share_a_slot(const SlotItem& a, const SlotItem& b) {
   return a.rows == b.rows && a.dofs == b.dofs;
+}
+
+/// How many slots from `first` on touch the same degrees of freedom, of those before `end`. Their rows lie one behind
+/// the other as if they were one slot's.
+template <int kLanes>
+STICTION_HD Index run_of(const Slot<kLanes>* slots, Index first, Index end) {
+  Index last = first + 1;
+  while (last < end && slots[last].dofs == slots[first].dofs) ++last;
+  return last - first;
 }
 
 /// An environment's cones in that order  (env.cones).
@@ -87,6 +97,7 @@ STICTION_HD SlotCounts merge_items(const SlotItem* const (&items)[kLanes], const
     slot.row = counts.rows;
     slot.entry = static_cast<Index>(counts.entries);
     counts.rows += slot.rows;
+    counts.singles += slot.rows == 1 ? 1 : 0;
     counts.entries += static_cast<Offset>(slot.rows) * slot.columns;
     const SlotItem key = *first;
     for (int l = 0; l < kLanes; ++l) {

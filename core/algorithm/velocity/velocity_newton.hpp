@@ -69,8 +69,9 @@ class VelocityNewton {
   }
 
   STICTION_HD_OUTLINE void load() {
-    load_mass(workspace_, tree_, envs_);
-    for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_);
+    const Real zeros[kTileReach<Real>] = {};
+    load_mass(workspace_, job_.batch, tree_, envs_, zeros);
+    for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros);
     const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (int l = 0; l < kLanes; ++l) {
       const Offset env = envs_[l].env;
@@ -90,6 +91,7 @@ class VelocityNewton {
     }
     for_each_part([&](const DoublePack<Types>& part) {
       const auto definite = part.factor_mass();
+      for (Index k = 0; k < tree_.dofs; ++k) part.put(workspace_.mobility, k, part.array(workspace_.pivot)[k]);
       part.find_diagonal();
       const Double scale = part.find_scale();
       for (int l = 0; l < Types::kDoubleLanes; ++l) {
@@ -98,72 +100,46 @@ class VelocityNewton {
         lane.is_busy = lane.is_busy && is_set(definite, l) && finite_(lane.scale);
       }
     });
-    for (Index k = 0; k < tree_.dofs; ++k)
-      for (int l = 0; l < kLanes; ++l)
-        workspace_.mobility.at(k, l) = narrowed<Real>(workspace_.pivot[static_cast<Offset>(k) * Types::kStride + l]);
     set_laws();
     start();
   }
 
   /// Compliances of the iteration, and which lanes solve a sequence of problems.
   STICTION_HD_OUTLINE void set_laws() {
-    constexpr double kRounding = sizeof(Real) == sizeof(float) ? 0x1p-20 : 0x1p-48;
-    for (Index s = 0; s < counts_.slots; ++s)
-      for (int l = 0; l < kLanes; ++l) {
-        const Slot<kLanes>& slot = slots_[s];
-        const auto diagonal = [&](Index k) { return workspace_.diagonal[Offset{slot.row + k} * Types::kStride + l]; };
-        const auto R = [&](Index k) { return static_cast<double>(workspace_.R.at(slot.row + k, l)); };
-        const auto least = [&](double of, double given) {
-          const double raised = max_(kLeastCompliance * of, given);
-          return raised > 0.0 ? raised : 1.0;
-        };
-        const auto add_prox = [&](Index k, double wanted) {
-          const double prox = wanted - R(k);
-          if (!(prox > kRounding * wanted)) return;
-          workspace_.prox.at(slot.row + k, l) = static_cast<Real>(prox);
-          progress_[l].has_outer = true;
-        };
-        // Such an environment is flagged kFlagBadDiagonal, or solved as one of its kind is, by what takes A.
-        if (!(diagonal(0) + R(0) > 0.0)) progress_[l].is_busy = false;
-        const double normal = least(diagonal(0), R(0));
-        add_prox(0, normal);
-        workspace_.law.at(3 * s, l) = static_cast<Real>(div_(1.0, normal));
-        if (slot.rows == 1) continue;
-        double most = 0.0;
-        double mean = 0.0;
-        bool has_friction = false;
-        for (Index k = 1; k < slot.rows; ++k) {
-          const double mu = static_cast<double>(workspace_.mu.at(slot.row + k, l));
-          most = max_(mu * mu * R(k), most);
-          mean = fma_(mu * mu, diagonal(k), mean);
-          has_friction = has_friction || mu > 0.0;
-        }
-        const double tangential = least(div_(mean, static_cast<double>(slot.rows - 1)), most);
-        for (Index k = 1; k < slot.rows; ++k) {
-          const double mu = static_cast<double>(workspace_.mu.at(slot.row + k, l));
-          if (mu > 0.0) add_prox(k, div_(tangential, mu * mu));
-        }
-        workspace_.law.at(3 * s + 1, l) = static_cast<Real>(div_(1.0, tangential));
-        workspace_.law.at(3 * s + 2, l) = static_cast<Real>(div_(1.0, normal + tangential));
-        if (job_.law == Law::coulomb && has_friction && slot.row_of[l] >= 0) progress_[l].has_outer = true;
+    for_each_part([&](const DoublePack<Types>& part) {
+      const auto found = part.set_laws();
+      for (int l = 0; l < Types::kDoubleLanes; ++l) {
+        LaneProgress& lane = progress_[part.first + l];
+        // A bad one is flagged kFlagBadDiagonal, or solved as one of its kind is, by what takes A.
+        if (is_set(found.bad, l)) lane.is_busy = false;
+        lane.has_outer = is_set(found.proximal, l);
       }
-    for (int l = 0; l < kLanes; ++l)
+    });
+    for (int l = 0; l < kLanes; ++l) {
+      progress_[l].has_outer = progress_[l].has_outer || (job_.law == Law::coulomb && has_friction(l));
       if (progress_[l].has_outer && !pays_in_sequence(envs_[l].rows, envs_[l].dofs)) progress_[l].is_busy = false;
+    }
   }
 
-  /// The warm start's reactions in one lane; zeros where any of them is not finite.
-  STICTION_HD_OUTLINE void load_guess(int l) {
-    bool is_finite = true;
+  [[nodiscard]] STICTION_HD bool has_friction(int l) const {
     for (Index s = 0; s < counts_.slots; ++s)
-      for (Index k = 0; k < slots_[s].rows; ++k) {
-        const bool has = slots_[s].row_of[l] >= 0;
-        const Real given = has ? job_.warm_start[envs_[l].first_row + slots_[s].row_of[l] + k] : Real(0);
-        is_finite = is_finite && finite_(given);
-        workspace_.x.at(slots_[s].row + k, l) = given;
-      }
-    if (is_finite) return;
-    progress_[l].flags |= kFlagWarmStartRejected;
-    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.at(row, l) = Real(0);
+      for (Index k = 1; k < slots_[s].rows && slots_[s].row_of[l] >= 0; ++k)
+        if (workspace_.mu.at(slots_[s].row + k, l) > Real(0)) return true;
+    return false;
+  }
+
+  /// The warm start's reactions; zeros in lanes where any of them is not finite.
+  STICTION_HD_OUTLINE void load_guess() {
+    Wide nothing(0);  // NaN where anything is not finite
+    for (Index s = 0; s < counts_.slots; ++s) {
+      load_by_row<Types, Real>(slots_[s], envs_, job_.warm_start, Real(0), workspace_.x);
+      for (Index k = 0; k < slots_[s].rows; ++k) nothing = fma_(workspace_.x[slots_[s].row + k], Wide(0), nothing);
+    }
+    const auto is_finite = nothing == Wide(0);
+    if (!any(not_(is_finite))) return;
+    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, select(is_finite, workspace_.x[row], Wide(0)));
+    for (int l = 0; l < kLanes; ++l)
+      if (!is_set(is_finite, l)) progress_[l].flags |= kFlagWarmStartRejected;
   }
 
   /// The first velocity: v_free, or what the warm start's reactions lead to. Those are evaluated as they are, and may
@@ -174,13 +150,11 @@ class VelocityNewton {
       lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
     }
     if (job_.warm_start != nullptr) {
-      const WarmGuess<Types> guess{workspace_, slots_, counts_};
-      for (int l = 0; l < kLanes; ++l) load_guess(l);
+      load_guess();
       for_each_proposal([&](int l, const FinalResidual& found) { judge_guess(l, found); });
-      for (int l = 0; l < kLanes; ++l) {
+      for (int l = 0; l < kLanes; ++l)
         if (progress_[l].is_busy && progress_[l].has_outer) shift().renew(l, progress_[l]);
-        guess.aim(l);
-      }
+      for_each_part([](const DoublePack<Types>& part) { WarmGuess<Types>{part}.aim(); });
     }
     for_each_part([&](const DoublePack<Types>& part) {
       // Without a warm start this is v_free, at which the scale was found.
