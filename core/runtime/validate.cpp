@@ -85,6 +85,9 @@ class Validator {
     count("cone_count", batch_.cone_count);
     count("row_count", batch_.row_count);
     count("nonzero_count", batch_.nonzero_count);
+    if (batch_.column_offsets != nullptr) count("column_count", batch_.column_count);
+    if (batch_.factor_offsets != nullptr) count("factor_count", batch_.factor_count);
+    if (batch_.mu_offsets != nullptr) count("mu_count", batch_.mu_count);
     const auto array = [&](const char* name, const void* pointer, bool needed) {
       if (needed && pointer == nullptr) fail(std::string(name) + " is null; point it to the batch's array");
     };

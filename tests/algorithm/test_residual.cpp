@@ -88,6 +88,26 @@ TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
   EXPECT_EQ(natural_map_square<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
 }
 
+TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
+  // A fuzzer's: de Saxce's term overflows, and so does the tolerance times max|b|, so that one was held against the
+  // other.
+  ContactBatch<double> batch(Law::coulomb);
+  batch.add(contact({1e161, 1e161, 1e161}, {-1e161, 9e161, 9e161}, 1));
+  ContactBatchView<double> view = batch.view();
+  const double tolerance = 1e214;
+  view.env_tolerance = &tolerance;
+  for (const SolverKind solver : kEverySolver) {
+    if (solver == SolverKind::lemke) continue;
+    SCOPED_TRACE(to_string(solver));
+    std::vector<double> lambda(3), w(3);
+    EnvStatus status{};
+    Solver(Device::cpu(), options(solver, 0.0, 5)).solve(view, {lambda.data(), w.data(), &status});
+    const double judged = verify(view, std::span<const double>(lambda))[0].absolute;
+    EXPECT_TRUE(status.code != EnvCode::solved || status.residual_absolute >= 0.5 * judged)
+        << status.residual_absolute << " for " << judged;
+  }
+}
+
 TEST(ResidualBody, ItsScaleIsTheLargestRightHandSide) {
   Prepared<Pgs, Law::convex, Dense> p(system({free_row(), free_row()}, {1, 0, 0, 1}, {-3, 2}));
   EXPECT_EQ(residual_scale(p.team, p.env), 3.0);

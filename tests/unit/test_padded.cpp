@@ -203,6 +203,11 @@ TEST(PaddedView, MuOutsideOfItsArrayAndNormalsLastInALargeSystemAreDefects) {
   ASSERT_FALSE(validate(view).empty());
   EXPECT_NE(validate(view)[0].message.find("mu_offsets[0] = 0"), std::string::npos) << validate(view)[0].message;
 
+  view.mu_count = std::numeric_limits<Offset>::min();
+  ASSERT_FALSE(validate(view).empty());
+  EXPECT_NE(validate(view)[0].message.find("mu_count = -9223372036854775808: a count must be >= 0"), std::string::npos)
+      << validate(view)[0].message;
+
   PaddedLayout<double> large(MatrixRows::by_room, RowOrder::normal_last);
   large.add(1100, std::vector<Cone>(366, friction(3)));
   const auto defects = validate(large.view({z, z, z, z, z, z}, Law::convex));

@@ -136,10 +136,11 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
 
 /// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
 /// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
-/// rounding is more than, only a square that overflows counts.
+/// rounding is more than, only a square that overflows counts; that counts whatever is allowed.
 STICTION_HD double reported_residual(const FinalResidual& evaluated, double allowed) {
-  const bool counts = allowed > 0.0 || !finite_(evaluated.rounding_floor);
-  const bool is_blind = counts && evaluated.rounding_floor > allowed && evaluated.rounding_floor > evaluated.residual;
+  const bool is_hidden = allowed > 0.0 && evaluated.rounding_floor > allowed;
+  const bool counts = is_hidden || !finite_(evaluated.rounding_floor);
+  const bool is_blind = counts && evaluated.rounding_floor > evaluated.residual;
   return is_blind ? evaluated.rounding_floor : evaluated.residual;
 }
 
