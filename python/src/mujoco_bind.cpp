@@ -67,6 +67,12 @@ nb::object array_over(const nb::object& owner, const std::vector<T>& values) {
   return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<1>>(values.data(), {values.size()}, owner));
 }
 
+/// Records of the last solve as bytes; a copy.
+nb::bytes status_of(const MujocoSimulations& simulations) {
+  const std::vector<EnvStatus>& status = simulations.system().status;
+  return nb::bytes(reinterpret_cast<const char*>(status.data()), status.size() * sizeof(EnvStatus));
+}
+
 nb::dict arrays_of(const nb::object& self) {
   const MujocoSystem& system = nb::cast<const MujocoSimulations&>(self).system();
   nb::dict out;
@@ -87,9 +93,6 @@ nb::dict arrays_of(const nb::object& self) {
   out["hi"] = array_over(self, system.hi);
   out["lambda_"] = array_over(self, system.lambda);
   out["velocities"] = array_over(self, system.velocity);
-  const auto* records = reinterpret_cast<const std::uint8_t*>(system.status.data());
-  out["status"] = nb::cast(nb::ndarray<nb::numpy, const std::uint8_t, nb::ndim<1>>(
-      records, {system.status.size() * sizeof(EnvStatus)}, self));
   return out;
 }
 
@@ -139,6 +142,7 @@ void bind_mujoco(nb::module_& module) {
       .def("rk4_leave", &MujocoSimulations::rk4_leave, nb::arg("stage"), Unlocked())
       .def("rk4_end", &MujocoSimulations::rk4_end, Unlocked());
   module.def("mujoco_arrays", &arrays_of, nb::arg("simulations"));
+  module.def("mujoco_status", &status_of, nb::arg("simulations"));
 }
 
 }  // namespace stiction::python

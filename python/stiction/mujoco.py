@@ -204,7 +204,7 @@ class BatchedSimulation:
     @property
     def status(self):
         """Records of the last solve, one per simulation, as stiction.Solution.status; a copy."""
-        return _core.mujoco_arrays(self._core)["status"].view(STATUS_DTYPE).copy()
+        return np.frombuffer(bytearray(_core.mujoco_status(self._core)), STATUS_DTYPE)
 
     def batch(self):
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
@@ -275,6 +275,10 @@ class BatchedSimulation:
     def _note(self, seconds):
         """Statistics, callback and files of failures of the solver, as of its own solves."""
         statistics, guess = self.solver._statistics, self._warm or None
+        if statistics.only_keeps:
+            records = np.frombuffer(_core.mujoco_status(self._core), STATUS_DTYPE)
+            statistics.keep(len(self), seconds, guess is not None, records)
+            return
         if statistics._folder is None or (self.status["code"] == SOLVED).all():
             statistics.note(self, self, guess, seconds, False)
             return
