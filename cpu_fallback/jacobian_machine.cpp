@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <span>
 #include <type_traits>
 #include <vector>
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
-#include "core/algorithm/velocity/lane_env.hpp"
 #include "core/base/extents.hpp"
 #include "cpu_fallback/isa.hpp"
 #include "cpu_fallback/scratch.hpp"
 #include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/velocity_parts.hpp"
 
 namespace stiction {
 
@@ -47,7 +48,7 @@ void for_each_env(const JacobianJob<Real>& job, int threads, Offset (*elements)(
 template <class Real>
 class CpuJacobian final : public JacobianMachine<Real> {
  public:
-  CpuJacobian(FactorUse use, int threads) : threads_(threads), parts_(kScanParts) {
+  CpuJacobian(FactorUse use, int threads) : threads_(threads), scan_parts_(kScanParts) {
     arrays_.use = use;
     arrays_.env_dofs = std::numeric_limits<Index>::max();
   }
@@ -60,7 +61,7 @@ class CpuJacobian final : public JacobianMachine<Real> {
     arrays_.flags = at_least(flags_, envs);
     arrays_.matrix = at_least(matrix_, envs + 1);
     arrays_.factor = at_least(factor_, envs + 1);
-    arrays_.parts = parts_.data();
+    arrays_.parts = scan_parts_.data();
     reserve_answers(batch, newton != nullptr);
     Index largest = 0;
     for (Offset env = 0; env < batch.env_count; ++env) {
@@ -123,31 +124,25 @@ class CpuJacobian final : public JacobianMachine<Real> {
                 at_least(velocity_, static_cast<std::size_t>(batch.dof_count)), arrays_.status};
   }
 
-  /// Newton's method on what it takes, environments of like size side by side, so that none waits long for another in
-  /// its pack. Returns how many were solved.
+  /// Newton's method on what it takes. Returns how many environments were solved.
   Offset solve_by_newton(const VelocityJob<Real>& newton) {
-    const JacobianBatchView<Real>& batch = newton.batch;
-    std::vector<Offset> envs;
-    for (Offset env = 0; env < batch.env_count; ++env)
-      if ((arrays_.flags[env] & kNotAssembled) == 0 && takes_shape(batch, newton.law, env)) envs.push_back(env);
-    const auto size = [&](Offset env) { return std::pair(batch.env_dofs(env), batch.env_rows(env)); };
-    const auto is_smaller = [&](Offset a, Offset b) { return size(a) < size(b); };
-    if (!std::is_sorted(envs.begin(), envs.end(), is_smaller)) std::stable_sort(envs.begin(), envs.end(), is_smaller);
     VelocityJob<Real> job = newton;
     job.to = answers_;
     job.answered = arrays_.answered;
+    const std::span<const LaneEnv<Real>> parts = newton_parts_.list(job, arrays_.flags);
     const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
     const int threads = cpu::thread_count(threads_);
-    if (scratch_.size() < static_cast<std::size_t>(threads))
-      scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));
-    const auto count = static_cast<Offset>(envs.size()), run = Offset{kPacksPerRun} * kernels.width;
+    if (newton_scratch_.size() < static_cast<std::size_t>(threads))
+      newton_scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));
+    const auto count = static_cast<Offset>(parts.size()), run = Offset{kPacksPerRun} * kernels.width;
     cpu::parallel_for(threads, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
       const Offset begin = index * run;
-      kernels.solve(job, envs.data() + begin, smaller_of(run, count - begin),
-                    scratch_[static_cast<std::size_t>(worker)]);
+      kernels.solve(job, parts.data() + begin, smaller_of(run, count - begin),
+                    newton_scratch_[static_cast<std::size_t>(worker)]);
     });
+    newton_parts_.finish(job);
     Offset solved = 0;
-    for (const Offset env : envs) {
+    for (Offset env = 0; env < job.batch.env_count; ++env) {
       leave_out_answered(arrays_, env);
       solved += arrays_.answered[env];
     }
@@ -170,14 +165,15 @@ class CpuJacobian final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   JacobianSolutionView<Real> answers_{};
   std::vector<std::uint32_t> flags_;
-  std::vector<Offset> matrix_, factor_, parts_, row_offsets_, column_offsets_;
+  std::vector<Offset> matrix_, factor_, scan_parts_, row_offsets_, column_offsets_;
   std::vector<Index> row_counts_, column_;
   std::vector<Real> A_, Y_, b_;
   std::vector<std::uint8_t> answered_;
   std::vector<Index> env_row_counts_, env_cone_counts_;
   std::vector<EnvStatus> status_;
   std::vector<Real> lambda_, w_, velocity_;
-  std::vector<cpu::VelocityScratch> scratch_;  ///< of every worker
+  cpu::VelocityParts<Real> newton_parts_;
+  std::vector<cpu::VelocityScratch> newton_scratch_;  ///< of every worker
 };
 
 }  // namespace

@@ -25,7 +25,7 @@ constexpr int kWidthHere = kSinglesAlone ? 1 : kPackWidth<Real>;
 constexpr Offset kFewest = 3;
 
 template <class Real>
-void solve_all(const VelocityJob<Real>& job, const Offset* envs, Offset count, cpu::VelocityScratch& scratch) {
+void solve_all(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch) {
   constexpr int kWidth = kWidthHere<Real>;
   using Single = LaneTypes<Real>;
   Offset done = 0;

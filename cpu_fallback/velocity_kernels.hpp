@@ -15,8 +15,8 @@ struct VelocityScratch {
 template <class Real>
 struct VelocityKernels {
   Index width;  ///< environments of a pack; 1: they are solved one by one
-  /// Solves environments of shapes that the method takes, in packs that follow one another.
-  void (*solve)(const VelocityJob<Real>& job, const Offset* envs, Offset count, VelocityScratch& scratch);
+  /// Solves environments, or parts of some, of sizes that the method takes, in packs that follow one another.
+  void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
 };
 
 /// Kernels of both precisions.

@@ -100,8 +100,11 @@ void DeviceJacobian<Real>::reserve_newton(const JacobianCapacity& capacity) {
       newton_.largest, newton_.dofs, newton_.tree_entries);
   newton_.lists_per_lane =
       (PackLists<1>::bytes(rows) + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
-  const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team +
-                            static_cast<Offset>(sizeof(Offset)) * kWarp * newton_.lists_per_lane;
+  newton_.islands_per_lane =
+      capacity.env_dofs > kMostVelocityDofs ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
+  const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
+                            static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
+  const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;
   const Offset wanted = (capacity.envs + kWarp - 1) / kWarp, fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
   newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   newton_shape_.lanes = kWarp;
@@ -111,6 +114,7 @@ void DeviceJacobian<Real>::reserve_newton(const JacobianCapacity& capacity) {
   set_.add(arrays_.status, capacity.envs);
   set_.add(newton_.numbers, newton_shape_.teams * newton_.numbers_per_team);
   set_.add(newton_.lists, newton_shape_.teams * kWarp * newton_.lists_per_lane);
+  set_.add(newton_.islands, newton_shape_.teams * kWarp * newton_.islands_per_lane);
 }
 
 template <class Real>

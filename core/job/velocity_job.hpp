@@ -4,6 +4,36 @@
 
 namespace stiction {
 
+/// What Newton's method in velocities found of an environment, or of a part of one.
+struct VelocityResult {
+  double absolute = 0.0;    ///< residual                                              [w]
+  double scale = 0.0;       ///< max|b|                                                [w]
+  std::uint32_t flags = 0;  ///< EnvFlag bits
+  Index steps = 0;
+  bool is_solved = true;
+};
+
+/// Where an environment's numbers are. Of a part (dof_islands.hpp), `dof` and `cone` list what belongs to it; else they
+/// are null, and all does.
+template <class Real>
+struct LaneEnv {
+  Offset env = -1;  ///< -1: the lane has none
+  Index rows = 0;
+  Index dofs = 0;
+  Index cones = 0;
+  Index block = 1;  ///< rows of M's blocks
+  Offset first_row = 0;
+  Offset first_cone = 0;
+  const Real* M = nullptr;
+  const Real* v_free = nullptr;
+  const Index* dof = nullptr;    ///< of the environment, in ascending order       (dofs)
+  const Index* local = nullptr;  ///< of each of the environment's, its number in its part
+  const Index* cone = nullptr;   ///< of the environment, in ascending order       (cones)
+  bool is_consecutive = true;    ///< its degrees of freedom follow one another
+  bool is_one_block = true;      ///< and are in one block of M
+  VelocityResult* result = nullptr;
+};
+
 /// Newton's method in velocities on a Jacobian batch, as plain data: what is read, when to stop, where results go.
 template <class Real>
 struct VelocityJob {
@@ -13,8 +43,8 @@ struct VelocityJob {
   Index max_iterations = 0;  ///< the same
   const Real* warm_start = nullptr;  ///< reactions, or null: start from v_free        (row_count)
   JacobianSolutionView<Real> to;
-  std::uint8_t* answered =
-      nullptr;  ///< out: 1: the environment has its answer; 0: nothing of it was written (env_count)
+  std::uint8_t* answered = nullptr;  ///< out: 1: the environment has its answer; 0: what was written of it is of no use
+                                     ///                                               (env_count)
 };
 
 }  // namespace stiction

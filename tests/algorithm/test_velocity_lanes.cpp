@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/algorithm/velocity/solve_pack.hpp"
+#include "core/algorithm/velocity/velocity_result.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
@@ -63,7 +64,14 @@ auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<
   std::vector<double> numbers;
   for (std::size_t at = 0; at < order.size(); at += Types::kLanes) {
     const auto count = std::min<std::size_t>(Types::kLanes, order.size() - at);
-    solve_pack<Types>(job, order.data() + at, static_cast<Index>(count), Memory<Types>{lists, numbers});
+    LaneEnv<Real> members[Types::kLanes];
+    VelocityResult results[Types::kLanes];
+    for (std::size_t i = 0; i < count; ++i) {
+      members[i] = lane_env(view, order[at + i]);
+      members[i].result = &results[i];
+    }
+    solve_pack<Types>(job, members, static_cast<Index>(count), Memory<Types>{lists, numbers});
+    for (std::size_t i = 0; i < count; ++i) finish(job, order[at + i], results[i]);
   }
   return answers;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "tests/support/jacobian_systems.hpp"
@@ -59,6 +61,71 @@ inline JacobianEnvironment<double> random_chain(const ChainRecipe& recipe) {
 /// Cones of every kind and size.
 inline std::vector<Cone> cones_of_every_kind() {
   return {friction(3), free_row(), friction(6), box(), friction(2), unilateral(), friction(4), friction(5), box()};
+}
+
+/// Environments beside one another as one, and where each one's degrees of freedom and rows are in it.
+struct Together {
+  JacobianEnvironment<double> env;
+  std::vector<std::vector<std::size_t>> dofs, rows;
+};
+
+/// `interleaved`: degrees of freedom and cones take turns, else each one's follow one another. Dense J and M.
+inline Together together(const std::vector<JacobianEnvironment<double>>& parts, bool interleaved) {
+  Together all;
+  const std::size_t count = parts.size();
+  all.dofs.resize(count);
+  all.rows.resize(count);
+  // Pairs (part, number in it) in the order of the whole.
+  const auto order = [&](const auto& size_of) {
+    std::vector<std::pair<std::size_t, std::size_t>> pairs;
+    for (std::size_t p = 0; p < count; ++p)
+      for (std::size_t k = 0; k < size_of(parts[p]); ++k) pairs.emplace_back(p, k);
+    if (interleaved)
+      std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    return pairs;
+  };
+  std::size_t dofs = 0;
+  for (const auto& [p, k] : order([](const auto& part) { return part.v_free.size(); })) {
+    all.dofs[p].push_back(dofs++);
+    all.env.v_free.push_back(parts[p].v_free[k]);
+  }
+  all.env.M.assign(dofs * dofs, 0.0);
+  for (std::size_t p = 0; p < count; ++p) {
+    const std::vector<std::size_t>& at = all.dofs[p];
+    for (std::size_t i = 0; i < at.size(); ++i)
+      for (std::size_t j = 0; j < at.size(); ++j) all.env.M[at[i] * dofs + at[j]] = parts[p].M[i * at.size() + j];
+  }
+  for (const auto& [p, cone] : order([](const auto& part) { return part.cones.size(); })) {
+    const JacobianEnvironment<double>& part = parts[p];
+    all.env.cones.push_back(part.cones[cone]);
+    for (Index k = 0; k < part.cones[cone].row_count; ++k) {
+      const std::size_t row = all.rows[p].size(), own = all.dofs[p].size();
+      all.rows[p].push_back(all.env.R.size());
+      for (const auto& [to, from] :
+           {std::pair{&all.env.target, &part.target}, std::pair{&all.env.R, &part.R}, std::pair{&all.env.mu, &part.mu},
+            std::pair{&all.env.lo, &part.lo}, std::pair{&all.env.hi, &part.hi}})
+        to->push_back((*from)[row]);
+      std::vector<double> J(dofs, 0.0);
+      for (std::size_t c = 0; c < own; ++c) J[all.dofs[p][c]] = part.J[row * own + c];
+      all.env.J.insert(all.env.J.end(), J.begin(), J.end());
+    }
+  }
+  return all;
+}
+
+/// What of J is not zero, in stored entries.
+inline void store_nonzeros(JacobianEnvironment<double>& env) {
+  const std::size_t dofs = env.v_free.size();
+  std::vector<double> values;
+  env.row_offsets = {0};
+  for (std::size_t i = 0; i < env.J.size(); ++i) {
+    if (env.J[i] != 0.0) {
+      env.column.push_back(static_cast<Index>(i % dofs));
+      values.push_back(env.J[i]);
+    }
+    if (i % dofs == dofs - 1) env.row_offsets.push_back(static_cast<Index>(values.size()));
+  }
+  env.J = values;
 }
 
 }  // namespace stiction::test

@@ -11,6 +11,7 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/device_jacobians.hpp"
 #include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/velocity_cases.hpp"
 
 /// The Jacobian form on a device, on the emulated device: the reactions, motion, velocities and records of the CPU,
 /// whose batch is assembled by other code.
@@ -59,6 +60,38 @@ TEST(DeviceJacobian, HasTheCpusBitsWhereNewtonInVelocitiesGoesFirst) {
       expect_the_cpus_bits<double>(form, {3, 1 + block % 2, static_cast<std::uint64_t>(block)});
       expect_the_cpus_bits<float>(form, {2, 1, static_cast<std::uint64_t>(block) + 1});
     }
+}
+
+TEST(DeviceJacobian, HasTheCpusBitsOfPartsOfLargeEnvironments) {
+  for (const bool sparse : {false, true}) {
+    std::vector<JacobianEnvironment<double>> chains;
+    for (std::uint64_t seed = 1; seed <= 6; ++seed)
+      chains.push_back(random_chain({seed, static_cast<Index>(9 + 2 * seed), cones_of_every_kind(), 0.0, 0.01}));
+    JacobianBatch<float> batch(Law::convex);
+    for (const bool interleaved : {false, true}) {
+      JacobianEnvironment<double> large = together(chains, interleaved).env, small = chains[0];
+      if (sparse) store_nonzeros(large);
+      if (sparse) store_nonzeros(small);
+      batch.add(cast<float>(large));
+      batch.add(cast<float>(small));
+    }
+    const SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+    const auto packed = batch.view();
+    const auto expected = solve(packed, chosen);
+    for (const EnvStatus& status : expected.contact.status) EXPECT_EQ(status.solver, SolverKind::velocity_newton);
+    const RoomyJacobians<float> arrays(packed, 0, 5);
+    const auto view = arrays.view(MemorySpace::cuda);
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
+    const cuda::Stream stream(*device);
+    JacobianCapacity capacity = JacobianCapacity::of(packed);
+    capacity.rows = view.row_count;
+    capacity.cones = view.cone_count;
+    Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
+    Answer<float> answer(view);
+    machine.solve(view, answer.view(), StreamRef(stream.get()));
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
 }
 
 TEST(DeviceJacobian, HasTheCpusBitsOnAnyLanesAndTeams) {

@@ -7,7 +7,8 @@
 #include "core/base/words.hpp"
 #include "core/job/velocity_job.hpp"
 
-/// One environment as a lane of Newton's method in velocities takes it.
+/// One environment, or a part of one that nothing couples with the rest, as a lane of Newton's method in velocities
+/// takes it.
 namespace stiction::inline STICTION_ISA {
 
 /// Most rows: what a lane of a GPU keeps for an environment has room for the largest.
@@ -15,19 +16,31 @@ inline constexpr Index kMostVelocityRows = 1024;
 /// A set of degrees of freedom of one environment.
 using DofSet = std::uint64_t;
 
-/// Where an environment's numbers are.
+/// The environment's degree of freedom that is number k here, and back.
 template <class Real>
-struct LaneEnv {
-  Offset env = -1;  ///< -1: the lane has none
-  Index rows = 0;
-  Index dofs = 0;
-  Index cones = 0;
-  Index block = 1;  ///< rows of M's blocks
-  Offset first_row = 0;
-  Offset first_cone = 0;
-  const Real* M = nullptr;
-  const Real* v_free = nullptr;
-};
+STICTION_HD Index dof_of(const LaneEnv<Real>& env, Index k) {
+  return env.dof == nullptr ? k : env.dof[k];
+}
+template <class Real>
+STICTION_HD Index local_of(const LaneEnv<Real>& env, Index of_env) {
+  return env.local == nullptr ? of_env : env.local[of_env];
+}
+template <class Real>
+STICTION_HD Index cone_of(const LaneEnv<Real>& env, Index i) {
+  return env.cone == nullptr ? i : env.cone[i];
+}
+/// Where row k of M has the entry of number 0, where is_one_block.
+template <class Real>
+STICTION_HD Offset mass_row(const LaneEnv<Real>& env, Index k) {
+  return static_cast<Offset>(dof_of(env, k)) * env.block + dof_of(env, 0) % env.block;
+}
+/// M between number k and one before it.
+template <class Real>
+STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index k, Index before) {
+  const Index row = dof_of(env, k), column = dof_of(env, before);
+  return column / env.block == row / env.block ? env.M[static_cast<Offset>(row) * env.block + column % env.block]
+                                               : Real(0);
+}
 
 /// Whether cones tile an environment's rows, each with as many as its kind has. Nothing in the arrays is believed; rows
 /// are known to be sound.
@@ -55,16 +68,18 @@ STICTION_HD bool pays_in_sequence(Index rows, Index dofs) {
   return 8 * rows > 9 * dofs;
 }
 
-/// Whether the method takes an environment, by its shape. Its rows, J and M are known to be sound.
+/// Whether the method may take an environment, whatever its size. Its rows, J and M are known to be sound.
 template <class Real>
-STICTION_HD bool takes_shape(const JacobianBatchView<Real>& batch, Law law, Offset env) {
-  const Offset dofs = batch.env_dof_offsets[env + 1] - batch.env_dof_offsets[env];
-  const Index rows = batch.env_rows(env);
-  const bool pays = law == Law::convex || rows == 0 || pays_in_sequence(rows, static_cast<Index>(dofs));
+STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
   const bool is_whole =
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
-  return is_whole && batch.mass_form == MassForm::matrix && dofs > 0 && dofs <= kMostVelocityDofs && rows >= 0 &&
-         rows <= kMostVelocityRows && pays && cones_are_sound(batch, env);
+  return is_whole && batch.mass_form == MassForm::matrix && cones_are_sound(batch, env);
+}
+/// Whether it takes an environment, or a part of one, of that size.
+template <class Real>
+STICTION_HD bool takes_size(const LaneEnv<Real>& env, Law law) {
+  return env.dofs > 0 && env.dofs <= kMostVelocityDofs && env.rows >= 0 && env.rows <= kMostVelocityRows &&
+         (law == Law::convex || env.rows == 0 || pays_in_sequence(env.rows, env.dofs));
 }
 
 template <class Real>
@@ -79,6 +94,7 @@ STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset 
   e.first_cone = batch.env_cone_offsets[env];
   e.M = batch.M + batch.env_mass_offsets[env];
   e.v_free = batch.v_free + batch.env_dof_offsets[env];
+  e.is_one_block = e.block == e.dofs;
   return e;
 }
 
@@ -104,13 +120,18 @@ inline constexpr Index kDenseDofs = 9;
 /// Degrees of freedom that a row of J touches, by its stored numbers.
 template <class Real>
 STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
+  if (env.dofs <= kDenseDofs) return below(env.dofs);
   const Offset begin = batch.row_offsets[env.first_row + row];
-  if (batch.column == nullptr && env.dofs <= kDenseDofs) return below(env.dofs);
-  if (batch.column == nullptr) return nonzero_of(batch.J + begin, env.dofs);
-  const Offset end = batch.row_offsets[env.first_row + row + 1];
+  if (batch.column == nullptr && env.is_consecutive) return nonzero_of(batch.J + begin + dof_of(env, 0), env.dofs);
   DofSet set = 0;
+  if (batch.column == nullptr) {
+    for (Index k = 0; k < env.dofs; ++k)
+      if (batch.J[begin + env.dof[k]] != Real(0)) set |= only(k);
+    return set;
+  }
+  const Offset end = batch.row_offsets[env.first_row + row + 1];
   for (Offset k = begin; k < end; ++k)
-    if (batch.J[k] != Real(0)) set |= only(batch.column[k]);
+    if (batch.J[k] != Real(0)) set |= only(local_of(env, batch.column[k]));
   return set;
 }
 
@@ -118,8 +139,15 @@ STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<
 template <class Real>
 STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
   if (env.dofs <= kDenseDofs) return below(dof);
-  const Index block = dof / env.block, begin = block * env.block;
-  return nonzero_of(env.M + static_cast<Offset>(dof) * env.block, dof - begin) << begin;
+  if (env.is_consecutive) {
+    const Index base = dof_of(env, 0), row = base + dof, block = row - row % env.block;
+    const Index first = block > base ? block : base;
+    return nonzero_of(env.M + static_cast<Offset>(row) * env.block + (first - block), row - first) << (first - base);
+  }
+  DofSet set = 0;
+  for (Index k = 0; k < dof; ++k)
+    if (mass_entry(env, dof, k) != Real(0)) set |= only(k);
+  return set;
 }
 
 }  // namespace stiction::inline STICTION_ISA

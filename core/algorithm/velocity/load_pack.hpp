@@ -23,6 +23,10 @@ struct LaneRows {
     row[lane] = array + offset;
     rest[lane] = size - offset;
   }
+  STICTION_HD void skip(int lane, Index columns) {
+    row[lane] += columns;
+    rest[lane] -= columns;
+  }
   /// Numbers in the place of an array's: kTileReach of them.
   STICTION_HD void set(int lane, const Real* numbers) {
     row[lane] = numbers;
@@ -88,18 +92,17 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
     for (int l = 0; l < Types::kLanes; ++l) {
       const bool has = k < envs[l].dofs;
       from.set(l, zeros);
-      if (has) from.set(l, batch.M, (envs[l].M - batch.M) + static_cast<Offset>(k) * envs[l].block, batch.mass_count);
-      is_dense = is_dense && (!has || envs[l].block == envs[l].dofs);
-      workspace.v_free.at(k, l) = has ? envs[l].v_free[k] : Real(0);
+      is_dense = is_dense && (!has || envs[l].is_one_block);
+      if (has && envs[l].is_one_block)
+        from.set(l, batch.M, (envs[l].M - batch.M) + mass_row(envs[l], k), batch.mass_count);
+      workspace.v_free.at(k, l) = has ? envs[l].v_free[dof_of(envs[l], k)] : Real(0);
     }
     if (is_dense) {
       load_columns<Types>(from, path, tree.depth[k] + 1, row);
     } else {
-      for (int l = 0; l < Types::kLanes; ++l) {
-        const Index begin = k < envs[l].dofs ? k / envs[l].block * envs[l].block : 0;
+      for (int l = 0; l < Types::kLanes; ++l)
         for (Index d = 0; d <= tree.depth[k]; ++d)
-          row.at(d, l) = path[d] >= begin ? from.row[l][path[d] - begin] : Real(0);
-      }
+          row.at(d, l) = k < envs[l].dofs ? mass_entry(envs[l], k, path[d]) : Real(0);
     }
     for (int l = 0; l < Types::kLanes; ++l)
       if (k >= envs[l].dofs) row.at(tree.depth[k], l) = Real(1);
@@ -108,13 +111,13 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
 
 /// A row of J by its stored entries; such as name a column twice add up.
 template <class Numbers, class Real>
-STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, Offset row, DofSet dofs, const Numbers& to,
-                             int lane) {
+STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row, DofSet dofs,
+                             const Numbers& to, int lane) {
   const Index columns = size_of(dofs);
   for (Index c = 0; c < columns; ++c) to.at(c, lane) = Real(0);
   for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
     if (batch.J[k] == Real(0)) continue;
-    Real& entry = to.at(size_of(dofs & below(batch.column[k])), lane);
+    Real& entry = to.at(size_of(dofs & below(local_of(env, batch.column[k]))), lane);
     entry = entry + batch.J[k];
   }
 }
@@ -125,22 +128,27 @@ STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const Jacob
                           const Slot<Types::kLanes>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
                           const Real (&zeros)[kTileReach<Real>]) {
   const typename Types::Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
-  const auto row_of = [&](int l) { return envs[l].first_row + slot.row_of[l] + k; };
-  if (batch.column == nullptr) {
-    LaneRows<Types> from;
-    for (int l = 0; l < Types::kLanes; ++l) {
-      from.set(l, zeros);
-      if (slot.row_of[l] >= 0) from.set(l, batch.J, batch.row_offsets[row_of(l)], batch.entry_count);
-    }
+  LaneRows<Types> from;
+  bool is_consecutive = batch.column == nullptr;
+  for (int l = 0; l < Types::kLanes; ++l) {
+    const bool has = slot.row_of[l] >= 0;
+    from.set(l, zeros);
+    if (has) from.set(l, batch.J, batch.row_offsets[envs[l].first_row + slot.row_of[l] + k], batch.entry_count);
+    if (has && envs[l].dof != nullptr && envs[l].is_consecutive) from.skip(l, envs[l].dof[0]);
+    is_consecutive = is_consecutive && (!has || envs[l].is_consecutive);
+  }
+  if (is_consecutive) {
     load_columns<Types>(from, slot.dof, slot.columns, entries);
     return;
   }
   for (int l = 0; l < Types::kLanes; ++l) {
-    if (slot.row_of[l] >= 0) {
-      load_stored(batch, row_of(l), slot.dofs, entries, l);
+    if (slot.row_of[l] >= 0 && batch.column != nullptr) {
+      load_stored(batch, envs[l], envs[l].first_row + slot.row_of[l] + k, slot.dofs, entries, l);
       continue;
     }
-    for (Index c = 0; c < slot.columns; ++c) entries.at(c, l) = Real(0);
+    const bool is_listed = slot.row_of[l] >= 0 && !envs[l].is_consecutive;
+    for (Index c = 0; c < slot.columns; ++c)
+      entries.at(c, l) = slot.row_of[l] < 0 ? Real(0) : from.row[l][is_listed ? envs[l].dof[slot.dof[c]] : slot.dof[c]];
   }
 }
 
@@ -185,8 +193,11 @@ STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, co
   load_by_row<Types, Real>(slot, envs, batch.R, Real(1), workspace.R);
   load_by_row<Types, Real>(slot, envs, slot.rows > 1 ? batch.mu : nullptr, Real(1), workspace.mu);
   workspace.mu.put(slot.row, Wide(1));
-  for (Index row = slot.row; row < slot.row + slot.rows; ++row)
-    for (const auto& terms : {workspace.shift, workspace.prox, workspace.held}) terms.put(row, Wide(0));
+  for (Index row = slot.row; row < slot.row + slot.rows; ++row) {
+    workspace.shift.put(row, Wide(0));
+    workspace.prox.put(row, Wide(0));
+    workspace.held.put(row, Wide(0));
+  }
   if (slot.rows > 1) return;
   for (int l = 0; l < Types::kLanes; ++l) {
     const bool has = slot.row_of[l] >= 0;

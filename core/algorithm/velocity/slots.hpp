@@ -61,11 +61,12 @@ STICTION_HD Index run_of(const Slot<kLanes>* slots, Index first, Index end) {
 /// An environment's cones in that order  (env.cones).
 template <class Real>
 STICTION_HD void list_items(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, SlotItem* items) {
-  for (Index cone = 0; cone < env.cones; ++cone) {
+  for (Index i = 0; i < env.cones; ++i) {
+    const Index cone = cone_of(env, i);
     const Offset* const begin = batch.cone_row_offsets + env.first_cone + cone;
     SlotItem item{0, static_cast<Index>(begin[1] - begin[0]), static_cast<Index>(begin[0] - env.first_row), cone};
     for (Index k = 0; k < item.rows; ++k) item.dofs |= row_dofs(batch, env, item.row + k);
-    Index at = cone;
+    Index at = i;
     for (; at > 0 && goes_before(item, items[at - 1]); --at) items[at] = items[at - 1];
     items[at] = item;
   }

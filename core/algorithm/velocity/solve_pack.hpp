@@ -29,11 +29,12 @@ struct PackLists {
   static_assert(alignof(Slot<kLanes>) <= alignof(DofSet) && alignof(SlotItem) <= alignof(DofSet));
 };
 
-/// Solves up to kLanes environments, each of a shape that the method takes. memory.lists(bytes) is for PackLists,
-/// memory.numbers(counts, dofs, tree entries) makes the workspace.
+/// Solves up to kLanes environments, or parts of some, each of a size that the method takes, and says what became of
+/// them in their `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries) makes the
+/// workspace.
 template <class Types, class Memory>
-STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job, const Offset* env_of, Index count,
-                                    Memory&& memory) {
+STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
+                                    const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
   using Real = typename Types::Real;
   constexpr int kLanes = Types::kLanes;
   LaneEnv<Real> envs[kLanes];
@@ -41,7 +42,7 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
   Offset all_cones = 0;
   Index dofs = 0;
   for (Index l = 0; l < count; ++l) {
-    envs[l] = lane_env(job.batch, env_of[l]);
+    envs[l] = members[l];
     cones[l] = envs[l].cones;
     all_cones += cones[l];
     dofs = envs[l].dofs > dofs ? envs[l].dofs : dofs;

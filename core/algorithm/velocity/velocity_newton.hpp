@@ -30,12 +30,16 @@ class VelocityNewton {
         workspace_(workspace),
         pack_{workspace_, tree_, slots, counts_} {}
 
-  /// Solves the environments, and writes each as soon as it is solved: what its lane holds after that is of no use.
+  /// Solves the environments, and writes the numbers of each as soon as it is solved: what its lane holds after that is
+  /// of no use.
   STICTION_HD_OUTLINE void run() {
     load();
     while (iterate()) evaluate();
-    for (int l = 0; l < kLanes; ++l)
-      if (envs_[l].env >= 0) job_.answered[envs_[l].env] = progress_[l].is_solved ? 1 : 0;
+    for (int l = 0; l < kLanes; ++l) {
+      const LaneProgress& lane = progress_[l];
+      if (envs_[l].env >= 0)
+        *envs_[l].result = VelocityResult{lane.absolute, lane.scale, lane.flags, lane.steps, lane.is_solved};
+    }
   }
 
  private:
@@ -297,7 +301,6 @@ class VelocityNewton {
   /// The answer of a lane, to where the batch has it.
   STICTION_HD void write_lane(int l) {
     const LaneEnv<Real>& env = envs_[l];
-    const LaneProgress& lane = progress_[l];
     for (Index s = 0; s < counts_.slots; ++s) {
       if (slots_[s].row_of[l] < 0) continue;
       for (Index k = 0; k < slots_[s].rows; ++k) {
@@ -309,12 +312,8 @@ class VelocityNewton {
       }
     }
     for (Index k = 0; k < env.dofs && job_.to.velocity != nullptr; ++k)
-      job_.to.velocity[job_.batch.env_dof_offsets[env.env] + k] =
+      job_.to.velocity[job_.batch.env_dof_offsets[env.env] + dof_of(env, k)] =
           canonical_zero(saturated<Real>(workspace_.velocity[Offset{k} * Types::kStride + l]));
-    const std::uint32_t before = job_.batch.env_flags == nullptr ? 0U : job_.batch.env_flags[env.env];
-    job_.to.status[env.env] =
-        EnvStatus{div_(lane.absolute, lane.scale), lane.absolute,     before | lane.flags, lane.steps, EnvCode::solved,
-                  SolverKind::velocity_newton,     {0, 0, 0, 0, 0, 0}};
   }
 
   const VelocityJob<Real>& job_;

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "core/algorithm/jacobian/jacobian_batch.hpp"
+#include "core/algorithm/velocity/dof_islands.hpp"
+#include "core/algorithm/velocity/velocity_result.hpp"
+
+namespace stiction::cpu {
+
+/// What Newton's method in velocities takes of a batch: environments, and the parts of those that are too large for a
+/// lane; all of an environment, or nothing.
+template <class Real>
+class VelocityParts {
+ public:
+  /// Like sizes lie side by side, so that none waits long for another in its pack. flags: of each environment.
+  std::span<const LaneEnv<Real>> list(const VelocityJob<Real>& job, const std::uint32_t* flags) {
+    parts_.clear();
+    large_.clear();
+    for (Offset env = 0; env < job.batch.env_count; ++env) {
+      if ((flags[env] & kNotAssembled) != 0 || !takes_form(job.batch, env)) continue;
+      const LaneEnv<Real> whole = lane_env(job.batch, env);
+      if (takes_size(whole, job.law)) parts_.push_back(whole);
+      if (whole.dofs > kMostVelocityDofs) large_.push_back(env);
+    }
+    list_large(job);
+    results_.assign(parts_.size(), VelocityResult{});
+    for (std::size_t i = 0; i < results_.size(); ++i) parts_[i].result = &results_[i];
+    const auto is_smaller = [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) {
+      return a.dofs != b.dofs ? a.dofs < b.dofs : a.rows < b.rows;
+    };
+    if (!std::is_sorted(parts_.begin(), parts_.end(), is_smaller))
+      std::stable_sort(parts_.begin(), parts_.end(), is_smaller);
+    return parts_;
+  }
+
+  /// Joins what was found of each environment's parts, and writes down which are answered.
+  void finish(const VelocityJob<Real>& job) {
+    wholes_.assign(static_cast<std::size_t>(job.batch.env_count), VelocityResult{});
+    for (const LaneEnv<Real>& part : parts_) {
+      job.answered[part.env] = 1;
+      join(wholes_[static_cast<std::size_t>(part.env)], *part.result);
+    }
+    for (Offset env = 0; env < job.batch.env_count; ++env)
+      if (job.answered[env] != 0) stiction::finish(job, env, wholes_[static_cast<std::size_t>(env)]);
+  }
+
+ private:
+  void list_large(const VelocityJob<Real>& job) {
+    Offset integers = 0;
+    const auto size = [&](Offset env) {
+      return DofIslands<Real>::integers(job.batch.env_dofs(env), job.batch.env_cones(env));
+    };
+    for (const Offset env : large_) integers += size(env);
+    if (lists_.size() < static_cast<std::size_t>(integers)) lists_.resize(static_cast<std::size_t>(integers));
+    Index* memory = lists_.data();
+    for (const Offset env : large_) {
+      DofIslands<Real> islands(job.batch, env, memory);
+      memory += size(env);
+      islands.find();
+      const std::size_t before = parts_.size();
+      bool takes_all = true;
+      for (Index i = 0; i < islands.count(); ++i) {
+        parts_.push_back(islands.part(i));
+        takes_all = takes_all && takes_size(parts_.back(), job.law);
+      }
+      if (!takes_all) parts_.resize(before);
+    }
+  }
+
+  std::vector<LaneEnv<Real>> parts_;
+  std::vector<VelocityResult> results_, wholes_;  ///< of each part, of each environment
+  std::vector<Offset> large_;                     ///< environments that are looked at for parts
+  std::vector<Index> lists_;                      ///< their lists
+};
+
+}  // namespace stiction::cpu
