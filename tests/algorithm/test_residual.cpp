@@ -89,6 +89,11 @@ TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
 }
 
 TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(reported_residual({0.0, kInfinite}, kInfinite), kInfinite);
+  EXPECT_EQ(reported_residual({0.0, kInfinite}, 0.0), kInfinite);
+  EXPECT_EQ(reported_residual({1.0, 3.0}, 2.0), 3.0) << "roundings hide more than is allowed";
+  EXPECT_EQ(reported_residual({1.0, 3.0}, 4.0), 1.0);
   // A fuzzer's: de Saxce's term overflows, and so does the tolerance times max|b|, so that one was held against the
   // other.
   ContactBatch<double> batch(Law::coulomb);
