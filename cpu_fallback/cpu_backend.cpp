@@ -40,8 +40,8 @@ class CpuBackend final : public Backend {
   void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work) override {
     cpu::parallel_for(cpu::thread_count(threads), count, work);
   }
-  void* allocate(std::size_t bytes) override { return ::operator new (bytes, std::align_val_t{64}); }
-  void release(void* memory) noexcept override { ::operator delete (memory, std::align_val_t{64}); }
+  void* allocate(std::size_t bytes) override { return ::operator new(bytes, std::align_val_t{64}); }
+  void release(void* memory) noexcept override { ::operator delete(memory, std::align_val_t{64}); }
   void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef) override {
     std::memcpy(target, source, bytes);
   }

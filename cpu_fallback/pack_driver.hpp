@@ -242,9 +242,7 @@ class PackRun {
 };
 
 template <class Method>
-inline constexpr bool kIteratesOnPairs = requires {
-  requires Method::kTakesPairs;
-};
+inline constexpr bool kIteratesOnPairs = requires { requires Method::kTakesPairs; };
 
 /// Whether environments of these slots go through two packs in turns: sweeps of a few cones wait for each cone's roots
 /// and quotients, those of more for what the first cache does not hold of two packs. Only speed depends on it.

@@ -17,7 +17,7 @@ class GrowBuffer {
     if (bytes > capacity_) {
       memory_.reset();
       capacity_ = 0;
-      memory_.reset(::operator new (bytes, std::align_val_t{kAlignment}));
+      memory_.reset(::operator new(bytes, std::align_val_t{kAlignment}));
       capacity_ = bytes;
     }
     return static_cast<T*>(memory_.get());
@@ -26,7 +26,7 @@ class GrowBuffer {
  private:
   static constexpr std::size_t kAlignment = 64;
   struct Free {
-    void operator()(void* memory) const { ::operator delete (memory, std::align_val_t{kAlignment}); }
+    void operator()(void* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
   };
   std::unique_ptr<void, Free> memory_;
   std::size_t capacity_ = 0;

@@ -45,7 +45,7 @@ class Piece {
     else
       add(view.column, all.column + entry, entries);
     add(view.A, all.A + entry, entries);
-    for (const Real* ContactBatchView<Real>::*member :
+    for (const Real* ContactBatchView<Real>::* member :
          {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
           &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
       if (member != &ContactBatchView<Real>::mu || all.mu_offsets == nullptr)

@@ -70,7 +70,6 @@ test_packages=(
   "libspectra-dev: extreme singular values are not compared with Spectra"
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
-  "clang-format-14: formatting is not checked"
   "libtbb-dev: oneTBB is not tested"
 )
 

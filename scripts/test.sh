@@ -10,7 +10,7 @@ set -euo pipefail
 begin=$SECONDS
 say "packages"
 install_packages "${build_packages[@]}" "${test_packages[@]}"
-make_venv "$root/tools/requirements.txt" "$root/tools/requirements-frameworks.txt"
+make_venv "$root/tools/requirements.txt" "$root/tools/requirements-lint.txt" "$root/tools/requirements-frameworks.txt"
 find_nvcc
 
 say "build"

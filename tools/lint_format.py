@@ -1,32 +1,16 @@
 #!/usr/bin/env python3
-"""Checks the formatting of C++ and CUDA sources with clang-format 14, the version whose output the tree follows.
+"""Checks the formatting of C++ and CUDA sources with the clang-format that tools/requirements-lint.txt pins.
 
 Usage: lint_format.py [--fix] [FILE ...]        without files: every source git knows
 
-Exit status 0 clean, 1 badly formatted, 77 no clang-format 14 on this machine (CTest counts that as skipped).
+Exit status 0 clean, 1 badly formatted, 77 that clang-format is not on this machine (CTest counts it as skipped).
 """
 
 import argparse
-import pathlib
-import re
-import shutil
 import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c"}
-VERSION = "14"  # other versions break lines differently, and a check that depends on the machine is none
-SKIPPED = 77
-
-
-def find_clang_format():
-    for name in (f"clang-format-{VERSION}", "clang-format"):
-        program = shutil.which(name)
-        if program:
-            text = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout
-            if re.search(rf"version {VERSION}\.", text):
-                return program
-    return None
+from lint_tools import SKIPPED, find, missing, sources
 
 
 def main():
@@ -34,17 +18,11 @@ def main():
     parser.add_argument("--fix", action="store_true", help="rewrite the files instead of reporting")
     parser.add_argument("files", nargs="*")
     arguments = parser.parse_args()
-    program = find_clang_format()
+    program = find("clang-format")
     if program is None:
-        print(f"SKIPPED: clang-format {VERSION} is not here (Debian: clang-format-{VERSION}); formatting not checked")
+        print(missing("clang-format"))
         return SKIPPED
-    files = arguments.files
-    if not files:
-        listing = subprocess.run(["git", "-C", str(ROOT), "ls-files"], capture_output=True, text=True, check=False)
-        names = listing.stdout.splitlines() if listing.returncode == 0 and listing.stdout else [
-            f.relative_to(ROOT).as_posix() for f in ROOT.rglob("*") if not f.relative_to(ROOT).parts[0].startswith("build")]
-        files = [str(ROOT / name) for name in names
-                 if pathlib.PurePosixPath(name).suffix in SUFFIXES and (ROOT / name).is_file()]
+    files = arguments.files or [str(file) for file in sources()]
     if not files:
         print("no sources found")
         return 1

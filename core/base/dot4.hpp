@@ -42,8 +42,7 @@ STICTION_HD double four_sums(double start, const Real* a, const Other* x, Index 
   for (; k + 4 <= count; k += 4) four = fma_(four_doubles(a + k), four_doubles(x + k), four);
   _mm256_storeu_pd(sum, four.v);
 #endif
-  add_to_four_sums(
-      sum, k, count, [&](Index i) { return a[i]; }, [&](Index i) { return x[i]; });
+  add_to_four_sums(sum, k, count, [&](Index i) { return a[i]; }, [&](Index i) { return x[i]; });
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 

@@ -46,9 +46,7 @@ class ScopedFpEnv {
   /// To a compiler arithmetic does not depend on modes: it may compute before they are set what it has read before, or
   /// store afterwards. Nothing is read or written across this. A number that is returned in a register is not held by
   /// it: functions with a guard return their numbers in memory.
-  static void keep_order() {
-    asm volatile("" ::: "memory");
-  }
+  static void keep_order() { asm volatile("" ::: "memory"); }
 
 #if defined(__SSE2__)
   int rounding_;    ///< of the x87 unit

@@ -46,14 +46,18 @@ struct Pack {
   /// Every lane the same.
   STICTION_HD explicit Pack(T value) : v(value - Vector{}) {}
   template <class U>
-  requires(std::is_arithmetic_v<U> && !std::is_same_v<U, T>) STICTION_HD explicit Pack(U value)
-      : Pack(static_cast<T>(value)) {}
+    requires(std::is_arithmetic_v<U> && !std::is_same_v<U, T>)
+  STICTION_HD explicit Pack(U value) : Pack(static_cast<T>(value)) {}
 
   friend STICTION_HD Pack operator+(Pack a, Pack b) { return a.v + b.v; }
   friend STICTION_HD Pack operator-(Pack a, Pack b) { return a.v - b.v; }
   friend STICTION_HD Pack operator*(Pack a, Pack b) { return a.v * b.v; }
   friend STICTION_HD Pack operator-(Pack a) { return -a.v; }
-  friend STICTION_HD Pack operator&(Pack a, T bits) requires std::is_integral_v<T> { return a.v & bits; }
+  friend STICTION_HD Pack operator&(Pack a, T bits)
+    requires std::is_integral_v<T>
+  {
+    return a.v & bits;
+  }
 };
 
 /// Lane-wise truth: all bits set or none.
@@ -196,20 +200,24 @@ STICTION_HD bool any(PackMask<T, W> a) {
 }
 
 template <class Real, int W>
-requires(RealTraits<Real>::kLanes == W) STICTION_HD Real narrowed(Pack<double, W> x) {
+  requires(RealTraits<Real>::kLanes == W)
+STICTION_HD Real narrowed(Pack<double, W> x) {
   return Real(__builtin_convertvector(x.v, typename Real::Vector));
 }
 /// Masks of Reals and of counts: true is all bits of either.
 template <class Real, int W>
-requires(RealTraits<Real>::kLanes == W) STICTION_HD Mask<Real> of_reals(PackMask<Index, W> of_counts) {
+  requires(RealTraits<Real>::kLanes == W)
+STICTION_HD Mask<Real> of_reals(PackMask<Index, W> of_counts) {
   return {__builtin_convertvector(of_counts.v, typename Mask<Real>::Vector)};
 }
 template <class Real>
-requires(RealTraits<Real>::kLanes > 1) STICTION_HD Mask<Counts<Real>> of_counts(Mask<Real> of_reals) {
+  requires(RealTraits<Real>::kLanes > 1)
+STICTION_HD Mask<Counts<Real>> of_counts(Mask<Real> of_reals) {
   return {__builtin_convertvector(of_reals.v, typename Mask<Counts<Real>>::Vector)};
 }
 template <class Real, int W>
-requires(RealTraits<Real>::kLanes == W) STICTION_HD Real as_reals(Pack<Index, W> counts) {
+  requires(RealTraits<Real>::kLanes == W)
+STICTION_HD Real as_reals(Pack<Index, W> counts) {
   return Real(__builtin_convertvector(counts.v, typename Real::Vector));
 }
 

@@ -99,7 +99,7 @@ ContactBatch<Real> Solver::to_host(const ContactBatchView<Real>& batch, StreamRe
   };
   host.A = fetch(numbers.A, batch.A, batch.nonzero_count);
   std::vector<Real>* storage = numbers.vectors;
-  for (const Real* ContactBatchView<Real>::*member :
+  for (const Real* ContactBatchView<Real>::* member :
        {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
         &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
     host.*member = fetch(*storage++, batch.*member, batch.row_count);

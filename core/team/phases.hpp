@@ -19,7 +19,8 @@ struct AtMost {
 
 /// for_each() by a team of one, unrolled: f sees constants, so the arrays it indexes can be registers.
 template <Team TeamT, Index kMost, class F>
-requires(TeamT::size() == 1) STICTION_HD void for_each(TeamT&, AtMost<kMost> n, F&& f) {
+  requires(TeamT::size() == 1)
+STICTION_HD void for_each(TeamT&, AtMost<kMost> n, F&& f) {
   STICTION_UNROLL
   for (Index i = 0; i < kMost; ++i)
     if (i < n.count) f(i);

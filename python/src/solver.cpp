@@ -109,8 +109,7 @@ JacobianSolver<Real>& FormSolver::jacobian(const JacobianBatchView<Real>& batch,
       return jacobian_f32_;
     else
       return jacobian_f64_;
-  }
-  ();
+  }();
   const bool on_cpu = contact_.device().kind == DeviceKind::cpu;
   const JacobianCapacity need = on_cpu ? JacobianCapacity{} : room ? *room : JacobianCapacity::of(on_host(batch));
   if (!solver || !fits(need, solver->capacity()))

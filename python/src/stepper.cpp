@@ -201,9 +201,8 @@ void bind_stepper(nb::module_& module) {
       .def(
           "step",
           [](Stepper& self, const ContactView& batch, const Array& ids, double dt, const Array* lambda, const Array* w,
-             const Array*, const Array* status, std::uintptr_t stream) {
-            self.step(batch, ids, dt, {lambda, w, nullptr, status}, stream_from(stream));
-          },
+             const Array*, const Array* status,
+             std::uintptr_t stream) { self.step(batch, ids, dt, {lambda, w, nullptr, status}, stream_from(stream)); },
           nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
           nb::arg("velocities").none(), nb::arg("status"), nb::arg("stream"))
       .def(
@@ -217,9 +216,8 @@ void bind_stepper(nb::module_& module) {
       .def(
           "step",
           [](Stepper& self, const BodyView& batch, const Array& ids, double, const Array* lambda, const Array* w,
-             const Array* velocities, const Array* status, std::uintptr_t stream) {
-            self.step(batch, ids, {lambda, w, velocities, status}, stream_from(stream));
-          },
+             const Array* velocities, const Array* status,
+             std::uintptr_t stream) { self.step(batch, ids, {lambda, w, velocities, status}, stream_from(stream)); },
           nb::arg("batch"), nb::arg("ids"), nb::arg("dt"), nb::arg("lambda_"), nb::arg("w").none(),
           nb::arg("velocities"), nb::arg("status"), nb::arg("stream"))
       .def(

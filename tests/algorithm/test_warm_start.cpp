@@ -17,8 +17,7 @@ constexpr Index kWidths[] = {1, 2, 3, 8, 33};
 /// Runs f(team) on lanes that disagree about speed.
 template <class F>
 void run_dawdling(Index width, std::uint64_t seed, F&& f) {
-  run_stressed(
-      width, [seed](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<1>(team, rank), seed); }, f);
+  run_stressed(width, [seed](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<1>(team, rank), seed); }, f);
 }
 
 TEST(Sort, IsWhatTheStandardLibraryMakesOfEveryLengthAndOrder) {

@@ -49,7 +49,10 @@ class Bytes {
     return *this;
   }
   template <class T>
-  requires std::is_arithmetic_v<T> Bytes& operator<<(T value) { return *this << std::span<const T>(&value, 1); }
+    requires std::is_arithmetic_v<T>
+  Bytes& operator<<(T value) {
+    return *this << std::span<const T>(&value, 1);
+  }
   [[nodiscard]] const std::string& text() const { return text_; }
 
  private:

@@ -36,8 +36,7 @@ void run_stressed(Index width, Make&& make, F&& f) {
 /// Runs f(team) on a StressTeam of `width` threads.
 template <Index kTile, class F>
 void run_stressed(Index width, F&& f) {
-  run_stressed(
-      width, [](TortureTeam& shared, Index rank) { return StressTeam<kTile>(shared, rank); }, f);
+  run_stressed(width, [](TortureTeam& shared, Index rank) { return StressTeam<kTile>(shared, rank); }, f);
 }
 
 }  // namespace stiction::test

@@ -155,9 +155,7 @@ TEST(BodiesInputs, MisuseIsNamed) {
                 solver.solve(solver.plan(one.view()), one.view(), {room.data(), nullptr, nullptr, status.data()});
               }),
               HasSubstr("solution.twist is null"));
-  EXPECT_THAT(error_message([&] {
-                solver.solve(one.view(), {room.data(), nullptr, nullptr, status.data()});
-              }),
+  EXPECT_THAT(error_message([&] { solver.solve(one.view(), {room.data(), nullptr, nullptr, status.data()}); }),
               HasSubstr("solution.twist is null"));
 }
 

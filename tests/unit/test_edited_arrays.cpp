@@ -224,17 +224,11 @@ TEST(EditedJacobians, AnOutputThatSharesMemoryIsRefusedByName) {
   JacobianSolver<double> solver(Device::cpu(), options(SolverKind::npgs, 1e-9, 50), {});
   double lambda = 0, w = 0, velocity = 0;
   EnvStatus status{};
-  EXPECT_THAT(error_message([&] {
-                solver.solve(view, {&lambda, &w, const_cast<double*>(view.v_free), &status});
-              }),
+  EXPECT_THAT(error_message([&] { solver.solve(view, {&lambda, &w, const_cast<double*>(view.v_free), &status}); }),
               HasSubstr("solution.velocity and batch.v_free overlap"));
-  EXPECT_THAT(error_message([&] {
-                solver.solve(view, {&lambda, &lambda, &velocity, &status});
-              }),
+  EXPECT_THAT(error_message([&] { solver.solve(view, {&lambda, &lambda, &velocity, &status}); }),
               HasSubstr("solution.w and solution.lambda overlap"));
-  EXPECT_THAT(error_message([&] {
-                solver.solve(view, {&lambda, &w, &velocity, &status}, &velocity);
-              }),
+  EXPECT_THAT(error_message([&] { solver.solve(view, {&lambda, &w, &velocity, &status}, &velocity); }),
               HasSubstr("solution.velocity and warm_start overlap"));
   solver.solve(view, {&lambda, &w, &velocity, &status}, &lambda);
   EXPECT_NEAR(velocity, 0, 1e-8);

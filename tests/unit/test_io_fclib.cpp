@@ -195,10 +195,7 @@ TEST_F(IoFclib, MalformedProblemsAreRefusedInOneSentence) {
   };
   EXPECT_THAT(refusal(false, [](Spoiler& f) { put_integer(f, "fclib_local/spacedim", 4); }),
               HasSubstr("a.hdf5: dataset 'fclib_local/spacedim' is 4, expected 2 or 3"));
-  EXPECT_THAT(refusal(false,
-                      [](Spoiler& f) {
-                        f.put("fclib_local/vectors/mu", std::vector<double>{0.3, 0.3});
-                      }),
+  EXPECT_THAT(refusal(false, [](Spoiler& f) { f.put("fclib_local/vectors/mu", std::vector<double>{0.3, 0.3}); }),
               HasSubstr("'fclib_local/vectors/mu' has 2 elements, 'q' has 3, expected 3 times as many"));
   EXPECT_THAT(refusal(false, [](Spoiler& f) { put_integer(f, "fclib_local/W/m", 1 << 30); }),
               HasSubstr("matrix 'fclib_local/W' is 1073741824 x 3, the vectors make it 3 x 3"));
@@ -206,30 +203,20 @@ TEST_F(IoFclib, MalformedProblemsAreRefusedInOneSentence) {
               HasSubstr("dataset 'fclib_local/W/nz' is -3"));
   EXPECT_THAT(refusal(false, [](Spoiler& f) { put_integer(f, "fclib_local/W/nz", 100); }),
               HasSubstr("dataset 'fclib_local/W/nz' counts 100 triplets, the arrays hold"));
-  EXPECT_THAT(refusal(false,
-                      [](Spoiler& f) {
-                        f.put("fclib_local/W/p", std::vector<std::int32_t>{0, 2, 5, 100});
-                      }),
+  EXPECT_THAT(refusal(false, [](Spoiler& f) { f.put("fclib_local/W/p", std::vector<std::int32_t>{0, 2, 5, 100}); }),
               HasSubstr("dataset 'fclib_local/W/p' ends at 100"));
-  EXPECT_THAT(refusal(false,
-                      [](Spoiler& f) {
-                        f.put("fclib_local/W/p", std::vector<std::int32_t>{0, 2});
-                      }),
+  EXPECT_THAT(refusal(false, [](Spoiler& f) { f.put("fclib_local/W/p", std::vector<std::int32_t>{0, 2}); }),
               HasSubstr("dataset 'fclib_local/W/p' has 2 elements, expected 4"));
-  EXPECT_THAT(refusal(false,
-                      [](Spoiler& f) {
-                        f.put("fclib_local/W/i", std::vector<std::int32_t>{0, 1, 0, 3, 2, 1, 2});
-                      }),
-              HasSubstr("matrix 'fclib_local/W' has column 3 at entry 3, expected 0 to 3 exclusive"));
+  EXPECT_THAT(
+      refusal(false, [](Spoiler& f) { f.put("fclib_local/W/i", std::vector<std::int32_t>{0, 1, 0, 3, 2, 1, 2}); }),
+      HasSubstr("matrix 'fclib_local/W' has column 3 at entry 3, expected 0 to 3 exclusive"));
   EXPECT_THAT(refusal(false, [](Spoiler& f) { f.put("fclib_local/vectors/s", std::vector<double>{1.0}); }),
               HasSubstr("dataset 'fclib_local/V/m' is missing"));
   EXPECT_THAT(refusal(true, [](Spoiler& f) { f.remove("fclib_global/H"); }),
               HasSubstr("dataset 'fclib_global/H/m' is missing"));
-  EXPECT_THAT(refusal(true,
-                      [](Spoiler& f) {
-                        f.put("fclib_global/M/x", std::vector<double>{2.0, 2.0, 2.0, 2.0, 2.0});
-                      }),
-              HasSubstr("M is singular in the block of degree of freedom 0"));
+  EXPECT_THAT(
+      refusal(true, [](Spoiler& f) { f.put("fclib_global/M/x", std::vector<double>{2.0, 2.0, 2.0, 2.0, 2.0}); }),
+      HasSubstr("M is singular in the block of degree of freedom 0"));
 }
 
 TEST_F(IoFclib, RollingProblemsAreRefusedWithTheReason) {

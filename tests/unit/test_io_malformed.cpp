@@ -111,17 +111,13 @@ TEST_F(IoMalformed, WrongTypesAreNamed) {
                 H5Tclose(half);
               }),
               HasSubstr("dataset 'b' holds floating-point numbers of no standard layout (2 bytes)"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("env_name", std::vector<double>{1.0, 2.0});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_name", std::vector<double>{1.0, 2.0}); }),
               HasSubstr("dataset 'env_name' holds floating-point numbers, expected strings"));
 }
 
 TEST_F(IoMalformed, WrongShapesAreNamed) {
   const std::vector<double> reals(12, 0.0);
-  EXPECT_THAT(refusal([&](Spoiler& f) {
-                f.put("b", H5T_NATIVE_DOUBLE, {6, 1}, reals.data());
-              }),
+  EXPECT_THAT(refusal([&](Spoiler& f) { f.put("b", H5T_NATIVE_DOUBLE, {6, 1}, reals.data()); }),
               HasSubstr("dataset 'b' has 2 dimensions, expected 1"));
   EXPECT_THAT(refusal([&](Spoiler& f) { f.put("R", std::vector<double>(5, 0.0)); }),
               HasSubstr("dataset 'R' has 5 elements, expected 6"));
@@ -143,38 +139,24 @@ TEST_F(IoMalformed, WrongShapesAreNamed) {
               HasSubstr("dataset 'dt' has 3 elements, expected 2"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("cone_id", std::vector<std::int64_t>(2, 1)); }),
               HasSubstr("dataset 'cone_id' has 2 elements, expected 4"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("cone_id", std::vector<std::int64_t>{1, 2, -3, 4});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("cone_id", std::vector<std::int64_t>{1, 2, -3, 4}); }),
               HasSubstr("dataset 'cone_id' holds -3 at position 2, expected a number that is not negative"));
 }
 
 TEST_F(IoMalformed, OffsetsThatCannotIndexAreRefused) {
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("env_row_ptr", std::vector<std::int64_t>{1, 5, 6});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_row_ptr", std::vector<std::int64_t>{1, 5, 6}); }),
               HasSubstr("dataset 'env_row_ptr' starts at 1, expected 0"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("env_row_ptr", std::vector<std::int64_t>{0, 7, 6});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_row_ptr", std::vector<std::int64_t>{0, 7, 6}); }),
               HasSubstr("dataset 'env_row_ptr' decreases from 7 to 6 at position 2"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("cone_row_ptr", std::vector<std::int64_t>{0, 1, 4, 5, 9000000000});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("cone_row_ptr", std::vector<std::int64_t>{0, 1, 4, 5, 9000000000}); }),
               HasSubstr("dataset 'cone_row_ptr' ends at 9000000000, expected 6"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_row_ptr", std::vector<std::int64_t>{}); }),
               HasSubstr("dataset 'env_row_ptr' is empty"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("env_dof_ptr", std::vector<std::int64_t>{0, -2, 3});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_dof_ptr", std::vector<std::int64_t>{0, -2, 3}); }),
               HasSubstr("dataset 'env_dof_ptr' decreases from 0 to -2"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("J/col", std::vector<std::int32_t>{0, 2, 0, 0, 1, 0});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("J/col", std::vector<std::int32_t>{0, 2, 0, 0, 1, 0}); }),
               HasSubstr("dataset 'J/col' holds 2 at position 1, environment 0 has 2 degrees of freedom"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("M/col", std::vector<std::int32_t>{0, 1, 0, 1, -1});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("M/col", std::vector<std::int32_t>{0, 1, 0, 1, -1}); }),
               HasSubstr("dataset 'M/col' holds -1 at position 4"));
 }
 

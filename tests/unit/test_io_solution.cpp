@@ -83,29 +83,19 @@ TEST_F(IoSolution, MalformedSolutionsAreRefusedInOneSentence) {
     return message_of(ErrorCode::bad_file, [&] { read_solution(at("s.h5")); });
   };
   EXPECT_THAT(refusal([](Spoiler& f) { f.remove("lambda"); }), HasSubstr("s.h5: dataset 'lambda' is missing"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("lambda", std::vector<std::int64_t>{1, 2, 3, 4});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("lambda", std::vector<std::int64_t>{1, 2, 3, 4}); }),
               HasSubstr("dataset 'lambda' holds integers, expected floating-point numbers"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("w", std::vector<double>{1.0}); }),
               HasSubstr("dataset 'w' has 1 elements, expected 4"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("status", std::vector<std::int32_t>{0, 6});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("status", std::vector<std::int32_t>{0, 6}); }),
               HasSubstr("dataset 'status' holds 6 at position 1, the last code known is 5"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("status", std::vector<std::int32_t>{0, 300});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("status", std::vector<std::int32_t>{0, 300}); }),
               HasSubstr("dataset 'status' holds 300 at position 1, which does not fit 8 bits"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("answered_by", std::vector<std::int32_t>{0, 77});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("answered_by", std::vector<std::int32_t>{0, 77}); }),
               HasSubstr("dataset 'answered_by' holds 77"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.remove("env_row_ptr"); }),
               HasSubstr("dataset 'env_row_ptr' is missing, 'status' needs it"));
-  EXPECT_THAT(refusal([](Spoiler& f) {
-                f.put("env_row_ptr", std::vector<std::int64_t>{0, 3, 5});
-              }),
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_row_ptr", std::vector<std::int64_t>{0, 3, 5}); }),
               HasSubstr("dataset 'env_row_ptr' ends at 5, expected 4"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put_attribute("format", std::string("contact-batch")); }),
               HasSubstr("attribute 'format' is 'contact-batch', expected 'contact-solution' or none"));

@@ -45,9 +45,8 @@ View one_contact() {
 }
 
 TEST(OlderNames, AWarmStartIsRememberedAndRecalled) {
-  expect_remembered(one_contact<ContactBatchView<double>>(), [](double* lambda, EnvStatus* status) {
-    return SolutionView<double>{lambda, nullptr, status};
-  });
+  expect_remembered(one_contact<ContactBatchView<double>>(),
+                    [](double* lambda, EnvStatus* status) { return SolutionView<double>{lambda, nullptr, status}; });
   expect_remembered(one_contact<JacobianBatchView<double>>(), [](double* lambda, EnvStatus* status) {
     return JacobianSolutionView<double>{lambda, nullptr, nullptr, status};
   });

@@ -352,10 +352,9 @@ TEST(WarmStart, MisuseIsRefusedWithNameValueAndRemedyAndChangesNothing) {
   EXPECT_THAT(misuse([&] { store.load(one.batch.view(), nullptr, 0.01, guess.data()); }), HasSubstr("cone_id is null"));
   EXPECT_THAT(misuse([&] { store.load(one.batch.view(), one.id.data(), 0.01, nullptr); }), HasSubstr("guess is null"));
   EXPECT_THAT(misuse([&] { store.store(one.batch.view(), one.id.data(), {}, 0.01); }), HasSubstr("lambda is null"));
-  EXPECT_THAT(misuse([&] {
-                store.store(one.batch.view(), one.id.data(), {one.lambda.data(), nullptr, nullptr}, 0.01);
-              }),
-              HasSubstr("status is null"));
+  EXPECT_THAT(
+      misuse([&] { store.store(one.batch.view(), one.id.data(), {one.lambda.data(), nullptr, nullptr}, 0.01); }),
+      HasSubstr("status is null"));
   auto device_view = one.batch.view();
   device_view.space = MemorySpace::cuda;
   EXPECT_THAT(misuse([&] { store.load(device_view, one.id.data(), 0.01, guess.data()); }), HasSubstr("space"));

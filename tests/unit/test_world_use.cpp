@@ -70,9 +70,7 @@ TEST(WorldUse, ResetTakesStatesAndNormalisesQuaternions) {
   EXPECT_EQ(world.state().orientation[0], 1);
   const std::vector<double> nowhere{0, 0, 0, 0};
   EXPECT_THAT(error_message([&] { world.reset(all, {position, nowhere, twist}); }), HasSubstr("zero quaternion"));
-  EXPECT_THAT(error_message([&] {
-                world.reset(all, {twist, orientation, twist});
-              }),
+  EXPECT_THAT(error_message([&] { world.reset(all, {twist, orientation, twist}); }),
               HasSubstr("state.position has 6 entries, expected 3"));
   EXPECT_THAT(error_message([&] { world.reset(std::vector<std::uint8_t>{1, 1}); }), HasSubstr("mask has 2 entries"));
 }

@@ -14,9 +14,9 @@ inline constexpr Index kLargeWindow = 6;
 
 /// Whether there are windows at all. Other methods multiply by A, and doubles would need twice the registers there are.
 template <class Method, class Real>
-inline constexpr bool kHasWindows = (Method::kKind == SolverKind::pgs || Method::kKind == SolverKind::npgs ||
-                                     Method::kKind == SolverKind::subspace) &&
-                                    sizeof(Real) == sizeof(float);
+inline constexpr bool kHasWindows =
+    (Method::kKind == SolverKind::pgs || Method::kKind == SolverKind::npgs || Method::kKind == SolverKind::subspace) &&
+    sizeof(Real) == sizeof(float);
 
 /// The window that a loaded system fits into: room for so many cones, or 0 for none.
 template <class Real, int kStride>

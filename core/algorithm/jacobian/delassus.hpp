@@ -96,8 +96,7 @@ STICTION_HD void load_rows(const JacobianEnv<Tile>& env, Index tile) {
   const auto full = env.columns(tile);
   if (env.batch->column == nullptr) {
     const Offset* const begin = env.batch->row_offsets + env.first_row + first;
-    turn_rows<Tile>(
-        count, env.dofs, [&](Index r) { return env.batch->J + begin[r]; }, x, step);
+    turn_rows<Tile>(count, env.dofs, [&](Index r) { return env.batch->J + begin[r]; }, x, step);
     full.fill(env.dofs, [&](Index k) {
       Mask<Wide> some = Wide(0) != Wide(0);
       for (Index v = 0; v < Tile::kRows; v += Tile::kLanes) {

@@ -45,9 +45,7 @@ template <class Method, class System>
 STICTION_HD LoadRules load_rules(Law law, const System& s) {
   constexpr Workspace kWorkspace = Method::workspace();
   const bool takes_gradients = kWorkspace.matrix_free_vectors > 0 && !s.has_matrices;
-  return {Method::needs_symmetry(law) || takes_gradients, requires {Method::kTakesAnyDiagonal;
-}
-};
+  return {Method::needs_symmetry(law) || takes_gradients, requires { Method::kTakesAnyDiagonal; }};
 }
 
 /// Whether an environment that was found to be sound starts from its guess.

@@ -101,7 +101,7 @@ void widen_lanes(const float* from, Pack<double, W>& to) {
 }
 /// How many doubles go into the vector of W Reals.
 template <class Real, int W>
-inline constexpr int kWideLanes = W* static_cast<int>(sizeof(Real)) / static_cast<int>(sizeof(double));
+inline constexpr int kWideLanes = W * static_cast<int>(sizeof(Real)) / static_cast<int>(sizeof(double));
 /// Those from lane `first` on.
 template <class Real, int W>
 Pack<double, kWideLanes<Real, W>> widened(const Pack<Real, W>& lanes, int first) {

@@ -21,8 +21,7 @@ STICTION_HD_OUTLINE double row_motion(const EnvView<Real>& env, Index row, doubl
   const Index* column = env.columns(row);
   if (is_run(env, row)) return four_sums(start, a, env.lambda, count);
   double sum[4] = {start, 0.0, 0.0, 0.0};
-  add_to_four_sums(
-      sum, 0, count, [&](Index k) { return a[k]; }, [&](Index k) { return env.lambda[column[k]]; });
+  add_to_four_sums(sum, 0, count, [&](Index k) { return a[k]; }, [&](Index k) { return env.lambda[column[k]]; });
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 

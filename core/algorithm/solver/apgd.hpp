@@ -75,8 +75,7 @@ struct Apgd {
           d[row + k] = z[k] - point[row + k];
         }
       });
-      s.multiply(
-          team, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
+      s.multiply(team, d, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       const Real excess = s.sum_over_cones(team, [&](auto shape, Index cone, Index row) {
         Real curvature(0);
         Real length(0);

@@ -32,8 +32,7 @@ struct Jacobi {
       }
     });
     for (int pass = 0; pass < kBoundIterations; ++pass) {
-      s.template multiply<true>(
-          team, z, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
+      s.template multiply<true>(team, z, [](Index) { return Real(0); }, [&](Index i, Real row) { image[i] = row; });
       if (pass + 1 == kBoundIterations) break;
       s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
         // In the metric of the diagonal the Perron iteration is z <- D^-1 |A| z; averaged with z against oscillation.

@@ -55,7 +55,8 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
-requires System::kMaintainsMotion STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
+  requires System::kMaintainsMotion
+STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
   s.for_each_in_order([&](auto shape, Index cone, Index row) {
@@ -149,8 +150,7 @@ inline constexpr Index kRefreshInterval = 16;
 template <Team TeamT, class System>
 STICTION_HD void refresh_motion(TeamT& team, System& s) {
   using Real = typename System::Real;
-  s.multiply(
-      team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
+  s.multiply(team, s.x, [&](Index i) { return s.b[i]; }, [&](Index i, Real motion) { s.y[i] = motion; });
 }
 
 /// Fresh motion in the lanes of `due`.

@@ -14,8 +14,8 @@ STICTION_HD void for_each_slot(TeamT& team, const EnvView<Real>& env, const Dens
 }
 /// Visits the cones by a team of one, kind after kind.
 template <Team TeamT, class Real, int kStride, class F>
-requires(TeamT::size() == 1) STICTION_HD
-    void for_each_slot(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
+  requires(TeamT::size() == 1)
+STICTION_HD void for_each_slot(TeamT&, const EnvView<Real>& env, const DenseSystem<Real, kStride>& s, F&& f) {
   Index position = 0;
   ConeSlot first{0, 0};
   for (int shape = 0; shape < kConeShapes; ++shape) {

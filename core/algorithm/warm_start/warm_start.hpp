@@ -105,9 +105,8 @@ STICTION_HD void load_warm_start(TeamT& team, const WarmStartLoadJob<Real>& job,
     for (Index p = leaf; p < span.cones; p += kReduceLeaves) count += cone[p].hit;
     return count;
   });
-  single(team, [&] {
-    memory.record[env] = WarmStartRecord{hits, span.cones - hits, flags, memory.record[env].too_large};
-  });
+  single(team,
+         [&] { memory.record[env] = WarmStartRecord{hits, span.cones - hits, flags, memory.record[env].too_large}; });
 }
 
 /// Whether an answer is worth starting from. Named one by one: a code that is not known here is not trusted.

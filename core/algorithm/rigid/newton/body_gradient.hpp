@@ -142,7 +142,7 @@ STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const SpaceWorkspace& 
     contact.slope = slope;
     contact.curvature = div_(curvature, compliance + contact.prox_weight);
   });
-  const auto sum = [&](double SpaceContact::*part) {
+  const auto sum = [&](double SpaceContact::* part) {
     return sum_leaves<double>(team, [&](Index leaf) {
       double total = 0.0;
       for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves) total = total + workspace.contact[p].*part;
