@@ -67,7 +67,9 @@ fuzz() {
     own=("-dict=$root/tests/fuzz/hdf5.dict")
     folders+=("$build/seeds")
   fi
-  "$build/tests/fuzz/$fuzzer" "${folders[@]}" "$limit" -seed="$seed" "${own[@]}" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=60 \
+  # Weighing inputs by how rare their features are (entropic) takes 80 % of the time where there are 10^5 features. Without
+  # it there are 5 times as many executions, and more edges, in the same time.
+  "$build/tests/fuzz/$fuzzer" "${folders[@]}" "$limit" -seed="$seed" -entropic=0 "${own[@]}" -rss_limit_mb=2048 -malloc_limit_mb=1000000 -timeout=60 \
     -artifact_prefix="$findings/$fuzzer-" -print_final_stats=1
 }
 declare -A process
