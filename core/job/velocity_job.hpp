@@ -41,7 +41,8 @@ struct VelocityJob {
   Law law = Law::convex;
   double tolerance = 0.0;    ///< on the relative residual, where the batch has none of the environment's own [-]
   Index max_iterations = 0;  ///< the same
-  const Real* warm_start = nullptr;  ///< reactions, or null: start from v_free        (row_count)
+  const Real* warm_start = nullptr;     ///< reactions to start from, or null          (row_count)
+  const Real* warm_velocity = nullptr;  ///< velocities to start from, or null; with neither, from v_free (dof_count)
   JacobianSolutionView<Real> to;
   std::uint8_t* answered = nullptr;  ///< out: 1: the environment has its answer; 0: what was written of it is of no use
                                      ///                                               (env_count)

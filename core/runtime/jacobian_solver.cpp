@@ -161,17 +161,17 @@ void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
     check_view(batch, capacity_);
   check_array("solution.lambda", solution.lambda, batch.row_count);
   check_array("solution.status", solution.status, batch.env_count);
-  refuse_overlaps(batch, solution, static_cast<const Real*>(nullptr));
+  refuse_overlaps(batch, solution, JacobianStart<Real>{});
 }
 
 template <class Real>
 void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
-                                 const Real* warm_start, StreamRef stream) {
+                                 const JacobianStart<Real>& start, StreamRef stream) {
   const ScopedFpEnv fp_env;
   check(batch, solution);
-  refuse_overlaps(batch, solution, warm_start);
+  refuse_overlaps(batch, solution, start);
   if (batch.env_count == 0) return;
-  solve_jacobian(*machine_, solver_, batch, solution, warm_start, stream);
+  solve_jacobian(*machine_, solver_, batch, solution, start, stream);
 }
 
 template JacobianCapacity JacobianCapacity::of(const JacobianBatchView<float>&, FactorUse);

@@ -7,13 +7,14 @@ namespace stiction {
 /// What Newton's method in velocities is to do of a solve.
 template <class Real>
 VelocityJob<Real> newton_job(const JacobianBatchView<Real>& batch, const SolverOptions& options,
-                             const JacobianSolutionView<Real>& solution, const Real* warm_start) {
+                             const JacobianSolutionView<Real>& solution, const JacobianStart<Real>& start) {
   VelocityJob<Real> job;
   job.batch = batch;
   job.law = options.law.value_or(batch.law);
   job.tolerance = options.tolerance;
   job.max_iterations = options.max_iterations;
-  job.warm_start = warm_start;
+  job.warm_start = start.reactions;
+  job.warm_velocity = start.velocities;
   job.to = solution;
   return job;
 }

@@ -146,14 +146,28 @@ auto arrays_of(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& s
                     NamedArray::of("solution.status", solution.status, batch.env_count)};
 }
 
-/// Of a batch, where its answer goes, and where it starts from. A warm start may be the very array of the reactions,
-/// the first output: an environment's guess is read before its answer is written.
+/// Of a first guess and the outputs. It may be the very array that it is a guess of: an environment's guess is read
+/// before its answer is written.
+inline void refuse_overlaps_of_guess(std::span<const NamedArray> outputs, std::size_t guessed, const NamedArray& guess) {
+  for (std::size_t i = 0; i < outputs.size(); ++i)
+    if (i != guessed || guess.begin != outputs[i].begin) refuse_overlaps(outputs.subspan(i, 1), std::span(&guess, 1));
+}
+
+/// Of a batch, where its answer goes, and the reactions that it starts from, which are the first output's.
 template <class Batch, class Solution, class Real>
 void refuse_overlaps(const Batch& batch, const Solution& solution, const Real* warm_start) {
   const auto outputs = arrays_of(batch, solution);
   refuse_overlaps(outputs, arrays_of(batch));
-  const std::array guess{NamedArray{"warm_start", warm_start, warm_start == nullptr ? 0 : outputs[0].bytes}};
-  refuse_overlaps(std::span(outputs).subspan(warm_start == outputs[0].begin ? 1 : 0), guess);
+  refuse_overlaps_of_guess(outputs, 0, {"warm_start", warm_start, warm_start == nullptr ? 0 : outputs[0].bytes});
+}
+template <class Real>
+void refuse_overlaps(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+                     const JacobianStart<Real>& start) {
+  refuse_overlaps(batch, solution, start.reactions);
+  const auto outputs = arrays_of(batch, solution);
+  constexpr std::size_t kVelocity = 2;
+  refuse_overlaps_of_guess(outputs, kVelocity,
+                           NamedArray::of("start.velocities", start.velocities, batch.dof_count));
 }
 
 }  // namespace stiction

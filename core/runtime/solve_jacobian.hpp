@@ -10,16 +10,16 @@ namespace stiction {
 /// before, but for numbers.
 template <class Real>
 void solve_jacobian(JacobianMachine<Real>& machine, const Solver& solver, const JacobianBatchView<Real>& batch,
-                    const JacobianSolutionView<Real>& solution, const Real* warm_start, StreamRef stream) {
+                    const JacobianSolutionView<Real>& solution, const JacobianStart<Real>& start, StreamRef stream) {
   const SolverOptions& options = solver.options();
   const auto assemble = [&] {
     const bool by_newton = takes_newton(options);
     const ScopedSpan span(options.tracer, by_newton ? "velocity_newton" : "assemble", nullptr, 0, batch.env_count);
-    const VelocityJob<Real> newton = newton_job(batch, options, solution, warm_start);
+    const VelocityJob<Real> newton = newton_job(batch, options, solution, start);
     return machine.assemble(batch, by_newton ? &newton : nullptr, stream);
   };
   const ContactBatchView<Real> contact = assemble();
-  if (contact.env_count > 0) solver.solve(contact, {solution.lambda, solution.w, solution.status}, warm_start, stream);
+  if (contact.env_count > 0) solver.solve(contact, {solution.lambda, solution.w, solution.status}, start.reactions, stream);
   machine.velocities(batch, solution, stream);
 }
 

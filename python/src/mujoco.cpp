@@ -35,7 +35,8 @@ MujocoSystem::MujocoSystem(MassForm form) : mass_form(form) {
   for (auto* offsets :
        {&env_row_offsets, &env_cone_offsets, &env_dof_offsets, &env_mass_offsets, &cone_row_offsets, &row_offsets})
     offsets->assign(1, 0);
-  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &lambda, &velocity}) numbers->reserve(1);
+  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &start, &lambda, &velocity})
+    numbers->reserve(1);
   cone_kind.reserve(1);
   cone_id.reserve(1);
 }
@@ -91,7 +92,8 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
       system_(mass_form_of(options, layout_.nv)),
       previous_(system_.mass_form),
       solver_(Device::cpu(), options, {}),
-      was_reset_(data_.size(), 0) {}
+      was_reset_(data_.size(), 0),
+      starts_over_(data_.size(), 0) {}
 
 void MujocoSimulations::replace(std::size_t simulation, void* data) {
   data_.at(simulation) = data;
@@ -163,7 +165,7 @@ void MujocoSimulations::count() {
   const auto rows = static_cast<std::size_t>(to.env_row_offsets.back());
   const auto all_cones = static_cast<std::size_t>(to.env_cone_offsets.back());
   for (auto* row_array : {&to.target, &to.R, &to.mu, &to.lo, &to.hi, &to.lambda}) row_array->resize(rows);
-  for (auto* dof_array : {&to.v_free, &to.velocity})
+  for (auto* dof_array : {&to.v_free, &to.start, &to.velocity})
     dof_array->resize(static_cast<std::size_t>(to.env_dof_offsets.back()));
   to.M.resize(static_cast<std::size_t>(to.env_mass_offsets.back()));
   to.J.resize(static_cast<std::size_t>(entries));
@@ -290,7 +292,12 @@ void MujocoSimulations::fill(std::size_t env) {
   const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
   const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
   double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
-  for (std::size_t dof = 0; dof < static_cast<std::size_t>(nv); ++dof) v_free[place_of(dof)] = smooth[dof];
+  double* start = system_.start.data() + system_.env_dof_offsets[env];
+  const auto* last = starts_over_[env] != 0 ? smooth : array_at<const double>(data, layout_.qacc_warmstart);
+  for (std::size_t dof = 0; dof < static_cast<std::size_t>(nv); ++dof) {
+    v_free[place_of(dof)] = smooth[dof];
+    start[place_of(dof)] = last[dof];
+  }
   fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;
 
@@ -331,16 +338,20 @@ void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::v
   auto view = system_.view();
   if (!tolerance.empty()) view.env_tolerance = tolerance.data();
   if (!max_iterations.empty()) view.env_max_iterations = max_iterations.data();
-  const bool warm = warm_start_ > 0.0;
-  if (warm) {
+  const bool warm = warm_start_ > 0.0, by_accelerations = warm && starts_from_accelerations();
+  const bool by_reactions = warm && !by_accelerations;
+  if (by_reactions) {
     make_room();
     guess_.reserve(1);
     guess_.resize(system_.R.size());
     store_->load(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
   }
-  solver_.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()},
-                warm ? guess_.data() : nullptr);
-  if (!warm) return;
+  const JacobianStart<double> start{by_reactions ? guess_.data() : nullptr,
+                                    by_accelerations ? system_.start.data() : nullptr};
+  solver_.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()}, start);
+  for (std::size_t env = 0; env < data_.size(); ++env)
+    if (active_[env] != 0) starts_over_[env] = 0;
+  if (!by_reactions) return;
   store_->store(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
                 layout_.timestep);
   was_reset_.assign(data_.size(), 0);

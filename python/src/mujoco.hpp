@@ -57,6 +57,7 @@ struct MujocoSystem {
   std::vector<std::uint8_t> cone_kind;
   std::vector<std::uint64_t> cone_id;
   std::vector<double> J, M, v_free, target, R, mu, lo, hi;
+  std::vector<double> start;  ///< accelerations to start from, where mass_form is matrix
   std::vector<double> lambda, velocity;
   std::vector<EnvStatus> status;
 
@@ -86,7 +87,7 @@ class MujocoSimulations {
   void solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations);
   /// Writes qacc, efc_force, efc_state and qfrc_constraint, as MuJoCo's own solver does.
   void scatter();
-  /// Drops the stored reactions of simulations that start over.
+  /// Drops what simulations that start over would start from.
   void reset_warm_start(const std::vector<Offset>& simulations);
 
   /// Runge-Kutta of order 4 as mj_RungeKutta does it, with the constraints of all simulations solved between its
@@ -121,6 +122,11 @@ class MujocoSimulations {
   }
   void advance(std::size_t env, const double* velocity, const double* acceleration, double dt);
   void make_room();
+  /// Whether solves start from MuJoCo's qacc_warmstart. Newton's method in velocities then has no use for reactions, and
+  /// what it leaves to others (no more than a few, if R > 0) starts from none.
+  [[nodiscard]] bool starts_from_accelerations() const {
+    return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
+  }
 
   MujocoLayout layout_;
   MujocoFunctions functions_;
@@ -132,7 +138,8 @@ class MujocoSimulations {
   MujocoSystem system_, previous_;
   JacobianSolver<double> solver_;
   std::unique_ptr<WarmStartStore<double>> store_;
-  std::vector<std::uint8_t> was_reset_;  ///< since the last store
+  std::vector<std::uint8_t> was_reset_;    ///< since the last store
+  std::vector<std::uint8_t> starts_over_;  ///< since its last solve
   std::vector<double> guess_;
   std::vector<RungeKutta> rk4_;
 };

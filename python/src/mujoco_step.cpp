@@ -94,7 +94,8 @@ void MujocoSimulations::scatter() {
 
 void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations) {
   if (store_) store_->reset(simulations);
-  for (const Offset env : simulations) was_reset_.at(static_cast<std::size_t>(env)) = 1;
+  for (const Offset env : simulations)
+    was_reset_.at(static_cast<std::size_t>(env)) = starts_over_.at(static_cast<std::size_t>(env)) = 1;
 }
 
 void MujocoSimulations::rk4_begin() {

@@ -63,13 +63,13 @@ SolutionView<Real> solution_view(const Outputs& out, Offset row_count, Offset en
 }
 
 template <class Real>
-const Real* guess_of(const Array* array, Offset row_count) {
+const Real* guess_of(const Array* array, Offset count, const char* name) {
   if (array == nullptr) return nullptr;
-  if (array->size() < row_count)
-    throw nb::value_error(
-        ("warm_start: expected " + std::to_string(row_count) + " numbers, got " + std::to_string(array->size()))
-            .c_str());
-  return array->read<Real>("warm_start");
+  if (array->size() < count)
+    throw nb::value_error((std::string(name) + ": expected " + std::to_string(count) + " numbers, got " +
+                           std::to_string(array->size()))
+                              .c_str());
+  return array->read<Real>(name);
 }
 
 FormSolver::FormSolver(Device device, const SolverOptions& options, const Capacity& capacity)
@@ -117,13 +117,14 @@ JacobianSolver<Real>& FormSolver::jacobian(const JacobianBatchView<Real>& batch,
   return *solver;
 }
 
-void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Start& start, StreamRef stream,
                        const std::optional<JacobianCapacity>& room) {
   std::visit(
       [&]<class Real>(const JacobianBatchView<Real>& view) {
         const auto contact = solution_view<Real>(out, view.row_count, view.env_count);
         Real* velocity = room_for<Real>(out.velocity, "velocities", view.dof_count);
-        const Real* guess = guess_of<Real>(warm_start, view.row_count);
+        const JacobianStart<Real> guess{guess_of<Real>(start.reactions, view.row_count),
+                                        guess_of<Real>(start.velocities, view.dof_count, "warm_velocities")};
         const nb::gil_scoped_release unlocked;
         const std::lock_guard lock(mutex_);
         jacobian(view, room).solve(view, {contact.lambda, contact.w, velocity, contact.status}, guess, stream);
@@ -201,12 +202,13 @@ void bind_solver(nb::module_& module) {
       .def(
           "solve_jacobian",
           [](FormSolver& self, const JacobianView& batch, const Array* lambda, const Array* w, const Array* velocity,
-             const Array* status, const Array* warm_start, std::uintptr_t stream,
+             const Array* status, const Array* warm_start, const Array* warm_velocities, std::uintptr_t stream,
              const std::optional<JacobianCapacity>& room) {
-            self.solve(batch, outputs(lambda, w, velocity, status), warm_start, stream_from(stream), room);
+            self.solve(batch, outputs(lambda, w, velocity, status), Start{warm_start, warm_velocities},
+                       stream_from(stream), room);
           },
           nb::arg("batch"), nb::arg("lambda_"), nb::arg("w").none(), nb::arg("velocities").none(), nb::arg("status"),
-          nb::arg("warm_start").none(), nb::arg("stream"), nb::arg("room").none())
+          nb::arg("warm_start").none(), nb::arg("warm_velocities").none(), nb::arg("stream"), nb::arg("room").none())
       .def(
           "synchronize", [](FormSolver& self, std::uintptr_t stream) { self.synchronize(stream_from(stream)); },
           nb::arg("stream"))
@@ -217,7 +219,7 @@ void bind_solver(nb::module_& module) {
 
 template SolutionView<float> solution_view(const Outputs&, Offset, Offset);
 template SolutionView<double> solution_view(const Outputs&, Offset, Offset);
-template const float* guess_of(const Array*, Offset);
-template const double* guess_of(const Array*, Offset);
+template const float* guess_of(const Array*, Offset, const char*);
+template const double* guess_of(const Array*, Offset, const char*);
 
 }  // namespace stiction::python

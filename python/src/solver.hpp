@@ -23,6 +23,12 @@ struct Outputs {
   const Array* status = nullptr;
 };
 
+/// Where a solve of J and M starts; those that are not given are null.
+struct Start {
+  const Array* reactions = nullptr;
+  const Array* velocities = nullptr;
+};
+
 /// How bodies are stepped and solved.
 struct BodyOptions {
   TimeStepping stepping;
@@ -38,7 +44,7 @@ class FormSolver {
   /// A batch in device memory takes `room`, or what it needs itself where its structure can be read here.
   void solve(const ContactView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
              const std::optional<Capacity>& room);
-  void solve(const JacobianView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
+  void solve(const JacobianView& batch, const Outputs& out, const Start& start, StreamRef stream,
              const std::optional<JacobianCapacity>& room);
   void synchronize(StreamRef stream);
 
@@ -75,7 +81,7 @@ T* room_for(const Array* array, const char* name, Offset length) {
 
 /// A warm start, or null. \throws as room_for
 template <class Real>
-const Real* guess_of(const Array* array, Offset row_count);
+const Real* guess_of(const Array* array, Offset count, const char* name = "warm_start");
 
 inline StreamRef stream_from(std::uintptr_t handle) {
   return StreamRef(reinterpret_cast<void*>(handle));

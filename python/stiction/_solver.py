@@ -86,17 +86,17 @@ class _SolverBase:
                              f"there, or make the solver with device={batch.device!r}")
         return self.device == "emulated" or batch.device != "cpu"
 
-    def _finish(self, batch, solution, guess, stream, handle, on_device, start):
+    def _finish(self, batch, solution, guess, stream, handle, on_device, start, moving=None):
         """Waits where the caller could not, counts, and says whether the answer is still queued."""
         queued = on_device and (stream is not None or batch.framework.has_streams)
         if queued:
             # Memory of frameworks with streams outlives its last use on its stream by their own care.
             if not batch.framework.has_streams:
-                self._in_flight.append((batch, solution, guess))
+                self._in_flight.append((batch, solution, guess, moving))
             solution._wait = lambda: self.synchronize(handle)
         elif on_device:
             self._core.synchronize(handle)
-        self._statistics.note(batch, solution, guess, time.perf_counter() - start, queued)
+        self._statistics.note(batch, solution, guess, time.perf_counter() - start, queued, moving is not None)
         return queued
 
 
@@ -105,10 +105,11 @@ class _CachedCall:
     in a call that finds its caches empty every line of Python that does not run counts.
     """
 
-    __slots__ = ("batch", "out", "warm_start", "environments", "refresh", "run")
+    __slots__ = ("batch", "out", "warm_start", "warm_velocities", "environments", "refresh", "run")
 
-    def __init__(self, batch, out, warm_start, run):
-        self.batch, self.out, self.warm_start, self.run = batch, out, warm_start, run
+    def __init__(self, batch, out, warm_start, warm_velocities, run):
+        self.batch, self.out, self.run = batch, out, run
+        self.warm_start, self.warm_velocities = warm_start, warm_velocities
         self.environments = len(batch)
         is_fixed = batch.layout is None or batch.layout.fixed
         self.refresh = None if is_fixed else batch._refresh
@@ -151,45 +152,60 @@ class Solver(_SolverBase):
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
         self._last = None  # the last solve, if it can be repeated as it was
 
-    def solve(self, batch: Batch, out=None, warm_start=None, stream=None) -> Solution:
+    def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None) -> Solution:
         """Solves every environment of the batch and returns the Solution.
 
         out: a Solution of an earlier solve, or a dict of arrays lambda_, status (uint8 (B, 32) or STATUS_DTYPE), w and
             velocities (may be left out), to be written in place; None: new memory.
-        warm_start: reactions to start from, shaped like lambda_; None: zero.
+        warm_start: reactions to start from, shaped like lambda_; or a Solution, for its reactions and, of J and M, its
+            velocities; None: zero.
+        warm_velocities: of J and M, velocities to start from [v], shaped like `velocities` of the answer, which they may
+            be; None: those of a Solution given as warm_start, else v_free. They are for Newton's method in velocities.
         stream: CUDA stream to queue on, an int, a PyTorch, CuPy or Warp stream, or an object with __cuda_stream__; None:
             the one that the batch's framework works in. Solves of host memory are complete on return; of device memory
             they are queued, unless the framework has no streams.
         """
         last = self._last
-        if last is not None and batch is last.batch and out is last.out and warm_start is last.warm_start and stream is None:
+        if (last is not None and batch is last.batch and out is last.out and warm_start is last.warm_start
+                and warm_velocities is last.warm_velocities and stream is None):
             if last.refresh is not None:
                 last.refresh()
             start = time.perf_counter()
             last.run()
-            self._statistics.keep(last.environments, time.perf_counter() - start, warm_start is not None, out._raw)
+            is_warm = warm_start is not None or warm_velocities is not None
+            self._statistics.keep(last.environments, time.perf_counter() - start, is_warm, out._raw)
             return out
         on_device = self._on_device(batch)
         handle = _streams.handle_of(stream, batch.framework, batch.device)
         batch._refresh()
         solution = Solution.empty(batch) if out is None else Solution.over(batch, out)
-        guess = None
-        given = warm_start
-        if warm_start is not None:
-            if isinstance(warm_start, Solution):
-                warm_start = warm_start.lambda_
-            guess = take("warm_start", warm_start, batch.dtype, tuple(solution._seen["lambda_"].shape), batch.device)
-        run = self._call(batch, solution, guess, handle, on_device)
+        given = warm_start, warm_velocities
+        if isinstance(warm_start, Solution):
+            if warm_velocities is None and batch.form == "jacobian":
+                warm_velocities = warm_start.velocities
+            warm_start = warm_start.lambda_
+        guess = None if warm_start is None else take(
+            "warm_start", warm_start, batch.dtype, tuple(solution._seen["lambda_"].shape), batch.device)
+        moving = None if warm_velocities is None else self._take_velocities(batch, warm_velocities)
+        run = self._call(batch, solution, guess, moving, handle, on_device)
         start = time.perf_counter()
         run()
-        self._finish(batch, solution, guess, stream, handle, on_device, start)
+        self._finish(batch, solution, guess, stream, handle, on_device, start, moving)
         # Memory of other frameworks may become other memory behind the same object.
-        is_plain = solution is out and stream is None and not on_device and not isinstance(given, Solution)
+        is_plain = solution is out and stream is None and not on_device and not isinstance(given[0], Solution)
         can_repeat = is_plain and batch.framework is NUMPY and self._statistics.only_keeps
-        self._last = _CachedCall(batch, out, given, run) if can_repeat else None
+        self._last = _CachedCall(batch, out, *given, run) if can_repeat else None
         return solution
 
-    def _call(self, batch, solution, guess, handle, on_device):
+    @staticmethod
+    def _take_velocities(batch, velocities):
+        """The caller's velocities to start from, in a batch that has any use for them."""
+        if batch.form != "jacobian":
+            raise ValueError(f"warm_velocities: expected None for a batch of form {batch.form!r}: they are for batches of J "
+                             "and M (Batch.from_jacobian)")
+        return take("warm_velocities", velocities, batch.dtype, batch.dof_shape, batch.device)
+
+    def _call(self, batch, solution, guess, moving, handle, on_device):
         """The call of the C++ solver that this is."""
         view, seen, room = batch._view(on_device), solution._seen, batch._room() if on_device else None
         lambda_, w, status = seen["lambda_"], seen.get("w"), seen["status"]
@@ -198,7 +214,7 @@ class Solver(_SolverBase):
             return functools.partial(self._core.solve_contacts, view, lambda_, w, status, guess, handle, room)
         if batch.form == "jacobian":
             return functools.partial(self._core.solve_jacobian, view, lambda_, w, seen.get("velocities"), status, guess,
-                                     handle, room)
+                                     moving, handle, room)
         _need_twists(seen)
         key = (batch.law, *batch.stepping)
         if key not in self._bodies:

@@ -47,9 +47,9 @@ class _Statistics:
         if records is not None:
             self._take(records)
 
-    def note(self, batch, solution, guess, seconds, queued):
+    def note(self, batch, solution, guess, seconds, queued, has_velocities=False):
         """Takes one solve in. One that is still queued is looked at when it is asked for: nothing waits for it here."""
-        self.keep(len(batch), seconds, guess is not None, None if queued else solution.status)
+        self.keep(len(batch), seconds, guess is not None or has_velocities, None if queued else solution.status)
         if queued:
             self._late = [solution]
             return

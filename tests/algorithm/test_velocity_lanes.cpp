@@ -43,7 +43,8 @@ struct Answers {
 
 /// Environments of a batch in the lanes of packs, in that order.
 template <class Wide>
-auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance) {
+auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance,
+                    const JacobianStart<Scalar<Wide>>& start = {}) {
   using Real = Scalar<Wide>;
   using Types = LaneTypes<Wide>;
   Answers<Real> answers;
@@ -58,6 +59,8 @@ auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<
   job.law = view.law;
   job.tolerance = tolerance;
   job.max_iterations = 100;
+  job.warm_start = start.reactions;
+  job.warm_velocity = start.velocities;
   job.to = {answers.lambda.data(), answers.w.data(), answers.velocity.data(), answers.status.data()};
   job.answered = answers.answered.data();
   std::vector<Offset> lists;
@@ -110,15 +113,46 @@ void expect_the_same(const Answers<Real>& expected, const Answers<Real>& actual)
   EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(actual.status)));
 }
 
+/// Guesses near the answers, some of which are not finite.
+template <class Real>
+struct Guess {
+  std::vector<Real> reactions, velocities;
+
+  Guess(const JacobianBatchView<Real>& batch, const Answers<Real>& answers)
+      : reactions(answers.lambda), velocities(answers.velocity) {
+    scenes::Rng rng(5);
+    const auto disturb = [&](std::vector<Real>& numbers) {
+      for (Real& number : numbers) number *= static_cast<Real>(1.0 + rng.symmetric(0.1));
+    };
+    disturb(reactions);
+    disturb(velocities);
+    reactions[static_cast<std::size_t>(batch.env_row_offsets[4])] = std::numeric_limits<Real>::infinity();
+    velocities[static_cast<std::size_t>(batch.env_dof_offsets[9])] = std::numeric_limits<Real>::quiet_NaN();
+  }
+};
+
 template <class Wide>
 void expect_the_bits_of_single_environments(Law law, double tolerance) {
   using Real = Scalar<Wide>;
   const auto batch = unlike_chains<Real>(law);
-  const auto expected = solve_in_packs<Real>(batch, upwards(batch.env_count()), tolerance);
-  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), law == Law::convex ? 21 : 15)
+  const auto upward = upwards(batch.env_count());
+  const auto cold = solve_in_packs<Real>(batch, upward, tolerance);
+  EXPECT_GE(std::count(cold.answered.begin(), cold.answered.end(), 1), law == Law::convex ? 21 : 15)
       << "fewer are solved than were";
-  expect_the_same(expected, solve_in_packs<Wide>(batch, upwards(batch.env_count()), tolerance));
-  expect_the_same(expected, solve_in_packs<Wide>(batch, shuffled(batch.env_count()), tolerance));
+  const Guess<Real> guess(batch.view(), cold);
+  const Real* const reactions = guess.reactions.data();
+  const Real* const velocities = guess.velocities.data();
+  for (const JacobianStart<Real>& start :
+       {JacobianStart<Real>{}, JacobianStart<Real>{reactions, nullptr}, JacobianStart<Real>{nullptr, velocities},
+        JacobianStart<Real>{reactions, velocities}}) {
+    SCOPED_TRACE(::testing::Message() << "reactions " << (start.reactions != nullptr) << ", velocities "
+                                      << (start.velocities != nullptr));
+    const auto expected = solve_in_packs<Real>(batch, upward, tolerance, start);
+    expect_the_same(expected, solve_in_packs<Wide>(batch, upward, tolerance, start));
+    expect_the_same(expected, solve_in_packs<Wide>(batch, shuffled(batch.env_count()), tolerance, start));
+    const auto rejected = static_cast<std::uint32_t>(kFlagWarmStartRejected);
+    EXPECT_EQ(expected.status[9].flags, start.velocities != nullptr ? rejected : 0U);
+  }
 }
 
 TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {

@@ -41,6 +41,7 @@ struct LaneProgress {
   Index mixed = 0;  ///< evaluations that the next shift may be mixed of
   bool is_busy = false;
   bool is_solved = false;
+  bool starts_at_velocity = false;  ///< and not at what reactions lead to
   bool has_outer = false;  ///< solves a sequence of problems: Coulomb's law, or a proximal term
 };
 

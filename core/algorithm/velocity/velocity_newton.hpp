@@ -146,18 +146,26 @@ class VelocityNewton {
       if (!is_set(is_finite, l)) progress_[l].flags |= kFlagWarmStartRejected;
   }
 
-  /// The first velocity: v_free, or what the warm start's reactions lead to. Those are evaluated as they are, and may
-  /// be the answer.
+  /// The first velocity: v_free, or what the warm start says. Where both velocities and reactions are given, a sequence
+  /// of problems starts from reactions, whose shifts velocities do not tell.
   STICTION_HD_OUTLINE void start() {
+    bool any_reactions = false;
     for (int l = 0; l < kLanes; ++l) {
       LaneProgress& lane = progress_[l];
       lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
+      lane.starts_at_velocity = job_.warm_velocity != nullptr && lane.is_busy &&
+                                !(lane.has_outer && job_.warm_start != nullptr) && has_finite_velocity(l);
+      any_reactions = any_reactions || (lane.is_busy && !lane.starts_at_velocity);
     }
-    if (job_.warm_start != nullptr) {
+    any_reactions = any_reactions && job_.warm_start != nullptr;
+    if (any_reactions) {
       load_guess();
-      for_each_proposal([&](int l, const FinalResidual& found) { judge_guess(l, found); });
+      for_each_proposal([&](int l, const FinalResidual& found) {
+        if (!progress_[l].starts_at_velocity) judge_guess(l, found);
+      });
       for (int l = 0; l < kLanes; ++l)
-        if (progress_[l].is_busy && progress_[l].has_outer) shift().renew(l, progress_[l]);
+        if (progress_[l].is_busy && progress_[l].has_outer && !progress_[l].starts_at_velocity)
+          shift().renew(l, progress_[l]);
       for_each_part([](const DoublePack<Types>& part) { WarmGuess<Types>{part}.aim(); });
     }
     for_each_part([&](const DoublePack<Types>& part) {
@@ -165,8 +173,25 @@ class VelocityNewton {
       for (Index k = 0; k < tree_.dofs; ++k) part.array(workspace_.v).put(k, part.array(workspace_.velocity)[k]);
     });
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
-    if (job_.warm_start != nullptr) step_to_guess();
+    if (any_reactions) step_to_guess();
+    if (job_.warm_velocity != nullptr) go_to_velocities();
     refresh();
+  }
+
+  /// A lane's velocity to start from.
+  [[nodiscard]] STICTION_HD Real first_velocity(int l, Index k) const {
+    return job_.warm_velocity[job_.batch.env_dof_offsets[envs_[l].env] + dof_of(envs_[l], k)];
+  }
+  [[nodiscard]] STICTION_HD bool has_finite_velocity(int l) {
+    Real nothing(0);  // NaN where anything is not finite
+    for (Index k = 0; k < envs_[l].dofs; ++k) nothing = fma_(first_velocity(l, k), Real(0), nothing);
+    if (nothing != Real(0)) progress_[l].flags |= kFlagWarmStartRejected;
+    return nothing == Real(0);
+  }
+  STICTION_HD_OUTLINE void go_to_velocities() {
+    for (int l = 0; l < kLanes; ++l)
+      for (Index k = 0; k < envs_[l].dofs && progress_[l].starts_at_velocity; ++k)
+        workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(first_velocity(l, k));
   }
 
   /// To the velocity at which M (v - v_free) is J' of the guess's reactions and what they answer to the motion that v
@@ -178,7 +203,10 @@ class VelocityNewton {
     factor_tree(tree_, workspace_.H, workspace_.inverse);
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, workspace_.gradient[k]);
     solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.moved);
-    const auto may_step = [&](int l) { return progress_[l].is_busy && progress_[l].max_iterations > 0; };
+    const auto may_step = [&](int l) {
+      const LaneProgress& lane = progress_[l];
+      return lane.is_busy && !lane.starts_at_velocity && lane.max_iterations > 0;
+    };
     const Wide stepping = lanes([&](int l) { return may_step(l) ? 1.0 : 0.0; });
     for (Index k = 0; k < tree_.dofs; ++k) {
       const Wide step = workspace_.moved[k];

@@ -116,6 +116,16 @@ class JacobianBatch {
 /// (docs/math/velocity_newton.md): a set of them is one word.
 inline constexpr Index kMostVelocityDofs = 64;
 
+/// Where a solve of J and M starts; both may be null: from v_free, without reactions. `velocities` are for Newton's
+/// method in velocities (docs/math/velocity_newton.md), which then has no use for the reactions of an environment, but
+/// where it solves a sequence of problems. All other methods start from `reactions`. An environment whose velocities
+/// are not finite starts without them, marked kFlagWarmStartRejected.
+template <class Real>
+struct JacobianStart {
+  const Real* reactions = nullptr;   ///< lambda [lambda]                               (row_count)
+  const Real* velocities = nullptr;  ///< v+, as of the last step or a prediction [v]   (dof_count)
+};
+
 /// Which environments are kept as factors.
 enum class FactorUse : std::uint8_t {
   never,

@@ -58,7 +58,8 @@ class JacobianSolver {
   JacobianSolver(JacobianSolver&&) noexcept;
   JacobianSolver& operator=(JacobianSolver&&) noexcept;
 
-  /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero.
+  /// Solves every environment. `start` is in the batch's memory. Its arrays may be the solution's own reactions and
+  /// velocities: an environment's start is read before its answer is written.
   ///
   /// A batch in device memory is read there, its integers too, in the order of `stream`: nothing waits, nothing is
   /// allocated, and what is queued can be captured into a graph and replayed after numbers, contacts and counts have
@@ -70,7 +71,12 @@ class JacobianSolver {
   /// the batch is not in this solver's memory, has more environments, rows or cones than there is room for or lacks an
   /// array; on the CPU also if its structure is broken or, with InvalidPolicy::reject, a number.
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
-             const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream());
+             const JacobianStart<Real>& start, StreamRef stream = StreamRef::default_stream());
+  /// Solves every environment from reactions, or from zero where `warm_start` is null.
+  void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+             const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) {
+    solve(batch, solution, JacobianStart<Real>{warm_start, nullptr}, stream);
+  }
 
   /// Throws what solve() throws for these arguments, but for numbers; writes nothing.
   void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution) const;
