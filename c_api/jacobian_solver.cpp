@@ -89,14 +89,20 @@ stiction_code stiction_jacobian_solver_destroy(stiction_jacobian_solver* solver)
 stiction_code stiction_jacobian_solver_solve(stiction_jacobian_solver* solver, const stiction_jacobian_view* batch,
                                              const stiction_jacobian_solution* solution, const void* warm_start,
                                              void* stream) {
+  return stiction_jacobian_solver_solve_from(solver, batch, solution, warm_start, nullptr, stream);
+}
+
+stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian_solver* solver, const stiction_jacobian_view* batch,
+                                                  const stiction_jacobian_solution* solution, const void* warm_start,
+                                                  const void* warm_velocities, void* stream) {
   return c::guarded([&] {
     const auto object = c::jacobian_solvers().get(solver);
     const stiction_jacobian_view given = c::read_struct(batch, "batch");
     const stiction_jacobian_solution answer = c::read_struct(solution, "solution");
     const auto precision = c::precision_of("batch.precision", given.precision);
     c::with_typed(*object, precision, [&]<class Real>(stiction::JacobianSolver<Real>& typed) {
-      typed.solve(c::to_cpp<Real>(given), c::to_cpp<Real>(answer), c::numbers<Real>(warm_start),
-                  stiction::StreamRef(stream));
+      const stiction::JacobianStart<Real> start{c::numbers<Real>(warm_start), c::numbers<Real>(warm_velocities)};
+      typed.solve(c::to_cpp<Real>(given), c::to_cpp<Real>(answer), start, stiction::StreamRef(stream));
     });
   });
 }

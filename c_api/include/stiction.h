@@ -132,6 +132,13 @@ STICTION_API stiction_code stiction_jacobian_solver_solve(stiction_jacobian_solv
                                                           const stiction_jacobian_view* batch,
                                                           const stiction_jacobian_solution* solution,
                                                           const void* warm_start, void* stream);
+/** Solves as stiction_jacobian_solver_solve, from velocities too (Real, dof_count, same memory; null: without). They may
+ * be the solution's own: docs/jacobian.md. */
+STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian_solver* solver,
+                                                               const stiction_jacobian_view* batch,
+                                                               const stiction_jacobian_solution* solution,
+                                                               const void* warm_start, const void* warm_velocities,
+                                                               void* stream);
 STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
 
 /* ---- Bodies and contact points (docs/bodies.md) ---- */

@@ -98,6 +98,7 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
 void MujocoSimulations::replace(std::size_t simulation, void* data) {
   data_.at(simulation) = data;
   reset_warm_start({static_cast<Offset>(simulation)});
+  starts_over_[simulation] = 0;  // the new one's accelerations are its own
 }
 
 void MujocoSimulations::configure(double timestep, bool sparse) {
@@ -293,10 +294,11 @@ void MujocoSimulations::fill(std::size_t env) {
   const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
   double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
   double* start = system_.start.data() + system_.env_dof_offsets[env];
-  const auto* last = starts_over_[env] != 0 ? smooth : array_at<const double>(data, layout_.qacc_warmstart);
+  const auto* last = array_at<const double>(data, layout_.qacc_warmstart);
+  const bool starts_over = starts_over_[env] != 0;
   for (std::size_t dof = 0; dof < static_cast<std::size_t>(nv); ++dof) {
     v_free[place_of(dof)] = smooth[dof];
-    start[place_of(dof)] = last[dof];
+    start[place_of(dof)] = starts_over ? 0.0 : last[dof];
   }
   fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;

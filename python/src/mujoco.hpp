@@ -73,7 +73,7 @@ class MujocoSimulations {
   MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model, std::vector<void*> data,
                     const SolverOptions& options, double warm_start);
 
-  /// Another mjData of the model in the place of one; what is stored of the simulation goes with the old one.
+  /// Another mjData of the model in the place of one; reactions stored of the simulation go with the old one.
   void replace(std::size_t simulation, void* data);
   /// Options of the model that may change between steps: time step [s], and whether efc_J is CSR.
   void configure(double timestep, bool sparse);
@@ -139,7 +139,7 @@ class MujocoSimulations {
   JacobianSolver<double> solver_;
   std::unique_ptr<WarmStartStore<double>> store_;
   std::vector<std::uint8_t> was_reset_;    ///< since the last store
-  std::vector<std::uint8_t> starts_over_;  ///< since its last solve
+  std::vector<std::uint8_t> starts_over_;  ///< from no acceleration, as after mj_resetData; since its last solve
   std::vector<double> guess_;
   std::vector<RungeKutta> rk4_;
 };

@@ -39,6 +39,13 @@ def controls(model, step, seed=0):
     return np.random.default_rng([seed, step]).uniform(-1, 1, model.nu)
 
 
+def disturb(simulation):
+    """Small velocities, so that no bodies lie symmetrically: step_side_by_side() says why. Within a step of RK4 contacts are
+    found three times more, from what the solver's last bits have led to."""
+    data = simulation.data[0]
+    data.qvel[:] = 1e-3 * np.random.default_rng(7).standard_normal(len(data.qvel))
+
+
 def step_side_by_side(simulation, peer, ctrl):
     """One step of both from the simulation's state; how far apart their positions are then.
 

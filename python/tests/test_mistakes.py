@@ -78,6 +78,10 @@ MISTAKES = {
                     lambda: Solver().solve(Batch.from_delassus(A, b), out={"forces": b})),
     "warm start": (ValueError, "warm_start: expected float64 (2, 6)",
                    lambda: Solver().solve(Batch.from_delassus(A, b), warm_start=np.zeros((2, 3)))),
+    "warm velocities of another form": (ValueError, "warm_velocities: expected None for a batch of form 'delassus'",
+                                        lambda: Solver().solve(Batch.from_delassus(A, b), warm_velocities=b)),
+    "warm velocities": (ValueError, "warm_velocities: expected float64 (2, 6)",
+                        lambda: Solver().solve(Batch.from_jacobian(A, A, b), warm_velocities=np.zeros((2, 5)))),
     "stream": (TypeError, "stream: expected None, an int, a stream of PyTorch, CuPy or Warp, or an object with "
                           "__cuda_stream__, got str",
                lambda: Solver(device="emulated").solve(Batch.from_delassus(A, b), stream="main")),

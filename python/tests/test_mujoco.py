@@ -9,7 +9,7 @@ mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco is NOT tested: pi
 
 import stiction  # noqa: E402
 import stiction.mujoco  # noqa: E402
-from mujoco_zoo import controls, step_side_by_side, zoo  # noqa: E402
+from mujoco_zoo import controls, disturb, step_side_by_side, zoo  # noqa: E402
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 
@@ -169,6 +169,7 @@ def test_steps_with_mujocos_own_solver_are_mj_steps(cone, integrator):
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_steps_with_stiction_are_nearly_mj_steps(integrator):
     simulation = stiction.mujoco.BatchedSimulation(zoo(integrator=integrator), 1, tolerance=1e-12)
+    disturb(simulation)
     peer = mujoco.MjData(simulation.model)
     for step in range(40):
         assert step_side_by_side(simulation, peer, controls(simulation.model, step)) < 1e-11

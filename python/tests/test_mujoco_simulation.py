@@ -9,7 +9,7 @@ mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco is NOT tested: pi
 
 import stiction  # noqa: E402
 import stiction.mujoco  # noqa: E402
-from mujoco_zoo import controls, step_side_by_side, zoo  # noqa: E402
+from mujoco_zoo import controls, disturb, step_side_by_side, zoo  # noqa: E402
 from stiction import _mujoco_layout  # noqa: E402
 
 
@@ -29,6 +29,48 @@ def test_a_warm_start_saves_iterations_and_can_be_reset():
         drop([0])
         simulation.forward()
         assert int(simulation.status["iterations"][0]) > warm, drop
+
+
+def test_solves_start_from_qacc_warmstart():
+    """Where that is the answer, no iteration is left."""
+    model = zoo()
+    exact = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-12)
+    exact.step(controls(model, 0)[None], nstep=30)
+    exact.forward()
+    data = exact.data[0]
+    data.qacc_warmstart[:] = data.qacc
+    iterations = {}
+    for warm in (0.0, 0.95):
+        simulation = stiction.mujoco.BatchedSimulation(model, [data], tolerance=1e-6, warm_start=warm)
+        simulation.forward()
+        assert "velocity_newton" in simulation.solver.stats()["solvers"]
+        iterations[warm] = int(simulation.status["iterations"][0])
+    assert iterations == {0.0: pytest.approx(2, abs=1), 0.95: 0}
+
+
+def test_what_mjdata_holds_is_all_that_a_step_starts_from():
+    """A copy of a simulation goes on as the simulation does, and a reset one as a new one: nothing is stored elsewhere."""
+    model = zoo()
+    simulation = stiction.mujoco.BatchedSimulation(model, 2)
+    simulation.step(nstep=20)
+    copy = mujoco.MjData(model)
+    mujoco.mj_copyData(copy, model, simulation.data[1])
+    other = stiction.mujoco.BatchedSimulation(model, [copy])
+    simulation.reset([0])
+    simulation.step(nstep=20)
+    other.step(nstep=20)
+    np.testing.assert_array_equal(simulation.data[1].qpos, other.data[0].qpos)
+    fresh = stiction.mujoco.BatchedSimulation(model, 1)
+    fresh.step(nstep=20)
+    np.testing.assert_array_equal(simulation.data[0].qpos, fresh.data[0].qpos)
+    # As after mj_resetData, accelerations to start from are zero where only they are dropped.
+    simulation.data[0].qacc_warmstart[:] = np.nan
+    simulation.reset_warm_start([0])
+    simulation.forward()
+    assert simulation.status["flags"][0] == 0
+    simulation.forward()
+    assert simulation.status["flags"][0] == 1 << stiction.FLAGS.index("warm_start_rejected")
+    assert (simulation.status["code"] == 0).all()
 
 
 def test_simulations_that_are_not_active_stay_as_they_are():
@@ -141,6 +183,7 @@ def test_a_model_without_constraints_falls():
 def test_options_of_the_model_may_change_between_steps():
     # Only a time step that is read anew has the same clock and the same fall.
     simulation = stiction.mujoco.BatchedSimulation(zoo(integrator="RK4"), 1, tolerance=1e-12)
+    disturb(simulation)
     peer = mujoco.MjData(simulation.model)
     for step, (timestep, jacobian) in enumerate(((0.004, 0), (0.002, 1), (0.002, 0), (0.003, 1))):
         simulation.model.opt.timestep, simulation.model.opt.jacobian = timestep, jacobian

@@ -92,6 +92,20 @@ TEST(CSameBits, JacobianBatches) {
   STICTION_OK_OR_SAY(stiction_jacobian_solver_solve(solver, &view, &answer, nullptr, nullptr));
   EXPECT_TRUE(same_bits(expected.contact, found));
   EXPECT_TRUE(same_bits(std::span<const double>(expected.velocity), std::span<const double>(velocity)));
+
+  // From velocities, those of the answer itself.
+  Solution<double> from = room_for<double>(batch.row_count(), batch.env_count());
+  std::vector<double> start(velocity);
+  for (double& one : start) one *= 1.25;
+  std::vector<double> reached(start);
+  JacobianSolver<double> same(Device::cpu(), SolverOptions{}, {}, FactorUse::always);
+  same.solve(batch.view(), {from.lambda.data(), from.w.data(), reached.data(), from.status.data()},
+             JacobianStart<double>{nullptr, start.data()});
+  answer.velocity = start.data();
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_solve_from(solver, &view, &answer, nullptr, start.data(), nullptr));
+  EXPECT_TRUE(same_bits(from, found));
+  EXPECT_TRUE(same_bits(std::span<const double>(reached), std::span<const double>(start)));
+  EXPECT_NE(expected.contact.lambda, from.lambda) << "the start was not read";
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 

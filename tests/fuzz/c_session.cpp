@@ -283,8 +283,11 @@ void Session<Real>::solve_jacobians(Bytes& bytes) {
   spoil_solution(solution, bytes);
   if (bytes.once_in(16)) solution.velocity = nullptr;
   const std::vector<Real> start = warm_start<Real>(bytes, kAllRows);
-  const bool done = succeeded(stiction_jacobian_solver_solve(jacobian_solver_.handle, &jacobians_.view, &solution,
-                                                             bytes.once_in(4) ? start.data() : nullptr, nullptr));
+  const Real* const reactions = bytes.once_in(4) ? start.data() : nullptr;
+  const std::vector<Real> motion = warm_start<Real>(bytes, kAllDofs);
+  const Real* const velocities = bytes.once_in(4) ? motion.data() : nullptr;
+  const bool done = succeeded(stiction_jacobian_solver_solve_from(jacobian_solver_.handle, &jacobians_.view, &solution,
+                                                                  reactions, velocities, nullptr));
   require_outcome(done, jacobian_solver_.alive, answers);
   succeeded(stiction_jacobian_solver_synchronize(jacobian_solver_.handle, nullptr));
 }

@@ -76,6 +76,11 @@ struct DoublePack {
       }
   }
 
+  /// step = v - v_free.
+  STICTION_HD void write_change() const {
+    for (Index k = 0; k < tree.dofs; ++k) put(workspace.step, k, array(workspace.v)[k] - number(workspace.v_free, k));
+  }
+
   /// gradient = M (v - v_free) - J' x.
   STICTION_HD_OUTLINE void refresh_gradient() const {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
@@ -191,7 +196,7 @@ struct DoublePack {
     return lanes;
   }
 
-  /// The weights of cones in the residual, and the largest |b| (docs/math/residual.md).
+  /// The weights of cones in the residual, and the largest |b| (docs/math/residual.md). b goes to `motion`.
   STICTION_HD_OUTLINE Double find_scale() const {
     const Doubles weight = array(workspace.weight), diagonal = array(workspace.diagonal);
     const Doubles velocity = array(workspace.velocity);
@@ -202,7 +207,9 @@ struct DoublePack {
       Double sum(0);
       for (Index k = 0; k < slot.rows; ++k) {
         sum = sum + (diagonal[slot.row + k] + number(workspace.R, slot.row + k));
-        largest = max_(abs_(row_motion(slot, k, velocity)), largest);
+        const Double b = row_motion(slot, k, velocity);
+        array(workspace.motion).put(slot.row + k, b);
+        largest = max_(abs_(b), largest);
       }
       weight.put(s, residual_weight(div_(sum, Double(static_cast<double>(slot.rows)))));
     }

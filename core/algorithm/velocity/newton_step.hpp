@@ -11,6 +11,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct NewtonPack {
   using Wide = typename Types::Wide;
+  using Real = typename Types::Real;
   using Numbers = typename Types::Numbers;
   const VelocityWorkspace<Types>& workspace;
   const DofTree& tree;
@@ -76,6 +77,29 @@ struct NewtonPack {
           workspace.slope.put(3 * s + 1, point.slide);
           workspace.slope.put(3 * s + 2, point.bend);
         });
+  }
+
+  /// The cones' potentials at z, whose reactions are x: R' |x|^2 / 2 of a cone, and of a row that is held at a bound what
+  /// is linear beyond it.
+  STICTION_HD_OUTLINE Wide potential() const {
+    Wide sum(0);
+    for (Index row = 0; row < counts.rows; ++row) {
+      const Wide half = Wide(static_cast<Real>(0.5)) * (workspace.R[row] + workspace.prox[row]);
+      sum = fma_(workspace.x[row], Wide(0) - fma_(half, workspace.x[row], workspace.z[row]), sum);
+    }
+    return sum;
+  }
+  /// step' M step / 2.
+  STICTION_HD_OUTLINE Wide energy() const {
+    Wide sum(0);
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Numbers row = workspace.M.from(tree.begin[k]);
+      const unsigned char* const path = tree.path(k);
+      Wide force = Wide(static_cast<Real>(0.5)) * row[tree.depth[k]] * workspace.step[k];
+      for (Index d = 0; d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
+      sum = fma_(force, workspace.step[k], sum);
+    }
+    return sum;
   }
 
   /// out = G in for the rows of a cone, in the batch's coordinates.

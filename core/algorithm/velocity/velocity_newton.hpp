@@ -149,14 +149,20 @@ class VelocityNewton {
   /// The first velocity: v_free, or what the warm start says. Where both velocities and reactions are given, a sequence
   /// of problems starts from reactions, whose shifts velocities do not tell.
   STICTION_HD_OUTLINE void start() {
-    bool any_reactions = false;
+    bool any_reactions = false, any_velocity = false;
     for (int l = 0; l < kLanes; ++l) {
       LaneProgress& lane = progress_[l];
       lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
       lane.starts_at_velocity = job_.warm_velocity != nullptr && lane.is_busy &&
                                 !(lane.has_outer && job_.warm_start != nullptr) && has_finite_velocity(l);
       any_reactions = any_reactions || (lane.is_busy && !lane.starts_at_velocity);
+      any_velocity = any_velocity || lane.starts_at_velocity;
     }
+    if (any_velocity)  // z at v_free, before anything is evaluated
+      for_each_part([&](const DoublePack<Types>& part) {
+        for (Index row = 0; row < counts_.rows; ++row)
+          part.put(workspace_.change, row, part.array(workspace_.motion)[row]);
+      });
     any_reactions = any_reactions && job_.warm_start != nullptr;
     if (any_reactions) {
       load_guess();
@@ -174,8 +180,11 @@ class VelocityNewton {
     });
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
     if (any_reactions) step_to_guess();
-    if (job_.warm_velocity != nullptr) go_to_velocities();
-    refresh();
+    if (any_velocity) {
+      start_at_velocities();
+    } else {
+      refresh();
+    }
   }
 
   /// A lane's velocity to start from.
@@ -188,10 +197,32 @@ class VelocityNewton {
     if (nothing != Real(0)) progress_[l].flags |= kFlagWarmStartRejected;
     return nothing == Real(0);
   }
-  STICTION_HD_OUTLINE void go_to_velocities() {
+  /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free: what a small
+  /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).
+  STICTION_HD_OUTLINE void start_at_velocities() {
+    for (Index row = 0; row < counts_.rows; ++row) workspace_.z.put(row, workspace_.change[row]);
+    pack_.refresh_reactions();
+    const Wide without = pack_.potential();
     for (int l = 0; l < kLanes; ++l)
       for (Index k = 0; k < envs_[l].dofs && progress_[l].starts_at_velocity; ++k)
         workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(first_velocity(l, k));
+    for_each_part([](const DoublePack<Types>& part) {
+      part.refresh_motion();
+      part.write_change();
+    });
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+    pack_.refresh_reactions();
+    const auto is_smaller = pack_.potential() + pack_.energy() <= without;
+    bool any_back = false;
+    for (int l = 0; l < kLanes; ++l) {
+      if (!progress_[l].starts_at_velocity || is_set(is_smaller, l)) continue;
+      any_back = true;
+      for (Index row = 0; row < counts_.rows; ++row) workspace_.z.at(row, l) = workspace_.change.at(row, l);
+      for (Index k = 0; k < tree_.dofs; ++k)
+        workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(workspace_.v_free.at(k, l));
+    }
+    if (any_back) pack_.refresh_reactions();
+    for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
   }
 
   /// To the velocity at which M (v - v_free) is J' of the guess's reactions and what they answer to the motion that v
