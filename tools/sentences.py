@@ -17,6 +17,7 @@ FENCE = re.compile(r"\s*(```|~~~)")
 ITEM = re.compile(r"(\s*)([*+-]|\d+[.)])(\s+)(?=\S)")
 SKIPPED = re.compile(r"\s*(#{1,6}\s|\[[^\]]+\]:|[-=*_]{3,}\s*$|!\[[^\]]*\]\([^)]*\)\s*$|<!--.*-->\s*$)")
 CELL_BORDER = re.compile(r"(?<!\\)\|")
+ALIGNED = re.compile(r"\s*\S.* {3,}\S")  # a row of a table by blanks
 TAG = re.compile(r"\s*[@\\](param|tparam|return|returns|throws|brief|pre|post|note|file)\b")
 
 CODE_SPAN = re.compile(r"(`+)(?!`).+?(?<!`)\1(?!`)|\$[^$\n]+\$")
@@ -67,7 +68,7 @@ def markdown_units(text):
             flush()
             units += [(number, cell.strip()) for cell in CELL_BORDER.split(line.strip()) if cell.strip()]
             continue
-        if item or TAG.match(line):
+        if item or TAG.match(line) or ALIGNED.match(line):
             flush()
             in_list = len(item[0]) if item else in_list
             line = line[len(item[0]):] if item else line

@@ -123,8 +123,8 @@ STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset r
   });
 }
 
-/// The places of all environments, and the end of each one's rows in the contact batch: that is where the next one with
-/// rows begins, which may be too broken to say so. One team's work.
+/// Computes the places of all environments, and the end of each one's rows in the contact batch. That is where the
+/// next one with rows begins, which may be too broken to say so. One team's work.
 template <Team TeamT, class Real>
 STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   const JacobianBatchView<Real>& batch = job.batch;

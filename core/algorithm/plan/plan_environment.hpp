@@ -15,7 +15,7 @@ struct PlanTarget {
   Index* color_count;     ///<                                                                  (1)
 };
 
-/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span, where entry_span is the room of an
+/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span. entry_span is the room of an
 /// environment's stored entries, row_offsets of its last row's end less that of its first row.
 STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Offset entry_span) {
   return ConflictGraph::elements(rows, cones, entry_span) + 3 * cones;

@@ -2,9 +2,9 @@
 
 #include "core/base/real.hpp"
 
-/// Euclidean projections onto the cones, in coordinates in which every friction cone is the circular unit cone
-/// x_n >= norm(x_t) (docs/math/cones.md). That this is not the Euclidean projection in the original coordinates is
-/// deliberate: both give valid complementarity functions, and this one has a closed form for any mu per axis.
+/// Euclidean projections onto the cones, in coordinates in which every friction cone is the circular unit cone x_n >=
+/// norm(x_t) (docs/math/cones.md). That this is not the Euclidean projection in the original coordinates is
+/// deliberate. Both give valid complementarity functions, and this one has a closed form for any mu per axis.
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>

@@ -3,7 +3,7 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/algorithm/rigid/body_pack.hpp"
 
-/// Environments that enter lanes of a body pack together, and those that may have their answers together: what
+/// Environments that enter lanes of a body pack together, and those that may have their answers together. What
 /// load_bodies(), begin_substep() and residual_of() do for one is done for all at once, by the same functions. Host
 /// only.
 namespace stiction::inline STICTION_ISA {

@@ -121,8 +121,8 @@ STICTION_HD void accelerated_sweep(TeamT& team, const EnvPair<Env>& env, const S
   follow(momentum.b, lead_b, progress.b);
 }
 
-/// refresh_bodies() in the lanes of `due`: contacts in order instead of bodies one by one, which gives each body's sum
-/// the same terms in the same order.
+/// Does refresh_bodies() in the lanes of `due`. It visits contacts in order instead of bodies one by one, which gives
+/// each body's sum the same terms in the same order.
 template <class T, int W, Law kLaw>
 STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, PackMask<T, W> due) {
   using Real = Pack<T, W>;

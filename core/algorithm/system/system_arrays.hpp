@@ -35,9 +35,9 @@ enum Outcome : int {
   kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and says so by a flag
 };
 
-/// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
-/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of
-/// two.
+/// The arrays every form of system has, in the solver's coordinates. Rows of friction cones are multiplied by mu, so
+/// that x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone. A and b are each multiplied by a
+/// power of two.
 template <class Real, int kStride>
 struct SystemArrays {
   Strided<Real, kStride> b;      ///< right-hand side                                   (n)

@@ -7,9 +7,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md). One
-/// factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb law
-/// de Saxce's shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
+/// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md).
+/// One factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb
+/// law de Saxce's shift is taken from the point before. The barrier may not fall faster than the shift settles.
 struct Ipm {
   static constexpr SolverKind kKind = SolverKind::ipm;
   static STICTION_HD constexpr Workspace workspace() {
