@@ -36,7 +36,7 @@ struct ObjectShape {
   std::uint64_t chunk_element_bytes = 0;       ///< the last of them
 };
 
-/// Looks through one message (file format specification, IV.A.2) for what HDF5 1.10.8 takes on trust: it decodes most
+/// Looks through one message (file format specification, IV.A.2) for what HDF5 1.10.8 takes on trust. It decodes most
 /// kinds without regard to where the message ends. Kinds that are not listed above are not decoded when arrays are
 /// read. Returns what is wrong, or nothing.
 std::string message_defect(MessageKind kind, std::span<const char> message, ObjectShape& shape);

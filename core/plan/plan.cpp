@@ -14,7 +14,7 @@
 namespace stiction {
 namespace {
 
-/// The integers of a batch. A plan is made from these and cannot see a number: order that depended on values would
+/// The integers of a batch. A plan is made from these and cannot see a number. Order that depended on values would
 /// differ between precisions, and between an environment and its poisoned twin.
 struct Structure {
   Offset env_count, cone_count, row_count, nonzero_count;

@@ -60,15 +60,16 @@ class JacobianSolver {
 
   /// Solves every environment. `warm_start` (row_count, same space) may be null: start from zero.
   ///
-  /// A batch in device memory is read there, its integers too, in the order of `stream`: nothing waits, nothing is
-  /// allocated, and what is queued can be captured into a graph and replayed after numbers, contacts and counts have
+  /// A batch in device memory is read there, its integers too, in the order of `stream`; nothing waits, nothing is
+  /// allocated. What is queued can be captured into a graph and replayed after numbers, contacts and counts have
   /// changed in place. Solves on several streams follow one another. An environment larger than the capacity is marked
-  /// kFlagOverCapacity; so is, where A or Y run out of room, the first that does not fit and every later one of its
+  /// kFlagOverCapacity. So is, where A or Y run out of room, the first that does not fit and every later one of its
   /// form. One whose offsets or columns are out of order is marked kFlagBadStructure and its velocity is not written.
-  /// All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A batch in host
-  /// memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything is written, if
-  /// the batch is not in this solver's memory, has more environments, rows or cones than there is room for or lacks an
-  /// array; on the CPU also if its structure is broken or, with InvalidPolicy::reject, a number.
+  /// All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A batch in
+  /// host memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything is
+  /// written, if the batch is not in this solver's memory. Also if it has more environments, rows or cones than there
+  /// is room for. Also if it lacks an array, and on the CPU if its structure is broken or, with InvalidPolicy::reject,
+  /// a number.
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream());
 
