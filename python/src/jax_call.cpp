@@ -22,7 +22,7 @@ namespace {
 
 using Integers = ffi::Span<const std::int64_t>;
 
-/// One solver for each set of options, for as long as the process lives: XLA calls from threads of its own and keeps
+/// One solver for each set of options, for as long as the process lives. XLA calls from threads of its own and keeps
 /// nothing between calls.
 const Solver& solver_of(std::string_view solver, double tolerance, std::int64_t max_iterations) {
   static std::mutex mutex;

@@ -191,8 +191,8 @@ class Padded:
         return wanted
 
     def _count_same_cones(self, limit):
-        """(cones, rows, over) in use of each environment, all of which have the same cones of one row or more; `limit`:
-        the rows of each that the caller counted, or None.
+        """Counts (cones, rows, over) in use of each environment, all of which have the same cones of one row or more.
+        `limit`: the rows of each that the caller counted, or None.
         """
         rows_of = self._rows_of_cones
         if self._cone_counts is not None:
