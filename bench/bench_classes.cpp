@@ -1,5 +1,5 @@
-// What each size class costs, what a model allows it, and what is lost between the classes: to batches of few
-// environments, to ragged ones, to planning, and to lanes that wait for one another. Single precision, npgs.
+// What each size class costs, what a model allows it, and what is lost between the classes. Losses go to batches of
+// few environments, to ragged ones, to planning, and to lanes that wait for one another. Single precision, npgs.
 //
 //   bench_classes [--device cpu|cuda|emulated] [--parts classes,envs,ragged,plan,lanes] [--threads 1] [--repeats 5]
 //                 [--envs 65536] [--recorded FILE.h5,...] [--csv PATH]

@@ -8,8 +8,8 @@
 #include "stiction/types.hpp"
 
 /// How much of what lanes in lock-step do serves an unfinished environment, when environments stop at counts of their
-/// own. Counted, not timed: `chunks` are the chunks that each environment takes, in the order in which they are taken;
-/// a warp, or a pack of lanes, spends a chunk on all its lanes as long as one of them has something to do.
+/// own. It is counted, not timed. `chunks` are the chunks that each environment takes, in the order in which they are
+/// taken. A warp, or a pack of lanes, spends a chunk on all its lanes as long as one of them has something to do.
 namespace stiction::bench {
 
 /// Lane-chunks that were spent, and those among them that an environment needed.

@@ -14,9 +14,9 @@ rows, d degrees of freedom:
              read, x read and written, of every body 7 numbers read and 6 read and written; bodies are counted once, though
              each contact asks for two. Lanes push the same bodies, so no masses are kept by contact
 
-npgs adds per row 3 operations for x and 3 for y (x += beta (x - before)) and reads and writes both before. Bytes are compulsory
-traffic: what must come from where the environment (or the pack of environments in lock-step) lies when nothing is kept nearer
-from one sweep to the next; what is read again within a sweep is not counted again.
+npgs adds per row 3 operations for x and 3 for y (x += beta (x - before)) and reads and writes both before. Bytes are
+compulsory traffic. They must come from where the environment (or the pack of environments in lock-step) lies when
+nothing is kept nearer between two sweeps. What is read again within a sweep is not counted again.
 """
 
 import dataclasses
@@ -27,8 +27,8 @@ REFRESH = 16  # sweeps between two times that y is computed afresh (kRefreshInte
 # Then x of three rows 3, size of the step 1.
 STEP = 4 + 11 + 7 + 4
 
-# Relative velocity 12 + 12 + 3; motion of the rows 8 + 9 + 9; the step; impulse in the world's axes
-# 2 + 15; a body's answer 9 (arm x impulse) + 6 (linear) + 18 (angular), for two.
+# Relative velocity 12 + 12 + 3. Motion of the rows 8 + 9 + 9. The step. Impulse in the world's axes 2 + 15. A body's
+# answer 9 (arm x impulse) + 6 (linear) + 18 (angular), for two.
 CONTACT = 27 + 26 + STEP + 17 + 2 * 33
 
 

@@ -15,12 +15,12 @@ Three races to a residual of --goal, on problems that both sides solve under the
 and one comparison of sweeps, 20 and 60 of them: time for a contact and a sweep, and the residual, each in its own law.
 
 Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts).
-Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets the
-tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B A),
---passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on one
-environment that both solve; stiction's is that of its solver that solves most, then takes least. stiction's time is its
-report's in processor time, over the copies of the environment that the call was given, up to 64; an engine's is its solving
-call alone, the median of warm calls; what it forms before and after is listed apart.
+Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets
+the tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B
+A), --passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on
+one environment that both solve. stiction's is that of its solver that solves most, then takes least. stiction's time
+is its report's in processor time, over the copies of the environment that the call was given, up to 64. An engine's is
+its solving call alone, the median of warm calls. What it forms before and after is listed apart.
 """
 
 import argparse

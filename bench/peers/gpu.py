@@ -4,23 +4,25 @@
     PYTHONPATH=build/python bench/peers/gpu.py [FILE ...] [--device cuda] [--data DATA] [--judge check_solution.py] [--results DIR]
                          [--images DIR] [--goals 1e-4,1e-6] [--envs 64,1024,8192,32768] [--peers torch,mjx,warp] [--seconds 1]
 
-Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py; their environments are
-filled up to the same cones (padded.py) and repeated. Every peer gets the same arrays, in the memory of the device before the
-clock starts, and leaves the answer there:
+Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py. Their environments
+are filled up to the same cones (padded.py) and repeated. Every peer gets the same arrays, in the memory of the device
+before the clock starts, and leaves the answer there:
 
     torch   PGS, APGD and ADMM written for this (torch_peers.py), given A; on a GPU also with a chunk captured as a CUDA graph
     mjx     MJX's Newton and CG (mjx_peer.py), given J and M
     warp    MuJoCo Warp's Newton and CG (warp_peer.py), given J and M; f32
     ours    auto, npgs and newton, given A (form matrix) or J and M's factor (form factor), which is what is raced with MJX and Warp
 
-Each takes the largest tolerance of its ladder at which 95 % of the recorded environments are judged within the goal, found once
-with the smallest batch. Then all run in turns, forth and back, for --seconds three times at least; a ratio is the peer's time over
-stiction's in one turn, median and quartiles are in the tables. Cold starts. Clocks: CUDA events around what is queued (torch, warp,
-ours); for MJX, whose streams are its own, the wall until its answer is there. Compiling, capturing and the first call are not counted.
+Each takes the largest tolerance of its ladder at which 95 % of the recorded environments are judged within the goal.
+It is found once with the smallest batch. Then all alternate, forth and back, for --seconds three times at least. A
+ratio is the peer's time over stiction's in one turn. Median and quartiles are in the tables. Cold starts. Clocks: CUDA
+events around what is queued (torch, warp, ours); for MJX, whose streams are its own, the wall until its answer is
+there. Compiling, capturing and the first call are not counted.
 
-The second table has stiction alone on the largest batch: the device against the CPU with two threads, wall clock, and whether
-the bits are the same. Who is not installed is left out. --device cpu runs all of it on the CPU, processor time of one thread: a
-check of the programs, not a comparison of devices. Writes gpu.csv, gpu_fallback.csv, gpu.md and peers_gpu.png.
+The second table has stiction alone on the largest batch. It compares the device with the CPU on two threads, wall
+clock, and says whether the bits are the same. Who is not installed is left out. --device cpu runs all of it on the
+CPU, processor time of one thread: a check of the programs, not a comparison of devices. Writes gpu.csv,
+gpu_fallback.csv, gpu.md and peers_gpu.png.
 """
 
 import argparse
