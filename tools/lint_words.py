@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Finds words that promise later work, paths of one machine, comments without a subject, names of tests in another
-style, and what grew too long: files, lines of prose, sentences (sentences.py says what one is).
+"""Finds words that promise later work, paths of one machine, comments without a subject, and names of tests in another
+style. Finds what grew too long: files, lines of prose, sentences (sentences.py says what one is).
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -29,8 +29,8 @@ PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"b
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
 MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
 # Folders whose comments have not been read for that yet.
-UNREAD = ("bench/", "core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/",
-          "cuda/", "python/", "tests/", "tools/")
+UNREAD = ("core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/", "cuda/",
+          "tests/")
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")

@@ -1,8 +1,9 @@
 """Sentences of pages, comments and docstrings, and how many words each has.
 
-A unit is a text that no sentence leaves: a paragraph, an item of a list, a cell of a table, a docstring, the comment
-lines that follow one another. Code blocks, headings, pictures and the targets of links are left out. Inline code and a
-formula between dollars are a word each. A token without a letter or a digit (a dash, an equals sign) is none.
+A unit is a text that no sentence leaves. It is a paragraph, an item of a list, a cell of a table, a docstring, or the
+comment lines that follow one another. Code blocks, headings, pictures and the targets of links are left out. Inline
+code and a formula between dollars are a word each. A token without a letter or a digit (a dash, an equals sign) is
+none.
 """
 
 import ast
@@ -18,22 +19,24 @@ ITEM = re.compile(r"(\s*)([*+-]|\d+[.)])(\s+)(?=\S)")
 SKIPPED = re.compile(r"\s*(#{1,6}\s|\[[^\]]+\]:|[-=*_]{3,}\s*$|!\[[^\]]*\]\([^)]*\)\s*$|<!--.*-->\s*$)")
 CELL_BORDER = re.compile(r"(?<!\\)\|")
 ALIGNED = re.compile(r"\s*\S.* {3,}\S")  # a row of a table by blanks
+ARGUMENT = re.compile(r"\s*[a-z_]\w*(, [a-z_]\w*)*: ")  # of a Python function, in its docstring
 TAG = re.compile(r"\s*[@\\](param|tparam|return|returns|throws|brief|pre|post|note|file)\b")
 
 CODE_SPAN = re.compile(r"(`+)(?!`).+?(?<!`)\1(?!`)|\$[^$\n]+\$")
 PICTURE = re.compile(r"!\[[^\]]*\]\([^)]*\)")
 LINK = re.compile(r"\[([^\]]*)\](\([^)]*\)|\[[^\]]*\])")
 ABBREVIATION = re.compile(r"\b(e\.g|i\.e|cf|vs|ca|resp|approx|incl|Fig|Figs|Eq|Eqs|Sec|Ch|No|pp|al|etc)\.(?=\s)")
-SENTENCE_END = re.compile(r"(?<=[.?!])[)\]\"'*_”]*(?:\s+(?![+=·…])|$)")
+SENTENCE_END = re.compile(r"(?<=[.?!])(?<!\.\.)[)\]\"'*_”]*(?:\s+(?![+=·…]\s)|$)")
 
 # Strings first, so that what looks like a comment inside one is none.
 C_TOKEN = re.compile(r"""R"(?P<delimiter>\w*)\(.*?\)(?P=delimiter)"|"(?:\\.|[^"\\\n])*"|'(?:\\[^\n]+?|[^'\\\n])'"""
                      r"""|(?P<line>//[^\n]*)|(?P<block>/\*.*?\*/)""", re.DOTALL)
 
 
-def markdown_units(text):
-    """Pairs (line number from 1, text) of a page's paragraphs, list items and table cells."""
-    units, lines, start = [], [], 0
+def markdown_units(text, arguments=False):
+    """Pairs (line number from 1, text) of a page's paragraphs, list items and table cells. A line that is indented less
+    than the one before begins a unit, and so does one about an argument, if there are `arguments`."""
+    units, lines, start, indent = [], [], 0, 0
     fence, in_list, blank_before = None, 0, True
 
     def flush():
@@ -51,7 +54,7 @@ def markdown_units(text):
             continue
         if fence:
             continue
-        indent = len(line) - len(line.lstrip())
+        before, indent = indent, len(line) - len(line.lstrip())
         item = ITEM.match(line)
         if not line.strip() or SKIPPED.match(line):
             flush()
@@ -68,9 +71,11 @@ def markdown_units(text):
             flush()
             units += [(number, cell.strip()) for cell in CELL_BORDER.split(line.strip()) if cell.strip()]
             continue
-        if item or TAG.match(line) or ALIGNED.match(line):
+        argument = arguments and ARGUMENT.match(line) and (not lines or lines[-1].endswith((".", ":")))
+        if item or argument or indent < before or TAG.match(line) or ALIGNED.match(line):
             flush()
             in_list = len(item[0]) if item else in_list
+            indent = len(item[0]) if item else indent
             line = line[len(item[0]):] if item else line
         if not lines:
             start = number
@@ -136,7 +141,7 @@ def units_of(path, text):
     if suffix == ".md":
         return markdown_units(text)
     comments = c_comments(text) if suffix in C_SUFFIXES else python_comments(text) if suffix == ".py" else []
-    return [unit for number, comment in comments for unit in shifted(markdown_units(comment), number)]
+    return [unit for number, comment in comments for unit in shifted(markdown_units(comment, suffix == ".py"), number)]
 
 
 def sentences(unit):

@@ -57,8 +57,8 @@ STICTION_HD Real inverse_of_positive(Real value) {
   return select(value > Real(0), div_(Real(1), value), Real(0));
 }
 
-/// Of the metric in which a convex sweep steps, diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
-/// block B (docs/math/local_solve.md): what inv_n and inv_t do not tell.
+/// The metric in which a convex sweep steps is diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
+/// block B (docs/math/local_solve.md). This is the part of it that inv_n and inv_t do not tell.
 template <class Real>
 struct BlockMetric {
   Real damping;  ///< 1 / (1 + rho), where rho <= 1 is how strongly normal and tangential rows are coupled

@@ -65,9 +65,9 @@ STICTION_HD constexpr Offset islands_scratch_elements(Offset rows, Offset cones,
   return ConflictGraph::elements(rows, cones, entry_span) + 2 * cones;
 }
 
-/// The islands of one environment whose structure is sound, on any path: island[c] of each cone, numbered 0, 1, ... by
-/// their first cones, the same as find_islands() of core/plan/islands.hpp gives. Returns how many, on every lane;
-/// `scratch` has room for islands_scratch_elements().
+/// Finds the islands of one environment whose structure is sound, on any path. island[c] of each cone counts 0, 1, ...
+/// by their first cones, as find_islands() of core/plan/islands.hpp does. Returns how many, on every lane; `scratch`
+/// has room for islands_scratch_elements().
 template <Team TeamT>
 STICTION_HD_OUTLINE Index number_islands(TeamT& team, const StructureView& s, Index* island, Index* scratch) {
   const ConflictGraph graph = find_conflicts(team, s, scratch);

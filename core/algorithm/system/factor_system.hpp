@@ -4,8 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Partial sums of a row's product with a velocity, over k = p, p + 4, .... They are few enough for every row of a
-/// cone to have them among the leaves of a team.
+/// Partial sums of a row's product with a velocity, over k = p, p + 4 and so on. They are few enough for every row of
+/// a cone to have them among the leaves of a team.
 inline constexpr Index kRowParts = 4;
 
 /// An environment whose A is kept as Y Y', Y being n x dofs. The velocity u = Y' x stands between the rows, and a cone
