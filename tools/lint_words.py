@@ -29,8 +29,7 @@ PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"b
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
 MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
 # Folders whose comments have not been read for that yet.
-UNREAD = ("core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/", "cuda/",
-          "tests/")
+UNREAD = ("core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/", "cuda/")
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")

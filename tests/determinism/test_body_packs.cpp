@@ -43,7 +43,7 @@ void put_to_rest(BodyEnvironment<Real>& env) {
   for (auto& contact : env.contacts) contact.depth = 0;
 }
 
-/// Sizes that make lanes wait, leave early and be taken again; a few whose lanes all push the same bodies; a few that
+/// Sizes that make lanes wait, leave early and be taken again. A few have lanes that all push the same bodies; a few
 /// are refused, or end otherwise than their neighbours.
 template <class Real>
 std::vector<BodyEnvironment<Real>> crowd() {

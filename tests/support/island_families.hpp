@@ -26,8 +26,8 @@ inline Environment<double> random_system(std::uint64_t seed, int contacts = 3, i
   return random_contacts(recipe);
 }
 
-/// Systems of one island each, between them: every kind of cone, boxes, manifolds, easy ones and hard ones, all but the
-/// last few small; `tall` is a stack that is solved sparsely.
+/// Systems of one island each. Between them they have every kind of cone, boxes, manifolds, easy ones and hard ones,
+/// all but the last few small. `tall` is a stack that is solved sparsely.
 inline std::vector<Environment<double>> systems(std::uint64_t seed, bool tall) {
   std::vector<Environment<double>> all{random_system(seed),           random_system(seed + 1, 1, 0),
                                        random_system(seed + 2, 0, 1), scenes::make("stack", seed, 0, 2).system,

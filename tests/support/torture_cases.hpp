@@ -14,7 +14,7 @@
 #include "tests/support/stress_team.hpp"
 
 /// One environment solved by an algorithm on teams of every width, by threads that race unless it syncs, and on every
-/// stride: each must give the bits of the public solver.
+/// stride. Each must give the bits of the public solver.
 namespace stiction::test {
 
 /// More lanes than leaves of a sum, fewer, odd, one.
@@ -119,7 +119,7 @@ inline Environment<double> small_sparse() {
 }
 
 /// Runs both laws and precisions of a method on both kinds of system. Who computes what does not depend on how law and
-/// precision are paired, and every pair costs a copy of the algorithm: the emulated device's tests have them all.
+/// precision are paired, and every pair costs a copy of the algorithm. The emulated device's tests have them all.
 template <class Method>
 void torture_method() {
   {
