@@ -140,7 +140,7 @@ def rounding(environment, reaction):
 
 
 def rounded(environment):
-    """Numbers as f32 holds them, so that both precisions are asked the same; what overflows stays."""
+    """Numbers as f32 holds them, so that both precisions get the same; what overflows stays."""
     def nearest(values):
         with np.errstate(over="ignore"):
             near = values.astype("f4").astype("f8")

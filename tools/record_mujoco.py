@@ -32,8 +32,8 @@ CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 # A simulation is given up after this many without a single recordable instant.
 FRUITLESS_SIMULATIONS = 20
 
-# Newton restarts from its own answer at most this often: each restart factors the Hessian afresh, which
-# removes the rounding its rank-one updates have gathered.
+# Newton restarts from its own answer at most this often: each restart factors the Hessian anew, which removes the
+# rounding its rank-one updates have gathered.
 REFERENCE_RESTARTS = 5
 
 BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""stiction against solvers of others on recorded problems: who solves what, to which residual, in what time.
+"""stiction against solvers of others on recorded problems: which solver solves what, to which residual, in what time.
 
     bench/peers/against.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py --results DIR
                            [--goals 1e-4,1e-6,1e-8] [--seconds 2] [--only stiction,siconos,clarabel]
@@ -13,13 +13,13 @@ the mean diagonal of A + R, which hides them where that is not positive. Rows of
 w)) within the goal as well, s the largest entry of the row. Writes against.csv (a row for each file, law, solver and
 goal) and against.md into DIR.
 
-Rules. One thread. stiction is given the goal as its tolerance; SOLVER/apart is that solver with every island by itself
-(--islands apart), which no peer has. The peers stop by measures of their own. A peer that claims a solution that the
+Rules. One thread. stiction is given the goal as its tolerance; SOLVER/apart is that solver with every island separate
+(--islands apart), which no peer has. The peers stop by their own measures. A peer that claims a solution that the
 judge does not accept runs again. It gets tolerances 100, 10000, ... times smaller, down to 1e-16, and only the run
 with the best answer is timed. Every solver has the same seconds for each environment. stiction, which gets a file as
 one batch, has at first 10 seconds for it. If that is not enough, each environment runs in a separate process.
-Iterations: 10000 for stiction, 100000 for Siconos, 200 for Clarabel. Who was late for a goal is not asked for a
-smaller one.
+Iterations: 10000 for stiction, 100000 for Siconos, 200 for Clarabel. A solver that was late for a goal does not run
+for a smaller one.
 
 Times are those of the solving call, without reading and writing. stiction's is the report's; it is shared out over the
 file's environments by iterations and stored entries, since packs of environments are solved at once. Siconos and

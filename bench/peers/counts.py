@@ -1,8 +1,8 @@
 """Floating-point operations and bytes of one Gauss-Seidel sweep, counted from the sweep's formulas: nothing here is measured.
 
-A multiply-add is two operations; square root and division are one each; comparisons, selections, index arithmetic and looks
-at the residual are none. All contacts have three rows, Coulomb's law, and move in every sweep. With s bytes a number, n = 3 c
-rows, d degrees of freedom:
+A multiply-add is two operations; square root and division are one each; comparisons, selections, index arithmetic and
+checks of the residual are none. All contacts have three rows, Coulomb's law, and move in every sweep. With s bytes a
+number, n = 3 c rows, d degrees of freedom:
 
     matrix   a cone's step, then y += A[:, cone] d (core/algorithm/sweep/sweep.hpp, local_solve.hpp). Every 16 sweeps y = A x + b
              afresh. Operations: 2 n^2 (1 + 1/16) + STEP c. Bytes: A (1 + 1/16), x and y read and written, three numbers a cone
@@ -21,7 +21,7 @@ nothing is kept nearer between two sweeps. What is read again within a sweep is 
 
 import dataclasses
 
-REFRESH = 16  # sweeps between two times that y is computed afresh (kRefreshInterval)
+REFRESH = 16  # sweeps between two times that y is recomputed (kRefreshInterval)
 
 # Normal: gain 1, multiply-add 2, change 1. Two tangents: gain 1, motion 4, step 4, change 2. Disk: norm 4, quotient 1, scaling 2.
 # Then x of three rows 3, size of the step 1.

@@ -27,7 +27,7 @@
 /// * double reaction[rows] (NaN without an answer).
 ///
 /// Both times are medians over calls that take SECONDS together, at least one and at most 1000. One more call goes
-/// before them as a warm-up. Each environment is solved in a process of its own, so that neither a crash nor the clock
+/// before them as a warm-up. Each environment is solved in a separate process, so that neither a crash nor the clock
 /// costs the others.
 namespace engines {
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems of its own law.
+"""stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems under its law.
 
     bench/peers/engines.py build/bin/stiction --data FOLDER --judge check_solution.py --results DIR [--passes 4]
                            [--goal 1e-6] [--only lcp,pyramids,boxed,sweeps]
 
-Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; who is missing is left out. FOLDER holds
-recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`. Writes engines.csv and engines.md into DIR.
+Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; one that is missing is left
+out. FOLDER holds recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`. Writes engines.csv
+and engines.md into DIR.
 
 Three races to a residual of --goal, on problems that both sides solve under the same law:
   lcp       recorded linear complementarity problems as they are;
@@ -156,7 +157,7 @@ class Stiction:
 
 
 class Race:
-    """One file, one law: who solves what, and in what time."""
+    """One file, one law: which solver solves what, and in what time."""
 
     def __init__(self, kind, name, problems, judge, goal, folder):
         self.kind, self.name, self.problems, self.judge, self.goal = kind, name, problems, judge, goal

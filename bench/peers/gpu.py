@@ -20,8 +20,8 @@ events around what is queued (torch, warp, ours); for MJX, whose streams are its
 there. Compiling, capturing and the first call are not counted.
 
 The second table has stiction alone on the largest batch. It compares the device with the CPU on two threads, wall
-clock, and says whether the bits are the same. Who is not installed is left out. --device cpu runs all of it on the
-CPU, processor time of one thread: a check of the programs, not a comparison of devices. Writes gpu.csv,
+clock, and says whether the bits are the same. A peer that is not installed is left out. --device cpu runs all of it on
+the CPU, processor time of one thread: a check of the programs, not a comparison of devices. Writes gpu.csv,
 gpu_fallback.csv, gpu.md and peers_gpu.png.
 """
 
@@ -48,7 +48,7 @@ import stiction  # noqa: E402
 
 ROBOTS = ["humanoid", "g1", "go1", "leap_hand", "franka_cube", "aloha_peg", "car"]
 SHARE = torch_peers.SHARE
-LADDER = [30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01]  # times the goal, where a residual like the judge's is looked at
+LADDER = [30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01]  # times the goal, where a residual like the judge's is computed
 POWERS = [10.0**-k for k in range(2, 16)]  # where gradients and improvements are
 SOLVERS = ("auto", "npgs", "newton")
 COLUMNS = ["robot", "environments", "rows", "goal", "form", "solver", "precision", "us", "residual_p95", "peer", "peer_precision",
@@ -57,7 +57,7 @@ FALLBACK_COLUMNS = ["robot", "environments", "solver", "precision", "device_us",
 
 
 class Robot:
-    """The problems of a file and who judges them."""
+    """The problems of a file and their judge."""
 
     def __init__(self, path, judge, device):
         self.path, self.name, self.judge, self.device = path, path.stem, judge, device
@@ -196,7 +196,7 @@ def qualify(robot, entrant, goal):
 
 
 def tuned(robot, arguments):
-    """{(name, goal): (tolerance, residual)} of all who reach the goal, with the smallest batch."""
+    """{(name, goal): (tolerance, residual)} of all that reach the goal, with the smallest batch."""
     found = {}
     for name, make in offers(robot, max(min(arguments.envs), len(robot.first)), arguments):
         try:

@@ -20,8 +20,8 @@ begin from the solution of the same problem with every free acceleration changed
 its reactions, MuJoCo its accelerations. Solvers that take three times as long as the fastest of their form are left
 out (auto in f64 always runs). The others that reach the goal then alternate, forth and back (A B C C B A). They
 take --seconds of processor time at least three times. A ratio is MuJoCo's time over stiction's of one such turn, and
-the tables have its median and quartiles. Who did not run for a goal is not asked for a smaller one. Writes NAME.csv,
-NAME.md and peers_NAME.png.
+the tables have its median and quartiles. A solver that did not run for a goal does not run for a smaller one. Writes
+NAME.csv, NAME.md and peers_NAME.png.
 """
 
 import argparse

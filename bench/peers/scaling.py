@@ -150,7 +150,7 @@ def contact_series(arguments, folder):
 
 
 def alone(environments, law, solver, warm=None):
-    """(iterations, least microseconds, reactions, solved) of each environment in a call of its own."""
+    """(iterations, least microseconds, reactions, solved) of each environment in a separate call."""
     for i, environment in enumerate(environments):
         batch = matrix_batch([environment], "f64", law)
         guess = None if warm is None else warm[i]

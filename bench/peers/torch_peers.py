@@ -125,7 +125,7 @@ class Peer:
         self.look(self.z, self.motion(self.z))
 
     def after_chunk(self):
-        """What a method adapts where it may look at numbers."""
+        """What a method adapts where it may read numbers."""
 
     def solve(self, tolerance, most=2000):
         """Reactions (environments, rows); at most that many iterations."""

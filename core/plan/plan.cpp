@@ -163,7 +163,7 @@ class SparsePlanner {
     vertex_begin_.push_back(env.cones);
   }
 
-  /// Two vertices conflict if any stored entry, its value not looked at, joins their rows either way round.
+  /// Two vertices conflict if any stored entry, whatever its value, joins their rows either way round.
   void find_conflicts(const EnvStructure& env) {
     const Index vertices = vertex_count();
     stamp_.assign(at(vertices), -1);

@@ -205,7 +205,7 @@ class Padded:
         return cones, rows_of[cones], limit > self.room
 
     def _count_own_cones(self, limit):
-        """A layout, each environment having cones of its own."""
+        """A layout, each environment having different cones."""
         whole = np.cumsum(np.broadcast_to(self._dims, self.cone_shape), axis=1, dtype=np.int64)
         if self._cone_counts is not None:
             wanted = self._wanted_cones()

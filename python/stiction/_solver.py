@@ -55,7 +55,7 @@ class _SolverBase:
         iterations and residual (quantiles over the last ones). With trace=True also `spans`: count and seconds of
         every kind of work, on the host and on the device by kernel and class of environments.
 
-        Of solves in device memory only the last one is looked at, and waited for.
+        Of solves in device memory only the last one is read, and waited for.
         """
         found = self._statistics.stats()
         if self._tracer is not None:
@@ -129,7 +129,7 @@ class Solver(_SolverBase):
         they are not given.
     invalid: "isolate": an environment with NaN, mu < 0 and so on is flagged, gets zeros and spoils no other one.
         "reject": stiction.Error names the first defect.
-    omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
+    omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
     islands: "together" or "apart" (docs/islands.md).
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
         is for the CPU only, and not with "auto".

@@ -65,7 +65,7 @@ class ParallelContactSolver(_SolverBase):
         self.device = self._core.device
         self._ids = {}  # batch's framework and shape -> ids with the closing entries
         self._hits = self._misses = 0
-        self._stream = None  # of steps whose hits have not been looked at
+        self._stream = None  # of steps whose hits have not been read
 
     def _make(self, device, beta, scaling):
         """The solver of that form."""

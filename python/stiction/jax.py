@@ -53,7 +53,7 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64. Leading axes
     are environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for
     all. Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names. It has
-    no derivative: JAX says so when it is asked for one. allow_ffi False: the host callback in any case.
+    no derivative: JAX says so when one is requested. allow_ffi False: the host callback in any case.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
     if A.shape[-2:] != (b.shape[-1],) * 2:

@@ -72,8 +72,8 @@ TEST_P(EveryPair, DeepestPointSaysTheSignedDistance) {
       EXPECT_NEAR(exact, distance, 1e-3) << "case " << k;
       continue;
     }
-    // Boxes: the bias towards faces may give up that much. A gap is one along a direction of faces or edges, no more
-    // than the distance; the points may lie beside where it is smallest.
+    // Boxes: the bias towards faces may cost that much. A gap is one along a direction of faces or edges, no more than
+    // the distance; the points may lie beside where it is smallest.
     const double bias = kAxisBias * std::min(smallest_size(a), smallest_size(b));
     const double gap = gap_along(a, b, deepest_point(found).normal);
     EXPECT_LE(gap, distance + 1e-9) << "case " << k;

@@ -9,7 +9,7 @@
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"
 
-/// Body environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+/// Body environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace stiction::test {
 
 namespace {

@@ -10,7 +10,7 @@
 #include "tests/support/scoped_isa.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Contact environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+/// Contact environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace {
 
 using namespace stiction;

@@ -10,7 +10,7 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Environments of several islands, and the islands as environments of their own.
+/// Environments of several islands, and the islands as separate environments.
 namespace stiction::test {
 
 inline SolverOptions apart(SolverOptions options) {
@@ -39,7 +39,7 @@ inline std::vector<Environment<double>> systems(std::uint64_t seed, bool tall) {
   return all;
 }
 
-/// Merged environments among others, and their systems as environments of a batch of their own.
+/// Merged environments among others, and their systems as environments of a separate batch.
 template <class Real>
 struct Family {
   explicit Family(Law law = Law::coulomb) : whole(law), alone(law) {

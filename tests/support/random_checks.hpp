@@ -17,7 +17,7 @@
 /// What must hold for any solver on any well-posed system, as text: empty, or the first thing that did not.
 namespace stiction::test {
 
-/// Every run draws a seed of its own, and rapidcheck prints it: RC_PARAMS="seed=... max_success=60" repeats a run.
+/// Every run draws another seed, and rapidcheck prints it: RC_PARAMS="seed=... max_success=60" repeats a run.
 inline const int kCases = setenv("RC_PARAMS", "max_success=60", 0);
 
 /// Where lambda leaves its cones by more than rounding.

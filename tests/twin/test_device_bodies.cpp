@@ -155,7 +155,7 @@ TEST(DeviceBodies, APlanForNewtonsMethodServesImpulsesToo) {
   }
 }
 
-/// What a device's fast memory has room for decides who works on a scene, and nothing else.
+/// What a device's fast memory has room for decides which team works on a scene, and nothing else.
 TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
   const auto check = [](auto real) {
     using Real = decltype(real);

@@ -20,7 +20,7 @@ using cuda::DeviceCall;
 using cuda::EmulatedDevice;
 using cuda::EmulatedDeviceOptions;
 
-/// A world of a scene on a device of its own.
+/// A world of a scene on a separate device.
 struct OwnDevice {
   OwnDevice(const std::string& name, Offset envs, const EmulatedDeviceOptions& device_options)
       : scene(scenes::make_world(name)),

@@ -71,7 +71,7 @@ template <class Condition>
 struct Poll {
   Condition broken;         ///< the latest iterate is not of numbers
   Condition stalled;        ///< no better one was found for as long as was allowed
-  Condition stopped;        ///< the method has ended by itself
+  Condition stopped;        ///< the method has ended
   Condition ended;          ///< one of these, or no iterations are left
   Condition has_candidate;  ///< the best iterate may be an answer
 };

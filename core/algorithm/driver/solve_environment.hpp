@@ -8,7 +8,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Iterations between two looks at the residual. Part of the numerics epoch: environments stop at multiples of it.
+/// Iterations between two checks of the residual. Part of the numerics epoch: environments stop at multiples of it.
 inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
@@ -45,7 +45,7 @@ struct Advancing {
   typename System::Real left;
 };
 
-/// One chunk of iterations of one system, or of two in turns.
+/// One chunk of iterations of one system, or of two that alternate.
 template <class Method, Law kLaw, Team TeamT, class Real, class... Systems>
 STICTION_HD void advance(TeamT& team, const MethodParams<Real>& params, Advancing<Systems>... each) {
   const auto count_down = [&](auto& one, bool is_last) {

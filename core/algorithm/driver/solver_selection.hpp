@@ -8,7 +8,7 @@
 /// of the environment alone; the table and where it comes from: docs/math/auto.md.
 namespace stiction::inline STICTION_ISA {
 
-/// What is looked at.
+/// What the choice depends on.
 struct EnvFeatures {
   Index rows = 0;
   Index friction_cones = 0;

@@ -5,7 +5,7 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "core/team/scan.hpp"
 
-/// A contact batch from a Jacobian batch whose integers were never looked at: environments are counted, placed one
+/// A contact batch from a Jacobian batch whose integers were never checked: environments are counted, placed one
 /// behind the other, and written. The totals and which arrays are null are believed, nothing in the arrays is.
 namespace stiction::inline STICTION_ISA {
 

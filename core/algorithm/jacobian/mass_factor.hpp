@@ -7,7 +7,7 @@
 
 /// M = L L' and what is solved by it (docs/jacobian.md). A product with a zero may be left out or not, whichever is
 /// faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
-/// keep it. That takes finite factors; those of L are looked at, and any other is in a row that is flagged for it.
+/// keep it. That takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
 namespace stiction::inline STICTION_ISA {
 
 /// A block-diagonal lower triangular matrix: one block makes it dense, blocks of one row make it a diagonal. The rows

@@ -10,7 +10,7 @@ namespace stiction::inline STICTION_ISA {
 /// Flags that an environment may carry and still be solved.
 inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagContactsDropped;
 
-/// What one look at an environment's numbers tells.
+/// What one pass over an environment's numbers tells.
 template <class Real>
 struct Inspection {
   std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid

@@ -16,7 +16,7 @@ bool has_finite_rows(const EnvView<Real>& env) {
   return finite;
 }
 
-/// What a look at the numbers of all lanes tells.
+/// What a pass over the numbers of all lanes tells.
 template <class Lanes>
 struct LanesSeen {
   Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, bad_guess;
@@ -191,7 +191,7 @@ struct TileTransposer {
 };
 
 /// The matrices of the environments being loaded, each into its lane and scaled there. In a lane every number has a
-/// cache line of its own, and each line is visited once for all. Returns in which lanes a number is not finite.
+/// separate cache line, and each line is visited once for all. Returns in which lanes a number is not finite.
 template <class Real, int W>
 Mask<Pack<Real, W>> transpose_into_lanes(const DenseSystem<Pack<Real, W>>& pack,
                                          const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>* loads,

@@ -59,7 +59,7 @@ STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
   return place < count && sorted[place] == value;
 }
 
-/// Neighbouring cones of one non-negative group are one vertex, any other cone is one of its own.
+/// Neighbouring cones of one non-negative group are one vertex, any other cone is a separate one.
 template <Team TeamT>
 STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGraph& graph) {
   const auto begins = [&](Index cone) {

@@ -65,7 +65,7 @@ STICTION_HD_OUTLINE void plan_sparse(TeamT& team, const StructureView& s, const 
 }
 
 /// Plans one environment whose structure is sound: the same integers as make_plan(), by however many lanes. `scratch`
-/// has room for plan_scratch_elements() if it is sparse, and is not looked at otherwise.
+/// has room for plan_scratch_elements() if it is sparse, and is not read otherwise.
 template <Team TeamT>
 STICTION_HD void plan_environment(TeamT& team, const StructureView& s, const PlanTarget& plan, Index* scratch) {
   const EnvPath path = path_of(s);

@@ -161,7 +161,7 @@ STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<
   if (team.combine(broken) != 0) return false;
   if (batch.row_offsets[row + rows] - batch.row_offsets[row] > kMostOfOneEnv) return false;
 
-  // Only dense systems are put into an order of their own, in which the normal can come first.
+  // Only dense systems are put into another order, in which the normal can come first.
   const Offset stored = stored_entries(batch, row, rows);
   if (!has_sound_factor(batch, env, rows, stored)) return false;
   if (batch.normal_last && rows > 0 && (batch.env_dofs(env) > 0 || choose_path(rows, stored) != EnvPath::dense))

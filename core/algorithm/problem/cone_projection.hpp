@@ -29,8 +29,8 @@ STICTION_HD void project_disk(Real (&z)[M], Real radius) {
   for (int k = 1; k < M; ++k) z[k] = z[k] * factor;
 }
 
-/// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar cone
-/// is asked for as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
+/// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar
+/// cone is tested as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
 template <int M, class Real>
 STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5)) {
   const Real length = tangential_norm<M>(z);

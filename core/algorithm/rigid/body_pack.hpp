@@ -67,7 +67,7 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     gather_row<Base::kMassRow>(this->mass, at, row);
     for (Index k = 0; k < Base::kMassRow; ++k) mass_of(at.side_index)[k] = row[k];
   }
-  /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
+  /// twists[slot] = twist where it is requested, and `old`, which is there, elsewhere.
   STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
                              const Twist<Real>& old, const Twist<Real>& value) const {
     const Twist<Real> kept = blend(where, value, old);

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// Contacts whose numbers of one field lie side by side: a cache line of single precision, half a warp.
 inline constexpr Index kTileContacts = 16;
 
-/// Whether several systems share an array, number by number: each seen by itself, with a stride, or all of them at
+/// Whether several systems share an array, number by number: each seen separately, with a stride, or all of them at
 /// once, as packs.
 template <class Real, int kStride>
 inline constexpr bool kInterleaved = kStride > 1 || RealTraits<Real>::kLanes > 1;

@@ -74,7 +74,7 @@ struct EnvPair {
   const Env& b;
 };
 
-/// visit_run() of two packs in turns: what one does hides what the other waits for.
+/// visit_run() of two packs that alternate: what one does hides what the other waits for.
 template <class Env, class System, class Real>
 STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s, Index first, Index end, Real omega,
                            NumberPair<Real>& largest) {
@@ -88,7 +88,7 @@ STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s,
   }
 }
 
-/// One sweep of two packs in turns.
+/// One sweep of two packs that alternate.
 template <Team TeamT, class T, int W, Law kLaw>
 STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT&, const EnvPair<PackEnv<T, W>>& env,
                                                 const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {

@@ -8,7 +8,7 @@
 /// al. 2019).
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps between two looks at the residual; twists are computed afresh as often. Part of the numerics epoch.
+/// Sweeps between two checks of the residual; twists are recomputed as often. Part of the numerics epoch.
 inline constexpr Index kSiChunk = 16;
 
 /// What momentum remembers between sweeps. Lanes of a team hold equal copies.
@@ -61,7 +61,7 @@ STICTION_HD void accelerated_sweep(TeamT& team, const Env& env, const System& s,
   extrapolate(team, s, lead.beta);
   follow(momentum, lead, team.max(sweep_bodies(team, env, s, omega)));
 }
-/// `env`, `s` and `momentum` are of one system, of a pack, or of two packs in turns.
+/// `env`, `s` and `momentum` are of one system, of a pack, or of two packs that alternate.
 template <Team TeamT, class Env, class System, class Momentum>
 STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const SiParams& params, Index count,
                             Momentum& momentum) {
@@ -276,8 +276,8 @@ STICTION_HD_OUTLINE void advance_bodies(TeamT& team, const BodyEnv<Real>& env, c
   progress.done += count;
 }
 
-/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A lane
-/// of its own takes the same three steps one by one.
+/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A
+/// single lane takes the same three steps one by one.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void solve_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params) {

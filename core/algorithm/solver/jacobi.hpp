@@ -18,7 +18,7 @@ struct Jacobi {
   static constexpr int kBoundIterations = 8;
 
   /// Overwrites inv_cone by the safe step length of each cone. Starts from z = 1 / sqrt(diagonal), so that cones of
-  /// different mass get steps of their own.
+  /// different mass get different steps.
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void start(TeamT& team, System& s) {
     using Real = typename System::Real;
@@ -70,7 +70,7 @@ struct Jacobi {
     refresh_motion(team, s);
   }
 
-  /// Motion is computed afresh in every iteration.
+  /// Motion is recomputed in every iteration.
   template <Team TeamT, class System>
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 

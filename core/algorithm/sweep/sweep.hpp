@@ -108,7 +108,7 @@ STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omeg
 }
 
 /// Makes one Gauss-Seidel sweep through the velocity. It visits cones in file order. Each one's motion is read from u
-/// and its change pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x
+/// and its change pushed into u before the next is visited. u is recomputed at the beginning, so whatever moved x
 /// since (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omega) {
@@ -143,7 +143,7 @@ STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omeg
   return largest;
 }
 
-/// Iterations after which maintained motion is computed afresh, so that rounding does not pile up in it.
+/// Iterations after which maintained motion is recomputed, so that rounding does not pile up in it.
 inline constexpr Index kRefreshInterval = 16;
 
 /// y = (A + diag R) x + b from scratch.

@@ -19,7 +19,7 @@ enum class Definiteness : std::uint8_t {
 
 const char* to_string(Definiteness definiteness) noexcept;
 
-/// How an operator is looked at.
+/// How an operator is analysed.
 struct AnalysisOptions {
   bool with_compliance = true;   ///< A + diag R, which is what is solved; else A alone
   Index max_steps = 20;          ///< most steps of each iteration, >= 1

@@ -112,7 +112,7 @@ struct Environment {
   struct Cone {
     ConeKind kind = ConeKind::unilateral;
     Index row_count = 1;
-    Index group = -1;  ///< manifold id, -1: a vertex of its own
+    Index group = -1;  ///< manifold id, -1: a separate vertex
   };
   std::vector<Cone> cones;
   std::vector<Index> row_offsets{0};   ///< CSR rows of A        (n + 1)
@@ -187,7 +187,7 @@ struct Defect {
 };
 
 /// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure first:
-/// values are looked at only where the structure holds. An empty result means that the batch is sound. Complementary
+/// values are read only where the structure holds. An empty result means that the batch is sound. Complementary
 /// pivoting (`lemke`, and `automatic`, which has it) also takes rows of A + R without a positive diagonal, in
 /// environments without friction cones. Under those solvers they are no defects.
 template <class Real>

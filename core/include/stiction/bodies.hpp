@@ -207,8 +207,8 @@ class BodySolver {
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Solves without a plan of the caller's, for bodies and contacts that change from call to call. One is made for
-  /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is looked at once, where
-  /// plan() and solve() look at it each.
+  /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is checked once, where
+  /// plan() and solve() check it each.
   template <class Real>
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;

@@ -51,7 +51,7 @@ struct GraphChange {
   Offset removed = 0;              ///< contacts that are gone
   Offset moved = 0;                ///< contacts whose id stayed and whose pair of bodies is another
   Offset kept = 0;                 ///< contacts that stayed as they were; counted by update() alone
-  Offset evaluated_manifolds = 0;  ///< manifolds whose colour was looked at again
+  Offset evaluated_manifolds = 0;  ///< manifolds whose colour was evaluated again
   Offset recolored_manifolds = 0;  ///< manifolds that were there and now have another colour
   Offset searched_edges = 0;       ///< edges followed to find out which islands fell apart
   Offset rebuilt_islands = 0;      ///< 1: so much fell apart that islands were found anew, from all edges
@@ -160,7 +160,7 @@ class ContactGraph {
   std::unique_ptr<State> state_;
 };
 
-/// The most bodies that an island may have where its spectrum is asked for: the work is cubic.
+/// The most bodies that an island may have where its spectrum is computed: the work is cubic.
 inline constexpr Index kMaxSpectrumBodies = 512;
 
 /// Computes the eigenvalues of the weighted Laplacian L = D - W of the moving bodies, ascending, one for each body.

@@ -26,7 +26,7 @@ struct JacobianCapacity {
 };
 
 /// Whether a solve of J and M with these options begins with Newton's method in velocities, which takes M as a matrix
-/// (docs/math/auto.md). Islands apart are solved as environments of their own, by what takes A.
+/// (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
 [[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
   return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
 }

@@ -66,7 +66,7 @@ enum class InvalidPolicy : std::uint8_t {
 /// How the islands of an environment (groups of cones that do not act on one another, Solver::islands) are iterated.
 enum class IslandMode : std::uint8_t {
   together = 0,  ///< as one system: one scaling, one momentum, one residual, one stop
-  apart = 1,     ///< each as an environment of its own would be, and its record is made of theirs (docs/islands.md)
+  apart = 1,     ///< each as a separate environment would be, and its record is made of theirs (docs/islands.md)
 };
 /// Name of a mode, as reports print it ("together", "apart").
 const char* to_string(IslandMode mode) noexcept;

@@ -137,7 +137,7 @@ class WarmStartStore {
   void reset_all(StreamRef stream = StreamRef::default_stream());
 
   /// Copies the records of the first environments to the host, and waits for them.
-  /// \throws Error(invalid_argument) if more are asked for than the capacity.
+  /// \throws Error(invalid_argument) if there are more than the capacity.
   void records(std::span<WarmStartRecord> out, StreamRef stream = StreamRef::default_stream()) const;
 
   [[nodiscard]] const WarmStartCapacity& capacity() const noexcept { return capacity_; }

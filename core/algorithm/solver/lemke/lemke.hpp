@@ -14,7 +14,7 @@ namespace stiction::inline STICTION_ISA {
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
   static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = Tableau::kVectors, .dense_matrices = 1}; }
-  /// A pivot costs as much as a look at the residual.
+  /// A pivot costs as much as a check of the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most
   static constexpr double kRays = 2.0;      ///< met before paths begin elsewhere

@@ -16,7 +16,7 @@ enum class RecordWhen : std::uint8_t {
 struct RecorderOptions {
   RecordWhen when = RecordWhen::failed;
   Offset max_environments = 256;  ///< that the file holds; further ones are counted and left out
-  std::vector<bool> mask;         ///< whether an environment is looked at, by its index; empty: all are
+  std::vector<bool> mask;         ///< whether an environment is considered, by its index; empty: all are
 };
 
 /// Writes environments of a running solver to a contact-batch file. With them goes what `stiction replay` needs to get
