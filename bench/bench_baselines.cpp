@@ -35,8 +35,8 @@ void add(const BaselineInfo& info, Baseline<Real> baseline, const std::string& f
       name.c_str(), [=](benchmark::State& state) { sweep_batch<Real>(state, baseline, family, contacts, envs); });
 }
 
-/// A baseline takes environments one by one, so their number changes nothing but how much memory is walked: one size of
-/// batch for each number of contacts.
+/// A baseline takes environments one by one, so their number changes nothing but how much memory is walked. One size
+/// of batch is enough for each number of contacts.
 void register_all() {
   constexpr Offset kBaselineEnvs = 256;
   for (const Index contacts : kContacts) {

@@ -1,5 +1,5 @@
-// Sequential impulses of the body form on scenes in the file that physics engines get (bench/peers/engine_run.hpp), all
-// environments as one batch, on one thread; bench/peers/engines.py calls it like the programs around engines:
+// Sequential impulses of the body form on scenes in the file that physics engines get (bench/peers/engine_run.hpp).
+// All environments are one batch, on one thread. bench/peers/engines.py calls it like the programs around engines:
 //
 //   bench_body_file SOLVER ITERATIONS SECONDS IN OUT
 //

@@ -5,7 +5,7 @@
 //                     [--tolerance 1e-3,1e-6] [--repeats 3] [--csv PATH]
 //
 // CPU time of one thread, the least of the repeats, without the plan, whose time stands beside. Sequential impulses
-// give up after 20000 sweeps and Newton's method after 200 steps: then the residual says how far they came.
+// stop after 20000 sweeps and Newton's method after 200 steps: then the residual says how far they came.
 
 #include <algorithm>
 #include <cstdio>

@@ -1,5 +1,5 @@
-// What each size class costs, what a model allows it, and what is lost between the classes: to batches of few
-// environments, to ragged ones, to planning, and to lanes that wait for one another. Single precision, npgs.
+// What each size class costs, what a model allows it, and what is lost between the classes. Losses go to batches of
+// few environments, to ragged ones, to planning, and to lanes that wait for one another. Single precision, npgs.
 //
 //   bench_classes [--device cpu|cuda|emulated] [--parts classes,envs,ragged,plan,lanes] [--threads 1] [--repeats 5]
 //                 [--envs 65536] [--recorded FILE.h5,...] [--csv PATH]
@@ -35,7 +35,7 @@ constexpr SolverKind kSolver = SolverKind::npgs;
 constexpr Index kShort = 20, kLong = 60;       // sweeps of the two calls whose difference is taken
 constexpr double kLeastSeconds = 0.02;         // of one measurement; shorter calls are repeated inside it
 constexpr Offset kEntries = Offset{2} << 20;   // of A in a batch of the classes
-constexpr Index kChunk = 4;                    // iterations between two looks at who has finished
+constexpr Index kChunk = 4;                    // iterations between two checks of which environments have finished
 constexpr std::size_t kWarp = 32, kPack = 16;  // lanes that wait for one another
 constexpr std::size_t kTeams = 132;            // of 128 lanes, one for each multiprocessor of an H200
 constexpr std::size_t kManyEnvs = 65536;       // environments of the counted schedules

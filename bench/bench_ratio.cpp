@@ -1,5 +1,6 @@
-// How many times faster lanes = environments are than a naive scalar loop: every implementation in turn, again and
-// again (A B C A B C ...), one thread, CPU time, warm-up excluded; median and quartiles of the ratio over repeats.
+// How many times faster lanes = environments are than a naive scalar loop. The implementations alternate again and
+// again (A B C A B C ...) on one thread, in CPU time, warm-up excluded. The program prints median and quartiles of the
+// ratio over repeats.
 //
 //   bench_ratio [--contacts 8,16] [--envs 1024] [--family stack] [--precision f32] [--repeats 5] [--seed 7]
 //               [--csv PATH]

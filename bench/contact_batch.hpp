@@ -16,14 +16,14 @@ std::vector<std::string> families();
 inline constexpr Offset kDistinct = 64;
 inline constexpr std::uint64_t kSeed = 7;  ///< of the scenes behind every committed table
 
-/// `envs` environments of exactly `contacts` friction cones of three rows (mu alike on both axes), law coulomb: the
-/// first ones of each environment of the scene. The first kDistinct environments differ, then they repeat.
+/// `envs` environments of exactly `contacts` friction cones of three rows (mu alike on both axes), law coulomb. They
+/// are the first ones of each environment of the scene. The first kDistinct environments differ, then they repeat.
 /// \throws Error(invalid_argument) for an unknown family, contacts outside 1..64 or envs < 1.
 template <class Real>
 ContactBatch<Real> make_contacts(const std::string& family, Index contacts, Offset envs, std::uint64_t seed = kSeed);
 
-/// How many environments of that many contacts to solve when `wanted` are asked for, so that all dense matrices
-/// together hold at most `entries` numbers; at least 16, so that a pack of lanes is full.
+/// How many environments of that many contacts to solve when the caller wants `wanted`. All dense matrices together
+/// hold at most `entries` numbers. There are at least 16, so that a pack of lanes is full.
 Offset capped_envs(Index contacts, Offset wanted, Offset entries);
 
 /// Options of a run that takes exactly `sweeps` iterations in every environment.

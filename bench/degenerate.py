@@ -1,16 +1,19 @@
 #!/usr/bin/env python3
-"""What every solver does with degenerate input: redundant contacts, mass ratios, friction 0 and 2, problems without a
-solution, singular matrices without compliance, numbers at the ends of their range, and broken ones.
+"""What every solver does with degenerate input:
+
+* redundant contacts, mass ratios, friction 0 and 2;
+* problems without a solution, singular matrices without compliance;
+* numbers at the ends of their range, and broken ones.
 
     bench/degenerate.py build/bin/stiction [--judge check_solution.py] [--results DIR] [--max-iterations 2000] [--strict]
 
-Each case is solved by each solver under both laws, in f64 to 1e-6 and in f32 (from numbers rounded to f32 beforehand) to
-1e-3. Prints one line a failure and exits with 1 if there is one, which is: the command line crashed or refused the batch, an
-output is missing, a reaction or motion is not finite, or broken numbers are not called `invalid_input`. Prints as well, and
-with --strict takes for failures, claims that do not hold: a status `solved` of a problem that has no solution, or where
-the judge (without one: `stiction verify`) finds more than the tolerance and what it may itself round. To miss the
-tolerance and to say so is neither. With --results it writes degenerate.csv and degenerate.md. Needs numpy and h5py; without
-them it exits with 77.
+Each case is solved by each solver under both laws, in f64 to 1e-6 and in f32 (from numbers rounded to f32 beforehand)
+to 1e-3. Prints one line a failure and exits with 1 if there is one. Failures are that the command line crashed or
+refused the batch, or that an output is missing. So are a reaction or motion that is not finite, and broken numbers
+that are not called `invalid_input`. Prints as well claims that do not hold, and with --strict takes them for failures.
+Such a claim is a status `solved` of a problem that has no solution. Or the judge (without one: `stiction verify`)
+finds more than the tolerance and what it may itself round. To miss the tolerance and to say so is neither.
+With --results it writes degenerate.csv and degenerate.md. Needs numpy and h5py; without them it exits with 77.
 """
 
 import argparse
@@ -137,7 +140,7 @@ def rounding(environment, reaction):
 
 
 def rounded(environment):
-    """Numbers as f32 holds them, so that both precisions are asked the same; what overflows stays."""
+    """Numbers as f32 holds them, so that both precisions get the same; what overflows stays."""
     def nearest(values):
         with np.errstate(over="ignore"):
             near = values.astype("f4").astype("f8")

@@ -4,8 +4,8 @@
 
 #include "bench/naive_pgs.hpp"
 
-/// Projected Gauss-Seidel as one writes it with Eigen: a dense matrix, the motion w kept up to date by adding three
-/// columns times the contact's change.
+/// Projected Gauss-Seidel as one writes it with Eigen. It has a dense matrix, and keeps the motion w up to date by
+/// adding three columns times the contact's change.
 namespace stiction::bench::STICTION_VARIANT {
 
 template <class Real>

@@ -33,7 +33,7 @@ class Environment:
         return np.repeat(self.kinds, self.cone_sizes)
 
     def with_compliance(self):
-        """A + diag R as (offsets, columns, values) with R in entries of their own."""
+        """A + diag R as (offsets, columns, values) with R in separate entries."""
         starts = self.offsets[:-1]
         return (self.offsets + np.arange(self.rows + 1), np.insert(self.columns, starts, np.arange(self.rows)),
                 np.insert(self.values, starts, self.compliance))

@@ -7,9 +7,9 @@
 
 #include "stiction/types.hpp"
 
-/// How much of what lanes in lock-step do serves an unfinished environment, when environments stop at counts of their
-/// own. Counted, not timed: `chunks` are the chunks that each environment takes, in the order in which they are taken;
-/// a warp, or a pack of lanes, spends a chunk on all its lanes as long as one of them has something to do.
+/// How much of what lanes in lock-step do serves an unfinished environment, when environments stop at different
+/// counts. It is counted, not timed. `chunks` are the chunks that each environment takes, in the order in which they
+/// are taken. A warp, or a pack of lanes, spends a chunk on all its lanes as long as one of them has something to do.
 namespace stiction::bench {
 
 /// Lane-chunks that were spent, and those among them that an environment needed.
@@ -63,7 +63,7 @@ struct BundleShape {
 /// solve_thread_per_env does. The teams take turns, a chunk each.
 inline LaneChunks compacted(std::span<const Index> chunks, std::size_t teams, const BundleShape& shape = {}) {
   LaneChunks total;
-  std::vector<std::vector<Index>> running(teams);  // chunks left of the environments a team looks at, by position
+  std::vector<std::vector<Index>> running(teams);  // chunks left of the environments a team works on, by position
   std::size_t next = 0;
   const auto unfinished = [](Index left) { return left > 0; };
   for (bool any = true; any;) {

@@ -136,8 +136,8 @@ int clock_gettime(clockid_t clock, struct timespec* now) {
 
 
 def processor_clock(folder):
-    """Environment variables under which the command line's clock is its own processor time, so that other programs' turns do not
-    count; none (the wall clock) where there is no C compiler or no preloading."""
+    """Environment variables under which the command line's clock is its own processor time, so that other programs'
+    turns do not count. There are none (the wall clock) where there is no C compiler or no preloading."""
     source, library = pathlib.Path(folder) / "clock.c", pathlib.Path(folder) / "clock.so"
     source.write_text(CLOCK)
     built = shutil.which("cc") and sys.platform == "linux" and subprocess.run(

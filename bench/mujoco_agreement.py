@@ -4,10 +4,11 @@
     PYTHONPATH=build/python bench/mujoco_agreement.py [--steps 1000] [--tolerance 1e-10] [-o FOLDER]
 
 Each model is driven by noise over the whole range of its actuators, from a disturbed start, all from one seed. At the
-state of every step MuJoCo's Newton (tolerance 1e-15, restarted from its own answer until that no longer changes) and
-stiction give accelerations; the table has the largest difference, divided by max(1, |qacc|). Then trajectories: the
-simulation with stiction, one with MuJoCo's Newton, and one with MuJoCo's Newton whose start is disturbed by 1e-12, for
-the step in which positions first differ by more than 1e-9, 1e-6 and 1e-3. Writes FOLDER/mujoco_agreement.csv.
+state of every step MuJoCo's Newton and stiction give accelerations. (Newton has tolerance 1e-15 and is restarted from
+its own answer until that no longer changes.) The table has the largest difference, divided by max(1, |qacc|). Then
+come trajectories: the simulation with stiction, one with MuJoCo's Newton, and one with MuJoCo's Newton whose start is
+disturbed by 1e-12. The table has the step in which positions first differ by more than 1e-9, 1e-6 and 1e-3. Writes
+FOLDER/mujoco_agreement.csv.
 """
 
 import argparse

@@ -2,10 +2,10 @@
 
 #include "bench/baselines.hpp"
 
-/// Projected Gauss-Seidel as one writes it down first: contact by contact, a row's motion gathered when it is needed,
-/// the normal, then the two tangents on the disk that the fresh normal spans. Original coordinates, no packs, no
-/// tricks; what bench_ratio calls 1. Everything is in raw arrays, so that no function of the standard library is
-/// compiled for another instruction set and merged with the rest of the program.
+/// Projected Gauss-Seidel as one writes it down first. It goes contact by contact and gathers a row's motion when it
+/// is needed. It solves the normal, then the two tangents on the disk that the fresh normal spans. Original
+/// coordinates, no packs, no tricks; what bench_ratio calls 1. Everything is in raw arrays. So no function of the
+/// standard library is compiled for another instruction set and merged with the rest of the program.
 namespace stiction::bench::STICTION_VARIANT {
 
 template <class Real>

@@ -3,14 +3,15 @@
 
     bench/no_solution.py BATCH.h5 [--environments 17,36] [--largest 50] [--sectors 8] [--timeout 60]
 
-Each contact is open, sticks, or slides in one of several sectors of directions. In each of these states Coulomb's law implies linear
-inequalities for lambda and w = A lambda + b (of the cone and of the direction of sliding polygons that contain them), so
-that together they are a mixed-integer program, solved by HiGHS. If that has no solution, neither has the environment, with
-reactions of at most --largest in every row, and to within HiGHS' tolerance of 1e-6 in every row; if it has one, or none was
-found in time, nothing follows. Rows with numbers beyond 1e6 are divided by the largest of them, and the directions of
-sliding that they belong to are left free. Prints as well how many entries of A no mechanism
-can have made: numbers that are not zero and smaller than 1e-300, or larger than 1e30. Friction cones of three
-rows with one coefficient only. Needs numpy, scipy and h5py; without them it exits with 77.
+Each contact is open, sticks, or slides in one of several sectors of directions. In each of these states Coulomb's law
+implies linear inequalities for lambda and w = A lambda + b. (They are of the cone and of the direction of sliding
+polygons that contain them.) So together they are a mixed-integer program, solved by HiGHS. If that has no solution,
+neither has the environment. That holds for reactions of at most --largest in every row, and to within HiGHS' tolerance
+of 1e-6 in every row. If it has one, or none was found in time, nothing follows. Rows with numbers beyond 1e6 are
+divided by the largest of them, and the directions of sliding that they belong to are left free. Prints as well how
+many entries of A no mechanism can have made. They are numbers that are not zero and smaller than 1e-300, or larger
+than 1e30. Friction cones of three rows with one coefficient only. Needs numpy, scipy and h5py; without them it exits
+with 77.
 """
 
 import argparse

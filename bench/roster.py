@@ -5,11 +5,11 @@
                     [--results DIR] [--profiles PNG] [--solvers npgs,newton,...] [--max-iterations 10000] [--timeout 20]
                     [--goals f64:1e-3,f64:1e-6,f64:1e-8,f32:1e-3] [--profiled f64:1e-6] [--name roster]
 
-Each file is solved by each solver to each goal, on one thread. An environment is
-solved if the judge's residual is within the tolerance. Writes roster.csv (a row for each file, solver and goal) and roster.md
-(shares of environments) into DIR, or what --name says, and for the goals in --profiled the profiles of Dolan and More (2002): the
-share of environments that a solver solves within a multiple of the time of the fastest one. A file's time is shared out over its
-environments by their iterations. What is not answered within the timeout counts as unsolved.
+Each file is solved by each solver to each goal, on one thread. An environment is solved if the judge's residual is
+within the tolerance. Writes roster.csv (a row for each file, solver and goal) and roster.md (shares of environments)
+into DIR, or what --name says. For the goals in --profiled it writes the profiles of Dolan and More (2002). They give
+the share of environments that a solver solves within a multiple of the time of the fastest one. A file's time is
+shared out over its environments by their iterations. What is not answered within the timeout counts as unsolved.
 """
 
 import argparse

@@ -4,9 +4,9 @@
 Usage: step.py STICTION [--scenes pile,walker] [--envs 64,1024,4096] [--precisions f64,f32] [--steps 200] [--threads 0]
                [--device cpu] [--csv PATH]
 
-Line 1 of the table is the command, the lines below it are the machine and its load before and after: with the load above
-zero at the beginning another program was using the cores, and rates are lower bounds. cpu_us, processor microseconds of an
-environment-step, suffers less from that.
+Line 1 of the table is the command, the lines below it are the machine and its load before and after. With the load
+above zero at the beginning another program was using the cores, and rates are lower bounds. cpu_us, processor
+microseconds of an environment-step, suffers less from that.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
 namespace stiction::bench {
 
-/// What a benchmark that prints a table of its own does; main() is in table_main.cpp, where errors become one line and
+/// What a benchmark that prints a separate table does; main() is in table_main.cpp, where errors become one line and
 /// exit status 2.
 int run(int argc, char** argv);
 

@@ -4,10 +4,11 @@
     bench/work_precision.py build/bin/stiction [--judge check_solution.py] [--data ../shared/data] [--quick]
                             [--results bench/results/MACHINE] [--images docs/images] [--scenes "G1,wall 5 x 5"]
 
-Every scene is solved by every solver to tolerances 1e-1 ... 1e-10 in f64 under the file's law and, where the scene is not large, to
-1e-6 in f32, and in f64 under the other law; each answer is judged apart from the solver. Writes work_precision.csv and
-work_precision.png. A solver's rows end where no environment reaches the tolerance any more, where the command refuses, or
-where a batch takes more than --limit seconds of processor time.
+Every scene is solved by every solver to tolerances 1e-1 ... 1e-10. That is in f64 under the file's law. Where the
+scene is not large, it is also to 1e-6 in f32, and in f64 under the other law. Each answer is judged apart from the
+solver. Writes work_precision.csv and work_precision.png. A solver's rows end where no environment reaches the
+tolerance any more or where the command refuses. They also end where a batch takes more than --limit seconds of
+processor time.
 """
 
 import argparse

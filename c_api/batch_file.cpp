@@ -10,7 +10,7 @@ namespace stiction::c {
 
 namespace {
 
-/// A file's batch, in f64 as files are, and in f32 once it is asked for.
+/// A file's batch, in f64 as files are, and in f32 once that is requested.
 struct ReadBatch {
   io::Recording recording;
   std::optional<ContactBatch<float>> rounded;

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Builds the documentation's site from the Markdown of the checkout, and fails on a link that leads nowhere.
 
-Every page keeps its path. A link to a source file leads to a page that shows it, one to a folder to its README or a
-list of its files. The navigation is docs/index.md's: its sections and their tables. Beside each page lies its
-Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings.
+Every page keeps its path. A link to a source file leads to a page that shows it. A link to a folder leads to its
+README or a list of its files. The navigation is docs/index.md's: its sections and their tables. Beside each page lies
+its Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings.
 
     tools/build_site.py FOLDER [--stage FOLDER]      the site; the pages it is built from (default: FOLDER-pages)
 

@@ -4,13 +4,13 @@
     check_fused.py OBJECT ...
     check_fused.py --self-test
 
-Fused is only what says fma_() (docs/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off: GCC 12 does
-where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
-instruction of x86 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses has
-the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() asked for keeps the line
-of fma_() or of its intrinsic, or takes that of a negation or a selection that it swallowed, which round nothing. An
-alternating one (vfmaddsub, vfmsubadd) is a lapse wherever it stands, since no body writes one. Exit status 1 on a finding
-or where there is no line table, 77 without objdump, which CTest counts as skipped.
+Fused is only what says fma_() (docs/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
+does where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
+instruction of x86 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses
+has the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() requested keeps
+the line of fma_() or of its intrinsic. Or it takes that of a negation or a selection that it swallowed, which round
+nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse wherever it stands, since no body writes one. Exit status
+1 on a finding or where there is no line table, 77 without objdump, which CTest counts as skipped.
 """
 
 import argparse

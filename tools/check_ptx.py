@@ -6,7 +6,7 @@ is written.
     check_ptx.py FILE.ptx ...                                   PTX that nvcc -ptx wrote
     check_ptx.py --self-test
 
-The PTX that is checked is the text from which ptxas made the machine code beside it: nothing is compiled again, and no
+The PTX that is checked is the text from which ptxas made the machine code beside it. Nothing is compiled again, and no
 GPU is needed. Every object must hold PTX for every architecture named, with every kernel of its machine code. The
 compile commands show what PTX does not: the flags. Why these rules: docs/numerics.md. Exit status 1 on a finding.
 """
@@ -32,9 +32,10 @@ REQUIRED_FLAGS = ["--fmad=false", "--prec-div=true", "--prec-sqrt=true", "--ftz=
 MATRIX = {"mma", "wmma", "wgmma", "tcgen05"}
 
 
-# select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. Where x is
-# NaN both give c, because PTX returns the number when one operand is NaN; where x is a zero both give c, because PTX
-# orders -0 below +0; elsewhere there is nothing to choose. A minimum, a register or a negative literal is not as safe.
+# select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. Where x
+# is NaN both give c, because PTX returns the number when one operand is NaN. Where x is a zero both give c, because
+# PTX orders -0 below +0. Elsewhere there is nothing to choose. A minimum, a register or a negative literal is not as
+# safe.
 LITERAL_MAXIMUM = re.compile(r"\bmax\.(?:f32\s+%\w+,\s*%\w+,\s*0f([0-9A-Fa-f]{8})|f64\s+%\w+,\s*%\w+,\s*0d([0-9A-Fa-f]{16}));")
 
 

@@ -6,9 +6,9 @@
     check_ptxas.py --self-test
 
 Registers, stack and barriers are read from the objects of the build, instructions are counted in them; nothing is
-compiled and no GPU is needed. Why a table: a kernel that suddenly needs a stack or twice the code is slow, and nothing
-else says so on a machine without a GPU. Exit status 1 on a finding, 77 if there is no table, or one of another
-compiler or architecture.
+compiled and no GPU is needed. The table is there because a kernel that suddenly needs a stack or twice the code is
+slow. Nothing else says so on a machine without a GPU. Exit status 1 on a finding, 77 if there is no table, or one of
+another compiler or architecture.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Reads the device code out of objects that nvcc wrote: PTX and machine code, with what the latter says about its kernels.
 
 The container ("fatbin") is a header and images one after the other; machine code is an ELF file whose .nv.info
-sections hold attributes of kernels. Neither is documented by NVIDIA; both are checked here as far as they are used, so
+sections hold attributes of kernels. Neither is documented by NVIDIA. Both are checked here as far as they are used, so
 that a layout of another toolkit is an error and not a wrong number.
 """
 

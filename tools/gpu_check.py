@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """The part of scripts/gpu_check.sh after the build: tests, CPU and GPU hashes, sanitizer, benchmarks, one JSON file.
 
-Every stage has a share of the time that is left, so that the whole ends on time; a stage that ran out of time says so
+Every stage has a share of the time that is left, so that the whole ends on time. A stage that ran out of time says so
 in the JSON and counts as failed.
 
-With --device emulated the same stages run where there is no GPU, on fewer environments and without the sanitizer: a
-rehearsal of this script, not a check of the machine.
+With --device emulated the same stages run where there is no GPU, on fewer environments and without the sanitizer. That
+is a rehearsal of this script, not a check of the machine.
 """
 
 import argparse

@@ -3,10 +3,10 @@
 
 Usage: lint_includes.py [--root DIR] [--self-test]
 
-The table below is the architecture: one row per folder, what its files may include. A file that includes
-something else, or uses a word that a rule keeps out of its folder, is reported as `file:line: sentence` and the
-exit status is 1. Comments and string literals are not looked at. A template (*.in), of which CMake makes a source for
-each solver, is looked at as that source; a name in @s that it includes is one of the folder before it.
+The table below is the architecture: one row per folder, what its files may include. A file may include something else,
+or use a word that a rule keeps out of its folder. It is then reported as `file:line: sentence` and the exit status
+is 1. Comments and string literals are not read. A template (*.in), of which CMake makes a source for each solver, is
+checked as that source. A name in @s that it includes is one of the folder before it.
 """
 
 import argparse

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Checks that every relative link of the project's Markdown leads somewhere, and every test that a script names is there.
 
-A link leads to a file or folder of the checkout; its fragment, where it has one, to a heading of that page, by the rule
-of GitHub: lower case, spaces become hyphens, punctuation is left out. Code is not looked at. What a script calls
+A link leads to a file or folder of the checkout. Its fragment, where it has one, leads to a heading of that page. The
+rule is GitHub's: lower case, spaces become hyphens, punctuation is left out. Code is not read. What a script calls
 unit_test_solver, or a pattern that begins so, is tests/unit/test_solver.cpp.
 
     tools/lint_links.py [ROOT]

@@ -1,4 +1,4 @@
-"""The pinned programs of the lint, and the sources they look at."""
+"""The pinned programs of the lint, and the sources they check."""
 
 import pathlib
 import re

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Finds words that promise later work, paths of one machine, comments without a subject, names of tests in another
-style, and what grew too long.
+"""Finds words that promise later work, paths of one machine, comments without a subject, and names of tests in another
+style. Finds what grew too long: files, lines of prose, sentences (sentences.py says what one is).
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -10,6 +10,8 @@ import pathlib
 import re
 import subprocess
 import sys
+
+import sentences
 
 CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c", ".inc", ".py", ".sh", ".cmake", ".txt"}
 TEXT = CODE | {".md", ".json", ".yml", ".yaml", ".cff", ".in", ".toml"}
@@ -25,6 +27,9 @@ LATER = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|not imple" r"mented|place" r"
 PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"body|any" r"body)\b", re.IGNORECASE)
 # A reader comes to a declaration by name, not from the one above it.
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
+MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
+# Folders whose comments have not been read for that yet.
+UNREAD = ("core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/", "cuda/")
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")
@@ -71,6 +76,9 @@ def problems_of(path, text):
         for name in PYTHON_TEST.findall(text):
             if not PYTHON_NAME.match(name):
                 found.append(f"{path}: the test {name} is named test_sentence_in_snake_case")
+    if not GENERATED.match(path) and (suffix == ".md" or not path.startswith(UNREAD)):
+        found += [f"{path}:{number}: a sentence of {words} words, '{sentence[:60]}...'; it has at most {MAX_WORDS}"
+                  for number, words, sentence in sentences.long_sentences(path, text, MAX_WORDS)]
     lines = text.count("\n")
     if suffix in CODE and path not in LONG_TABLES and lines > MAX_LINES:
         found.append(f"{path}:{lines}: {lines} lines; a file holds one idea in at most {MAX_LINES}")
@@ -92,10 +100,42 @@ def tracked_files(root):
     return found
 
 
+def sentence_cases():
+    """Planted sentences that are too long, and texts that hold none."""
+    def words(count, before=""):
+        lines = [" ".join(["word"] * min(5, count - i)) for i in range(0, count, 5)]
+        return f"\n{before}".join(lines)
+
+    return [
+        ("a.md", words(25) + ".\n", 0),
+        ("a.md", words(26) + ".\n", 1),
+        ("a.md", f"{words(20)}. {words(20)}?\n{words(20)}\n", 0),
+        ("a.md", f"{words(20)}; {words(20)}.\n", 1),
+        ("a.md", f"{words(20)}, e.g. {words(20)}.\n", 1),
+        ("a.md", f"{words(20)} 1.5 {words(20)}.\n", 1),
+        ("a.md", f"{words(22)} `a b` $c = d$ [a](b-c-d.md).\n", 0),
+        ("a.md", f"{words(23)} `a b` $c = d$ [a](b-c-d.md).\n", 1),
+        ("a.md", f"* {words(20, '  ')}\n* {words(20, '  ')}\n", 0),
+        ("a.md", f"* {words(26, '  ')}\n", 1),
+        ("a.md", f"| {'word ' * 20} | {'word ' * 20} |\n", 0),
+        ("a.md", f"| {'word ' * 26} |\n", 1),
+        ("a.md", f"# {'a ' * 30}a\n\n```\n{words(30)}\n```\n\n    {words(30, '    ')}\n", 0),
+        ("a.hpp", f"/// {words(26, '/// ')}\n", 1),
+        ("a.hpp", f"/// {words(20, '/// ')}\nint x;\n/// {words(20, '/// ')}\n", 0),
+        ("a.hpp", f"int x;  ///< {words(26, '        ///< ')}\n", 1),
+        ("a.h", f"/** {words(26, ' *  ')} */\n", 1),
+        ("a.cpp.in", f"// {words(26, '// ')}\n", 1),
+        ("a.cpp", f"auto x = \"// {'word ' * 26}\";\n", 0),
+        ("a.py", f'"""{words(26)}"""\n', 1),
+        ("a.py", f"x = 1\n# {words(26, '# ')}\n", 1),
+        ("bench/results/here/a.md", words(26) + "\n", 0),
+    ]
+
+
 def self_test():
     """One planted problem per rule, and a clean file."""
     later = "TO" + "DO"
-    cases = [
+    cases = sentence_cases() + [
         ("a.cpp", "int x = 1;\n", 0),
         ("a.md", "the " + later + " list of a paper\n", 0),
         ("a.cpp", f"int x; // {later} later\n", 1),
@@ -106,7 +146,7 @@ def self_test():
         ("a.hpp", "/// for who" + "ever asks\n", 1),
         ("a.hpp", "/// The same of a pack.\n", 1),
         ("a.hpp", "/// A graph.\n/// The same graph gives the same text.\n", 0),
-        ("a.md", "word " * 30 + "end\n", 1),
+        ("a.md", "longer_word " * 15 + "end\n", 1),
         ("a.md", "| word " * 30 + "|\n```\n" + "word " * 30 + "end\n```\n", 0),
         ("a.hpp", "#define MIN(a) a\n", 1),
         ("a.hpp", "#define STICTION_HD inline\n", 0),

@@ -5,11 +5,11 @@
     stiction solve batch.h5 --solver apgd --convergence apgd.csv
     plot_convergence.py npgs=npgs.csv apgd=apgd.csv -o residual.png --tolerance 1e-6
 
-A convergence file (a trace, below) is a CSV file with the header iteration,median,p90,max: quantiles over the environments of the relative
-natural-map residual after that many iterations; lines that begin with # are skipped. Each solver gets one
-colour: the median as a line, the 90th percentile dashed, the worst environment dotted, the space between median
-and worst tinted. Iteration 0 (the start) and residuals of exactly zero have no place on logarithmic axes and are
-left out. Exit status: 0 drawn, 2 bad input, with one sentence. Needs numpy and matplotlib.
+A convergence file (a trace, below) is a CSV file with the header iteration,median,p90,max. It has quantiles over the
+environments of the relative natural-map residual after that many iterations. Lines that begin with # are skipped. Each
+solver gets one colour: the median as a line, the 90th percentile dashed, the worst environment dotted, the space
+between median and worst tinted. Iteration 0 (the start) and residuals of exactly zero have no place on logarithmic
+axes and are left out. Exit status: 0 drawn, 2 bad input, with one sentence. Needs numpy and matplotlib.
 """
 import argparse
 import csv

@@ -4,11 +4,11 @@
     record_mujoco.py MODEL.xml -o OUT.h5 --envs 64 --seed 1 --steps 400 --every 40 --perturb 0.1
     record_mujoco.py MODEL.xml MODEL.xml -o OUT.h5 --trajectory 40 --skip 200
 
-Simulations start from the model's first state (or a keyframe) disturbed by --perturb, run under random control
-with elliptic friction cones, and every --every steps the constraint system of that instant becomes one
-environment of the file, together with MuJoCo's own solution at a tight tolerance. With --trajectory, consecutive
-steps of one simulation of each model are recorded, step by step, with ids by which a contact is found again. Everything
-that is random comes from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
+Simulations start from the model's first state (or a keyframe) disturbed by --perturb, and run under random control
+with elliptic friction cones. Every --every steps the constraint system of that instant becomes one environment of the
+file. With it goes MuJoCo's own solution at a tight tolerance. With --trajectory, consecutive steps of one simulation
+of each model are recorded, step by step, with ids by which a contact is found again. Everything that is random comes
+from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
 
 Exit status: 0 written; 1 written, but with fewer environments than asked for (the reason is printed); 2 bad
 input or usage, with one sentence. Needs numpy, h5py and mujoco >= 3 (tools/requirements.txt).
@@ -32,8 +32,8 @@ CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 # A simulation is given up after this many without a single recordable instant.
 FRUITLESS_SIMULATIONS = 20
 
-# Newton restarts from its own answer at most this often: each restart factors the Hessian afresh, which
-# removes the rounding its rank-one updates have gathered.
+# Newton restarts from its own answer at most this often: each restart factors the Hessian anew, which removes the
+# rounding its rank-one updates have gathered.
 REFERENCE_RESTARTS = 5
 
 BAD_STATE = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC,
@@ -84,8 +84,8 @@ def cones_of(model, data):
 
 
 def cone_ids(data):
-    """A number for each cone, the same as long as the constraint lasts: its kind, its object or pair of geoms, and
-    which of those that they share it is, in MuJoCo's order."""
+    """A number for each cone, the same as long as the constraint lasts. It is made of its kind, its object or pair of
+    geoms, and which of those that they share it is, in MuJoCo's order."""
     ids, shared, row = [], Counter(), 0
     while row < data.nefc:
         kind, objects, size = int(data.efc_type[row]), (int(data.efc_id[row]), 0), 1

@@ -3,8 +3,8 @@
 
 Usage: report_table.py NAME=REPORT.json ...        NAME is what the first column shows
 
-Ends with a line for each batch and solver that was solved on more than one device, saying whether the hashes agree;
-exit status 1 if any do not.
+Ends with a line for each batch and solver that was solved on more than one device, saying whether the hashes agree.
+Exit status 1 if any do not.
 """
 
 import argparse

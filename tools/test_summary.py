@@ -3,9 +3,9 @@
 
 Usage: test_summary.py JUNIT.xml        (ctest --output-junit JUNIT.xml)
 
-A program of GoogleTest, unittest or pytest that CTest runs as one test counts as its single cases, so that a case
-skipped inside a program that passed is not lost. A program without a framework says what it left out in lines `SKIPPED: why`.
-What a build leaves out are tests of their own (stiction_not_built in cmake/dependencies.cmake). Exit status 1 when
+A program of GoogleTest, unittest or pytest that CTest runs as one test counts as its single cases. So a case skipped
+inside a program that passed is not lost. A program without a framework says what it left out in lines `SKIPPED: why`.
+What a build leaves out are separate tests (stiction_not_built in cmake/dependencies.cmake). Exit status 1 when
 something failed or nothing ran.
 """
 

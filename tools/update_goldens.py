@@ -4,12 +4,12 @@
 usage: tools/update_goldens.py BUILD_DIR [--reason "one sentence"]
        tools/update_goldens.py --self-test
 
-Builds and runs determinism_test_golden of BUILD_DIR; the next build of the test reads the new table. New rows are added
-as they are. A row that changed or vanished is refused unless kNumericsEpoch (core/include/stiction/config.hpp) is
-higher than the epoch in the table's first line: raise it, say why in CHANGELOG.md, and give the reason here, which goes
-into that line. Further changes within an epoch that was never released start from the table of the epoch before
-(git checkout of the table).
-Exit status: 0 done (also when nothing changed), 1 refused, 2 usage, or a build or table that is broken.
+Builds and runs determinism_test_golden of BUILD_DIR; the next build of the test reads the new table. New rows are
+added as they are. A row that changed or vanished is refused unless kNumericsEpoch (core/include/stiction/config.hpp)
+is higher than the epoch in the table's first line. Raise it, say why in CHANGELOG.md, and give the reason here, which
+goes into that line. Further changes within an epoch that was never released start from the table of the epoch before
+(git checkout of the table). Exit status: 0 done (also when nothing changed), 1 refused, 2 usage, or a build or table
+that is broken.
 """
 import argparse
 import contextlib

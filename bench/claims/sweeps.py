@@ -130,7 +130,7 @@ def typical_counts(bench, findings, arguments, quick):
     names = {"simple stack": "simple stacks: 5 to 10 iterations", "contact network": "complex contact networks: 20 to 50",
              "granular": "large granular systems: 50 to 100", "robot": "typically 10 to 50 iterations for an acceptable accuracy"}
     for (kind, wanted), counts in within.items():
-        # Iterations are looked at in fours, so 12 may be 10; a scene is inside if its median environment is at 1e-2.
+        # Iterations are checked in fours, so 12 may be 10; a scene is inside if its median environment is at 1e-2.
         inside = [count <= wanted[1] + 3 for count in counts[1e-2]]
         inside3 = sum(count <= wanted[1] + 3 for count in counts[1e-3])
         findings.conclude(f"counts: {kind}", "3.1" if kind == "robot" else "3.3", names[kind],

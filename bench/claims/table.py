@@ -11,8 +11,9 @@ TABLE = ["residual_median", "residual_p95", "residual_worst", "approach_median",
 
 
 def motion_errors(path, outcome):
-    """Of each environment: how fast a contact still closes, over max |b|; and the error of the velocity change in the norm of kinetic
-    energy against the recording simulator's own reactions, over that change. The norm needs A alone: J' x has x' A x."""
+    """For each environment, how fast a contact still closes, over max |b|. Also the error of the velocity change in
+    the norm of kinetic energy against the recording simulator's own reactions, over that change. The norm needs A
+    alone: J' x has x' A x."""
     approach, velocity = [], []
     with h5py.File(path) as batch:
         rows, cones = batch["env_row_ptr"][:], batch["env_cone_ptr"][:]

@@ -1,25 +1,25 @@
 #!/usr/bin/env python3
-"""stiction against solvers of others on recorded problems: who solves what, to which residual, in what time.
+"""stiction against solvers of others on recorded problems: which solver solves what, to which residual, in what time.
 
     bench/peers/against.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py --results DIR
                            [--goals 1e-4,1e-6,1e-8] [--seconds 2] [--only stiction,siconos,clarabel]
                            [--solvers npgs,auto] [--laws file]
 
-Siconos (apt install libsiconos-numerics-dev, and a C compiler) answers friction under Coulomb's law and LCPs, Clarabel
-(pip install clarabel scipy) the convex law; files of Coulomb's law are solved under both, and under the convex one with
-(A + A')/2 for A, since no minimum knows more of it. A peer that is not installed is left out. An environment is solved if
-the judge's residual is within the goal; no solver's own claim counts. The judge measures reactions in units of w by the
-mean diagonal of A + R, which hides them where that is not positive; rows of such LCPs must keep abs(min(s lambda, w))
-within the goal as well, s the largest entry of the row. Writes against.csv (a row for each file, law, solver and goal)
-and against.md into DIR.
+Siconos (apt install libsiconos-numerics-dev, and a C compiler) answers friction under Coulomb's law and LCPs. Clarabel
+(pip install clarabel scipy) answers the convex law. Files of Coulomb's law are solved under both. Under the convex one
+A is (A + A')/2, since no minimum knows more of it. A peer that is not installed is left out. An environment is solved
+if the judge's residual is within the goal; no solver's own claim counts. The judge measures reactions in units of w by
+the mean diagonal of A + R, which hides them where that is not positive. Rows of such LCPs must keep abs(min(s lambda,
+w)) within the goal as well, s the largest entry of the row. Writes against.csv (a row for each file, law, solver and
+goal) and against.md into DIR.
 
-Rules. One thread. stiction is given the goal as its tolerance; SOLVER/apart is that solver with every island by itself
-(--islands apart), which no peer has. The peers stop by measures of their own; where one claims
-a solution that the judge does not accept, it is asked again with tolerances 100, 10000, ... times smaller, down to
-1e-16, and only the asking with the best answer is timed. Every solver has the same seconds for each environment; stiction,
-which gets a file as one batch, at first 10 seconds for it, and each environment in a process of its own if that is not
-enough. Iterations: 10000 for stiction, 100000 for Siconos, 200 for Clarabel. Who was late for a goal is not asked for a
-smaller one.
+Rules. One thread. stiction is given the goal as its tolerance; SOLVER/apart is that solver with every island separate
+(--islands apart), which no peer has. The peers stop by their own measures. A peer that claims a solution that the
+judge does not accept runs again. It gets tolerances 100, 10000, ... times smaller, down to 1e-16, and only the run
+with the best answer is timed. Every solver has the same seconds for each environment. stiction, which gets a file as
+one batch, has at first 10 seconds for it. If that is not enough, each environment runs in a separate process.
+Iterations: 10000 for stiction, 100000 for Siconos, 200 for Clarabel. A solver that was late for a goal does not run
+for a smaller one.
 
 Times are those of the solving call, without reading and writing. stiction's is the report's; it is shared out over the
 file's environments by iterations and stored entries, since packs of environments are solved at once. Siconos and

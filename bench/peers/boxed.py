@@ -1,8 +1,8 @@
 """Boxed friction, the law of physics engines: what solves it, and the same problems as complementarity problems.
 
-A normal row has 0 <= x, 0 <= w and x w = 0. A row of friction stays within mu times the reaction of its contact's normal
-row, w = 0 inside, w >= 0 at the lower bound, w <= 0 at the upper one; each direction by itself. That is not the cone of contact
-batches (docs/math/contact_problem.md), neither under Coulomb's law nor under the convex one.
+A normal row has 0 <= x, 0 <= w and x w = 0. A row of friction stays within mu times the reaction of its contact's
+normal row. w = 0 inside, w >= 0 at the lower bound, w <= 0 at the upper one, each direction separately. That is not
+the cone of contact batches (docs/math/contact_problem.md), neither under Coulomb's law nor under the convex one.
 """
 
 import dataclasses
@@ -73,8 +73,8 @@ def plain(environment):
 def as_lcp(problem):
     """(environment of half lines, E) with the same solutions, x = E z.
 
-    z = (x_n, p, v): friction is p - mu x_n, p >= 0 counts from the lower bound, and v >= 0 is what holds it at the upper one:
-    0 <= p, w + v >= 0 and 0 <= v, 2 mu x_n - p >= 0. Not symmetric, and zero on the diagonal of v.
+    z = (x_n, p, v). Friction is p - mu x_n, p >= 0 counts from the lower bound, and v >= 0 is what holds it at the
+    upper one. So 0 <= p, w + v >= 0 and 0 <= v, 2 mu x_n - p >= 0. Not symmetric, and zero on the diagonal of v.
     """
     normal, rubbing = np.flatnonzero(problem.findex < 0), np.flatnonzero(problem.findex >= 0)
     count, rubs = len(normal), len(rubbing)

@@ -2,11 +2,14 @@
 //
 //     c++ -O2 bullet_solve.cpp $(pkg-config --cflags --libs bullet-float64)     or bullet, which is single precision
 //
-// SOLVER: dantzig, lemke, pgs on boxed LCPs through btMLCPSolverInterface (lemke leaves bounds and findex out: LCPs
-// only; pgs stops before ITERATIONS when the squares of all changes in a sweep add up to less than 1e-20); si on
-// scenes: btSequentialImpulseConstraintSolver without warm start, split impulses, restitution and randomisation, two
-// directions of friction as given. Forming is, for the first three, filling Bullet's matrix and vectors; for si, its
-// set-up and finish.
+// SOLVER:
+//
+// * dantzig, lemke, pgs on boxed LCPs through btMLCPSolverInterface. lemke leaves bounds and findex out: LCPs only.
+//   pgs stops before ITERATIONS when the squares of all changes in a sweep add up to less than 1e-20.
+// * si on scenes: btSequentialImpulseConstraintSolver without warm start, split impulses, restitution and
+//   randomisation, two directions of friction as given.
+//
+// Forming is, for the first three, filling Bullet's matrix and vectors; for si, its set-up and finish.
 
 #include <BulletDynamics/ConstraintSolver/btContactSolverInfo.h>
 #include <BulletDynamics/ConstraintSolver/btSequentialImpulseConstraintSolver.h>

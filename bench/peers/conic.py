@@ -1,6 +1,6 @@
 """Clarabel, an interior point of others, on the associated (convex) law: min 1/2 x'(A + R)x + b'x over the cones.
 
-Needs clarabel and scipy (PyPI). Coulomb's law is no convex problem and is not for this solver; nor is a linear
+Needs clarabel and scipy (PyPI). Coulomb's law is no convex problem and is not for this solver. Nor is a linear
 complementarity problem whose matrix is not symmetric and positive semidefinite.
 """
 
@@ -53,7 +53,7 @@ def cones_of(environment, bound_unit):
 def solve(environment, tolerance, seconds):
     """(reaction, seconds, whether Clarabel calls it solved).
 
-    Units are taken out first, since Clarabel also stops on absolute gaps: x = unit y with max|b| and the mean diagonal
+    Units are taken out first, since Clarabel also stops on absolute gaps. x = unit y with max|b| and the mean diagonal
     of A + R equal to one.
     """
     offsets, columns, values = environment.with_compliance()

@@ -2,10 +2,13 @@
 //
 //     c++ -O2 dart_solve.cpp $(pkg-config --cflags --libs-only-L dart) -ldart
 //
-// SOLVER: dantzig and pgs are the two BoxedLcpSolvers of its constraint solver, pgs with ITERATIONS and tolerances so
-// small (1e-12 absolute, 1e-10 relative) that it stops at rounding; lemke is dart::lcpsolver::Lemke (LCPs only: it
-// leaves bounds and findex out). Forming is padding A's rows to what the solvers read, or filling Eigen's matrix, and
-// copying what they destroy.
+// SOLVER:
+//
+// * dantzig and pgs are the two BoxedLcpSolvers of its constraint solver. pgs has ITERATIONS and tolerances so small
+//   (1e-12 absolute, 1e-10 relative) that it stops at rounding.
+// * lemke is dart::lcpsolver::Lemke (LCPs only: it leaves bounds and findex out).
+//
+// Forming is padding A's rows to what the solvers read, or filling Eigen's matrix, and copying what they destroy.
 
 #include <dart/external/odelcpsolver/lcp.h>
 #include <dart/constraint/ContactConstraint.hpp>

@@ -19,12 +19,16 @@
 ///
 ///     PROGRAM SOLVER ITERATIONS SECONDS IN OUT
 ///
-/// IN is little-endian: int64 environments, then for each one of the two forms below; a SOLVER takes one of them.
-/// OUT, for each environment: int64 how (0: the engine calls it solved, 1: it does not, -1: out of time, -2: it
-/// crashed), double seconds of the solving call, double seconds of what the engine forms before and after, double
-/// reaction[rows] (NaN without an answer). Both times are medians over calls that take SECONDS together, at least one
-/// and at most 1000; one more call goes before them as a warm-up. Each environment is solved in a process of its own,
-/// so that neither a crash nor the clock costs the others.
+/// IN is little-endian: int64 environments, then for each one of the two forms below; a SOLVER takes one of them. OUT
+/// has for each environment:
+///
+/// * int64 how (0: the engine calls it solved, 1: it does not, -1: out of time, -2: it crashed);
+/// * double seconds of the solving call, double seconds of what the engine forms before and after;
+/// * double reaction[rows] (NaN without an answer).
+///
+/// Both times are medians over calls that take SECONDS together, at least one and at most 1000. One more call goes
+/// before them as a warm-up. Each environment is solved in a separate process, so that neither a crash nor the clock
+/// costs the others.
 namespace engines {
 
 /// [s] for all calls of one environment, by the wall: a limit on processor time would make Linux count it in ticks of 4
@@ -69,8 +73,8 @@ struct Call {
   std::exit(2);
 }
 
-/// Wall clock of what is short, since asking for the processor's costs as much as a small solve; of what is long the
-/// lesser of both, so that other programs' turns do not count.
+/// The wall clock of what is short, since asking for the processor's costs as much as a small solve. Of what is long
+/// it is the lesser of both, so that other programs' turns do not count.
 class Stopwatch {
  public:
   [[nodiscard]] double seconds() const {

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems of its own law.
+"""stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems under its law.
 
     bench/peers/engines.py build/bin/stiction --data FOLDER --judge check_solution.py --results DIR [--passes 4]
                            [--goal 1e-6] [--only lcp,pyramids,boxed,sweeps]
 
-Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; who is missing is left out. FOLDER holds
-recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`. Writes engines.csv and engines.md into DIR.
+Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; one that is missing is left
+out. FOLDER holds recorded batches (lcp/, coulomb/, mujoco/); scenes come from `stiction generate`. Writes engines.csv
+and engines.md into DIR.
 
 Three races to a residual of --goal, on problems that both sides solve under the same law:
   lcp       recorded linear complementarity problems as they are;
@@ -15,12 +16,12 @@ Three races to a residual of --goal, on problems that both sides solve under the
 and one comparison of sweeps, 20 and 60 of them: time for a contact and a sweep, and the residual, each in its own law.
 
 Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts).
-Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets the
-tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B A),
---passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on one
-environment that both solve; stiction's is that of its solver that solves most, then takes least. stiction's time is its
-report's in processor time, over the copies of the environment that the call was given, up to 64; an engine's is its solving
-call alone, the median of warm calls; what it forms before and after is listed apart.
+Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets
+the tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B
+A), --passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on
+one environment that both solve. stiction's is that of its solver that solves most, then takes least. stiction's time
+is its report's in processor time, over the copies of the environment that the call was given, up to 64. An engine's is
+its solving call alone, the median of warm calls. What it forms before and after is listed apart.
 """
 
 import argparse
@@ -156,7 +157,7 @@ class Stiction:
 
 
 class Race:
-    """One file, one law: who solves what, and in what time."""
+    """One file, one law: which solver solves what, and in what time."""
 
     def __init__(self, kind, name, problems, judge, goal, folder):
         self.kind, self.name, self.problems, self.judge, self.goal = kind, name, problems, judge, goal

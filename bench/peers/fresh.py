@@ -4,7 +4,7 @@
     bench/peers/fresh.py STICTION --judge check_solution.py [--results DIR] [--bench-ratio build/bench/bench_ratio]
                          [--seed S] [--envs 8] [--seconds 0.3]
 
-Runs bench_ratio (stiction, a naive loop, Eigen) on scenes of the seed and of the one behind the committed tables, and
+Runs bench_ratio (stiction, a naive loop, Eigen) on scenes of the seed and of the one behind the committed tables. Runs
 against.py (auto and npgs, Siconos and Clarabel where they are installed) on the fresh ones. Writes fresh/ratio.csv,
 fresh/against.csv, fresh/against.md and fresh.md, which has both seeds' ratios side by side.
 """

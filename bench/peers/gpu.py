@@ -4,23 +4,25 @@
     PYTHONPATH=build/python bench/peers/gpu.py [FILE ...] [--device cuda] [--data DATA] [--judge check_solution.py] [--results DIR]
                          [--images DIR] [--goals 1e-4,1e-6] [--envs 64,1024,8192,32768] [--peers torch,mjx,warp] [--seconds 1]
 
-Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py; their environments are
-filled up to the same cones (padded.py) and repeated. Every peer gets the same arrays, in the memory of the device before the
-clock starts, and leaves the answer there:
+Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py. Their environments
+are filled up to the same cones (padded.py) and repeated. Every peer gets the same arrays, in the memory of the device
+before the clock starts, and leaves the answer there:
 
     torch   PGS, APGD and ADMM written for this (torch_peers.py), given A; on a GPU also with a chunk captured as a CUDA graph
     mjx     MJX's Newton and CG (mjx_peer.py), given J and M
     warp    MuJoCo Warp's Newton and CG (warp_peer.py), given J and M; f32
     ours    auto, npgs and newton, given A (form matrix) or J and M's factor (form factor), which is what is raced with MJX and Warp
 
-Each takes the largest tolerance of its ladder at which 95 % of the recorded environments are judged within the goal, found once
-with the smallest batch. Then all run in turns, forth and back, for --seconds three times at least; a ratio is the peer's time over
-stiction's in one turn, median and quartiles are in the tables. Cold starts. Clocks: CUDA events around what is queued (torch, warp,
-ours); for MJX, whose streams are its own, the wall until its answer is there. Compiling, capturing and the first call are not counted.
+Each takes the largest tolerance of its ladder at which 95 % of the recorded environments are judged within the goal.
+It is found once with the smallest batch. Then all alternate, forth and back, for --seconds three times at least. A
+ratio is the peer's time over stiction's in one turn. Median and quartiles are in the tables. Cold starts. Clocks: CUDA
+events around what is queued (torch, warp, ours); for MJX, whose streams are its own, the wall until its answer is
+there. Compiling, capturing and the first call are not counted.
 
-The second table has stiction alone on the largest batch: the device against the CPU with two threads, wall clock, and whether
-the bits are the same. Who is not installed is left out. --device cpu runs all of it on the CPU, processor time of one thread: a
-check of the programs, not a comparison of devices. Writes gpu.csv, gpu_fallback.csv, gpu.md and peers_gpu.png.
+The second table has stiction alone on the largest batch. It compares the device with the CPU on two threads, wall
+clock, and says whether the bits are the same. A peer that is not installed is left out. --device cpu runs all of it on
+the CPU, processor time of one thread: a check of the programs, not a comparison of devices. Writes gpu.csv,
+gpu_fallback.csv, gpu.md and peers_gpu.png.
 """
 
 import argparse
@@ -46,7 +48,7 @@ import stiction  # noqa: E402
 
 ROBOTS = ["humanoid", "g1", "go1", "leap_hand", "franka_cube", "aloha_peg", "car"]
 SHARE = torch_peers.SHARE
-LADDER = [30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01]  # times the goal, where a residual like the judge's is looked at
+LADDER = [30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01]  # times the goal, where a residual like the judge's is computed
 POWERS = [10.0**-k for k in range(2, 16)]  # where gradients and improvements are
 SOLVERS = ("auto", "npgs", "newton")
 COLUMNS = ["robot", "environments", "rows", "goal", "form", "solver", "precision", "us", "residual_p95", "peer", "peer_precision",
@@ -55,7 +57,7 @@ FALLBACK_COLUMNS = ["robot", "environments", "solver", "precision", "device_us",
 
 
 class Robot:
-    """The problems of a file and who judges them."""
+    """The problems of a file and their judge."""
 
     def __init__(self, path, judge, device):
         self.path, self.name, self.judge, self.device = path, path.stem, judge, device
@@ -194,7 +196,7 @@ def qualify(robot, entrant, goal):
 
 
 def tuned(robot, arguments):
-    """{(name, goal): (tolerance, residual)} of all who reach the goal, with the smallest batch."""
+    """{(name, goal): (tolerance, residual)} of all that reach the goal, with the smallest batch."""
     found = {}
     for name, make in offers(robot, max(min(arguments.envs), len(robot.first)), arguments):
         try:

@@ -1,10 +1,10 @@
 """MuJoCo's constraint solvers on recorded problems, by way of mujoco_solve.c, compiled into a folder of one's choice.
 
-MuJoCo solves what its own pipeline left in mjData. Here a model of slide joints takes the place of the recorded one: one
-body for each degree of freedom, in the kinematic tree that the pattern of the recorded mass matrices implies, so that
-MuJoCo factors M with the sparsity it has for the robot. M, J, free acceleration, target, compliance, friction and types
-are written in; mj_island, mj_factorM, mj_projectConstraint and mj_fwdConstraint are MuJoCo's. Whether its answers are
-right is for the judge to say.
+MuJoCo solves what its own pipeline left in mjData. Here a model of slide joints takes the place of the recorded one,
+one body for each degree of freedom. Its kinematic tree is the one that the pattern of the recorded mass matrices
+implies. So MuJoCo factors M with the sparsity it has for the robot. M, J, free acceleration, target, compliance,
+friction and types are written in; mj_island, mj_factorM, mj_projectConstraint and mj_fwdConstraint are MuJoCo's.
+Whether its answers are right is for the judge to say.
 """
 
 import ctypes

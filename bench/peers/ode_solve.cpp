@@ -3,9 +3,9 @@
 //     c++ -O2 ode_solve.cpp $(pkg-config --cflags --libs ode)
 //
 // SOLVER: step is dWorldStep (a matrix, and Dantzig's method), quick is dWorldQuickStep (sweeps over the Jacobian,
-// ITERATIONS of them). Both form, solve and move the bodies in one call, which is what is timed; forming is 0. Contacts
-// lie at depth 0 without softness and bounce, both friction directions as given, bounds mu times the normal force; the
-// world's cfm is ODE's default. Reactions are the joints' forces times the step.
+// ITERATIONS of them). Both form, solve and move the bodies in one call, which is what is timed; forming is 0.
+// Contacts lie at depth 0 without softness and bounce, both friction directions as given, bounds mu times the normal
+// force. The world's cfm is ODE's default. Reactions are the joints' forces times the step.
 
 #include <ode/ode.h>
 

@@ -1,5 +1,6 @@
-"""Environments in arrays of one shape, as batched programs for GPUs want them: the same cones for all, filled up where one has
-fewer. A row that fills up stands still whatever happens: J = 0, A = 0, R = 1, b = 0, so its reaction is 0 and nothing feels it."""
+"""Environments in arrays of one shape, as batched programs for GPUs want them: the same cones for all, filled up where
+one has fewer. A row that fills up stands still whatever happens. It has J = 0, A = 0, R = 1, b = 0, so its reaction is
+0 and nothing feels it."""
 
 import numpy as np
 from boxed import dense

@@ -14,13 +14,14 @@ one call for all environments. Three forms say what both sides are given, and so
     factor     J and M's factor: what MuJoCo's pipeline has when it calls its solver. stiction forms A; of MuJoCo's, PGS does
     jacobian   J and M: M is factored too, by both (mj_factorM)
 
-Each solver takes the largest tolerance of its ladder at which 95 % of the environments are judged within the goal, by the
-judge, or without one by stiction's `verify`. Cold starts begin at no reaction and at the free acceleration; warm ones from
-the solution of the same problem with every free acceleration changed by 5 % (normal noise): its accelerations for MuJoCo and,
-in the jacobian form, for stiction; its reactions for stiction. Those who reach the goal, without those that take three times as long as the fastest of their
-form (auto in f64 always runs), then run in turns, forth and back (A B C C B A) for --seconds of
-processor time at least three times; a ratio is MuJoCo's time over stiction's of one such turn, and the tables have its
-median and quartiles. Who did not run for a goal is not asked for a smaller one. Writes NAME.csv, NAME.md and peers_NAME.png.
+Each solver takes the largest tolerance of its ladder at which 95 % of the environments are within the goal. The judge
+decides, or without one stiction's `verify`. Cold starts begin at no reaction and at the free acceleration. Warm ones
+begin from the solution of the same problem with every free acceleration changed by 5 % (normal noise). stiction gets
+its reactions and, in the jacobian form, its accelerations, MuJoCo its accelerations. Solvers that take three times as long as the fastest of their form are left
+out (auto in f64 always runs). The others that reach the goal then alternate, forth and back (A B C C B A). They
+take --seconds of processor time at least three times. A ratio is MuJoCo's time over stiction's of one such turn, and
+the tables have its median and quartiles. A solver that did not run for a goal does not run for a smaller one. Writes
+NAME.csv, NAME.md and peers_NAME.png.
 """
 
 import argparse

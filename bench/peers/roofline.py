@@ -3,22 +3,22 @@
 
     PYTHONPATH=build/python bench/peers/roofline.py [--results DIR] [--images DIR] [--seed 7] [--turns 3] [--quick]
 
-The roof is measured (yardstick.c, compiled here for this machine): multiply-adds from registers, and bytes a second from
-the first and second cache and from memory, the better of a triad (two arrays read, one written) and of two arrays read.
-Operations and bytes of a sweep are counted from its formulas, not measured (counts.py). Time is measured: a call of many
-sweeps less a call of few, at tolerance 0, processor time of one thread, so loading, checking and the answer cancel out.
+The roof is measured (yardstick.c, compiled here for this machine). It is multiply-adds from registers, and bytes a
+second from the first and second cache and from memory. The bytes are the better of a triad (two arrays read, one
+written) and of two arrays read. Operations and bytes of a sweep are counted from its formulas, not measured
+(counts.py). Time is measured, a call of many sweeps less a call of few, at tolerance 0, processor time of one thread.
+So loading, checking and the answer cancel out.
 
-kernels   pgs and npgs on a full A (packs of environments side by side as far as 128 rows), pgs on a factor Y of 22 degrees of
-          freedom, and sequential impulses on bodies (packs), f32 and f64
-problems  all contacts stick and carry, under matrices whose spectra sweeps take long to go through (matrix, factor), or a stack
-          of boxes (bodies): what does not move pushes nothing, and would be counted all the same
+kernels   pgs and npgs on a full A (packs of environments side by side as far as 128 rows). pgs on a factor Y of 22 degrees
+          of freedom. Sequential impulses on bodies (packs). f32 and f64
+problems  all contacts stick and carry, under matrices whose spectra sweeps take long to go through (matrix, factor), or a
+          stack of boxes (bodies). What does not move pushes nothing, and would be counted all the same
 batches   `near` takes half of the second cache, `far` four times all of it. A solver takes one environment or pack after
-          the other, so a sweep finds its numbers where the pack lies (`level`), not where the batch does
+          the other. So a sweep finds its numbers where the pack lies (`level`), not where the batch does
 
-A turn measures the roof, the calls forth and back, and the roof again; share is the median over the turns of what was
+A turn measures the roof, the calls forth and back, and the roof again. share is the median over the turns of what was
 reached over min(multiply-adds, intensity times the level's bandwidth). moving: share of contacts whose reactions still
-change in the last sixteen sweeps. Writes
-roofline.csv, roofline.md and peers_roofline.png.
+change in the last sixteen sweeps. Writes roofline.csv, roofline.md and peers_roofline.png.
 """
 
 import argparse

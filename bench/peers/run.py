@@ -4,9 +4,9 @@
     bench/peers/run.py [--build build-bench] [--python-package BUILD/python] [--data DATA] [--judge check_solution.py]
                        [--results bench/results/MACHINE/peers] [--images docs/images] [--seed S] [--parts a,b] [--patience 1]
 
-A part that lacks something (a Python module, a program, recorded problems, a judge, a GPU) is left out, and the summary says what
-it lacks. Each part has a limit in seconds of the wall clock, times --patience on a machine that is busy; what it has
-written by then is kept. Each part's own output is in --logs. Writes summary.md.
+A part may lack something (a Python module, a program, recorded problems, a judge, a GPU). It is left out, and the
+summary says what it lacks. Each part has a limit in seconds of the wall clock, times --patience on a machine that is
+busy. What it has written by then is kept. Each part's own output is in --logs. Writes summary.md.
 """
 
 import argparse

@@ -6,15 +6,15 @@
 
 environments   20 sweeps of 8 contacts, 1 to 65536 environments, one thread and two: from A in f32 and f64, from bodies
 contacts       20 sweeps of 1 to 256 contacts: `stack` of boxes (A block tridiagonal), `face` (one cube, A full), `bodies`
-tails          generated scenes and recorded robots to 1e-4 by auto in f64, each environment in a call of its own
-warm           consecutive steps in DATA/sequences: iterations and time to 1e-2 and 1e-3 from zero and from the step before,
-               where both have as many contacts and both solve, by the judge. gain_iterations: median over steps of
+tails          generated scenes and recorded robots to 1e-4 by auto in f64, each environment in a separate call
+warm           consecutive steps in DATA/sequences: iterations and time to 1e-2 and 1e-3 from zero and from the step before.
+               Both have as many contacts and both solve, by the judge. gain_iterations: median over steps of
                (cold + 1) / (warm + 1) iterations; gain_total, gain_time: all steps' iterations and time together
 
-Sweeps are fixed by tolerance 0. Time is processor time for one thread and the wall clock for two, least of the calls that
-fit into a quarter of a second, three at least. An exponent is the slope of a least-squares line through logarithms of
-time over the tail that the report names, with its standard error. Writes scaling.csv, tails.csv, warm.csv,
-scaling.md and peers_scaling.png.
+Sweeps are fixed by tolerance 0. Time is processor time for one thread and the wall clock for two. It is the least of
+the calls that fit into a quarter of a second, three at least. An exponent is the slope of a least-squares line through
+logarithms of time over the tail that the report names, with its standard error. Writes scaling.csv, tails.csv,
+warm.csv, scaling.md and peers_scaling.png.
 """
 
 import argparse
@@ -150,7 +150,7 @@ def contact_series(arguments, folder):
 
 
 def alone(environments, law, solver, warm=None):
-    """(iterations, least microseconds, reactions, solved) of each environment in a call of its own."""
+    """(iterations, least microseconds, reactions, solved) of each environment in a separate call."""
     for i, environment in enumerate(environments):
         batch = matrix_batch([environment], "f64", law)
         guess = None if warm is None else warm[i]

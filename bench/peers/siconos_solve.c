@@ -2,14 +2,21 @@
  *
  *     siconos_solve SOLVER TOLERANCE MAX_ITERATIONS SECONDS IN OUT
  *
- * SOLVER: nsgs, admm, prox, nsn (friction), lemke, pgs (LCP). SECONDS of processor time for each environment.
- * IN (little-endian): int64 dimension of a contact (1: an LCP), int64 environments; for each int64 rows, int64 entries,
- * int64 offsets[rows + 1], int64 columns[entries], double values[entries], double q[rows], double mu[rows / dimension].
- * OUT: for each environment int64 how (0: Siconos calls it solved; > 0: its other return values; -1: out of time; -2:
- * it crashed or could not treat it), double seconds within the driver, double reaction[rows] (NaN without an answer).
+ * SOLVER: nsgs, admm, prox, nsn (friction), lemke, pgs (LCP). SECONDS of processor time for each environment. IN
+ * (little-endian): int64 dimension of a contact (1: an LCP), int64 environments. For each environment:
+ *
+ * * int64 rows, int64 entries, int64 offsets[rows + 1], int64 columns[entries];
+ * * double values[entries], double q[rows], double mu[rows / dimension].
+ *
+ * OUT has for each environment:
+ *
+ * * int64 how (0: Siconos calls it solved; > 0: its other return values; -1: out of time; -2: it crashed or could not
+ *   treat it);
+ * * double seconds within the driver, double reaction[rows] (NaN without an answer).
+ *
  * Short solves are done again and the shortest counts.
  *
- * Each environment is solved in a process of its own, so that neither a crash nor the clock costs the others. Built by
+ * Each environment is solved in a separate process, so that neither a crash nor the clock costs the others. Built by
  * bench/peers/against.py where the headers are found: cc siconos_solve.c -lsiconos_numerics
  */
 #include <math.h>

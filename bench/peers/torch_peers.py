@@ -1,9 +1,10 @@
-"""What one would write in PyTorch: projected Gauss-Seidel over cones, an accelerated projected gradient and ADMM with batched
-Cholesky factors, all environments of a padded batch at once, on whatever device the tensors lie. Convex law.
+"""What one would write in PyTorch: projected Gauss-Seidel over cones, an accelerated projected gradient and ADMM with
+batched Cholesky factors. All environments of a padded batch go at once, on whatever device the tensors lie. Convex
+law.
 
-Coordinates are x = D z with friction cones that are unit cones and cones of mean diagonal 1. The solvers look at the
-natural map |z - P(z - y)| / max|b| after every chunk and stop when 95 % of the environments have come to the tolerance.
-On a GPU a chunk can be captured once and replayed as a CUDA graph.
+Coordinates are x = D z with friction cones that are unit cones and cones of mean diagonal 1. The solvers compute the
+natural map |z - P(z - y)| / max|b| after every chunk. They stop when 95 % of the environments have come to the
+tolerance. On a GPU a chunk can be captured once and replayed as a CUDA graph.
 """
 
 import numpy as np
@@ -124,7 +125,7 @@ class Peer:
         self.look(self.z, self.motion(self.z))
 
     def after_chunk(self):
-        """What a method adapts where it may look at numbers."""
+        """What a method adapts where it may read numbers."""
 
     def solve(self, tolerance, most=2000):
         """Reactions (environments, rows); at most that many iterations."""

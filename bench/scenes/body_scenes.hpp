@@ -8,9 +8,9 @@
 /// Scenes in body form, and the same environments as contact systems to check one by the other.
 namespace stiction::scenes {
 
-/// A heap of spheres in an open box, with about as many contacts as asked for (>= 1): a shaken close packing in which
-/// half of the neighbours touch. No overlaps, so that standing still is always possible. Depends on its arguments alone
-/// and has the same bits from every compiler. Time linear in contacts.
+/// Makes a heap of spheres in an open box, with about as many contacts as the caller wants (>= 1). It is a shaken
+/// close packing in which half of the neighbours touch. No overlaps, so that standing still is always possible.
+/// Depends on its arguments alone and has the same bits from every compiler. Time linear in contacts.
 BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts);
 
 /// Boxes of random size one on the other, four contacts between neighbours, on a floor that is kinematic and moves.

@@ -16,8 +16,8 @@ class BlockMass {
   [[nodiscard]] Csr matrix() const;
   /// M^-1 x.
   [[nodiscard]] std::vector<double> solve(std::vector<double> x) const;
-  /// A = J M^-1 J' into the system's CSR arrays. Rows that share a block are coupled, even where the value happens
-  /// to be zero, so the pattern is that of the contact graph; A is symmetric to the bit.
+  /// A = J M^-1 J' into the system's CSR arrays. Rows that share a block are coupled, even where the value happens to
+  /// be zero. So the pattern is that of the contact graph; A is symmetric to the bit.
   void assemble(const Csr& J, Environment<double>& system) const;
 
  private:

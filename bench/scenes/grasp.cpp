@@ -4,7 +4,7 @@
 #include "bench/scenes/rows.hpp"
 
 // A hand of fingers with four hinges each (abduction and three flexions) holding a box by its side faces, the palm
-// fixed in the world. A finger is laid out from its tip, which touches the box, back to its base: a finger that
+// fixed in the world. A finger is laid out from its tip, which touches the box, back to its base. A finger that
 // touches is then exact without inverse kinematics.
 
 namespace stiction::scenes {

@@ -17,9 +17,9 @@ struct Entry {
 /// The body that is the world: it does not move.
 inline constexpr Index kWorld = -1;
 
-/// Trees of one-degree-of-freedom joints at one instant, in world coordinates. A body is named by the last
-/// degree of freedom on its way from the root; a free body is six of them in a line. Every tree is one block of
-/// the mass matrix, so trees are added one after another.
+/// Trees of one-degree-of-freedom joints at one instant, in world coordinates. A body is named by the last degree of
+/// freedom on its way from the root. A free body is six of them in a line. Every tree is one block of the mass matrix,
+/// so trees are added one after another.
 class Multibody {
  public:
   enum class Motion { slide, turn };
@@ -40,7 +40,7 @@ class Multibody {
   /// Hangs mass onto a body; inertia about `center`, world axes.
   void add_mass(Index body, double mass, Vec3 center, const Mat3& inertia);
 
-  /// Six degrees of freedom (velocity of the centre, then spin, both in world axes) carrying one mass; the
+  /// Adds six degrees of freedom (velocity of the centre, then spin, both in world axes) carrying one mass. The
   /// returned body is the last of the six.
   Index add_free_body(double mass, Vec3 center, const Mat3& inertia, Vec3 velocity, Vec3 spin);
 

@@ -3,9 +3,9 @@
 #include "bench/scenes/catalogue.hpp"
 #include "bench/scenes/rows.hpp"
 
-// Spheres poured into a square bin. The settling moves positions only (gravity step, then overlaps pushed apart
-// pair by pair in a fixed order); what the environment holds is the instant after it, with contacts for every pair
-// that overlaps or nearly touches.
+// Spheres poured into a square bin. The settling moves positions only (gravity step, then overlaps pushed apart pair
+// by pair in a fixed order). The environment holds the instant after it, with contacts for every pair that overlaps or
+// nearly touches.
 
 namespace stiction::scenes {
 namespace {

@@ -17,8 +17,8 @@ struct Contact {
   double restitution = 0;  ///< Newton's [-]
 };
 
-/// Writes constraint rows of a multibody, then the whole system. Target velocities (docs/scenes.md, 2):
-/// a contact may close its gap within the step, and recovers a fifth of an overlap per step, at most 1 m/s.
+/// Writes constraint rows of a multibody, then the whole system. Target velocities (docs/scenes.md, 2): a contact may
+/// close its gap within the step. It recovers a fifth of an overlap per step, at most 1 m/s.
 class RowWriter {
  public:
   explicit RowWriter(const Multibody& bodies) : bodies_(bodies) {}
@@ -38,8 +38,8 @@ class RowWriter {
   /// Box row: dry friction of a joint [N, N m].
   void add_joint_friction(Index dof, double force);
 
-  /// The environment. R = 0 for a ratio of 0; otherwise R of a normal, limit or joint friction row is ratio * A_ii
-  /// and R of a friction row j is R_normal * (mu_1 / mu_j)^2, as MuJoCo has it.
+  /// The environment. R = 0 for a ratio of 0. Otherwise R of a normal, limit or joint friction row is ratio * A_ii. R
+  /// of a friction row j is R_normal * (mu_1 / mu_j)^2, as MuJoCo has it.
   [[nodiscard]] SceneEnv finish(double compliance_ratio = 0) &&;
 
   [[nodiscard]] std::size_t cone_count() const noexcept { return env_.system.cones.size(); }

@@ -3,8 +3,8 @@
 #include "bench/scenes/catalogue.hpp"
 #include "bench/scenes/rows.hpp"
 
-// A robot with a floating trunk and legs of three hinges (abduction, hip, knee) on rough ground, with the masses
-// and lengths of a 13 kg quadruped.
+// A robot with a floating trunk and legs of three hinges (abduction, hip, knee) on rough ground. It has the masses and
+// lengths of a 13 kg quadruped.
 
 namespace stiction::scenes {
 namespace {

@@ -8,14 +8,15 @@
  * is in the status record of the environment.
  *
  * Structs that begin with `size` are set up by their stiction_..._init(&it, sizeof it), which fills in the defaults. A
- * later version of the library may append fields and still takes the shorter struct of a program compiled before it;
- * a longer struct than the library knows is refused. Enumerators are kept in fields of type int32_t.
+ * later version of the library may append fields and still takes the shorter struct of a program compiled before it. A
+ * longer struct than the library knows is refused. Enumerators are kept in fields of type int32_t.
  *
  * A handle is a ticket: one that was destroyed is refused, and never comes up again. Use one handle from one thread at
  * a time; different handles from any threads. Null is a handle that destroy accepts.
  *
- * Text arguments are null-terminated. Arrays are the caller's, are not kept after the call (on a device: after the work
- * queued on the stream is done), and have lengths given in brackets. "Real" is float or double, as `precision` says. */
+ * Text arguments are null-terminated. Arrays are the caller's and have lengths given in brackets. They are not kept
+ * after the call (on a device: after the work queued on the stream is done). "Real" is float or double, as `precision`
+ * says. */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -53,8 +54,8 @@ STICTION_API const char* stiction_flag_name(uint32_t flag);
 STICTION_API stiction_code stiction_solver_from_name(const char* name, int32_t* solver);
 
 /** The devices of this machine, one to a line: "cpu: AVX2", "cuda: not usable: ...". Writes at most `room` bytes with
- * the terminating zero, and to `length` (may be null) the length of the whole text without it; text may be null if room
- * is 0. */
+ * the terminating zero, and to `length` (may be null) the length of the whole text without it. text may be null if
+ * room is 0. */
 STICTION_API stiction_code stiction_devices(char* text, size_t room, size_t* length);
 
 /* ---- Structs: defaults. `size` is sizeof of the struct that the caller has. ---- */
@@ -115,8 +116,8 @@ STICTION_API stiction_code stiction_hash(int32_t precision, const void* values, 
 
 /* ---- Jacobian batches: J, M and velocities (docs/jacobian.md) ---- */
 
-/** Room that a host batch needs, or any batch of so many environments the largest of which has so many rows, cones and
- * degrees of freedom. `capacity` was set up before, and its factor_use is read. */
+/** Room that a host batch needs. Or that of any batch of so many environments, the largest of which has so many rows,
+ * cones and degrees of freedom. `capacity` was set up before, and its factor_use is read. */
 STICTION_API stiction_code stiction_jacobian_capacity_of(const stiction_jacobian_view* batch,
                                                          stiction_jacobian_capacity* capacity);
 STICTION_API stiction_code stiction_jacobian_capacity_of_largest(int64_t envs, int32_t env_rows, int32_t env_cones,
@@ -148,9 +149,9 @@ STICTION_API stiction_code stiction_body_solver_create(const char* device, const
                                                        const stiction_body_options* options,
                                                        stiction_body_solver** solver);
 STICTION_API stiction_code stiction_body_solver_destroy(stiction_body_solver* solver);
-/** Plans a batch: colours, order, which bodies touch. For batches in device memory, whose structure solve cannot see:
- * call it before the first solve and whenever offsets, body numbers, `kinematic` or, with max_contacts_per_env, depths
- * changed. */
+/** Plans a batch: colours, order, which bodies touch. It is for batches in device memory, whose structure solve cannot
+ * see. Call it before the first solve and whenever offsets, body numbers, `kinematic` or, with max_contacts_per_env,
+ * depths changed. */
 STICTION_API stiction_code stiction_body_solver_plan(stiction_body_solver* solver, const stiction_body_view* batch,
                                                      void* stream);
 /** Solves every environment. warm_start (Real, 3 * contact_count, same memory) may be null: from zero. A host batch is
@@ -199,8 +200,8 @@ STICTION_API stiction_code stiction_stepping_solver_solve_bodies(stiction_steppi
                                                                  const stiction_body_view* batch,
                                                                  const uint64_t* contact_id,
                                                                  const stiction_body_solution* solution, void* stream);
-/** Resets the reactions of environments that start over: a list on the host (count), or those whose mask is not zero
- * (capacity.envs, in the device's memory), or all. */
+/** Resets the reactions of environments that start over. They are a list on the host (count), or those whose mask is
+ * not zero (capacity.envs, in the device's memory), or all. */
 STICTION_API stiction_code stiction_stepping_solver_reset(stiction_stepping_solver* solver, const int64_t* envs,
                                                           int64_t count, void* stream);
 STICTION_API stiction_code stiction_stepping_solver_reset_where(stiction_stepping_solver* solver, const uint8_t* mask,

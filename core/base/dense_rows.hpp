@@ -22,8 +22,9 @@ STICTION_HD bool is_run(const Index* column, Index count) {
   return off == 0;
 }
 
-/// Whether each of n rows stores all columns in order, row after row without room between, as a dense matrix written as
-/// CSR does: then no column has to be looked up. Arrays begin at the environment's first row; `row_counts` may be null.
+/// Whether each of n rows stores all columns in order, row after row without room between, as a dense matrix written
+/// as CSR does. Then no column has to be looked up. Arrays begin at the environment's first row; `row_counts` may be
+/// null.
 STICTION_HD bool rows_are_full(Index n, const Offset* row_offsets, const Index* row_counts,
                                const Offset* column_offsets, const Index* columns) {
   const Offset first = row_offsets[0];

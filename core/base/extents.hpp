@@ -16,9 +16,9 @@ constexpr std::size_t at(T place) {
   return static_cast<std::size_t>(place);
 }
 
-/// The larger and the smaller of two counts. Only of counts: floating-point numbers are selected in
-/// core/base/real.hpp, where NaN has one meaning, and the library's minima and maxima, which take both, are kept out
-/// of everything that holds a solver.
+/// The larger and the smaller of two counts. They are for counts only. Floating-point numbers are selected in
+/// core/base/real.hpp, where NaN has one meaning. The library's minima and maxima, which take both, are kept out of
+/// everything that holds a solver.
 template <Count T>
 constexpr T larger_of(T a, T b) {
   return a < b ? b : a;

@@ -18,8 +18,8 @@ STICTION_HD Pack<double, 4> four_doubles(const double* from, Index count) {
 }
 #endif
 
-/// four_sums() of four rows of `count` numbers that lie one behind the other, each with a start of its own. Behind x
-/// are zeros up to a multiple of four. The same bits, but for the sign of a zero.
+/// four_sums() of four rows of `count` numbers that lie one behind the other, each with a separate start. Behind x are
+/// zeros up to a multiple of four. The same bits, but for the sign of a zero.
 template <class Real>
 STICTION_HD Pack<double, 4> four_sums_of_four_rows(Pack<double, 4> start, const Real* a, const double* x, Index count) {
   using Four = Pack<double, 4>;
@@ -44,7 +44,7 @@ STICTION_HD Pack<double, 4> four_sums_of_four_rows(Pack<double, 4> start, const 
   Index k = 0;
   for (; k + 4 <= count; k += 4) add(k);
   if (k < count) add(k, count - k);
-  // Neighbours added: sums 0 and 1 of two rows in turns, then their sums 2 and 3.
+  // Neighbours added: sums 0 and 1 of two rows alternately, then their sums 2 and 3.
   const __m256d front = _mm256_hadd_pd(row_0.v, row_1.v);
   const __m256d back = _mm256_hadd_pd(row_2.v, row_3.v);
   return Four(_mm256_permute2f128_pd(front, back, 0x20)) + Four(_mm256_permute2f128_pd(front, back, 0x31));

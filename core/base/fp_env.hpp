@@ -9,10 +9,11 @@
 namespace stiction {
 
 /// The floating-point environment the algorithms assume: round to nearest, subnormals kept. A process may have lost it
-/// without asking (loading a library built with relaxed arithmetic sets flush-to-zero), so every thread of a solve and
-/// every public function that computes sets it and puts back what it found (tests/determinism/test_fp_entries.cpp).
-/// With SSE the algorithms never use the x87 unit, whose whole environment takes longer to save and load than a small
-/// solve's sweeps: its rounding is kept in step, so that std::fegetround() tells the truth.
+/// without knowing (loading a library built with relaxed arithmetic sets flush-to-zero). So every thread of a solve
+/// and every public function that computes sets it and puts back what it found
+/// (tests/determinism/test_fp_entries.cpp). With SSE the algorithms never use the x87 unit, whose whole environment
+/// takes longer to save and load than a small solve's sweeps. Its rounding is kept in step, so that std::fegetround()
+/// tells the truth.
 class ScopedFpEnv {
  public:
 #if defined(__SSE2__)

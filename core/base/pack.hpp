@@ -128,7 +128,7 @@ STICTION_HD Pack<T, W> div_(Pack<T, W> a, Pack<T, W> b) {
   return a.v / b.v;
 }
 
-/// No alignment is asked for. Whole vectors: what is stored in halves, as g++ copies memory, is slow to load again.
+/// No alignment is required. Whole vectors: what is stored in halves, as g++ copies memory, is slow to load again.
 template <class T, int W>
 STICTION_HD void load_lanes(const T* from, Pack<T, W>& to) {
   to.v = *reinterpret_cast<const typename VectorOf<T, W>::Anywhere*>(from);

@@ -2,7 +2,7 @@
 
 #include "core/base/pack.hpp"
 
-/// Numbers of a pack that lie at a place of its own for each lane. Host only.
+/// Numbers of a pack that lie at a separate place for each lane. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// An integer for each lane, as wide as the numbers: what places are counted in.

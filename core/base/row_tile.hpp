@@ -6,9 +6,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// As many rows of one environment as a lane of a team works on at once, in kVectors vectors side by side: their chains
-/// of operations do not wait for each other. Wide is a Pack, or a Real on its own: one row. Each row has the bits
-/// it would have by itself, so a tile reaches speed alone.
+/// As many rows of one environment as a lane of a team works on at once, in kVectors vectors side by side. Their
+/// chains of operations do not wait for each other. Wide is a Pack, or a Real on its own: one row. Each row has the
+/// bits it would have alone, so a tile reaches speed alone.
 template <class WideReal, Index kVectorCount = 1>
 struct RowTile {
   using Wide = WideReal;

@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// An array whose neighbours lie kStride apart: 1 for an environment on its own, W for one lane of a CPU pack, 32 for
-/// one lane of a warp. An algorithm sees an index and cannot tell which.
+/// An array whose neighbours lie kStride apart. kStride is 1 for a single environment, W for one lane of a CPU pack,
+/// 32 for one lane of a warp. An algorithm sees an index and cannot tell which.
 template <class T, int kStride>
 struct Strided {
   T* data = nullptr;

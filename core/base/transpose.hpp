@@ -18,7 +18,7 @@ template <class Real>
 inline constexpr Index kTileEdge = 1;
 #endif
 
-/// to[j][i] = from[i][j] for all i, j < kTileEdge. No alignment is asked for.
+/// to[j][i] = from[i][j] for all i, j < kTileEdge. No alignment is required.
 template <class Real>
 STICTION_HD void transpose_tile(const Real* const (&from)[kTileEdge<Real>],
                                 Real (&to)[kTileEdge<Real>][kTileEdge<Real>]) {

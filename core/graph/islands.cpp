@@ -108,7 +108,7 @@ Offset Islands::edge_removed(const BodyGraph& graph, Index a, Index b) {
   }
 }
 
-/// Gives the side whose search was exhausted, the cheaper one to search, an island of its own.
+/// Gives the side whose search was exhausted, the cheaper one to search, a separate island.
 void Islands::split_off(const BodyGraph& graph, const std::vector<Index>& bodies) {
   Island& rest = islands_[slot(bodies.front())];
   sizes_.remove(static_cast<Offset>(rest.bodies.size()));

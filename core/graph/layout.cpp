@@ -114,8 +114,8 @@ std::vector<Point> classical_scaling(const Vector& distance, std::size_t n) {
   return points;
 }
 
-/// Moves each body to where its springs to all others, of natural length d and stiffness 1 / d^2, would on average have
-/// it (stress majorisation, one body at a time).
+/// Moves each body to where its springs to all others would on average have it. A spring has natural length d and
+/// stiffness 1 / d^2 (stress majorisation, one body at a time).
 void relax(std::vector<Point>& points, const Vector& distance) {
   const std::size_t n = points.size();
   for (int round = 0; round < 80; ++round) {

@@ -17,7 +17,7 @@ struct Condensed {
 };
 
 /// Eliminates the degrees of freedom. M (dofs x dofs) falls into blocks of coupled degrees of freedom, bodies as a
-/// rule; each is factored densely with partial pivoting, so M need not be symmetric (files carry M that is not by
+/// rule. Each is factored densely with partial pivoting, so M need not be symmetric (files carry M that is not by
 /// 1e-7) but must be regular. J is rows x dofs, f has one entry per degree of freedom.
 /// \throws Error(bad_file) for a singular block or one beyond the limits above; the message lacks the file's name
 Condensed condense(const Csr& M, const Csr& J, const std::vector<double>& f);

@@ -11,7 +11,7 @@
 namespace stiction::io {
 namespace {
 
-/// No deflate stream expands more (zlib's documented limit of 1032:1), so no honest dataset claims more than this many
+/// No deflate stream expands more (zlib's documented limit of 1032:1). So no honest dataset claims more than this many
 /// bytes for each byte that is stored for it.
 constexpr std::uint64_t kDeflateLimit = 1032;
 

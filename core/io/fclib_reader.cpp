@@ -13,7 +13,7 @@ constexpr std::int64_t kByColumns = -1;
 constexpr std::int64_t kByRows = -2;
 
 /// Reads a matrix of FCLIB. In triplets `i` is the row and `p` the column, as all public files have it (the comment in
-/// fclib.h says the opposite); nzmax is ignored, it may exceed what is used; duplicates add up.
+/// fclib.h says the opposite). nzmax is ignored, since it may exceed what is used; duplicates add up.
 Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows, std::size_t cols) {
   const std::int64_t m = file.integer(path + "/m"), n = file.integer(path + "/n"), nz = file.integer(path + "/nz");
   if (m != static_cast<std::int64_t>(rows) || n != static_cast<std::int64_t>(cols)) {
@@ -151,8 +151,8 @@ Recording read_fclib_local(const InputFile& file) {
   return make_recording(file, contacts, std::move(A), std::move(b));
 }
 
-// M v = H r + G l + f,  u = H' v + w,  0 = G' v + b. With J = [H G]' the rows' motion is J v + [w b], and v is
-// eliminated: A = J M^-1 J', v_free = M^-1 f, row_target = -[w b].
+// M v = H r + G l + f, u = H' v + w, 0 = G' v + b. With J = [H G]' the rows' motion is J v + [w b], and v is
+// eliminated. Then A = J M^-1 J', v_free = M^-1 f, row_target = -[w b].
 Recording read_fclib_global(const InputFile& file) {
   const std::string problem = "fclib_global";
   const std::vector<double> f = file.reals(problem + "/vectors/f");

@@ -12,8 +12,8 @@
 namespace stiction::io {
 namespace {
 
-/// Makes HDF5 hand out references to strings of variable length as they lie in the file, for TextHeap, by a conversion
-/// to opaque bytes that converts nothing.
+/// Makes HDF5 return references to strings of variable length as they lie in the file, for TextHeap. A conversion to
+/// opaque bytes that converts nothing does it.
 class RawReferences {
  public:
   RawReferences() : text_(H5Tcopy(H5T_C_S1), H5Tclose), type_(H5Tcreate(H5T_OPAQUE, kTextReference), H5Tclose) {

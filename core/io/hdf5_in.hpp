@@ -16,9 +16,9 @@
 namespace stiction::io {
 
 /// An HDF5 file that is not trusted. Only flat arrays of plain numbers and strings are read from it, in the file
-/// itself (no links to elsewhere, no external storage), through no filter but deflate, shuffle and fletcher32, and
-/// nothing is allocated before the size that the file claims was compared with the size that the file has.
-/// Every failure is an Error(bad_file) that begins with the file's name and names the dataset.
+/// itself (no links to elsewhere, no external storage). They go through no filter but deflate, shuffle and fletcher32.
+/// Nothing is allocated before the size that the file claims was compared with the size that the file has. Every
+/// failure is an Error(bad_file) that begins with the file's name and names the dataset.
 class InputFile {
  public:
   explicit InputFile(const std::filesystem::path& path);
@@ -35,8 +35,8 @@ class InputFile {
   /// A 1-d dataset of integers of any width, every one of which fits T.
   template <class T>
   [[nodiscard]] std::vector<T> integers(const std::string& path, std::optional<std::size_t> length = {}) const;
-  /// A 1-d dataset of integers of any width as 64 bits each: those of unsigned types may have the top bit set, those of
-  /// signed types are negative then and refused.
+  /// Reads a 1-d dataset of integers of any width as 64 bits each. Those of unsigned types may have the top bit set.
+  /// Those of signed types are negative then and refused.
   [[nodiscard]] std::vector<std::uint64_t> bits(const std::string& path, std::optional<std::size_t> length = {}) const;
   /// A dataset of one integer.
   [[nodiscard]] std::int64_t integer(const std::string& path) const;

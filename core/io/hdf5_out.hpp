@@ -10,8 +10,8 @@
 
 namespace stiction::io {
 
-/// An HDF5 file being written: beside its destination, to which commit() renames it, so that a reader never sees half
-/// a file and a failed write leaves what was there. The same calls give the same bytes (no time stamps).
+/// An HDF5 file being written. It lies beside its destination, to which commit() renames it. So a reader never sees
+/// half a file and a failed write leaves what was there. The same calls give the same bytes (no time stamps).
 class OutputFile {
  public:
   explicit OutputFile(std::filesystem::path path);

@@ -34,9 +34,9 @@ class Handle {
 };
 
 /// Everything this library asks of HDF5 happens inside a session. Not every build of HDF5 is thread-safe, so a session
-/// holds a lock; HDF5 prints its error stack, so printing is off; and a file may name a filter that HDF5 would
-/// fetch as a plugin, that is, run code of the file's choosing, so plugins are off. Both settings are restored, since
-/// the host program may use HDF5 as well.
+/// holds a lock. HDF5 prints its error stack, so printing is off. A file may name a filter that HDF5 would fetch as a
+/// plugin, that is, run code of the file's choosing. So plugins are off. Both settings are restored, since the host
+/// program may use HDF5 as well.
 class Session {
  public:
   Session();

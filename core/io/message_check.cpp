@@ -173,7 +173,7 @@ std::string link_defect(std::span<const char> message) {
   return cursor.past_end() ? kTruncated : "";
 }
 
-/// Attributes in a heap of their own are decoded from there, where nothing was looked at.
+/// Attributes in a separate heap are decoded from there, where nothing was checked.
 std::string attribute_info_defect(std::span<const char> message) {
   Cursor cursor(message);
   cursor.skip(1);

@@ -28,7 +28,7 @@ enum class MessageKind : std::uint16_t {
   reference_count = 0x16,
 };
 
-/// What is known of an object when all its messages were looked at: those that must fit one another.
+/// What is known of an object when all its messages were checked: those that must fit one another.
 struct ObjectShape {
   std::optional<std::uint64_t> rank;           ///< of the dataspace
   std::optional<std::uint64_t> element_bytes;  ///< of the datatype
@@ -36,12 +36,12 @@ struct ObjectShape {
   std::uint64_t chunk_element_bytes = 0;       ///< the last of them
 };
 
-/// Looks through one message (file format specification, IV.A.2) for what HDF5 1.10.8 takes on trust: it decodes most
+/// Looks through one message (file format specification, IV.A.2) for what HDF5 1.10.8 takes on trust. It decodes most
 /// kinds without regard to where the message ends. Kinds that are not listed above are not decoded when arrays are
 /// read. Returns what is wrong, or nothing.
 std::string message_defect(MessageKind kind, std::span<const char> message, ObjectShape& shape);
 
-/// Whether every object has at most one message of this kind: HDF5 takes the first, and a second was not looked at.
+/// Whether every object has at most one message of this kind: HDF5 takes the first, and a second was not checked.
 bool is_single_message(MessageKind kind);
 
 }  // namespace stiction::io

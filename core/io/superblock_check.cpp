@@ -7,7 +7,7 @@ namespace stiction::io {
 namespace {
 
 constexpr std::size_t kSignature = 8;      ///< bytes of it
-constexpr std::size_t kRead = 100;         ///< bytes of a superblock that hold all that is looked at
+constexpr std::size_t kRead = 100;         ///< bytes of a superblock that hold all that is checked
 constexpr std::uint64_t kUserBlock = 512;  ///< the smallest; a file begins behind this many bytes times a power of two
 constexpr unsigned kLastVersion = 3;
 constexpr std::uint64_t kCachedNames = 1;  ///< kind of the root's entry

@@ -16,9 +16,9 @@ namespace stiction::io {
 /// it.
 inline constexpr std::size_t kTextReference = 16;
 
-/// Reads strings of variable length out of a file's global heaps (HDF5 file format specification, III.E), in place of
-/// HDF5, which trusts length, address and index: one flipped bit in a reference makes 1.10.8 read outside of the heap,
-/// loop for ever, or clear four gigabytes.
+/// Reads strings of variable length out of a file's global heaps (HDF5 file format specification, III.E). It does so
+/// in place of HDF5, which trusts length, address and index. One flipped bit in a reference makes 1.10.8 read outside
+/// of the heap, loop for ever, or clear four gigabytes.
 class TextHeap {
  public:
   /// `base`: where addresses count from.

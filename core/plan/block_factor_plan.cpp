@@ -70,7 +70,8 @@ class FactorRows {
     if (fill == Fill::complete) parent_ = elimination_tree(H);
   }
 
-  /// f(k) once for every k < i with a block (i, k): with fill, the nodes of the tree on the way from H's blocks to i.
+  /// Calls f(k) once for every k < i with a block (i, k). With fill, these are the nodes of the tree on the way from
+  /// H's blocks to i.
   template <class F>
   void for_each_before(Index i, F&& f) {
     if (fill_ == Fill::none) return H_.for_each_before(i, f);

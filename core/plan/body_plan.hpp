@@ -12,9 +12,9 @@ namespace stiction {
 /// Contacts of a run of one body pair that are visited as one vertex: a face against a face has four.
 inline constexpr Index kManifoldContacts = 4;
 
-/// Everything decided in integers before a body solve. A "position" is a place in an environment's visiting order. Each
-/// array begins, for environment e, where the batch's own offsets say, with one more entry per environment where the
-/// last one closes the others, so that environments can be filled in any order.
+/// Everything decided in integers before a body solve. A "position" is a place in an environment's visiting order.
+/// Each array begins, for environment e, where the batch's own offsets say. It has one more entry per environment
+/// where the last one closes the others, so that environments can be filled in any order.
 struct BodyPlanData {
   std::vector<Offset> env_body_offsets, env_contact_offsets;  ///< copies of the batch's           (env_count + 1)
   std::vector<Index> kept;           ///< contacts that are solved, all unless over capacity      (env_count)
@@ -44,11 +44,11 @@ struct BodyPlanData {
   }
 };
 
-/// Plans a host batch whose structure is sound. Vertices, runs of up to kManifoldContacts neighbouring contacts of one
-/// body pair, are coloured so that those of a colour share no body that is pushed: greedily, the larger sum of the
-/// bodies' vertex counts first, then the lower index, each with the smallest colour free at both bodies. In a colour
-/// they are ordered by their lower pushed body. Time linear in contacts for bodies with few contacts; a body with d
-/// contacts adds d^2 / 64.
+/// Plans a host batch whose structure is sound. Vertices are runs of up to kManifoldContacts neighbouring contacts of
+/// one body pair. They are coloured so that those of a colour share no body that is pushed. The colouring is greedy:
+/// the larger sum of the bodies' vertex counts first, then the lower index. Each gets the smallest colour free at both
+/// bodies. In a colour they are ordered by their lower pushed body. Time linear in contacts for bodies with few
+/// contacts; a body with d contacts adds d^2 / 64.
 ///
 /// An environment with more than `capacity` contacts (0: no limit) keeps the deepest, the lower index among equals.
 template <class Real>

@@ -14,7 +14,7 @@ struct Coloring {
 };
 
 /// Colours a graph greedily, vertices of the largest degree first (Welsh and Powell 1967), the smaller index first
-/// among equals, each with the smallest colour that none of its neighbours has. At most max degree + 1 colours;
+/// among equals. Each gets the smallest colour that none of its neighbours has. At most max degree + 1 colours;
 /// integers only, one thread: the same graph is coloured the same way everywhere.
 ///
 /// The graph is symmetric and in CSR form: the neighbours of vertex v are

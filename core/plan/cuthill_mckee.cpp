@@ -6,8 +6,9 @@
 namespace stiction {
 namespace {
 
-/// A search in breadth over the rows that have not been taken, nearest to the start first, then as they were met;
-/// neighbours of one row by degree, then by number. Writes them behind `order` and returns how far the last one is.
+/// Searches in breadth over the rows that have not been taken, nearest to the start first, then in the order of
+/// discovery. Neighbours of one row go by degree, then by number. Writes them behind `order` and returns how far the
+/// last one is.
 class BreadthSearch {
  public:
   explicit BreadthSearch(const BlockPattern& pattern)
@@ -48,7 +49,7 @@ class BreadthSearch {
 
 }  // namespace
 
-/// Each part that hangs together begins at a row that is as far from some other as searches find: where one ended, the
+/// Each part that hangs together begins at a row that is as far from some other as searches find. Where one ended, the
 /// next begins, as long as that goes farther (George and Liu 1979).
 std::vector<Index> order_cuthill_mckee(const BlockPattern& pattern) {
   BreadthSearch search(pattern);

@@ -6,8 +6,8 @@
 
 namespace stiction {
 
-/// Which cones of each environment act on one another, however indirectly: two that a stored entry joins, either way
-/// round and whatever its value, are in one island, and so are neighbouring cones of one non-negative group.
+/// Finds which cones of each environment act on one another, however indirectly. Two that a stored entry joins, either
+/// way round and whatever its value, are in one island. So are neighbouring cones of one non-negative group.
 struct Islands {
   std::vector<Index> island;  ///< of each cone, numbered 0, 1, ... in its environment by their first cones; 0 in room
                               ///< that no cone uses                                                  (cone_count)

@@ -83,7 +83,7 @@ class BodyGraph {
     append_table(stream, block_contacts_);
   }
 
-  /// Breadth first from the lowest body of every island; the link is the contact of the lowest position with the body
+  /// Breadth first from the lowest body of every island. The link is the contact of the lowest position with the body
   /// that was first to reach it.
   void append_levels(std::vector<Index>& stream) const {
     std::vector<Index> level(at(bodies_), -1), link(at(bodies_), 0), queue;

@@ -14,7 +14,7 @@
 namespace stiction {
 namespace {
 
-/// The integers of a batch. A plan is made from these and cannot see a number: order that depended on values would
+/// The integers of a batch. A plan is made from these and cannot see a number. Order that depended on values would
 /// differ between precisions, and between an environment and its poisoned twin.
 struct Structure {
   Offset env_count, cone_count, row_count, nonzero_count;
@@ -163,7 +163,7 @@ class SparsePlanner {
     vertex_begin_.push_back(env.cones);
   }
 
-  /// Two vertices conflict if any stored entry, its value not looked at, joins their rows either way round.
+  /// Two vertices conflict if any stored entry, whatever its value, joins their rows either way round.
   void find_conflicts(const EnvStructure& env) {
     const Index vertices = vertex_count();
     stamp_.assign(at(vertices), -1);

@@ -11,9 +11,9 @@
 
 namespace stiction {
 
-/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone. Shared,
-/// so that a machine with memory of its own can tell whether the copy it holds is of this very plan.
-/// "cone position" below is a position in that environment's part of cone_order.
+/// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone.
+/// Shared, so that a machine with separate memory can tell whether the copy it holds is of this very plan. "cone
+/// position" below is a position in that environment's part of cone_order.
 struct PlanData : std::enable_shared_from_this<PlanData> {
   Offset env_count = 0;
   Offset cone_count = 0;
@@ -41,8 +41,8 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
 template <class Real>
 PlanData make_plan(const ContactBatchView<Real>& batch, const ParallelFor& parallel_for = all_at_once);
 
-/// Whether a plan was made for a structure like this host batch's, in time proportional to its cones: sizes, kinds and
-/// paths are compared, which is what memory safety needs; the sparsity pattern is not, and a plan for another pattern
+/// Whether a plan was made for a structure like this host batch's, in time proportional to its cones. Sizes, kinds and
+/// paths are compared, which is what memory safety needs. The sparsity pattern is not, and a plan for another pattern
 /// may colour two coupled cones alike.
 template <class Real>
 bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ParallelFor& parallel_for = all_at_once);

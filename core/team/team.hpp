@@ -8,9 +8,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Team (phases.hpp): it
-/// never sees a thread, a warp or a barrier, so one text runs on a GPU thread, a GPU block, a CPU core and, in the
-/// tests, on real threads made to disagree about speed.
+/// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Team (phases.hpp) and
+/// never sees a thread, a warp or a barrier. So one text runs on a GPU thread, a GPU block and a CPU core. In the
+/// tests it runs on real threads made to disagree about speed.
 ///
 ///   rank(), size()   this lane and how many there are
 ///   sync()           all lanes have arrived and see each other's writes

@@ -25,8 +25,8 @@ EVALUATION = 1e-8      # tolerance that a finished policy is judged at
 
 
 class Curve(BaseCallback):
-    """After each rollout: steps, seconds of the wall's clock and of the processor's (all threads), reward per thousand
-    steps, the solver's iterations; sets the accuracy of the next one by the policy."""
+    """Prints one line after each rollout: steps, seconds of the wall's clock and of the processor's (all threads),
+    reward per thousand steps, the solver's iterations. Sets the accuracy of the next one by the policy."""
 
     def __init__(self, envs, accuracy, total):
         super().__init__()

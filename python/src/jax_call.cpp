@@ -22,8 +22,8 @@ namespace {
 
 using Integers = ffi::Span<const std::int64_t>;
 
-/// One solver for each set of options, for as long as the process lives: XLA calls from threads of its own and keeps
-/// nothing between calls.
+/// One solver for each set of options, for as long as the process lives. XLA calls from its threads and keeps nothing
+/// between calls.
 const Solver& solver_of(std::string_view solver, double tolerance, std::int64_t max_iterations) {
   static std::mutex mutex;
   static std::map<std::tuple<std::string, double, std::int64_t>, std::unique_ptr<Solver>> solvers;

@@ -17,8 +17,8 @@ const std::byte* bytes(const void* structure) {
   return static_cast<const std::byte*>(structure);
 }
 
-/// Ids last as long as a constraint does: its kind, object and which of the object's rows, or its pair of geoms (0:
-/// something without a geom), which of the contacts that they share, and which edge of its pyramid.
+/// Ids last as long as a constraint does. An id is its kind, object and which of the object's rows. Or it is its pair
+/// of geoms (0: something without a geom), which of the contacts that they share, and which edge of its pyramid.
 std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t second, std::uint64_t number,
                     std::uint64_t edge) {
   return kind << 56U | first << 36U | second << 16U | number << 4U | edge;

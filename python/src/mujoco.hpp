@@ -45,8 +45,8 @@ using MujocoStage = void (*)(const void* model, void* data);
 /// forces, and its answer. Room only grows.
 ///
 /// Newton's method in velocities takes M, and degrees of freedom as MuJoCo has them, each after what it hangs on. For
-/// solvers of A they are in reversed order: MuJoCo has M = L' D L, and backwards that is the Cholesky factor (L' D^1/2
-/// read from its last row and column) that need not be computed again.
+/// solvers of A they are in reversed order. MuJoCo has M = L' D L. Backwards that is the Cholesky factor (L' D^1/2
+/// read from its last row and column), which need not be computed again.
 struct MujocoSystem {
   explicit MujocoSystem(MassForm form);  ///< with some room everywhere, because a view of nothing still names arrays
 
@@ -91,7 +91,7 @@ class MujocoSimulations {
   void reset_warm_start(const std::vector<Offset>& simulations);
 
   /// Runge-Kutta of order 4 as mj_RungeKutta does it, with the constraints of all simulations solved between its
-  /// stages: begin, then for stage 1, 2, 3 (enter, forward dynamics, leave), then end.
+  /// stages. Call begin, then for stage 1, 2, 3 (enter, forward dynamics, leave), then end.
   void rk4_begin();
   void rk4_enter(int stage);
   void rk4_leave(int stage);

@@ -14,8 +14,8 @@ namespace {
 constexpr double kPart[4] = {0.0, 0.5, 0.5, 1.0};
 constexpr double kWeight[4] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
 
-/// Rate of the rotation vector u [rad] of an orientation that has turned by u and turns by w [rad/s], in body axes: the
-/// inverse of the exponential's derivative (Munthe-Kaas 1998). Replaces w.
+/// Rate of the rotation vector u [rad] of an orientation that has turned by u and turns by w [rad/s], in body axes. It
+/// is the inverse of the exponential's derivative (Munthe-Kaas 1998). Replaces w.
 void correct_rotation(const double* u, double* w) {
   const double angle = std::sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
   const double half = 0.5 * angle;
@@ -32,8 +32,9 @@ enum State : int { satisfied = 0, quadratic = 1, linear_negative = 2, linear_pos
 /// What a reaction may miss the border of its cone by and still lie on it: a few roundings, from scaling and back.
 constexpr double kBorder = 1 - 1e-9;
 
-/// Where a cone's reaction lies, in the words of MuJoCo: without force, where force grows with the square of the
-/// violation, at the end of a friction loss (named by the sign of J qacc - aref), or on the border of an elliptic cone.
+/// Where a cone's reaction lies, in the words of MuJoCo. It is without force, where force grows with the square of the
+/// violation, or on the border of an elliptic cone. Or it is at the end of a friction loss (named by the sign of J
+/// qacc - aref).
 State state_of(ConeKind kind, std::size_t row, std::size_t rows, const MujocoSystem& system) {
   const double* force = system.lambda.data() + row;
   switch (kind) {

@@ -35,7 +35,7 @@ def look(name, obj):
 
 
 def take(name, obj, dtype, shape, device, writable=False):
-    """The array as the module sees it, after a look at everything that can be wrong with it.
+    """The array as the module sees it, after a check of everything that can be wrong with it.
 
     `shape` may hold names in place of numbers: such an extent may be anything.
     """

@@ -23,13 +23,13 @@ def _float_type(name, seen):
 class Batch(BatchArrays):
     """Contact problems of many environments, made by one of the `from_` functions.
 
-    With n rows tiled by cones, each environment asks for reactions lambda in the cones and residual motion
-    w = (A + diag R) lambda + b, complementary to lambda by the cones' law. w has the unit of whatever motion the caller
-    uses (m/s, m/s2), lambda the one that belongs to it (N s, N).
+    Each environment has n rows tiled by cones. It seeks reactions lambda in the cones and residual motion w = (A +
+    diag R) lambda + b, complementary to lambda by the cones' law. w has the unit of whatever motion the caller uses
+    (m/s, m/s2), lambda the one that belongs to it (N s, N).
 
-    Arrays of NumPy, PyTorch, JAX, CuPy and Warp are read where they are, in float32 or float64; change them in place
-    between solves and the next solve sees it. What cannot be read in place raises TypeError (not an array, another
-    dtype) or ValueError (shape, device, strides) that names the argument, what was expected and what came. Lists, one
+    Arrays of NumPy, PyTorch, JAX, CuPy and Warp are read in place, in float32 or float64. Change them in place between
+    solves and the next solve sees it. What cannot be read in place raises TypeError (not an array, another dtype) or
+    ValueError (shape, device, strides). The message names the argument, what was expected and what came. Lists, one
     entry per environment, are copied.
 
     Attributes: form ("delassus", "jacobian" or "bodies"), dtype ("float32" or "float64"), device ("cpu", "cuda:0"),
@@ -46,16 +46,17 @@ class Batch(BatchArrays):
 
         Three ways to say where environments are; B environments, n rows, K cones:
 
-        * padded: A (B, n, n), b (B, n); `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
+        * padded: A (B, n, n), b (B, n). `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
           anew at every solve; none: all. What lies behind the rows in use is not read.
         * lists: A one (n_e, n_e) array or SciPy CSR matrix per environment, b one (n_e,); copied.
-        * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment; A the dense matrices one behind
-          the other (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32, columns
-          counted from the environment's first row.
+        * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment. A the dense matrices one behind
+          the other (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32. Columns
+          count from the environment's first row.
 
-        cones: of every environment, a kind's name that tiles all rows ("friction", the default, by three rows;
-            "unilateral", "box", "free"), or a list of names and (name, rows) pairs; with lists also one such list per
-            environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,) flat.
+        cones: of every environment, a kind's name that tiles all rows, or a list of names and (name, rows) pairs. The
+            kinds are "friction" (the default, by three rows), "unilateral", "box" and "free". With lists also one such
+            list per environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,)
+            flat.
         mu: friction per axis [-; torsional and rolling: m], on rows after a friction cone's first: one number, one per
             row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows [lambda]. Like b in shape;
             None: zeros.
@@ -97,15 +98,15 @@ class Batch(BatchArrays):
                       cone_counts=None, offsets=None, dof_offsets=None, indptr=None, indices=None, mass_block=None,
                       mass_form="matrix", mu=None, R=None, lo=None, hi=None, law="convex", groups=None,
                       env_tolerance=None, env_max_iterations=None) -> Batch:
-        """Constraint Jacobians, mass matrices and velocities without contact: A = J M^-1 J', b = J v_free - target,
+        """Constraint Jacobians, mass matrices and velocities without contact. A = J M^-1 J', b = J v_free - target,
         and the velocities v = v_free + M^-1 J' lambda come with the solution. With accelerations in place of
         velocities, as MuJoCo has them, lambda is a force.
 
-        J (B, n, nv) [w / v]; v_free (B, nv) [v]; target (B, n) [w], None: zeros; M (B, nv, nv) dense, (B, nv) diagonal
-        or (B, nv / m, m, m) blocks [lambda w / v2], of which lower triangles are read; mass_form "factor": lower
+        J (B, n, nv) [w / v]; v_free (B, nv) [v]; target (B, n) [w], None: zeros. M (B, nv, nv) dense, (B, nv) diagonal
+        or (B, nv / m, m, m) blocks [lambda w / v2], of which lower triangles are read. mass_form "factor": lower
         Cholesky factors instead. Lists: one array per environment, copied. Flat: J (sum n_e nv_e,), or CSR values with
-        indptr int64 and indices int32, offsets and dof_offsets (B + 1,) int64, M (entries,) with mass_block, the rows of
-        its blocks (0: one block per environment). All else as in from_delassus.
+        indptr int64 and indices int32. offsets and dof_offsets (B + 1,) int64, M (entries,) with mass_block, the rows
+        of its blocks (0: one block per environment). All else as in from_delassus.
         """
         law = _law(law)
         if mass_form not in ("matrix", "factor"):
@@ -147,16 +148,20 @@ class Batch(BatchArrays):
                     max_contacts_per_env: int = 0) -> Batch:
         """Rigid bodies and contact points, without a matrix (sequential impulses, or Newton's method).
 
-        Either all environments have as many bodies and contacts, arrays (B, bodies, ...) and (B, contacts, ...), or
-        they follow one another, (bodies, ...) and (contacts, ...), with body_offsets and contact_offsets (B + 1,) int64.
+        Either all environments have as many bodies and contacts, arrays (B, bodies, ...) and (B, contacts, ...). Or
+        they follow one another, (bodies, ...) and (contacts, ...), with body_offsets and contact_offsets (B + 1,)
+        int64.
 
-        inv_mass (...) [1/kg]; inv_inertia (..., 6): xx, xy, xz, yy, yz, zz about the centre of mass, in world axes
-        [1/(kg m2)]; twist (..., 6): velocity [m/s] and spin [rad/s]; twist_change (..., 6): what all forces but contact
-        change it by over the step; kinematic (...) uint8. body_a, body_b (...) int32, -1 the world; arm_a, arm_b
-        (..., 3): contact point from the centres of mass [m]; normal (..., 3): unit, from a to b; mu (...) [-];
-        depth (...): penetration, negative: a gap [m]; restitution (...) in [0, 1].
-        dt: step [s]; erp: share of a penetration undone in a step; slop [m]; cfm [m/(N s)]; restitution_threshold [m/s];
-        substeps; max_contacts_per_env: the deepest are solved, 0: all.
+        * inv_mass (...) [1/kg]; inv_inertia (..., 6): xx, xy, xz, yy, yz, zz about the centre of mass, in world axes
+          [1/(kg m2)].
+        * twist (..., 6): velocity [m/s] and spin [rad/s]; twist_change (..., 6): what all forces but contact change it
+          by over the step; kinematic (...) uint8.
+        * body_a, body_b (...) int32, -1 the world; arm_a, arm_b (..., 3): contact point from the centres of mass [m].
+        * normal (..., 3): unit, from a to b; mu (...) [-]; depth (...): penetration, negative: a gap [m]; restitution
+          (...) in [0, 1].
+        * dt: step [s]; erp: share of a penetration undone in a step; slop [m]; cfm [m/(N s)]; restitution_threshold
+          [m/s].
+        * substeps; max_contacts_per_env: the deepest are solved, 0: all.
         """
         seen = look("inv_mass", inv_mass)
         self = cls("bodies", framework_of(inv_mass), _float_type("inv_mass", seen), seen.device, _law(law))
@@ -201,8 +206,8 @@ class Batch(BatchArrays):
     def from_file(cls, path: str | os.PathLike, dtype: str = "float64") -> Batch:
         """The batch of a contact-batch or FCLIB file, numbers rounded to `dtype`.
 
-        `extras` has what the file holds beside the problem, where it does: env_name, lambda_ref (a reference solution),
-        v_ref, v_free, target, cone_id, step, dt, J and M as CSR.
+        `extras` has what the file holds beside the problem, where it does. Its names are env_name, lambda_ref (a
+        reference solution), v_ref, v_free, target, cone_id, step, dt, J and M as CSR.
         """
         dtype = str(np.dtype(dtype))
         if dtype not in FLOATS:

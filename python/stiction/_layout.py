@@ -191,8 +191,8 @@ class Padded:
         return wanted
 
     def _count_same_cones(self, limit):
-        """(cones, rows, over) in use of each environment, all of which have the same cones of one row or more; `limit`:
-        the rows of each that the caller counted, or None.
+        """Counts (cones, rows, over) in use of each environment, all of which have the same cones of one row or more.
+        `limit`: the rows of each that the caller counted, or None.
         """
         rows_of = self._rows_of_cones
         if self._cone_counts is not None:
@@ -205,7 +205,7 @@ class Padded:
         return cones, rows_of[cones], limit > self.room
 
     def _count_own_cones(self, limit):
-        """A layout, each environment having cones of its own."""
+        """A layout, each environment having different cones."""
         whole = np.cumsum(np.broadcast_to(self._dims, self.cone_shape), axis=1, dtype=np.int64)
         if self._cone_counts is not None:
             wanted = self._wanted_cones()

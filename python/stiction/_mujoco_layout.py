@@ -1,7 +1,7 @@
 """Where the fields of MuJoCo's structures lie in memory, read from the MuJoCo that is installed.
 
-The package describes its own C structures (mujoco.introspect); from that description follow the offsets by the rules of
-C, and every one that is used is checked against an array that MuJoCo's Python module shows at that place.
+The package describes its own C structures (mujoco.introspect). From that description the offsets follow by the rules
+of C. Every one that is used is checked against an array that MuJoCo's Python module shows at that place.
 """
 
 import ctypes

@@ -49,13 +49,13 @@ class _SolverBase:
         self._in_flight.clear()
 
     def stats(self) -> dict:
-        """What was solved since the solver was made: solves, environments, seconds (of solves, queueing alone for those
-        that were queued), warm_started (solves that were given a warm start), recorded (environments written to files),
-        and of the environments looked at: codes, flags and solvers (count by name), iterations and residual (quantiles
-        over the last ones). With trace=True also `spans`: count and seconds of every kind of work, on the host and on
-        the device by kernel and class of environments.
+        """What was solved since the solver was made. It has solves, environments and seconds (of solves, queueing
+        alone for those that were queued). warm_started are solves that were given a warm start, recorded are
+        environments written to files. Of the environments read it has codes, flags and solvers (count by name),
+        iterations and residual (quantiles over the last ones). With trace=True also `spans`: count and seconds of
+        every kind of work, on the host and on the device by kernel and class of environments.
 
-        Of solves in device memory only the last one is looked at, and waited for.
+        Of solves in device memory only the last one is read, and waited for.
         """
         found = self._statistics.stats()
         if self._tracer is not None:
@@ -118,8 +118,8 @@ class _CachedCall:
 class Solver(_SolverBase):
     """Solves batches on one device. Changing the device changes the speed and not one bit.
 
-    device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated": the GPU's programs run
-        by the CPU, for tests; its device memory is any memory of the process.
+    device: "cpu", "cuda", "cuda:1", "auto" (the first usable GPU, else the CPU), or "emulated". "emulated" runs the
+        GPU's programs on the CPU, for tests; its device memory is any memory of the process.
     solver: "auto" (the default: one for each environment, and the next where it falls short), "npgs", "subspace",
         "pgs", "apgd", "nsgs", "jacobi", "admm", "newton", "ipm", "lemke". For bodies: "pgs" (sequential impulses), "newton" or
         "multigrid" (Newton's method with that preconditioner); any other name: sequential impulses with momentum.
@@ -128,12 +128,12 @@ class Solver(_SolverBase):
     threads: of the CPU, 0: all cores. The bits do not depend on it.
     preset: "navigation", "locomotion", "grasping" or "assembly": solver, tolerance and iterations of that task where
         they are not given.
-    invalid: "isolate": an environment with NaN, mu < 0 and so on is flagged, gets zeros and spoils no other one;
+    invalid: "isolate": an environment with NaN, mu < 0 and so on is flagged, gets zeros and spoils no other one.
         "reject": stiction.Error names the first defect.
-    omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it gives up, 0: never.
+    omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
     islands: "together" or "apart" (docs/islands.md).
-    direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768; on
-        the CPU only, and not with "auto".
+    direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
+        is for the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
@@ -155,15 +155,15 @@ class Solver(_SolverBase):
     def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None) -> Solution:
         """Solves every environment of the batch and returns the Solution.
 
-        out: a Solution of an earlier solve, or a dict of arrays lambda_, status (uint8 (B, 32) or STATUS_DTYPE), w and
-            velocities (may be left out), to be written in place; None: new memory.
-        warm_start: reactions to start from, shaped like lambda_; or a Solution, for its reactions and, of J and M, its
-            velocities; None: zero.
-        warm_velocities: of J and M, velocities to start from [v], shaped like `velocities` of the answer, which they may
-            be; None: those of a Solution given as warm_start, else v_free. They are for Newton's method in velocities.
-        stream: CUDA stream to queue on, an int, a PyTorch, CuPy or Warp stream, or an object with __cuda_stream__; None:
-            the one that the batch's framework works in. Solves of host memory are complete on return; of device memory
-            they are queued, unless the framework has no streams.
+        out: a Solution of an earlier solve, or a dict of arrays to be written in place; None: new memory. The arrays
+            are lambda_, status (uint8 (B, 32) or STATUS_DTYPE), w and velocities (may be left out).
+        warm_start: reactions to start from, shaped like lambda_, or a Solution; None: zero.
+        warm_velocities: of J and M, velocities to start from [v], shaped like `velocities` of the answer, which they
+            may be. None: those of a Solution given as warm_start, else v_free. They are for Newton's method in
+            velocities.
+        stream: CUDA stream to queue on, an int, a PyTorch, CuPy or Warp stream, or an object with __cuda_stream__.
+            None: the one that the batch's framework works in. Solves of host memory are complete on return; of device
+            memory they are queued, unless the framework has no streams.
         """
         last = self._last
         if (last is not None and batch is last.batch and out is last.out and warm_start is last.warm_start
@@ -229,8 +229,8 @@ def _need_twists(seen):
 
 
 def verify(batch: Batch, solution) -> np.ndarray:
-    """(relative, absolute) residual of each environment, float64 (B, 2) [-, w], recomputed in double from the batch's own
-    numbers by code that shares nothing with the solvers.
+    """(relative, absolute) residual of each environment, float64 (B, 2) [-, w]. It is recomputed in double from the
+    batch's own numbers by code that shares nothing with the solvers.
 
     solution: a Solution of this batch, or its reactions alone.
     """

@@ -30,8 +30,8 @@ class ParallelContactSolver(_SolverBase):
     "bodies". max_rows, max_cones: room of one environment (cones: as many as rows if not given; a contact of bodies is
     a cone of three rows). max_dofs: degrees of freedom of one environment, for the Jacobian form on a GPU. dtype:
     "float32" or "float64". beta: part of the last reaction to start from, in (0, 1]. scaling: what a change of dt does
-    to it, "capped" (lambda is a force, and no more impulse than before; the default), "none" (a force that lasts),
-    "proportional" (lambda is an impulse; the default of bodies). All other options as for Solver.
+    to it. "capped": lambda is a force, and no more impulse than before; the default. "none": a force that lasts. Also
+    "proportional": lambda is an impulse; the default of bodies. All other options as for Solver.
 
     All memory is taken here; on a GPU a step queues and returns, and may be captured into a CUDA graph. Bodies are
     planned anew in every step, which takes memory as they need it and waits for a batch in device memory.
@@ -65,7 +65,7 @@ class ParallelContactSolver(_SolverBase):
         self.device = self._core.device
         self._ids = {}  # batch's framework and shape -> ids with the closing entries
         self._hits = self._misses = 0
-        self._stream = None  # of steps whose hits have not been looked at
+        self._stream = None  # of steps whose hits have not been read
 
     def _make(self, device, beta, scaling):
         """The solver of that form."""
@@ -86,8 +86,9 @@ class ParallelContactSolver(_SolverBase):
         """Solves this step and returns its Solution.
 
         batch: of the solver's form, padded (B, n, ...) or flat. ids: int64 or uint64 contact ids, (B, cones) padded or
-        (cones,) flat, of bodies shaped as body_a, on the batch's device, unique within an environment; the same contact
-        has the same id in every step. dt: length of the step [s]; of bodies their batch's, and may be left out.
+        (cones,) flat, of bodies shaped as body_a, on the batch's device. They are unique within an environment; the
+        same contact has the same id in every step. dt: length of the step [s]; of bodies their batch's, and may be
+        left out.
         out, stream: as for Solver.solve.
 
         More contacts than room are cut off where they begin, and the environment is flagged "contacts_dropped"; a batch beyond
@@ -151,8 +152,8 @@ class ParallelContactSolver(_SolverBase):
             self._stepping = stepping
 
     def reset(self, ids=None, mask=None, stream=None) -> None:
-        """Drops the reactions of environments that start over: those of a list of indices, or wherever mask is not
-        zero (bool or uint8 (n_envs,), on the solver's device), or all.
+        """Drops the reactions of environments that start over. They are those of a list of indices, or wherever mask
+        is not zero (bool or uint8 (n_envs,), on the solver's device), or all.
         """
         if ids is not None and mask is not None:
             raise ValueError("ids: expected ids or mask, got both")

@@ -2,9 +2,9 @@
 
     lambda_, w, status = stiction.jax.solve(A, b, mu, law="coulomb")
 
-On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX, and a host callback
-(jax.pure_callback) where it was not, and on other platforms: `uses_ffi` says which. Both run the same solver and return
-the same bits.
+On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. Where it was not, and on other
+platforms, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the
+same bits.
 """
 
 import functools
@@ -50,10 +50,10 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
           max_iterations=1000, allow_ffi=True):
     """Reactions, residual motion and status of contact problems.
 
-    A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64; leading axes are
-    environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for all.
-    Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names. It has no
-    derivative: JAX says so when it is asked for one. allow_ffi False: the host callback in any case.
+    A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64. Leading axes
+    are environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for
+    all. Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names. It has
+    no derivative: JAX says so when one is requested. allow_ffi False: the host callback in any case.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
     if A.shape[-2:] != (b.shape[-1],) * 2:

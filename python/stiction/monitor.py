@@ -48,7 +48,7 @@ class _Statistics:
             self._take(records)
 
     def note(self, batch, solution, guess, seconds, queued, has_velocities=False):
-        """Takes one solve in. One that is still queued is looked at when it is asked for: nothing waits for it here."""
+        """Takes one solve in. One that is still queued is read when it is requested: nothing waits for it here."""
         self.keep(len(batch), seconds, guess is not None or has_velocities, None if queued else solution.status)
         if queued:
             self._late = [solution]

@@ -4,8 +4,9 @@
     simulation.step(ctrl)                 # ctrl (1024, nu); Euler, implicit, implicitfast and RK4
     simulation.data[3].qpos               # each simulation is an ordinary mujoco.MjData
 
-MuJoCo collects the rows (contacts, limits, friction loss, equalities), stiction solves the convex problem that they
-form, and qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoCo's own solver writes them. docs/mujoco.md.
+MuJoCo collects the rows (contacts, limits, friction loss, equalities), and stiction solves the convex problem that
+they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoCo's own solver writes them.
+docs/mujoco.md.
 """
 
 import collections.abc
@@ -85,19 +86,20 @@ class BatchedSimulation:
 
     model: mujoco.MjModel; shared, and read at every step, so that its options may be changed between steps.
     n: how many simulations; or a list of mujoco.MjData of that model, used where they are.
-    solver: "auto", "newton", ... with tolerance and max_iterations as in stiction.Solver; a stiction.Solver on the CPU
-        (its options, statistics and callback are used); or "mujoco": MuJoCo's own, for comparison.
+    solver: "auto", "newton", ... with tolerance and max_iterations as in stiction.Solver. Or a stiction.Solver on the
+        CPU (its options, statistics and callback are used). Or "mujoco": MuJoCo's own, for comparison.
     tolerance: on the relative residual of each simulation's rows [-].
     threads: of the CPU, for MuJoCo's functions and for the solver; 0: all cores.
     warm_start: 0: solves start from the free acceleration and no reaction. Else "auto" starts a model of up to 64 degrees
         of freedom from qacc_warmstart, as MuJoCo does, and other solvers start a constraint from this part of its last
         reaction, by geoms and joints.
 
-    Attributes: model; data, a sequence of mujoco.MjData; solver; seconds, a dict of wall-clock seconds in "smooth" (MuJoCo
-    up to the solve), "assemble" (rows into the batch, answers back), "solve" and "advance" since the last `clear`.
+    Attributes: model; data, a sequence of mujoco.MjData; solver. seconds is a dict of wall-clock seconds since the
+    last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
+    "solve" and "advance".
 
-    Raises ValueError for what cannot be stepped so: the integrator "discrete", RK4 with actuator states, plugins,
-    delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
+    Raises ValueError for what cannot be stepped so. That is the integrator "discrete", RK4 with actuator states,
+    plugins, delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
     """
 
     def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95):

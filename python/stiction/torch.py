@@ -53,8 +53,8 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
           solver="auto", tolerance=1e-4, max_iterations=1000):
     """Reactions, residual motion and status of a batch of contact problems.
 
-    A (B, n, n) or (n, n), b, R, lo, hi, warm_start (B, n) or (n,), mu a number or like b; contiguous, float32 or float64,
-    all on one device; counts int32 (B,): rows in use. cones: the same for every environment, as for
+    A (B, n, n) or (n, n), b, R, lo, hi, warm_start (B, n) or (n,), mu a number or like b. All are contiguous, float32
+    or float64, on one device; counts int32 (B,): rows in use. cones: the same for every environment, as for
     Batch.from_delassus. Returns lambda_ and w, shaped like b, and status as bytes uint8 (B, 32) or (32,), which
     `status(...)` names. On a GPU it is queued on the current stream.
 

@@ -71,7 +71,7 @@ def test_friction_per_cone_per_row_and_as_a_number_agree(padded):
 
 
 def test_every_kind_of_cone_does_what_it_says():
-    """Diagonal A: each row has its answer by itself."""
+    """Diagonal A: each row has its answer alone."""
     kinds = ["free", "unilateral", "unilateral", "box", "box"]
     b = np.array([[-2.0, -3.0, 4.0, -9.0, 9.0]])
     lo, hi = np.array([[0, 0, 0, -1.0, -1.0]]), np.array([[0, 0, 0, 5.0, 5.0]])
@@ -164,7 +164,7 @@ def test_narrow_numbers_are_solved_in_narrow_arithmetic(scenes):
 
 @pytest.mark.parametrize("counted", ["rows", "cones"])
 def test_counts_in_device_memory_lead_to_the_same_integers(monkeypatch, counted):
-    """Where counts cannot be looked at, the framework computes with them: here NumPy plays that framework."""
+    """Where counts cannot be read, the framework computes with them: here NumPy plays that framework."""
     from stiction import _layout
 
     class Elsewhere:

@@ -96,8 +96,8 @@ def far_from_borders(model, data, margin=1e-5):
 
 
 def compare_states(model, steps, scale=1.0):
-    """States that stiction and MuJoCo's Newton have at equal state along a trajectory: of all rows far from the borders
-    of their zones the same ones. Returns how often each state was, and the share of rows that were compared.
+    """States that stiction and MuJoCo's Newton have at equal state along a trajectory. All rows far from the borders
+    of their zones have the same ones. Returns how often each state was, and the share of rows that were compared.
 
     Without islands: with them MuJoCo 4.0.0 leaves states of an earlier solve behind (its own mj_constraintUpdate at the
     same accelerations gives others).

@@ -24,7 +24,7 @@ print(stiction.Solver(device="cpu").solve(stiction.Batch.from_delassus(A, b, mu=
 
 
 def run(code, **environment):
-    """What an interpreter of its own prints, outside of the source tree and with those variables set."""
+    """What a separate interpreter prints, outside of the source tree and with those variables set."""
     return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True,
                           timeout=60).stdout.strip()
 

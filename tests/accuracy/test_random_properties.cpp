@@ -10,7 +10,7 @@
 namespace stiction::test {
 namespace {
 
-/// What is asked of a solver beside its law.
+/// What is required of a solver beside its law.
 struct Subject {
   SolverKind solver;
   double most_mass_ratio;  ///< up to which the iterations are enough for 1e-8

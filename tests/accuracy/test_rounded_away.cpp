@@ -6,7 +6,7 @@
 #include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Problems without a solution, and coefficients without sense: a reaction or a friction so large that everything else
+/// Problems without a solution, and coefficients without sense. A reaction or a friction so large that everything else
 /// is rounding beside it has a residual of zero, and is not solved.
 namespace stiction::test {
 namespace {

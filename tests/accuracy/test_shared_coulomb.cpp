@@ -5,7 +5,7 @@
 #endif
 
 /// The 82 Coulomb environments of other libraries, by family. R = 0 and A is mostly of deficient rank, so that lambda
-/// is not unique: nothing but the residual is compared, by a judge that shares no code with the solvers.
+/// is not unique. Nothing but the residual is compared, by a judge that shares no code with the solvers.
 namespace stiction::test {
 namespace {
 

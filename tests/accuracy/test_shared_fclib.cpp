@@ -5,8 +5,8 @@
 #include "tests/support/real_files.hpp"
 #endif
 
-/// The files of the FCLIB collection as they were published: local problems, global ones condensed by the reader, and
-/// one rolling problem that cannot be stated here.
+/// The files of the FCLIB collection as they were published. They are local problems, global ones condensed by the
+/// reader, and one rolling problem that cannot be stated here.
 namespace stiction::test {
 namespace {
 

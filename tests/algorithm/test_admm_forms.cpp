@@ -171,7 +171,7 @@ TEST(AdmmForms, SolvesWithThePenalizedMatrixAreThoseOfElimination) {
     if (cone.kind == ConeKind::unilateral) cone = free_row();
   const ContactBatch<double> factor = as_factor(contacts, Law::convex);
   const Environment<double> env = as_matrix(contacts);
-  // rho of free rows is 3e-7 of the largest eigenvalue, which is of the order of ten: elimination itself loses eight
+  // rho of free rows is 3e-7 of the largest eigenvalue, which is of the order of ten. Elimination itself loses eight
   // digits there, and the assembled factor differs from the elimination's A in the last two.
   const double by_matrix = 1e-7;
   expect_solves<double, FactorSystem>(factor, env, Admm::workspace(), by_matrix);

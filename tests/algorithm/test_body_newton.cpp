@@ -143,7 +143,7 @@ TEST(BodyNewton, VelocitiesAgreeWithSequentialImpulses) {
   impulses.tolerance = 1e-11;
   const auto expected = solve_one(env, impulses, stepping);
   ASSERT_EQ(expected.status[0].code, EnvCode::solved);
-  // Residuals of 1e-11 of b, which is below 1 here: compliance makes impulses of them at most 50 times as large, and
+  // Residuals of 1e-11 of b, which is below 1 here. Compliance makes impulses of them at most 50 times as large, and
   // the balls' inverse masses velocities.
   for (std::size_t i = 0; i < expected.twist.size(); ++i) EXPECT_NEAR(solution.twist[i], expected.twist[i], 1e-8);
 }
@@ -346,7 +346,7 @@ TEST(BodyNewton, SinglePrecisionEndsWhereItsImpulsesDo) {
   const auto env = scenes::rounded(box_bodies(box_tower(20), 0.5));
   const auto solution = solve_bodies(batch_of<float>({env}), compliant(1e-3), newton(Law::coulomb, 1e-5));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
-  // Impulses that are rounded to 2^-24 are off by that times A lambda, which is some hundred times b: no method gets
+  // Impulses that are rounded to 2^-24 are off by that times A lambda, which is some hundred times b. No method gets
   // below, and this one says so and returns the best it saw.
   const auto best = solve_bodies(batch_of<float>({env}), compliant(1e-3), newton(Law::coulomb, 0));
   EXPECT_NE(best.status[0].code, EnvCode::solved);

@@ -1,4 +1,4 @@
-// Contacts of two shapes, against hand answers and against what convexity says: the signed distance is the largest gap
+// Contacts of two shapes, against hand answers and against what convexity says. The signed distance is the largest gap
 // along any direction, which a search over directions finds without looking at faces, edges or corners.
 #include <gtest/gtest.h>
 
@@ -72,8 +72,8 @@ TEST_P(EveryPair, DeepestPointSaysTheSignedDistance) {
       EXPECT_NEAR(exact, distance, 1e-3) << "case " << k;
       continue;
     }
-    // Boxes: the bias towards faces may give up that much. A gap is one along a direction of faces or edges, no more
-    // than the distance; the points may lie beside where it is smallest.
+    // Boxes: the bias towards faces may cost that much. A gap is one along a direction of faces or edges, no more than
+    // the distance; the points may lie beside where it is smallest.
     const double bias = kAxisBias * std::min(smallest_size(a), smallest_size(b));
     const double gap = gap_along(a, b, deepest_point(found).normal);
     EXPECT_LE(gap, distance + 1e-9) << "case " << k;
@@ -98,7 +98,7 @@ TEST_P(EveryPair, PointsLieHalfwayBetweenTheSurfacesAlongAUnitNormal) {
       if (separated_boxes) continue;  // their gap is not the distance of two surface points
       const Point on_a = add_scaled(point.point, 0.5 * point.depth, point.normal);
       const Point on_b = add_scaled(point.point, -0.5 * point.depth, point.normal);
-      // A capsule that lies on a face within kFaceCosine touches it in points that are that much off its surface; one
+      // A capsule that lies on a face within kFaceCosine touches it in points that are that much off its surface. One
       // whose middle is inside a box touches it with points below its ends, of which the upper one is inside itself.
       const bool lies = one == ShapeKind::capsule && other == ShapeKind::box;
       const double tolerance = lies ? 2e-4 : 1e-9;

@@ -122,7 +122,7 @@ TEST(Ipm, WithoutForcesTheNearestPointOfTheBoundsIsTheAnswer) {
 TEST(Ipm, FewIterationsAreEnoughAndMoreAreNotDone) {
   const Environment<double> env = random_contacts({.seed = 5, .contacts = 5});
   EXPECT_LE(solved<double>(env, Law::convex, 1e-8, 100).status[0].iterations, 20);
-  // At tolerance zero it ends by itself when nothing improves any more.
+  // At tolerance zero it ends when nothing improves any more.
   const Solution<double> exact = solved<double>(env, Law::convex, 0, 1000);
   EXPECT_NE(exact.status[0].code, EnvCode::max_iterations);
   EXPECT_LT(exact.status[0].residual, 1e-13);

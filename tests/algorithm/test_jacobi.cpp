@@ -37,7 +37,7 @@ TEST(Jacobi, TheStepIsSafeWherePlainJacobiDiverges) {
 }
 
 TEST(Jacobi, UnitsOfDifferentBodiesDoNotSlowEachOtherDown) {
-  // Two islands whose masses differ by 1e6: each gets a step of its own.
+  // Two islands whose masses differ by 1e6: each gets a separate step.
   const auto env = system({unilateral(), unilateral()}, diagonal({1, 1e-6}), {-1, -1});
   const Solution<double> solution = solve(batch_of({env}), options(kSolver, 1e-12, 50));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;

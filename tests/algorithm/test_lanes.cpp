@@ -15,7 +15,7 @@
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
-/// Lanes from inside: what they are loaded with and judged by, against each environment by itself. Widths are those of
+/// Lanes from inside: what they are loaded with and judged by, against each environment alone. Widths are those of
 /// machines that this one need not be: packs of several tiles side by side among them.
 namespace {
 
@@ -27,7 +27,7 @@ bool same_bits(Real a, Real b) {
   return bits_of(a) == bits_of(b);
 }
 
-/// Every number of a lane's cones and rows is that of the environment by itself, and its padding is zero.
+/// Every number of a lane's cones and rows is that of the environment alone, and its padding is zero.
 template <class Real, int W>
 void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const Environment<double>& environment) {
   Prepared<Npgs, kLaw, Dense, Real> alone(environment);

@@ -104,8 +104,8 @@ bool solve_square(std::vector<std::vector<long double>> B, std::vector<long doub
   return true;
 }
 
-/// Every basic solution of a system of free, unilateral and box rows: each row at its lower bound with w >= 0, at its
-/// upper one with w <= 0, or between them with w = 0.
+/// Every basic solution of a system of free, unilateral and box rows. Each row is at its lower bound with w >= 0, at
+/// its upper one with w <= 0, or between them with w = 0.
 std::vector<std::vector<double>> enumerate(const Environment<double>& env) {
   const std::size_t n = env.b.size();
   const auto a = oracle::detail::dense_matrix(env);

@@ -11,7 +11,7 @@
 namespace stiction::test {
 namespace {
 
-/// Two players with costs A and B of every pair of choices, all positive: w = (A y, B' x) - 1 (Cottle, Pang, Stone
+/// Two players with costs A and B of every pair of choices, all positive. w = (A y, B' x) - 1 (Cottle, Pang, Stone
 /// 1992, section 1.2). From x = y = 0 each choice lifts only the other player's rows, so that whatever enters first is
 /// never blocked.
 struct Game {

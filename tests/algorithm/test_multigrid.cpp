@@ -99,8 +99,8 @@ TEST(Multigrid, NoErrorGrowsInACycle) {
     Dense inverse(H.rows(), H.cols());
     for (Index j = 0; j < H.cols(); ++j) inverse.col(j) = cycle(grids, Vector::Unit(H.rows(), j));
     EXPECT_LE((inverse - inverse.transpose()).norm(), 1e-12 * inverse.norm());
-    // With H = L L' the errors of a cycle B shrink by 1 minus the eigenvalues of L' B L: above 0, and at most 1 but for
-    // the rounding of numbers that are some 1e6 times apart.
+    // With H = L L' the errors of a cycle B shrink by 1 minus the eigenvalues of L' B L. They are above 0, and at most
+    // 1 but for the rounding of numbers that are some 1e6 times apart.
     const Dense symmetric = 0.5 * (inverse + inverse.transpose());
     EXPECT_TRUE(is_positive_definite(symmetric));
     const Dense root = Eigen::LLT<Dense>(H).matrixL();

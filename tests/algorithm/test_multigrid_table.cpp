@@ -15,9 +15,9 @@
 #endif
 
 /// The table of docs/math/multigrid.md: iterations of conjugate gradients under each preconditioner. Beside each
-/// number, in brackets, that of a second program which shares no numerics with the library:
-/// tests/support/reference_gradients.hpp for gradients and block Jacobi, reference_multigrid.hpp, which wants Eigen,
-/// for the cycles.
+/// number, in brackets, stands that of a second program which shares no numerics with the library. It is
+/// tests/support/reference_gradients.hpp for gradients and block Jacobi. It is reference_multigrid.hpp, which wants
+/// Eigen, for the cycles.
 namespace stiction::test {
 namespace {
 
@@ -26,9 +26,9 @@ double operator_complexity(const Multigrid& grids) {
   return 1.0 + static_cast<double>(grids.plan.coarse_blocks()) / static_cast<double>(grids.finest.pattern.blocks());
 }
 
-/// Gradients lose their directions' conjugacy to rounding, and two programs do so differently: hundreds of iterations
-/// were seen to differ by six in a hundred where contacts are open, by one in a hundred elsewhere. Below 20 there is no
-/// time for that.
+/// Gradients lose their directions' conjugacy to rounding, and two programs do so differently. Hundreds of iterations
+/// were seen to differ by six in a hundred where contacts are open, by one in a hundred elsewhere. Below 20 there is
+/// no time for that.
 void expect_near(Index counted, Index reference, const std::string& what) {
   const Index allowed = reference < 20 ? 0 : reference / 12;
   EXPECT_LE(std::abs(counted - reference), allowed) << what << ": " << counted << ", elsewhere " << reference;

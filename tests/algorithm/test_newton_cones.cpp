@@ -126,8 +126,8 @@ void expect_derivative(Shape shape, double lo, double hi) {
       for (std::size_t i = 0; i < M; ++i) {
         double w = 0.0;
         for (std::size_t k = 0; k < M; ++k) w += C[i][k] * C[j][k];
-        // A central difference: rounding 1e-16 / 1e-6, and the square of the step times a third derivative, which
-        // grows as the inverse square of the distance from the apex.
+        // A central difference has two errors: rounding 1e-16 / 1e-6, and the square of the step times a third
+        // derivative. The latter grows as the inverse square of the distance from the apex.
         EXPECT_NEAR(w, (before.x[i] - after.x[i]) / (2 * kStepLength), 1e-6)
             << i << j << ", zone " << point.contact_state;
       }

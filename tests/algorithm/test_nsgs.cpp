@@ -64,8 +64,8 @@ TEST(ExactLocalSolve, OneStepFulfilsCoulombsLawOfOneContact) {
   expect_the_law_after_one_step<6>();
 }
 
-/// All sliding solutions by walking round the circle of directions: x = r (1, u), r from w_n = 0, and w_t against u
-/// where its part across u changes sign. The method looks for the multiplier, not for the direction.
+/// Finds all sliding solutions by walking round the circle of directions. x = r (1, u), r from w_n = 0, and w_t
+/// against u where its part across u changes sign. The method looks for the multiplier, not for the direction.
 std::vector<std::array<double, 3>> sliding_by_direction(const OneCone<double, 3>& cone,
                                                         const std::array<double, 3>& q) {
   struct Look {

@@ -14,8 +14,8 @@
 namespace stiction::test {
 namespace {
 
-/// The tables of docs/math/preconditioners.md, each number beside one that does not come from this library: iterations
-/// beside those of tests/support/reference_gradients.hpp, blocks of factors beside an elimination on sets. Every
+/// The tables of docs/math/preconditioners.md, each number beside one that does not come from this library. Iterations
+/// stand beside those of tests/support/reference_gradients.hpp, blocks of factors beside an elimination on sets. Every
 /// machine counts the same iterations, for they follow from the bits. In short: what takes seconds without a fused
 /// multiply-add instruction.
 struct TableRow {
@@ -83,7 +83,7 @@ Index reference_iterations(BlockSystem system, Preconditioning kind, Ordering or
   return -1;
 }
 
-/// Gradients lose their directions' conjugacy to rounding, and two programs do so differently: counts were seen to
+/// Gradients lose their directions' conjugacy to rounding, and two programs do so differently. Counts were seen to
 /// differ by three in a hundred, five are allowed. (In extended precision the reference takes 790 iterations for the
 /// tower of 200 with the scalar diagonal, in double 808.)
 void expect_near_reference(Index counted, Index reference, const char* what) {
@@ -132,7 +132,7 @@ TEST(PreconditionerTable, IncompleteCholeskyByOrderingIsWhatIsMeasured) {
   EXPECT_EQ(iterations("pyramid 385", Ordering::natural), 34);
 }
 
-/// Blocks of L and levels by elimination on sets: row j's later neighbours become neighbours of each other; a row's
+/// Blocks of L and levels by elimination on sets. Row j's later neighbours become neighbours of each other. A row's
 /// level is one above the highest of the rows that its blocks of L need.
 std::array<Index, 2> eliminate(const BlockPattern& pattern, const std::vector<Index>& order) {
   const std::size_t n = order.size();

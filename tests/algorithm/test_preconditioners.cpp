@@ -200,9 +200,9 @@ TEST(SparseInverse, RowsAreShortHoweverManyTouchABody) {
   EXPECT_EQ(plan.lower.columns[plan.lower.offsets[29]], 30 - kInverseRowBlocks) << "the nearest stay";
 }
 
-/// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i: what is left is orthogonal
-/// to the rows of L that the pattern lets in, which with H = L L' says that G H has no block on the pattern but the
-/// diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
+/// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i. What is left is
+/// orthogonal to the rows of L that the pattern lets in. With H = L L' this says that G H has no block on the pattern
+/// but the diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
 TEST(SparseInverse, MinimisesTheDistanceOfGLFromTheIdentityUpToTheScaleOfItsRows) {
   for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {
     PreconditionerWorkspace workspace(box_matrix(scene, 1e-2), Preconditioning::sparse_inverse);

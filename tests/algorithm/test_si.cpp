@@ -85,7 +85,8 @@ class SiCase {
   }
 
  private:
-  /// Memory of which nothing may be read before it is written: it would show, as no memory of a GPU is zero by itself.
+  /// Memory of which nothing may be read before it is written: it would show, as no memory of a GPU is zero without
+  /// being written.
   template <class T>
   static std::vector<T> unwritten(Offset count) {
     return std::vector<T>(static_cast<std::size_t>(count), std::numeric_limits<T>::quiet_NaN());

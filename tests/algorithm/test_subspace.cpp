@@ -16,7 +16,7 @@ TEST(Subspace, SmallSystemsHaveTheAnswersWorkedOutByHand) {
   expect_hand_answers(kSolver, 1e-11, 2000);
 }
 
-/// Contacts in a row, pressed together with little tangential load, each strongly coupled to the next: all stick, and
+/// Contacts in a row, pressed together with little tangential load, each strongly coupled to the next. All stick, and
 /// A is so ill-conditioned (some n^2) that sweeps are slow.
 Environment<double> sticking(std::size_t contacts) {
   const std::size_t n = 3 * contacts;

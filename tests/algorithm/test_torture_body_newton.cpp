@@ -12,8 +12,8 @@
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/stress_team.hpp"
 
-/// Newton's method in body space on teams of every width, by threads that race unless the body syncs, in memory of
-/// which nothing may be read before it is written.
+/// Newton's method in body space on teams of every width, by threads that race unless the algorithm syncs. Their
+/// memory may not be read before it is written.
 namespace stiction::test {
 
 namespace {

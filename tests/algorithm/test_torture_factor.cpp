@@ -60,7 +60,7 @@ TEST(Torture, FactorsHaveTheSameBitsOnBlocksOfEveryWidth) {
   torture_both_laws<Newton>();
 }
 
-/// What one environment is assembled to, and where reactions of 0.25 take it, on teams of all widths, their lanes
+/// What one environment is assembled to, and where reactions of 0.25 take it. Teams have all widths, their lanes
 /// taking a tile of rows at once.
 template <class Tile>
 void expect_same_form(const JacobianBatchView<double>& view) {

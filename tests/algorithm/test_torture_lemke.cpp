@@ -15,8 +15,8 @@
 namespace stiction::test {
 namespace {
 
-/// Rows of every kind in islands of `island` rows, half of them redundant: free rows that depend on one another,
-/// degenerate contacts, bounds of every sort.
+/// Rows of every kind in islands of `island` rows, half of them redundant. There are free rows that depend on one
+/// another, degenerate contacts, bounds of every sort.
 Environment<double> islands(std::size_t rows, std::size_t island) {
   scenes::Rng rng(77);
   const double infinite = __builtin_huge_val();

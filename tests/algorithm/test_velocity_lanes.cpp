@@ -11,7 +11,7 @@
 #include "tests/support/velocity_cases.hpp"
 
 /// Newton's method in velocities from inside: packs of every width, with unlike and broken environments in them,
-/// against each environment by itself.
+/// against each environment alone.
 namespace {
 
 using namespace stiction;

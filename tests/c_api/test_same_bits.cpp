@@ -109,7 +109,7 @@ TEST(CSameBits, JacobianBatches) {
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 
-/// Several batches through one handle: it has to see that a plan no longer holds, be it for the depths, which say what
+/// Several batches through one handle. It has to see that a plan no longer holds, be it for the depths, which say what
 /// a capacity leaves out.
 TEST(CSameBits, BodiesWhoseStructureChanges) {
   BodySolverOptions options;

@@ -63,8 +63,8 @@ static void solves(const char* device, int32_t space) {
   STICTION_CHECK_OK(stiction_verify(&batch, kReactions, residual));
   for (i = 0; i < 2; ++i) STICTION_CHECK(residual[i].relative <= 1e-15 && residual[i].absolute <= 1e-14);
   STICTION_CHECK_OK(stiction_verify(&batch, kZeros, residual));
-  /* Of no reaction (docs/math/residual.md): with de Saxce's shift y is (2/2 - 9.81, 2/2) and (6/2 - 9.81, 6/2), and -y
-     lies in the unit cone, so that the residual is its length. */
+  /* This is the residual of no reaction (docs/math/residual.md). With de Saxce's shift y is (2/2 - 9.81, 2/2) and
+     (6/2 - 9.81, 6/2). -y lies in the unit cone, so that the residual is its length. */
   STICTION_CHECK(near_to(residual[0].absolute, 8.866572, 1e-6) && near_to(residual[1].absolute, 7.441512, 1e-6));
   STICTION_CHECK(near_to(residual[1].relative * 9.81, residual[1].absolute, 1e-12));
   STICTION_CHECK_OK(stiction_solver_destroy(solver));
@@ -156,7 +156,7 @@ static void jacobians(void) {
   STICTION_CHECK_OK(stiction_jacobian_solver_destroy(solver));
 }
 
-/* A body of 2 kg that gravity pushes into the floor for 5 ms: the floor gives 2 kg * 9.81 m/s2 * 5 ms = 0.0981 N s
+/* A body of 2 kg that gravity pushes into the floor for 5 ms. The floor gives 2 kg * 9.81 m/s2 * 5 ms = 0.0981 N s
  * back. */
 static void bodies(void) {
   const int64_t offsets[] = {0, 1};

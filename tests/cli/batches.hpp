@@ -6,8 +6,8 @@
 
 namespace stiction::test {
 
-/// `count` environments of 1, 2, 3, 1, ... friction cones of three rows on a chain, diagonally dominant, each with its
-/// own right-hand side: every solver solves them.
+/// `count` environments of 1, 2, 3, 1, ... friction cones of three rows on a chain, diagonally dominant, each with
+/// another right-hand side. Every solver solves them.
 io::Recording chain_recording(int count);
 
 /// `count` environments, each of two such chains that do not act on one another.

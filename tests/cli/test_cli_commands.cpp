@@ -92,7 +92,7 @@ TEST(Generate, AnotherSeedGivesAnotherFile) {
   EXPECT_NE(io::read_batch(folder / "1.h5").batch.arrays().b, io::read_batch(folder / "2.h5").batch.arrays().b);
 }
 
-/// One environment: rows 0 and 1 unilateral and coupled, row 2 a box row by itself. A = [2 1 0; 1 2 0; 0 0 5]:
+/// One environment: rows 0 and 1 unilateral and coupled, row 2 a single box row. A = [2 1 0; 1 2 0; 0 0 5]:
 /// eigenvalues 1, 3, 5; two islands.
 io::Recording hand_made() {
   Environment<double> environment;

@@ -9,7 +9,7 @@
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"
 
-/// Body environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+/// Body environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace stiction::test {
 
 namespace {
@@ -43,7 +43,7 @@ void put_to_rest(BodyEnvironment<Real>& env) {
   for (auto& contact : env.contacts) contact.depth = 0;
 }
 
-/// Sizes that make lanes wait, leave early and be taken again; a few whose lanes all push the same bodies; a few that
+/// Sizes that make lanes wait, leave early and be taken again. A few have lanes that all push the same bodies; a few
 /// are refused, or end otherwise than their neighbours.
 template <class Real>
 std::vector<BodyEnvironment<Real>> crowd() {

@@ -9,7 +9,7 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Tolerance and iterations of its own for every environment: each gets what a solve with those options gives it.
+/// Separate tolerance and iterations for every environment: each gets what a solve with those options gives it.
 namespace stiction::test {
 namespace {
 

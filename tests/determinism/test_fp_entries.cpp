@@ -1,5 +1,5 @@
-// Every public function that computes with numbers, under every rounding mode and with subnormals flushed or not: the
-// caller's modes reach no bit and are left as they were. A new public function that computes belongs into the table.
+// Every public function that computes with numbers, under every rounding mode and with subnormals flushed or not. The
+// caller's modes reach no bit and are left unchanged. A new public function that computes belongs into the table.
 #include <gtest/gtest.h>
 
 #include <cfenv>

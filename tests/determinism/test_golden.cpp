@@ -74,8 +74,8 @@ std::vector<std::string> parts_of(std::string_view name) {
   return parts;
 }
 
-/// Where subspace never leaps and so has the bits of npgs (sliding contacts under Coulomb's law, more than 40 rows), or
-/// where none of its leaps makes the residual of any environment smaller (docs/math/subspace.md).
+/// Where subspace never leaps and so has the bits of npgs (sliding contacts under Coulomb's law, more than 40 rows).
+/// Or where none of its leaps makes the residual of any environment smaller (docs/math/subspace.md).
 bool may_only_sweep(const std::vector<std::string>& row) {
   return row[0] == "matrix" && row[2] == "subspace" &&
          (row[4] == "coulomb" || row[1] == "pile" || row[1] == "grasp" || (row[1] == "stack" && row[3] == "f32"));

@@ -16,7 +16,7 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Islands solved apart: each with the bits of an environment of its own.
+/// Islands solved apart: each with the bits of a separate environment.
 namespace {
 
 using namespace stiction;

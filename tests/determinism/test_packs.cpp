@@ -10,7 +10,7 @@
 #include "tests/support/scoped_isa.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Contact environments in the lanes of packs against each of them in a call of its own, which no pack takes.
+/// Contact environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace {
 
 using namespace stiction;
@@ -87,8 +87,8 @@ Environment<double> lopsided(Environment<double> env) {
 
 constexpr int kShapes = 5;
 
-/// Few shapes again and again, so that lanes are taken by one like the last and by one unlike it, behind neighbours
-/// that end at once, that end as no numbers, and that are refused.
+/// Few shapes again and again, so that lanes are taken by one like the last and by one unlike it. Their neighbours end
+/// at once, end as no numbers, or are refused.
 std::vector<Environment<double>> crowd() {
   std::vector<Environment<double>> envs;
   constexpr ConeOrder kOrders[] = {ConeOrder::shuffled, ConeOrder::friction_last, ConeOrder::friction_first};

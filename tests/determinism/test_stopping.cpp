@@ -72,7 +72,7 @@ TYPED_TEST(Stopping, MoreIterationsNeverReturnAWorseEstimate) {
       for (std::size_t e = 0; e < solution.status.size(); ++e) {
         EXPECT_EQ(solution.status[e].iterations, iterations);
         const double residual = solution.status[e].residual;
-        // The estimate that picks the best iterate is in the solve's precision, the reported residual is not: where
+        // The estimate that picks the best iterate is in the solve's precision, the reported residual is not. Where
         // the estimate is near its rounding the two may order iterates differently.
         const double noise = 64 * static_cast<double>(std::numeric_limits<Real>::epsilon());
         if (iterations == 0) before.push_back(residual);

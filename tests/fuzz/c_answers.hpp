@@ -48,8 +48,8 @@ struct Answers {
     }
     return std::memcmp(&status[env], &other.status[env], sizeof(stiction_status)) == 0;
   }
-  /// Whether what was written to array `i` is finite, but for environments whose offsets or columns are broken: of
-  /// those nothing else may have been written.
+  /// Whether what was written to array `i` is finite. Environments whose offsets or columns are broken are left out:
+  /// of those nothing else may have been written.
   [[nodiscard]] bool finite(std::size_t i) const {
     const std::size_t length = numbers[i].size() / status.size();
     for (std::size_t env = 0; env < status.size(); ++env) {

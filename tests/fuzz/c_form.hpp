@@ -11,7 +11,7 @@
 #include "tests/fuzz/numbers.hpp"
 
 /// A struct of the C interface over arrays that are exactly as long as stiction.h says, so that reading past one of
-/// them is seen, and edits of it that a hostile caller could make without breaking that rule.
+/// them is seen. There are edits of it that a hostile caller could make without breaking that rule.
 namespace stiction::fuzz {
 
 /// Any value for an integer of the interface, those near `value` among them.

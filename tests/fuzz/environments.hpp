@@ -9,7 +9,7 @@
 
 namespace stiction::fuzz {
 
-/// One environment and what goes with it: limits of its own, and where to begin.
+/// One environment and what goes with it: its limits, and where to begin.
 template <class Real>
 struct Case {
   Environment<Real> environment;
@@ -37,7 +37,7 @@ Index rows_of(const std::vector<typename Environment<Real>::Cone>& all) {
   return rows;
 }
 
-/// Sound numbers: A is symmetric and its diagonal outweighs the rest of each row; a share of it is stored, so that
+/// Sound numbers. A is symmetric and its diagonal outweighs the rest of each row. A share of it is stored, so that
 /// there are environments of several islands and such as are not solved densely.
 template <class Real>
 Case<Real> sound_case(Bytes& bytes) {

@@ -41,7 +41,7 @@ stiction::io::Recording recording(int contacts) {
 }
 
 /// Everything that a contact-batch file may hold: bounds that are not symmetric, manifolds, ids, steps, flags, limits
-/// of single environments, and how the batch was solved.
+/// of single environments. Also how the batch was solved.
 stiction::io::Recording full_recording() {
   stiction::io::Recording result = recording(2);
   auto arrays = result.batch.arrays();

@@ -58,8 +58,7 @@ double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const R
 
 /// `solved` is checked by code that shares nothing with the solvers. The solver's own residual is rounded, and so is
 /// the other one, each by parts of the numbers that enter: hence a factor of two. It is a difference, too, of numbers
-/// some of whose roundings it does not see, and what they hide is within the tolerance or reported: hence so many of
-/// them.
+/// some of whose roundings it does not see. What they hide is within the tolerance or reported: hence so many of them.
 template <class Real>
 void require_residuals(const ContactBatchView<Real>& batch, std::span<const Real> lambda,
                        std::span<const EnvStatus> status) {

@@ -28,9 +28,9 @@ inline ContactBatch<double> up_to(const ContactBatch<double>& batch, Index rows)
   return gather(batch, small);
 }
 
-/// The batch as that solver takes it: pyramids of four edges for lemke, which refuses friction cones, and for whatever
-/// is costly nothing of more than `costly_rows` rows. 200 rows leave dense and sparse environments, 100 dense ones and
-/// a few sparse.
+/// Makes the batch as that solver takes it. lemke, which refuses friction cones, gets pyramids of four edges. Whatever
+/// is costly gets nothing of more than `costly_rows` rows. 200 rows leave dense and sparse environments, 100 dense
+/// ones and a few sparse.
 template <class Real>
 ContactBatch<Real> batch_for(SolverKind solver, const ContactBatch<double>& batch, Index costly_rows) {
   if (!is_costly(solver)) return convert<Real>(batch);

@@ -76,8 +76,9 @@ struct GoldenBodies {
   std::vector<GoldenMethod> methods;
 };
 
-/// Between them: environments that share a pack, one that is too large for it, an empty one; bodies that are moved,
-/// bounces, gaps, overlaps; contacts that yield and contacts that do not; one, two and three levels of multigrid.
+/// Between them they have environments that share a pack, one that is too large for it, and an empty one. There are
+/// bodies that are moved, bounces, gaps, overlaps, contacts that yield and contacts that do not. There are one, two
+/// and three levels of multigrid.
 inline std::vector<GoldenBodies> golden_bodies() {
   const std::vector<GoldenMethod> all = golden_methods();
   GoldenBodies crowd{"crowd", {}, {}, all}, stack{"stack", {}, {}, all}, pile{"pile", {}, {}, all},

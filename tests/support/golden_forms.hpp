@@ -12,8 +12,8 @@
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
 
-/// Golden rows of Jacobian batches: "jacobian/..." for every form of J and M, "factor/..." for environments whose A is
-/// kept as a factor; "jacobian/chains/..." have no A.
+/// Golden rows of Jacobian batches. "jacobian/..." is for every form of J and M, "factor/..." for environments whose A
+/// is kept as a factor. "jacobian/chains/..." have no A.
 namespace stiction::test {
 
 struct GoldenJacobian {

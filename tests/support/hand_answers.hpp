@@ -83,8 +83,8 @@ inline std::vector<HandAnswer> hand_answers() {
   all.push_back(
       {"torsional friction of 0.1 * 2 brakes spin 0.5 to 0.3", torsion, Law::coulomb, {2, 0, 0, -0.2}, {0, 0, 0, 0.3}});
 
-  // Unit mass sliding at 1 m/s, mu = 0.5, g dt = 0.0981 (advanced audit, item h): a block keeps to the ground under the
-  // Coulomb law; the convex law lifts it by mu norm(w_t).
+  // Unit mass sliding at 1 m/s, mu = 0.5, g dt = 0.0981 (advanced audit, item h). A block keeps to the ground under
+  // the Coulomb law; the convex law lifts it by mu norm(w_t).
   const Environment<double> block = contact({1, 1, 1}, {-0.0981, 1, 0}, 0.5);
   all.push_back({"a sliding block, Coulomb", block, Law::coulomb, {0.0981, -0.04905, 0}, {0, 0.95095, 0}});
   all.push_back({"a sliding block, convex: n - 0.0981 = (1 - n / 2) / 2",

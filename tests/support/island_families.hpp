@@ -10,7 +10,7 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// Environments of several islands, and the islands as environments of their own.
+/// Environments of several islands, and the islands as separate environments.
 namespace stiction::test {
 
 inline SolverOptions apart(SolverOptions options) {
@@ -26,8 +26,8 @@ inline Environment<double> random_system(std::uint64_t seed, int contacts = 3, i
   return random_contacts(recipe);
 }
 
-/// Systems of one island each, between them: every kind of cone, boxes, manifolds, easy ones and hard ones, all but the
-/// last few small; `tall` is a stack that is solved sparsely.
+/// Systems of one island each. Between them they have every kind of cone, boxes, manifolds, easy ones and hard ones,
+/// all but the last few small. `tall` is a stack that is solved sparsely.
 inline std::vector<Environment<double>> systems(std::uint64_t seed, bool tall) {
   std::vector<Environment<double>> all{random_system(seed),           random_system(seed + 1, 1, 0),
                                        random_system(seed + 2, 0, 1), scenes::make("stack", seed, 0, 2).system,
@@ -39,7 +39,7 @@ inline std::vector<Environment<double>> systems(std::uint64_t seed, bool tall) {
   return all;
 }
 
-/// Merged environments among others, and their systems as environments of a batch of their own.
+/// Merged environments among others, and their systems as environments of a separate batch.
 template <class Real>
 struct Family {
   explicit Family(Law law = Law::coulomb) : whole(law), alone(law) {

@@ -8,7 +8,7 @@
 
 namespace stiction::test {
 
-/// Any Team whose lanes disagree about speed: before and after each phase a lane goes on at once, yields or sleeps, as
+/// Any Team whose lanes disagree about speed. Before and after each phase a lane goes on at once, yields or sleeps, as
 /// its own pseudo-random sequence says.
 template <Team Inner>
 class JitterTeam {

@@ -10,9 +10,10 @@ namespace stiction::test {
 
 /// How far apart the motions of two approximate solutions of one convex system can be.
 ///
-/// Let A + R be symmetric positive semidefinite, z and z' reactions in circular coordinates with natural-map residuals
-/// r and r' (r = a (z - p), p = P(z - y / a), a per cone). The projection's inequality at p' and p, added up, gives
-/// (y - y')'(p - p') <= (r - r')'(p - p'). With p = z - r / a and g = y - y', d = z - z', s = norm(r) + norm(r'):
+/// Let A + R be symmetric positive semidefinite. Let z and z' be reactions in circular coordinates with natural-map
+/// residuals r and r'. (r = a (z - p), p = P(z - y / a), a per cone.) The projection's inequality at p' and p, added
+/// up, gives (y - y')'(p - p') <= (r - r')'(p - p'). With p = z - r / a and g = y - y', d = z - z', s = norm(r) +
+/// norm(r'):
 ///
 ///     g'd <= s (norm(d) + s / a) + norm(g) s / a,     and  norm(g)^2 <= L g'd,
 ///

@@ -8,7 +8,7 @@
 #include "bench/scenes/rng.hpp"
 #include "core/algorithm/load/load_system.hpp"
 
-/// One friction cone without an environment around it, as a system that the step of a cone can read, and Coulomb's law
+/// One friction cone without an environment around it, as a system that the step of a cone can read. Coulomb's law is
 /// judged in long double.
 namespace stiction::test {
 

@@ -10,12 +10,11 @@
 /// A slow, dense solver in extended precision, written from the mathematics and from no header of core/algorithm: twins
 /// that share a text share its mistakes. It answers small systems only.
 ///
-/// Convex law: accelerated projected gradient on 1/2 z'Bz + c'z with a step from Gershgorin's bound, in coordinates in
-/// which friction cones are circular and each cone's block has a unit mean diagonal; momentum restarts when the
-/// objective's gradient points against the step; now and then Newton's method on the natural map tries to finish.
-/// Coulomb law: the fixed point s = norm(mu w_t(s)), where w(s) solves the convex problem with s added to the normal
-/// rows of b. If mu * sqrt(condition of A) < 1 that map contracts in the norm of A^-1, and its fixed point is the only
-/// solution.
+/// Convex law: accelerated projected gradient on 1/2 z'Bz + c'z with a step from Gershgorin's bound. Coordinates make
+/// friction cones circular and give each cone's block a unit mean diagonal. Momentum restarts when the objective's
+/// gradient points against the step. Now and then Newton's method on the natural map tries to finish. Coulomb law: the
+/// fixed point s = norm(mu w_t(s)), where w(s) solves the convex problem with s added to the normal rows of b. If mu *
+/// sqrt(condition of A) < 1 that map contracts in the norm of A^-1, and its fixed point is the only solution.
 namespace stiction::oracle {
 
 using Number = long double;

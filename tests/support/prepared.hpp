@@ -10,8 +10,8 @@
 
 namespace stiction::test {
 
-/// One environment brought into the solver's coordinates by the bodies themselves, so that a test can look at them from
-/// inside. System is DenseSystem<Real> or SparseSystem<Real>, whatever path the plan would choose.
+/// One environment brought into the solver's coordinates by the algorithms themselves, so that a test can see them
+/// from inside. System is DenseSystem<Real> or SparseSystem<Real>, whatever path the plan would choose.
 template <class Method, Law kLaw, template <class> class SystemOf, class Real = double>
 class Prepared {
  public:

@@ -17,7 +17,7 @@
 /// What must hold for any solver on any well-posed system, as text: empty, or the first thing that did not.
 namespace stiction::test {
 
-/// Every run draws a seed of its own, and rapidcheck prints it: RC_PARAMS="seed=... max_success=60" repeats a run.
+/// Every run draws another seed, and rapidcheck prints it: RC_PARAMS="seed=... max_success=60" repeats a run.
 inline const int kCases = setenv("RC_PARAMS", "max_success=60", 0);
 
 /// Where lambda leaves its cones by more than rounding.
@@ -102,10 +102,15 @@ inline std::string convex_violation(const Environment<double>& env, const Solver
 
 /// Against the oracle under the Coulomb law, on a system whose solution is unique (mu sqrt(condition) < 1).
 ///
-/// How far a residual r lets w stray: the convex map is Lipschitz with the condition number in circular coordinates,
-/// 9 / 0.03^2 = 1e4 for mu of 0.03 to 0.3 and a condition of 9; de Saxce's fixed point contracts by 0.9, which adds a
-/// factor 1 / (1 - 0.9); and w_t = y_t / mu adds 1 / 0.03. Together 3.3e6: at residuals of 1e-10 w is held to some
-/// 1e-4, where the other law's w differs by mu norm(w_t), some 1e-1.
+/// How far a residual r lets w stray:
+///
+/// * The convex map is Lipschitz with the condition number in circular coordinates. That is 9 / 0.03^2 = 1e4 for mu of
+///   0.03 to 0.3 and a condition of 9.
+/// * de Saxce's fixed point contracts by 0.9, which adds a factor 1 / (1 - 0.9).
+/// * w_t = y_t / mu adds 1 / 0.03.
+///
+/// Together 3.3e6: at residuals of 1e-10 w is held to some 1e-4, where the other law's w differs by mu norm(w_t), some
+/// 1e-1.
 inline constexpr double kCoulombAmplification = 3.3e6;
 
 inline std::string coulomb_violation(const Environment<double>& env, const SolverOptions& o, std::string& unsolved) {

@@ -104,8 +104,8 @@ inline Environment<double> random_contacts(const Recipe& recipe) {
   return env;
 }
 
-/// A = Q diag(1 .. condition) Q' with Q a product of random reflections: the condition number is known exactly up to
-/// rounding, which is what uniqueness under the Coulomb law is decided by (support/oracle.hpp).
+/// Makes A = Q diag(1 .. condition) Q' with Q a product of random reflections. The condition number is known exactly
+/// up to rounding. Uniqueness under the Coulomb law is decided by it (support/oracle.hpp).
 inline Environment<double> random_conditioned(const Recipe& recipe, double condition) {
   scenes::Rng rng(recipe.seed);
   Environment<double> env;

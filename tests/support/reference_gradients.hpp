@@ -88,8 +88,9 @@ inline std::vector<double> solve(const Rows& L, std::vector<double> r) {
   return r;
 }
 
-/// Kolotilina and Yeremin's G, row by row: row i is the last row of C^-1, C C' = H on the columns of i's body and of
-/// the `most` - 1 bodies before it, nearest by number, that it touches, as far as they are not behind i.
+/// Kolotilina and Yeremin's G, row by row. Row i is the last row of C^-1, C C' = H. The columns are those of i's body
+/// and of the `most` - 1 bodies before it, nearest by number, that it touches. They are taken as far as they are not
+/// behind i.
 inline Rows sparse_inverse(const Rows& H, std::size_t most) {
   Rows G(H.size());
   for (std::size_t i = 0; i < H.size(); ++i) {

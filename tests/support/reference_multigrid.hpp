@@ -16,7 +16,7 @@
 #include "stiction/body_space.hpp"
 
 /// The multigrid of docs/math/multigrid.md a second time, with Eigen's matrices and standard containers, for scenes
-/// whose bodies are all joined: to compare counts of iterations with.
+/// whose bodies are all joined. Counts of iterations are compared with it.
 namespace stiction::test::reference {
 
 class AggregationMultigrid {
@@ -177,8 +177,8 @@ class AggregationMultigrid {
     return from(entries, fine, coarse);
   }
 
-  /// Which aggregate each body moves with: from roots on, in three rounds, the graph's where a member of it holds the
-  /// body, else that of the neighbour that holds it most firmly.
+  /// Which aggregate each body moves with. From roots on, in three rounds, it is the graph's where a member of it
+  /// holds the body. Else it is that of the neighbour that holds it most firmly.
   static std::vector<std::size_t> labels(const Matrix& H, const Graph& graph) {
     const std::size_t n = bodies(H);
     std::vector<std::size_t> label(n, kFree);

@@ -47,8 +47,9 @@ inline void thin_out(JacobianEnvironment<double>& env) {
   env.J = values;
 }
 
-/// A Jacobian batch in arrays that may have room: `room` rows and as many cones for each environment, with counts (0:
-/// as many as there are, without), and `behind` entries at the end of every array. What is not in use is NaN.
+/// A Jacobian batch in arrays that may have room. There are `room` rows and as many cones for each environment, with
+/// counts (0: as many as there are, without). At the end of every array are `behind` entries. What is not in use is
+/// NaN.
 template <class Real>
 struct RoomyJacobians {
   std::vector<Offset> env_row_offsets, env_cone_offsets, env_dof_offsets, env_mass_offsets, cone_row_offsets,

@@ -10,12 +10,12 @@ namespace stiction::test {
 
 /// How far two evaluations in double of one environment's residual (docs/math/residual.md) can be apart, absolute.
 ///
-/// Let u be the unit roundoff. A row's w = b + R lambda + A lambda is a sum of k + 2 terms; whatever its order, fused
-/// or not, it errs by at most (k + 3) u S with S = abs(b) + (R + abs(A)) abs(lambda) (Higham, Accuracy and Stability of
-/// Numerical Algorithms, 2nd ed., 3.1). A friction cone of m rows takes y = mu w from it and, under the Coulomb law,
-/// adds norm(y_t) to the normal: the error of y is at most 1 + m times its rows' errors. The natural map a (x - P(x - y
-/// / a)) takes that over once, projections being nonexpansive, and rounds a x and y itself, with a sum of m squares and
-/// some six operations: (m + 8) u (a norm(x) + norm(y)). Two evaluations err twice that.
+/// Let u be the unit roundoff. A row's w = b + R lambda + A lambda is a sum of k + 2 terms. Whatever its order, fused
+/// or not, it errs by at most (k + 3) u S with S = abs(b) + (R + abs(A)) abs(lambda). (Higham, Accuracy and Stability
+/// of Numerical Algorithms, 2nd ed., 3.1.) A friction cone of m rows takes y = mu w from it and, under the Coulomb
+/// law, adds norm(y_t) to the normal. The error of y is at most 1 + m times its rows' errors. The natural map a (x -
+/// P(x - y / a)) takes that over once, projections being nonexpansive. It rounds a x and y itself, with a sum of m
+/// squares and some six operations: (m + 8) u (a norm(x) + norm(y)). Two evaluations err twice that.
 inline double residual_rounding(const ContactBatchView<double>& batch, Offset env, const std::vector<double>& lambda) {
   constexpr double kRoundoff = 0.5 * std::numeric_limits<double>::epsilon();
   const Offset first = batch.env_row_offsets[env];

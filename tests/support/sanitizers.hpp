@@ -4,7 +4,7 @@
 namespace stiction::test {
 
 /// Whether the thread sanitizer watches. It makes a solve some twenty times slower, and sees two accesses without an
-/// order in the first iteration as well as in the fortieth: tests of threads iterate and repeat less then, on the
+/// order in the first iteration as well as in the fortieth. So tests of threads iterate and repeat less then, on the
 /// same solvers and batches.
 #if defined(__SANITIZE_THREAD__)
 inline constexpr bool kThreadSanitizer = true;

@@ -14,7 +14,7 @@ inline constexpr const char* kShippedIsas[] = {"baseline", "avx2", "avx512"};
 /// Packs of 16 and 64 bytes that tests add (tests/isa/pack_width.cpp), where the build has AVX2.
 inline constexpr const char* kTestedWidths[] = {"narrow", "wide"};
 
-/// Asks for one build of the kernels while it lives, of solvers that are made then: best_isa() reads the variable, a
+/// Requests one build of the kernels while it lives, of solvers that are made then. best_isa() reads the variable: a
 /// Solver when it is constructed, bodies, Jacobians and worlds at every solve.
 class ScopedIsa {
  public:

@@ -14,7 +14,7 @@
 #include "tests/support/stress_team.hpp"
 
 /// One environment solved by an algorithm on teams of every width, by threads that race unless it syncs, and on every
-/// stride: each must give the bits of the public solver.
+/// stride. Each must give the bits of the public solver.
 namespace stiction::test {
 
 /// More lanes than leaves of a sum, fewer, odd, one.
@@ -67,7 +67,7 @@ class TortureCase {
   void run(Index width, const Make& make, const std::string& label, Offset elements,
            const MakeSystem& make_system) const {
     Solution<Real> solution{std::vector<Real>(rows()), std::vector<Real>(rows()), std::vector<EnvStatus>(1)};
-    // What an algorithm reads before it writes would show: no memory of a GPU is zero by itself.
+    // What an algorithm reads before it writes would show: no memory of a GPU is zero without being written.
     std::vector<Real> memory(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
     const EnvView<Real> env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(),
                                     solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
@@ -118,8 +118,8 @@ inline Environment<double> small_sparse() {
   return scenes::make("stack", 5, 0, 16).system;
 }
 
-/// Runs both laws and precisions of a method on both kinds of system. Who computes what does not depend on how law and
-/// precision are paired, and every pair costs a copy of the algorithm: the emulated device's tests have them all.
+/// Runs both laws and precisions of a method on both kinds of system. What computes what does not depend on how law
+/// and precision are paired, and every pair costs a copy of the algorithm. The emulated device's tests have them all.
 template <class Method>
 void torture_method() {
   {

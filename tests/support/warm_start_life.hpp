@@ -59,7 +59,7 @@ struct Packed {
   std::vector<EnvStatus> status;
 };
 
-/// A random life of some environments: contacts come, stay, go, change their kind and their order; now and then one
+/// A random life of some environments. Contacts come, stay, go, change their kind and their order. Now and then one
 /// fails, starts over, has no contact, or too many.
 template <class Real>
 std::vector<Step<Real>> random_life(std::mt19937_64& random, int envs, int steps) {

@@ -36,7 +36,7 @@ BALL = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="
 <body pos="0 0 0.0999"><freejoint/><geom type="sphere" size="0.1" mass="2" condim="{condim}" friction="0.7 0.02 0.003"/>
 </body></worldbody></mujoco>"""
 
-# Every kind of row at once: an equality, dry friction in a joint and in a tendon, a limit that is exceeded, and
+# Every kind of row at once: an equality, dry friction in a joint and in a tendon, a limit that is exceeded. There are
 # contacts of 1, 3, 4 and 6 rows, one of them with a friction ellipse.
 EVERYTHING = """<mujoco><option timestep="0.002"/><worldbody><geom name="floor" type="plane" size="2 2 1"/>
 <body pos="0 0 0.0999"><freejoint/><geom name="slick" type="sphere" size="0.1" condim="1" priority="1"/></body>

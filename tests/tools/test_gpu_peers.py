@@ -59,8 +59,9 @@ def system(kinds, reaction, motion, param):
     return systems.System(problem, J, M, v_free, J @ v_free - b)
 
 
-# Sticks, slides (reaction on the cone against the motion, which lies on the polar cone), lets go; a limit open and closed; a box
-# at its bound and within; a free row. The second environment has its cones in another order and fewer of them.
+# A contact sticks, slides (reaction on the cone against the motion, which lies on the polar cone), or lets go. A limit
+# is open and closed, a box at its bound and within. There is a free row. The second environment has its cones in
+# another order and fewer of them.
 SLIDING = ([2.0, -1, 0], [0.25, 0.5, 0])  # mu = 0.5: |x_t| = mu x_n, w_t against it, and x . w = 0
 SOME = [system([FREE, BOX, BOX, UNILATERAL, UNILATERAL, FRICTION, FRICTION],
                np.array([0.7, -0.5, 0.2, 0, 1.5, 1, -0.1, 0.2, *SLIDING[0]]), [0, 0.3, 0, 0.7, 0, 0, 0, 0, *SLIDING[1]],

@@ -41,8 +41,8 @@ BodyBatch<Real> mixed_batch() {
   return batch_in<Real>(envs);
 }
 
-/// Scenes around the sizes at which a lane of its own gives way to a team, among larger ones, in no order; more than a
-/// bundle of each class, so that lanes take new scenes while others go on. Some cannot be solved.
+/// Scenes around the sizes at which a single lane gives way to a team, among larger ones, in no order. There are more
+/// than a bundle of each class, so that lanes take new scenes while others go on. Some cannot be solved.
 std::vector<BodyEnvironment<double>> small_scenes() {
   std::vector<BodyEnvironment<double>> envs;
   for (std::uint64_t seed = 0; seed < 120; ++seed) {
@@ -155,7 +155,7 @@ TEST(DeviceBodies, APlanForNewtonsMethodServesImpulsesToo) {
   }
 }
 
-/// What a device's fast memory has room for decides who works on a scene, and nothing else.
+/// What a device's fast memory has room for decides which team works on a scene, and nothing else.
 TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
   const auto check = [](auto real) {
     using Real = decltype(real);

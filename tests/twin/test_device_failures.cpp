@@ -5,8 +5,8 @@
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 
-/// A device that fails at any call: the caller gets an error, its arrays stay as they were, nothing leaks, and the next
-/// solve on a sound device is right.
+/// A device that fails at any call. The caller gets an error, its arrays stay as they were, nothing leaks, and the
+/// next solve on a sound device is right.
 namespace stiction::test {
 namespace {
 

@@ -12,8 +12,8 @@
 #include "tests/support/on_engine.hpp"
 #include "tests/support/sanitizers.hpp"
 
-/// One team that is the whole device: several blocks on the emulated device, whose lanes run at once, disagree about
-/// speed and meet at the grid's barrier alone.
+/// One team that is the whole device. It is several blocks on the emulated device, whose lanes run at once, disagree
+/// about speed and meet at the grid's barrier alone.
 namespace stiction::test {
 namespace {
 

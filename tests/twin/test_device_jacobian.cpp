@@ -13,8 +13,8 @@
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
 
-/// The Jacobian form on a device, on the emulated device: the reactions, motion, velocities and records of the CPU,
-/// whose batch is assembled by other code.
+/// The Jacobian form on the emulated device. It gives the reactions, motion, velocities and records of the CPU, whose
+/// batch is assembled by other code.
 namespace stiction::test {
 namespace {
 

@@ -105,8 +105,8 @@ TEST(DeviceRegisters, EveryChunkLeavesTheBitsOfTheDenseSystem) {
   }
 }
 
-/// x after one chunk of an environment of which everything below the diagonal was overwritten, which a window does not
-/// read and the dense system does.
+/// x after one chunk of an environment of which everything below the diagonal was overwritten. A window does not read
+/// that, and the dense system does.
 std::vector<std::uint32_t> one_chunk_without_lower_half(Index max_iterations, bool with_window, bool overwritten) {
   Ready<Npgs, Law::coulomb> ready(contacts(5, 9));
   auto& s = ready.system();
@@ -130,8 +130,8 @@ TEST(DeviceRegisters, WholeChunksRunInTheWindowAndNoOthers) {
   EXPECT_NE(one_chunk_without_lower_half(3, true, true), one_chunk_without_lower_half(3, true, false));
 }
 
-/// Environments of one to six contacts, two of which stay dense (the last bit of A, a unilateral row), one whose
-/// iterates grow until they overflow, one with a NaN, one without rows.
+/// Environments of one to six contacts, two of which stay dense (the last bit of A, a unilateral row). One has
+/// iterates that grow until they overflow, one a NaN, one no rows.
 ContactBatch<float> small_batch() {
   ContactBatch<double> well(Law::coulomb);
   for (std::uint64_t seed = 0; seed < 8; ++seed)

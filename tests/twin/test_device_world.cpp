@@ -11,8 +11,8 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/worlds.hpp"
 
-/// Worlds on the emulated device: what is launched and copied in a step, in any order the device may choose, and what
-/// happens when it fails. Whole steps of all scenes: tests/determinism/test_worlds.cpp.
+/// Worlds on the emulated device. The tests see what is launched and copied in a step, in any order the device may
+/// choose, and what happens when it fails. Whole steps of all scenes: tests/determinism/test_worlds.cpp.
 namespace stiction::test {
 namespace {
 
@@ -20,7 +20,7 @@ using cuda::DeviceCall;
 using cuda::EmulatedDevice;
 using cuda::EmulatedDeviceOptions;
 
-/// A world of a scene on a device of its own.
+/// A world of a scene on a separate device.
 struct OwnDevice {
   OwnDevice(const std::string& name, Offset envs, const EmulatedDeviceOptions& device_options)
       : scene(scenes::make_world(name)),

@@ -11,7 +11,7 @@ namespace {
 
 constexpr Offset kEnvs = 12;
 
-/// A step of a simulation in which contacts come, go and change places: environment e is a stack of 1 to 4 boxes; ids
+/// A step of a simulation in which contacts come, go and change places. Environment e is a stack of 1 to 4 boxes; ids
 /// are those of the contacts of a full stack.
 struct Step {
   ContactBatch<double> batch{Law::coulomb};

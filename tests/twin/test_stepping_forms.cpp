@@ -9,8 +9,8 @@
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 
-/// Stepping in the Jacobian form and of bodies: a step is a solve from the last step's reactions, found by contact; the
-/// same bits on every device.
+/// Stepping in the Jacobian form and of bodies. A step is a solve from the last step's reactions, found by contact,
+/// with the same bits on every device.
 namespace stiction::test {
 namespace {
 

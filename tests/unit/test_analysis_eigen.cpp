@@ -54,9 +54,9 @@ void expect_bounds(const OperatorAnalysis& seen, const Values& values) {
   EXPECT_GE(seen.smallest, smallest - slack);
   EXPECT_TRUE(has_one_near(seen.largest, seen.largest_error));
   EXPECT_TRUE(has_one_near(seen.smallest, seen.smallest_error));
-  // Kuczynski and Wozniakowski (1992): from a random vector, k steps leave a relative error of 0.871 ln n / (k - 1) of
-  // the largest eigenvalue on average; here that is one of A'A, so half of it for the singular value. Twice the
-  // average.
+  // Kuczynski and Wozniakowski (1992): from a random vector, k steps leave a relative error of 0.871 ln n / (k - 1) on
+  // average. It is that of the largest eigenvalue. Here that is one of A'A, so half of it for the singular value.
+  // Twice the average.
   const auto part = [&](Index steps) { return 0.871 * std::log(static_cast<double>(n)) / std::max(steps - 1, 1); };
   if (n < 8) return;
   EXPECT_GE(seen.largest, largest * (1 - part(seen.largest_steps)) - slack);

@@ -11,7 +11,7 @@ namespace {
 
 using namespace stiction;
 
-/// One lane of a block of `size` whose lanes run one after the other: it computes what that lane would and shares
+/// One lane of a block of `size` whose lanes run one after the other. It computes what that lane would and shares
 /// memory with the others. Enough for what ends in one sync.
 struct SequentialLane {
   static constexpr Index kRowTile = 1;
@@ -63,8 +63,8 @@ TEST(BlockReduce, TheSumHasTheSameBitsForEveryNumberOfLanes) {
   SerialTeam serial;
   const double expected = sum_leaves<double>(serial, leaf);
   for (const Index size : {2, 3, 8, 16, 32, 33}) {
-    // Lanes one after the other on shared leaves; the fold destroys them, so the last lane's answer counts, and what
-    // the lanes before it wrote is put back for it.
+    // Runs lanes one after the other on shared leaves. The fold destroys them, so the last lane's answer counts, and
+    // what the lanes before it wrote is put back for it.
     double shared[kReduceLeaves] = {};
     double result = 0.0;
     for (Index lane = 0; lane < size; ++lane) {

@@ -12,7 +12,7 @@
 #include "tests/support/random_lcp.hpp"
 
 // Formulas of the textbook chapter about interior points, where their printed form is wrong or says too little
-// (docs/math/contact_problem.md): (g) Newton's step, (l) the barrier of the second-order cone.
+// (docs/math/contact_problem.md). Here: (g) Newton's step, (l) the barrier of the second-order cone.
 
 namespace {
 
@@ -181,7 +181,7 @@ TEST(ChapterBarriers, TheFirstDualOfAConeIsTheGradientOfHalfTheBarrier) {
   EXPECT_NEAR(complementarity(prepared.team, s, p), gap, 1e-12 * gap);
 }
 
-// (l) hess = -2 J / d + 4 (J x)(J x)' / d^2, half of it here: W^-2 of a pair x, z = -grad is the Hessian at x.
+// (l) hess = -2 J / d + 4 (J x)(J x)' / d^2, half of it here. W^-2 of a pair x, z = -grad is the Hessian at x.
 TEST(ChapterBarriers, TheScalingOfACentralPairIsTheHessianOfHalfTheBarrier) {
   scenes::Rng rng(9);
   for (int trial = 0; trial < 50; ++trial) {

@@ -14,7 +14,7 @@
 #include "tests/support/small_systems.hpp"
 
 // Formulas of the textbook chapter about friction cones, where their printed form is wrong
-// (docs/math/contact_problem.md): (e) the projection, (f) the pyramid, (h) the pairing of cones, (m) the scaled
+// (docs/math/contact_problem.md). Here: (e) the projection, (f) the pyramid, (h) the pairing of cones, (m) the scaled
 // projection.
 
 namespace {
@@ -71,7 +71,7 @@ TEST(ChapterCones, ThePolarConeOfAFrictionConeDependsOnMu) {
   EXPECT_GT(pulls, 10000);
 }
 
-// (e) With A = 1 the convex law's reaction is the point of the cone nearest to -b: solvers, too, let go where the
+// (e) With A = 1 the convex law's reaction is the point of the cone nearest to -b. Solvers, too, let go where the
 // chapter's test pulls.
 TEST(ChapterCones, AContactThatTheChapterPullsOnIsOpen) {
   scenes::Rng rng(4);

@@ -10,7 +10,7 @@
 #include "stiction/residual.hpp"
 #include "tests/support/random_lcp.hpp"
 
-// Formulas of the textbook chapter the project grew from, where their printed form is wrong: what the library does
+// Formulas of the textbook chapter the project grew from, where their printed form is wrong. What the library does
 // agrees with the corrected form and disagrees with the printed one. Letters are those of
 // docs/math/contact_problem.md. Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
 
@@ -93,7 +93,7 @@ TEST(ChapterFormulas, LemkesArtificialVariableIsNotAConstant) {
   EXPECT_GT(smallest_error_as_printed, 1e-4) << "none of them solves what was asked";
 }
 
-// (j) LCP <=> min 1/2 lambda' A lambda + b' lambda over lambda >= 0 for A symmetric and positive semidefinite: w and
+// (j) LCP <=> min 1/2 lambda' A lambda + b' lambda over lambda >= 0 for A symmetric and positive semidefinite. w and
 // the minimum are unique, lambda is not.
 TEST(ChapterFormulas, ASymmetricSemidefiniteProblemIsAQuadraticProgramme) {
   scenes::Rng rng(3);

@@ -9,9 +9,9 @@
 #include "stiction/analysis.hpp"
 #include "tests/support/random_lcp.hpp"
 
-// Formulas of the textbook chapter about speed, where their printed form is wrong (docs/math/contact_problem.md): (c)
-// and (d) rates, (i) the chain of 100 bodies, (n) the step of a block. Numbers of (c), (d) and (i) that are written as
-// decimals were measured by a program apart from this library, which sweeps in the order of the rows.
+// Formulas of the textbook chapter about speed, where their printed form is wrong (docs/math/contact_problem.md).
+// Here: (c) and (d) rates, (i) the chain of 100 bodies, (n) the step of a block. Numbers of (c), (d) and (i) that are
+// written as decimals were measured by a separate program. It sweeps in the order of the rows.
 
 namespace {
 
@@ -74,7 +74,7 @@ double contraction(Index first, double omega) {
 
 const double kJacobi = std::cos(std::numbers::pi / (2 * kBodies));  ///< rho(I - D^-1 A) of the column
 
-// (d) The gradient method's rate is (kappa - 1) / (kappa + 1) = 1 - 2 / (kappa + 1); a consistently ordered A has
+// (d) The gradient method's rate is (kappa - 1) / (kappa + 1) = 1 - 2 / (kappa + 1). A consistently ordered A has
 // rho_J^2 for Gauss-Seidel, nearly the square of that. Printed: the gradient method's rate for PGS.
 TEST(ChapterRates, PgsHasTheSquareOfJacobisRadiusAndNotTheGradientMethodsRate) {
   AnalysisOptions steps;
@@ -125,8 +125,8 @@ TEST(ChapterRates, EveryRelaxationBelowTwoConverges) {
   }
 }
 
-// (i) Printed: about 200 sweeps to 1e-3. Elsewhere 27145 until the reactions are that close and 12141 until the natural
-// residual is 1e-3 g dt, in the order of the rows; 288 with the best omega.
+// (i) Printed: about 200 sweeps to 1e-3. A separate program takes 27145 until the reactions are that close. It takes
+// 12141 until the natural residual is 1e-3 g dt, in the order of the rows. With the best omega it takes 288.
 TEST(ChapterRates, AChainOfAHundredBodiesTakesThousandsOfSweeps) {
   const auto printed = swept(true, 200);
   EXPECT_GT(reaction_error(printed.lambda), 0.5);

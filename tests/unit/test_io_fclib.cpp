@@ -127,8 +127,8 @@ TEST_F(IoFclib, EqualitiesOfALocalProblemBecomeFreeRows) {
   EXPECT_TRUE(validate(recording.batch.view()).empty());
 }
 
-/// Three degrees of freedom in two blocks, {0, 2} coupled and {1}, and one planar contact; by hand
-///   M^-1 = 1/2 [2 0 -1; 0 1 0; -1 0 1] with M = [2 0 2; 0 2 0; 2 0 4], H' = [1 0 0; 0 1 1].
+/// Three degrees of freedom in two blocks, {0, 2} coupled and {1}, and one planar contact. By hand M = [2 0 2; 0 2 0;
+///   2 0 4] has M^-1 = 1/2 [2 0 -1; 0 1 0; -1 0 1]. H' = [1 0 0; 0 1 1].
 void make_global(const std::filesystem::path& path) {
   Spoiler file = Spoiler::make(path);
   file.group("fclib_global");

@@ -65,8 +65,8 @@ inline std::string message_of(ErrorCode code, const std::function<void()>& actio
   return {};
 }
 
-/// Two environments with every kind of cone and every optional part: 2 dofs with a free, a friction and an asymmetric
-/// box cone; 1 dof with a unilateral row.
+/// Two environments with every kind of cone and every optional part. One has 2 dofs with a free, a friction and an
+/// asymmetric box cone, the other 1 dof with a unilateral row.
 inline Recording small_recording() {
   Environment<double> first;
   first.cones = {{ConeKind::free, 1, -1}, {ConeKind::friction, 3, 0}, {ConeKind::box, 1, -1}};

@@ -95,7 +95,7 @@ TEST(Jacobian, AFactorAndAMassMatrixAreTheSameThing) {
   auto envs = several();
   const auto expected = assemble(batch_of(envs).view());
   for (auto& env : envs) {
-    // Cholesky by the textbook's inner products; what lies above the diagonal must not be looked at.
+    // Cholesky by the textbook's inner products; what lies above the diagonal must not be read.
     const std::size_t n = env.v_free.size();
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t j = 0; j <= i; ++j) {

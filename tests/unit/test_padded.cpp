@@ -128,8 +128,8 @@ TEST_P(PaddedLayouts, SolveWhatFitsAndSayThatMoreCame) {
 INSTANTIATE_TEST_SUITE_P(MatrixRows, PaddedLayouts, ::testing::Values(MatrixRows::by_room, MatrixRows::by_rows),
                          [](const auto& one) { return one.param == MatrixRows::by_room ? "by_room" : "by_rows"; });
 
-/// Newton Kamino's arrays: joints before contacts, normals last, one mu per contact, matrices at the beginning of their
-/// room, contacts' mu at an offset of their own.
+/// Newton Kamino's arrays. Joints are before contacts, normals last, one mu per contact, matrices at the beginning of
+/// their room, contacts' mu at a separate offset.
 TEST(PaddedView, NormalsMayComeLastAndMuByContact) {
   constexpr Index kWide = 24;
   constexpr std::size_t kContactWorkspace = 9;

@@ -235,7 +235,8 @@ TEST(Plan, VerticesOfOneColourAreSortedByKindRowsAndIndex) {
   EXPECT_EQ(plan.cone_order, expected);
 }
 
-// Cone 2 is joined with 0, 1 and 3: the largest degree, colour 0, as is everything that is not joined; 0, 1, 3 get 1.
+// Cone 2 is joined with 0, 1 and 3. It has the largest degree and colour 0, as has everything that is not joined; 0,
+// 1, 3 get 1.
 TEST(Plan, ConesJoinedByAnEntryEitherWayRoundGetDifferentColours) {
   for (const bool one_sided : {false, true}) {
     const PlanData plan = plan_of({environment_of(seventy_five_rows(), {{0, 2}, {1, 2}, {2, 3}}, one_sided)});
@@ -245,7 +246,7 @@ TEST(Plan, ConesJoinedByAnEntryEitherWayRoundGetDifferentColours) {
   }
 }
 
-// Cones 0 1 | 2 | 3 4 form the groups 7, 7 | none | 7, 7: the run is broken by cone 2, so that 3 4 is another vertex.
+// Cones 0 1 | 2 | 3 4 form the groups 7, 7 | none | 7, 7. The run is broken by cone 2, so that 3 4 is another vertex.
 TEST(Plan, NeighbouringConesOfOneGroupAreOneVertex) {
   auto cones = seventy_five_rows();
   for (const int c : {0, 1, 3, 4}) cones[at(c)].group = 7;

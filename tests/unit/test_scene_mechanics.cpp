@@ -76,7 +76,7 @@ TEST(Scenes, EveryContactOfAColumnCarriesWhatStandsOnIt) {
 
 TEST(Scenes, GaussSeidelOnAColumnConvergesAtTheRateOfTheory) {
   // The Jacobi matrix, scaled to be symmetric, is tridiagonal with 1/2 beside the diagonal, but 1/sqrt(2) at the
-  // ground: its eigenvalues are cos((2 k - 1) pi / (2 n)), those of Gauss-Seidel their squares. Some n^2 sweeps.
+  // ground. Its eigenvalues are cos((2 k - 1) pi / (2 n)), those of Gauss-Seidel their squares. Some n^2 sweeps.
   constexpr std::size_t kBodies = 10;
   const Dense a = dense_A(make("column", kSeed, 0, kBodies));
   std::vector<double> lambda(kBodies, 0.0);

@@ -195,8 +195,8 @@ TEST(OwnPool, ThreadsAreKeptFromCallToCall) {
       std::this_thread::sleep_for(std::chrono::microseconds(50));
     });
   EXPECT_GT(by_helpers, 200) << "helpers had their share";
-  // Threads made anew for each call would be counted by the hundred; the pool has no more than the widest call of
-  // this process asked for.
+  // Threads made anew for each call would be counted by the hundred. The pool has no more than the widest call of this
+  // process needed.
   EXPECT_LE(threads_seen, 8);
 }
 

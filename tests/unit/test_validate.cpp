@@ -216,7 +216,7 @@ TEST(Validate, StructureComesFirstAndValuesOfSoundEnvironmentsAreStillChecked) {
   const auto defects = defects_of([](Arrays& a) {
     a.b[0] = kNan;     // env 0
     a.column[7] = 77;  // env 2: structural
-    a.mu[4] = -1;      // env 2: not looked at, because the structure of env 2 is broken
+    a.mu[4] = -1;      // env 2: not read, because the structure of env 2 is broken
   });
   ASSERT_EQ(defects.size(), 2U);
   EXPECT_TRUE(defects[0].structural);

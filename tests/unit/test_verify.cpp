@@ -53,7 +53,7 @@ TEST(Verify, AUnilateralRowMeasuresItsGapOrItsReaction) {
   EXPECT_EQ(residual_of(leaving, Law::convex, {0.5}).absolute, 1.0);
 }
 
-// a = 1. Bounds -0.5 and 2: at hi with w = 2 - 5 = -3 <= 0, inside with w = 0, at lo with w = 3.5 >= 0; beyond hi by 1
+// a = 1. Bounds -0.5 and 2. At hi with w = 2 - 5 = -3 <= 0, inside with w = 0, at lo with w = 3.5 >= 0. Beyond hi by 1
 // with w = -2 the nearest allowed point is hi: r = 1.
 TEST(Verify, ABoxRowUsesBothOfItsBounds) {
   const auto box = [](double b) {
@@ -78,7 +78,7 @@ TEST(Verify, ABoxWithoutBoundsIsAFreeRow) {
 }
 
 // A = I, b = (-2, 3, 0), mu = 1/2. Coulomb: lambda_n = 2 keeps w_n = 0, the contact slides along +t and is braked by
-// mu lambda_n = 1: lambda = (2, -1, 0), w = (0, 2, 0). For the convex law that is no solution: there w_n = mu
+// mu lambda_n = 1. So lambda = (2, -1, 0), w = (0, 2, 0). For the convex law that is no solution: there w_n = mu
 // norm(w_t), so with lambda = (n, -n/2, 0): n - 2 = (3 - n/2) / 2, n = 2.8.
 TEST(Verify, SlidingSolvesOneLawAndNotTheOther) {
   auto environment = one_cone(ConeKind::friction, {1, 1, 1}, {-2, 3, 0});

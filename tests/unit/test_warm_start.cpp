@@ -53,7 +53,7 @@ class Oracle {
     dt_ = dt;
     std::uint32_t refused = 0;
     if (env.code == EnvCode::numerical || env.code == EnvCode::invalid_input || env.code == EnvCode::unsupported) {
-      refused = kWarmStartFailed;  // and nothing else is looked at
+      refused = kWarmStartFailed;  // and nothing else is read
     } else {
       for (const Real value : env.lambda)
         if (!std::isfinite(value)) refused |= kWarmStartNotFinite;

@@ -22,8 +22,8 @@ struct ConeGraph {
 
 ConeGraph make_cone_graph(const ContactBatchView<double>& batch, Offset env);
 
-/// Colour of every cone: the plan's where the environment is solved colour by colour, else a colouring of the
-/// graph itself (dense environments are swept in canonical order and need none).
+/// Colour of every cone. It is the plan's where the environment is solved colour by colour. Else it is a colouring of
+/// the graph itself (dense environments are swept in canonical order and need none).
 std::vector<Index> cone_colors(const ConeGraph& graph, const ContactBatchView<double>& batch, const PlanData& plan,
                                Offset env);
 

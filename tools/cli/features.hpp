@@ -27,7 +27,7 @@ struct Features {
   std::vector<double> asymmetry;
   std::optional<Range> friction_coefficient;  ///< mu over all friction axes
   std::optional<Range> compliance;            ///< R over all rows
-  std::vector<OperatorAnalysis> operators;    ///< A + diag R of environments looked at, with rows and finite numbers
+  std::vector<OperatorAnalysis> operators;    ///< A + diag R of environments analysed, with rows and finite numbers
 };
 
 /// The most environments whose operator is analysed, spread evenly over the batch.

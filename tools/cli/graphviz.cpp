@@ -55,7 +55,7 @@ int draw(const fs::path& program, const fs::path& input, const fs::path& output)
   return WEXITSTATUS(status);
 }
 
-/// The DOT text in a file of its own for as long as Graphviz reads it.
+/// The DOT text in a separate file for as long as Graphviz reads it.
 class TemporaryDot {
  public:
   explicit TemporaryDot(const std::string& dot)

@@ -20,8 +20,8 @@ namespace {
 /// A picture of more cones is hard to read.
 constexpr Offset kReadableCones = 200;
 
-/// The environment a picture shows if none is asked for: the first with the most cones that are still readable,
-/// else the first with the fewest. -1: no environment has cones.
+/// The environment a picture shows if the caller names none. It is the first with the most cones that are still
+/// readable, else the first with the fewest. -1: no environment has cones.
 Offset picture_env(const Features& features) {
   Offset best = -1;
   Offset best_cones = 0;

@@ -78,7 +78,7 @@ std::string cones_text(const Features& features) {
   return text;
 }
 
-/// One number of every environment looked at in which it was determined.
+/// One number of every environment analysed in which it was determined.
 template <class Number>
 std::vector<double> determined(const Features& features, const Number& number) {
   std::vector<double> values;

@@ -13,7 +13,7 @@ namespace stiction::cli {
 /// Everything `stiction inspect` prints.
 struct InspectReport {
   std::string file, source;
-  std::optional<std::int64_t> environment;        ///< the only one looked at, if one was asked for
+  std::optional<std::int64_t> environment;        ///< the only one analysed, if one was named
   std::optional<std::int64_t> graph_environment;  ///< the one drawn
   io::FileKind kind = io::FileKind::contact_batch;
   Law law = Law::convex;

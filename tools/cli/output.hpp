@@ -8,7 +8,7 @@ namespace stiction::cli {
 /// Makes sure, before any work is done, that a text file can be written at `path`. \throws Error(io) if not.
 void require_writable(const std::filesystem::path& path);
 
-/// Makes sure of a file that is written beside its target and renamed over it: the folder must be writable and the
+/// Makes sure of a file that is written beside its target and renamed over it. The folder must be writable and the
 /// target, if there, an ordinary file (renaming over /dev/null would replace it).
 void require_replaceable(const std::filesystem::path& path);
 

@@ -10,8 +10,8 @@
 
 namespace stiction::cli {
 
-/// A progress line on stderr, redrawn at 10 Hz by a thread of its own so that the work is never slowed by drawing
-/// and a long step still shows a running clock. Draws nothing unless stderr is a terminal. NO_COLOR is respected.
+/// A progress line on stderr, redrawn at 10 Hz by a separate thread. So the work is never slowed by drawing and a long
+/// step still shows a running clock. Draws nothing unless stderr is a terminal. NO_COLOR is respected.
 class Progress {
  public:
   /// `total` steps are ahead; 0: unknown, only the clock is shown.

@@ -70,7 +70,7 @@ void check_outputs(const SolveArguments& arguments) {
   }
 }
 
-/// Reactions of a cone are many sums of its pyramid's edges, so a warm start of cones has no single one of edges; and
+/// Reactions of a cone are many sums of its pyramid's edges, so a warm start of cones has no single one of edges. And
 /// what is solved is not what a recording is for.
 void check_pyramid(const SolveArguments& arguments) {
   if (arguments.pyramid == 0 || (!arguments.warm_start && !arguments.record)) return;

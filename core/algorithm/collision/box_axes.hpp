@@ -2,13 +2,13 @@
 
 #include "core/algorithm/collision/round_contacts.hpp"
 
-/// The direction in which two boxes overlap least, among the fifteen that can separate them (Gottschalk et al.,
-/// OBBTree, SIGGRAPH 1996): the faces' normals, and across an edge of each.
+/// Finds the direction in which two boxes overlap least, among the fifteen that can separate them: the faces' normals,
+/// and across an edge of each. (Gottschalk et al., OBBTree, SIGGRAPH 1996.)
 namespace stiction::inline STICTION_ISA {
 
-/// An edge's direction is taken only if it separates by that share of the smallest half extent more than a face's, and
-/// the second box's face only if by that more than the first's: boxes that lie on each other keep their contacts'
-/// names while they rock.
+/// An edge's direction is taken only if it separates by that share of the smallest half extent more than a face's. The
+/// second box's face is taken only if it separates by that more than the first's. So boxes that lie on each other keep
+/// their contacts' names while they rock.
 inline constexpr double kAxisBias = 0.01;
 
 template <class T>

@@ -24,7 +24,7 @@ struct SegmentInBox {
 };
 
 /// Where a segment is nearest to the box. The squared distance is convex and its slope piecewise linear, with kinks
-/// where the segment passes a face's plane: the zero lies between two neighbouring kinks, or the slope is zero on a
+/// where the segment passes a face's plane. The zero lies between two neighbouring kinks, or the slope is zero on a
 /// stretch, whose middle is returned.
 template <class T>
 STICTION_HD_OUTLINE T nearest_to_box(const SegmentInBox<T>& s) {

@@ -76,7 +76,7 @@ STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset en
     const Vector3<Real> force = load3<Real>(job.wrench + 6 * slot);
     const Vector3<Real> torque = load3<Real>(job.wrench + 6 * slot + 3);
     Vector3<Real> pull = scaled(model.step, add_scaled(load3<Real>(model.gravity), data.inv_mass, force));
-    // A body that is nowhere touches nothing, so its environment would go on as if it were sound: the solver's own
+    // A body that is nowhere touches nothing, so its environment would go on as if it were sound. The solver's own
     // check of its numbers is made to find it.
     pull.x = pull.x + nothing_if_finite(job.position + 3 * slot, 3);
     pull.y = pull.y + nothing_if_finite(job.orientation + 4 * slot, 4);

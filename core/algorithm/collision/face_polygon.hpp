@@ -6,7 +6,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// A polygon over a face, in coordinates (u, v, height) of the box whose face it is. Corners and sides turn around
-/// once; side k goes from corner k to the next, and has a name: 0 to 3 are sides of the polygon that was cut, 4 to 7
+/// once. Side k goes from corner k to the next, and has a name. 0 to 3 are sides of the polygon that was cut, 4 to 7
 /// the lines that cut it. A corner is named by the two sides that meet there.
 template <class T>
 struct FacePolygon {
@@ -41,8 +41,8 @@ STICTION_HD_OUTLINE FacePolygon<T> cut(const FacePolygon<T>& whole, Index coordi
   return part;
 }
 
-/// Which corners to keep, as bits: of those at or below `highest` the lowest, the one farthest from it, and the two
-/// farthest to either side of the line through both. Of equals the first.
+/// Which corners to keep, as bits. Of those at or below `highest` they are the lowest, the one farthest from it, and
+/// the two farthest on either side of their line. Of equals the first.
 template <class T>
 STICTION_HD_OUTLINE std::uint32_t four_corners(const FacePolygon<T>& polygon, T highest) {
   std::uint32_t kept = 0;

@@ -13,7 +13,7 @@ STICTION_HD void store3(Real* p, const Vector3<Real>& a) {
 }
 
 /// Carries positions and orientations on with the twists that were solved for. A body that is not alike about its axes
-/// keeps its angular momentum instead of its spin, which is the gyroscopic term: it turns with the spin it has half
+/// keeps its angular momentum instead of its spin, which is the gyroscopic term. It turns with the spin it has half
 /// way, and ends with the spin its momentum is in the axes it ends with.
 template <Team TeamT, class Real>
 STICTION_HD void integrate_world(TeamT& team, const WorldJob<Real>& job, Offset env) {

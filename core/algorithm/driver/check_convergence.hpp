@@ -71,7 +71,7 @@ template <class Condition>
 struct Poll {
   Condition broken;         ///< the latest iterate is not of numbers
   Condition stalled;        ///< no better one was found for as long as was allowed
-  Condition stopped;        ///< the method has ended by itself
+  Condition stopped;        ///< the method has ended
   Condition ended;          ///< one of these, or no iterations are left
   Condition has_candidate;  ///< the best iterate may be an answer
 };
@@ -124,7 +124,7 @@ STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const StopRule&
 }
 
 /// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
-/// with only proposes a candidate; the residual that decides, and is reported, is computed in double from the batch's
+/// with only proposes a candidate. The residual that decides, and is reported, is computed in double from the batch's
 /// own numbers and the very bits of lambda that are returned.
 template <class Method, Team TeamT, class Real, class System>
 STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& env, const System& s,

@@ -4,7 +4,7 @@
 #include "core/algorithm/system/register_system.hpp"
 
 /// Whole chunks of small environments with the system in registers (register_system.hpp). The bits are those of the
-/// dense system: both run one text, and an entry of A is read from above the diagonal only where it equals the one
+/// dense system. Both run one text, and an entry of A is read from above the diagonal only where it equals the one
 /// below.
 namespace stiction::inline STICTION_ISA {
 

@@ -5,8 +5,8 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 
-/// What all solvers on one kind of team have in common: a third of the code of each. Compiled once for a team instead
-/// of once for every solver, with `kind` being `extern` where it is used and empty in the one unit that holds it.
+/// What all solvers on one kind of team have in common: a third of the code of each. It is compiled once for a team
+/// instead of once for every solver. `kind` is `extern` where it is used and empty in the one unit that holds it.
 #define STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, ...)                                       \
   kind template std::uint32_t load_system(BlockType&, const EnvView<Real>&, __VA_ARGS__&, LoadRules); \
   kind template void write_solution(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);

@@ -8,12 +8,12 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Iterations between two looks at the residual. Part of the numerics epoch: environments stop at multiples of it.
+/// Iterations between two checks of the residual. Part of the numerics epoch: environments stop at multiples of it.
 inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
-/// Chunk of one method: an iteration of a method that factorises costs so much more than a check that it is checked
-/// at after every one, unless it says otherwise.
+/// Chunk of one method. An iteration of a method that factorises costs so much more than a check that it is checked
+/// after every one, unless it says otherwise.
 template <class Method>
 STICTION_HD constexpr Index chunk_of() {
   if constexpr (requires { Method::kChunk; }) {
@@ -23,8 +23,8 @@ STICTION_HD constexpr Index chunk_of() {
   }
 }
 
-/// What follows a chunk's last iteration, with `phase` as below: motion afresh where it is due, the iterate recorded in
-/// the lanes of `due`, and whatever else the method does there.
+/// What follows a chunk's last iteration, with `phase` as below. Motion is recomputed where it is due, the iterate is
+/// recorded in the lanes of `due`, and the method does whatever else it does there.
 template <class Method, Law kLaw, Team TeamT, class System>
 STICTION_HD void end_chunk(TeamT& team, System& s, typename System::Real phase, Mask<typename System::Real> due) {
   using Real = typename System::Real;
@@ -36,7 +36,7 @@ STICTION_HD void end_chunk(TeamT& team, System& s, typename System::Real phase, 
 }
 
 /// A system on its way through a chunk. Lanes may differ in `phase`, their iterations so far modulo the refresh
-/// interval, and in `left`, those they still have: a lane that runs out inside the chunk is recorded at its last
+/// interval, and in `left`, those they still have. A lane that runs out inside the chunk is recorded at its last
 /// iteration and ignored from then on.
 template <class System>
 struct Advancing {
@@ -45,7 +45,7 @@ struct Advancing {
   typename System::Real left;
 };
 
-/// One chunk of iterations of one system, or of two in turns.
+/// One chunk of iterations of one system, or of two that alternate.
 template <class Method, Law kLaw, Team TeamT, class Real, class... Systems>
 STICTION_HD void advance(TeamT& team, const MethodParams<Real>& params, Advancing<Systems>... each) {
   const auto count_down = [&](auto& one, bool is_last) {

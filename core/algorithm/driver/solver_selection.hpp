@@ -8,7 +8,7 @@
 /// of the environment alone; the table and where it comes from: docs/math/auto.md.
 namespace stiction::inline STICTION_ISA {
 
-/// What is looked at.
+/// What the choice depends on.
 struct EnvFeatures {
   Index rows = 0;
   Index friction_cones = 0;
@@ -87,9 +87,9 @@ STICTION_HD int first_stage(const EnvFeatures& seen) {
 }
 
 /// The stage after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
-/// smooth Newton's method comes right after sweeps; where it is a minimum all the same the interior point comes instead
-/// of it, right after sweeps if there is no friction cone, else after splitting: each then ends in some ten
-/// factorisations.
+/// smooth Newton's method comes right after sweeps. Where it is a minimum all the same the interior point comes
+/// instead of it. It comes right after sweeps if there is no friction cone, else after splitting. Each then ends in
+/// some ten factorisations.
 STICTION_HD int next_stage(int tried, const EnvFeatures& seen) {
   const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingStage);
   const int shortcut = is_smooth(seen) ? kNewtonStage : is_certain ? kInteriorStage : 0;

@@ -271,8 +271,8 @@ STICTION_HD void pull_reactions(TeamT& team, const JacobianEnv<Tile>& env, const
   });
 }
 
-/// v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew: that costs less than a sweep, and no
-/// factor has to be kept from assembling to the end of a solve.
+/// Computes v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew. That costs less than a sweep,
+/// and no factor has to be kept from assembling to the end of a solve.
 template <class Tile, Team TeamT>
 STICTION_HD void velocity_env(TeamT& team, const JacobianJob<typename Tile::Real>& job, Offset index,
                               typename Tile::Real* scratch) {

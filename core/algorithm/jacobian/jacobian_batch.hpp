@@ -5,7 +5,7 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "core/team/scan.hpp"
 
-/// A contact batch from a Jacobian batch whose integers were never looked at: environments are counted, placed one
+/// A contact batch from a Jacobian batch whose integers were never checked: environments are counted, placed one
 /// behind the other, and written. The totals and which arrays are null are believed, nothing in the arrays is.
 namespace stiction::inline STICTION_ISA {
 
@@ -123,8 +123,8 @@ STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset r
   });
 }
 
-/// The places of all environments, and the end of each one's rows in the contact batch: that is where the next one with
-/// rows begins, which may be too broken to say so. One team's work.
+/// Computes the places of all environments, and the end of each one's rows in the contact batch. That is where the
+/// next one with rows begins, which may be too broken to say so. One team's work.
 template <Team TeamT, class Real>
 STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   const JacobianBatchView<Real>& batch = job.batch;

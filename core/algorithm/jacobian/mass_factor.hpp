@@ -6,13 +6,13 @@
 #include "stiction/jacobian.hpp"
 
 /// M = L L' and what is solved by it (docs/jacobian.md). A product with a zero may be left out or not, whichever is
-/// faster: it could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities keep
-/// it. That takes finite factors; those of L are looked at, and any other is in a row that is flagged for it.
+/// faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
+/// keep it. That takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
 namespace stiction::inline STICTION_ISA {
 
 /// A block-diagonal lower triangular matrix: one block makes it dense, blocks of one row make it a diagonal. The rows
-/// of a block lie in panels of Tile::kRows, each panel column by column up to its last row's, entries of a column side
-/// by side. Below the diagonal is what a substitution multiplies by, the negative of the entry.
+/// of a block lie in panels of Tile::kRows. A panel is stored column by column up to its last row's, entries of a
+/// column side by side. Below the diagonal is what a substitution multiplies by, the negative of the entry.
 template <class Tile>
 struct BlockTriangle {
   using Real = typename Tile::Real;
@@ -118,9 +118,9 @@ STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index c
   return true;
 }
 
-/// M = L L', right-looking, as many columns at a time as a vector has lanes: entry (i, j) takes its updates in the
-/// order of the columns on every machine. Whether every pivot was positive and finite, on every lane; where one was
-/// not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
+/// Factors M = L L', right-looking, as many columns at a time as a vector has lanes. Entry (i, j) takes its updates in
+/// the order of the columns on every machine. Whether every pivot was positive and finite, on every lane; where one
+/// was not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
 template <class Tile, Team TeamT>
 STICTION_HD bool factor_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
                              MassForm form) {
@@ -208,8 +208,8 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
     const auto panel = L.panel(q);
     if (!full.any(panel.begin, panel.first + panel.count)) continue;
     for (Index group = 0; group < panel.count; group += kGroup) {
-      // As many columns together as there are lanes: a known one is read once for all of them, and their sums do not
-      // wait for each other. What there is behind the block's last one is not kept.
+      // Works on as many columns together as there are lanes. A known one is read once for all of them, and their sums
+      // do not wait for each other. What there is behind the block's last one is not kept.
       const Index first = panel.first + group;
       const Index count = panel.count - group < kGroup ? panel.count - group : kGroup;
       Real* const own = x + static_cast<Offset>(first) * step;
@@ -244,7 +244,7 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
 }
 
 /// change = L^-T L^-1 motion; destroys motion. An entry that is known is taken out of all the others at once, so that
-/// a step ends when its lanes have, and every lane divides for itself, which saves a step in between.
+/// a step ends when its lanes have. Every lane divides for itself, which saves a step in between.
 template <class Tile, Team TeamT>
 STICTION_HD void solve_mass(TeamT& team, const BlockTriangle<Tile>& L, typename Tile::Real* motion,
                             typename Tile::Real* change) {

@@ -6,10 +6,10 @@
 /// A of one environment from the batch's arrays, in the solver's coordinates.
 namespace stiction::inline STICTION_ISA {
 
-/// The dense matrix from rows that are stored in full, in tiles: some rows of the system times as many columns of the
-/// batch at a time, so that both the batch and the system are touched along their lines. Rows of padding are
-/// scaled by zero. Meanwhile x holds the slot of each of the batch's rows, y where each of the system's begins in the
-/// batch, best its scale: numbers that a Real holds exactly.
+/// Builds the dense matrix from rows that are stored in full, in tiles. A tile is some rows of the system times as
+/// many columns of the batch. So both the batch and the system are touched along their lines. Rows of padding are
+/// scaled by zero. Meanwhile x holds the slot of each of the batch's rows. y holds where each of the system's begins
+/// in the batch, and best its scale. All are numbers that a Real holds exactly.
 template <Team TeamT, class Real, int kStride>
 STICTION_HD void assemble_full(TeamT& team, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {
   constexpr Index kEdge = kTileEdge<Real>;
@@ -67,7 +67,7 @@ STICTION_HD void assemble_full(TeamT& team, const EnvView<Real>& env, DenseSyste
   });
 }
 
-/// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale: both
+/// The dense matrix. While it is built, y holds where each row's column of the matrix begins and best its scale. Both
 /// are numbers a Real holds exactly (n is at most 1024 on the dense path), and neither vector is in use yet.
 template <Team TeamT, class Real, int kStride>
 STICTION_HD void assemble(TeamT& team, const EnvView<Real>& env, DenseSystem<Real, kStride>& s, Real scale_a) {

@@ -10,7 +10,7 @@ namespace stiction::inline STICTION_ISA {
 /// Flags that an environment may carry and still be solved.
 inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagContactsDropped;
 
-/// What one look at an environment's numbers tells.
+/// What one pass over an environment's numbers tells.
 template <class Real>
 struct Inspection {
   std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
@@ -25,8 +25,8 @@ struct RowScan {
   bool finite;
 };
 
-/// Whether all of them are finite. No branch on the data, so that it vectorises: this reads every entry of every
-/// environment, and on small systems that costs as much as sweeps do.
+/// Whether all of them are finite. There is no branch on the data, so that it vectorises. This reads every entry of
+/// every environment, and on small systems that costs as much as sweeps do.
 template <class Real>
 STICTION_HD bool all_finite(const Real* a, Offset count) {
   unsigned broken = 0;

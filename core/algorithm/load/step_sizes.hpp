@@ -5,8 +5,8 @@
 /// What a cone's rows of A tell of its step: bounds of eigenvalues, and the metric of a convex sweep.
 namespace stiction::inline STICTION_ISA {
 
-/// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [kFirst, M) of a cone's block,
-/// at most M^(1/16) too large: trace(B^16)^(1/16), by four squarings of B / trace(B).
+/// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [kFirst, M) of a cone's block.
+/// It is at most M^(1/16) too large: trace(B^16)^(1/16), by four squarings of B / trace(B).
 template <int M, int kFirst, class System>
 STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
   using Real = typename System::Real;
@@ -57,8 +57,8 @@ STICTION_HD Real inverse_of_positive(Real value) {
   return select(value > Real(0), div_(Real(1), value), Real(0));
 }
 
-/// Of the metric in which a convex sweep steps, diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
-/// block B (docs/math/local_solve.md): what inv_n and inv_t do not tell.
+/// The metric in which a convex sweep steps is diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
+/// block B (docs/math/local_solve.md). This is the part of it that inv_n and inv_t do not tell.
 template <class Real>
 struct BlockMetric {
   Real damping;  ///< 1 / (1 + rho), where rho <= 1 is how strongly normal and tangential rows are coupled
@@ -77,9 +77,9 @@ STICTION_HD auto block_metric(const System& s, Index row, typename System::Real 
   return BlockMetric<Real>{div_(Real(1), Real(1) + rho), select(sum > Real(0), div_(inv_n, sum), Real(0))};
 }
 
-/// In the lanes of `due`: what load_row() has put there in the solver's units, step lengths from the cone's rows of A,
-/// which are in place and scaled, and the guess moved into the cone. residual_weight holds the sum of the cone's
-/// diagonal.
+/// Works in the lanes of `due`. It turns what load_row() has put there into the solver's units. It takes step lengths
+/// from the cone's rows of A, which are in place and scaled. It moves the guess into the cone. residual_weight holds
+/// the sum of the cone's diagonal.
 template <class Shape, class System>
 STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
                              const LoadScales<typename System::Real>& scales, Mask<typename System::Real> due) {

@@ -4,8 +4,8 @@
 #include "core/algorithm/pack/gather_rows.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 
-/// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once:
-/// their numbers are dealt into the lanes as the batch has them, and whatever is computed is computed there.
+/// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once.
+/// Their numbers are transposed into the lanes as the batch has them, and whatever is computed is computed there.
 namespace stiction::inline STICTION_ISA {
 
 /// Whether all entries of A are finite.
@@ -16,15 +16,15 @@ bool has_finite_rows(const EnvView<Real>& env) {
   return finite;
 }
 
-/// What a look at the numbers of all lanes tells.
+/// What a pass over the numbers of all lanes tells.
 template <class Lanes>
 struct LanesSeen {
   Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, bad_guess;
   Lanes largest_b, largest_diagonal;
 };
 
-/// inspect() of all lanes, but for entries of A that are not on the diagonal. In the lanes that are `loading` it leaves
-/// bounds and the sum of each cone's diagonal in the system, and marks in inv_cone which cones there are.
+/// inspect() of all lanes, but for entries of A that are not on the diagonal. In the lanes that are `loading` it
+/// leaves bounds and the sum of each cone's diagonal in the system. It marks in inv_cone which cones there are.
 template <class Real, int W>
 LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                                        Mask<Pack<Real, W>> loading) {
@@ -191,7 +191,7 @@ struct TileTransposer {
 };
 
 /// The matrices of the environments being loaded, each into its lane and scaled there. In a lane every number has a
-/// cache line of its own, and each line is visited once for all. Returns in which lanes a number is not finite.
+/// separate cache line, and each line is visited once for all. Returns in which lanes a number is not finite.
 template <class Real, int W>
 Mask<Pack<Real, W>> transpose_into_lanes(const DenseSystem<Pack<Real, W>>& pack,
                                          const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>* loads,

@@ -27,8 +27,8 @@ STICTION_HD Index smallest_free_color(const ConflictGraph& graph, const Index* c
 }
 
 /// Colours the vertices as color_graph() does: greedily, the largest degree first, the smaller index first among
-/// equals. A vertex can be coloured once all its neighbours that come before it are, whatever else is (Jones and
-/// Plassmann 1993, with degrees for random numbers): so every round colours many, and the outcome is the sequential
+/// equals. A vertex can be coloured once all its neighbours that come before it are, whatever else is. (Jones and
+/// Plassmann 1993, with degrees for random numbers.) So every round colours many, and the outcome is the sequential
 /// one. `next` and `order` have room for every vertex.
 template <Team TeamT>
 STICTION_HD_OUTLINE void color_vertices(TeamT& team, const ConflictGraph& graph, Index* color, Index* next,

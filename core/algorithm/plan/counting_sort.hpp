@@ -9,9 +9,9 @@ STICTION_HD constexpr Offset count_sort_scratch(Index lanes, int keys) {
   return Offset{lanes} * keys;
 }
 
-/// Stable counting sort: order[0 .. count) becomes the items 0 .. count-1 by key(item), equal keys by item, and
-/// key_begin[k], k = 0 .. keys, the place where key k begins. Each lane counts and then places a run of neighbouring
-/// items, so the order is that of the keys and items alone.
+/// Stable counting sort. order[0 .. count) becomes the items 0 .. count-1 by key(item), equal keys by item.
+/// key_begin[k], k = 0 .. keys, is the place where key k begins. Each lane counts and then places a run of
+/// neighbouring items, so the order is that of the keys and items alone.
 template <Team TeamT, class Key>
 STICTION_HD void count_sort(TeamT& team, Offset count, int keys, Key&& key, Offset* order, Offset* key_begin,
                             Offset* scratch) {

@@ -7,8 +7,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Which cones are swept as one (vertices) and which of those may not be swept at once (conflicts), in one piece of
-/// memory. Vertex v conflicts with those it stores an entry with, `stored`, sorted; and with those that store one with
-/// it though it stores none with them, `mirrored`: no vertex is in both.
+/// memory. Vertex v conflicts with those it stores an entry with: `stored`, sorted. It also conflicts with those that
+/// store one with it though it stores none with them: `mirrored`. No vertex is in both.
 struct ConflictGraph {
   Index vertices = 0;
   Index* vertex_begin;    ///< first cone of each vertex, closed by the cone count                (cones + 1)
@@ -59,7 +59,7 @@ STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
   return place < count && sorted[place] == value;
 }
 
-/// Neighbouring cones of one non-negative group are one vertex, any other cone is one of its own.
+/// Neighbouring cones of one non-negative group are one vertex, any other cone is a separate one.
 template <Team TeamT>
 STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGraph& graph) {
   const auto begins = [&](Index cone) {
@@ -80,8 +80,8 @@ STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGrap
   single(team, [&] { graph.vertex_begin[graph.vertices] = s.cones; });
 }
 
-/// The vertices that v stores entries with, each once, in order, without v; returns how many. Where the rows of a
-/// vertex store equal columns in order, as they mostly do, the first row makes the list and the others find it made.
+/// The vertices that v stores entries with, each once, in order, without v; returns how many. The rows of a vertex
+/// mostly store equal columns in order. There the first row makes the list and the others find it made.
 STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& graph, Index v) {
   Index* const list = graph.stored + graph.stored_begin[v];
   Index count = 0, sorted = 0;
@@ -156,8 +156,8 @@ STICTION_HD_OUTLINE void mirror_conflicts(TeamT& team, ConflictGraph& graph) {
   });
 }
 
-/// The vertices of an environment and their conflicts: any stored entry, its value not looked at, that joins a row of
-/// one with a row of the other either way round.
+/// The vertices of an environment and their conflicts. A conflict is any stored entry, whatever its value, that joins
+/// a row of one with a row of the other either way round.
 template <Team TeamT>
 STICTION_HD ConflictGraph find_conflicts(TeamT& team, const StructureView& s, Index* memory) {
   ConflictGraph graph(s, memory);

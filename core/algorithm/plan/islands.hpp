@@ -15,8 +15,8 @@ STICTION_HD Index root_of(const Index* label, Index v) {
 
 /// Every vertex's label becomes the smallest vertex of its island, unless that takes more rounds than allowed; whether
 /// it is so. A label is always a vertex of the same island and never larger than its owner, so it may be replaced by
-/// its own label: chains of n vertices in order take log n rounds (as Shiloach and Vishkin 1982, but every vertex pulls
-/// from its neighbours, so that no two lanes write one label).
+/// its own label. Chains of n vertices in order take log n rounds. (As Shiloach and Vishkin 1982, but every vertex
+/// pulls from its neighbours, so that no two lanes write one label.)
 template <Team TeamT>
 STICTION_HD bool spread_labels(TeamT& team, const ConflictGraph& graph, Index* label, Index* next) {
   for_each(team, graph.vertices, [&](Index v) { label[v] = v; });
@@ -65,9 +65,9 @@ STICTION_HD constexpr Offset islands_scratch_elements(Offset rows, Offset cones,
   return ConflictGraph::elements(rows, cones, entry_span) + 2 * cones;
 }
 
-/// The islands of one environment whose structure is sound, on any path: island[c] of each cone, numbered 0, 1, ... by
-/// their first cones, the same as find_islands() of core/plan/islands.hpp gives. Returns how many, on every lane;
-/// `scratch` has room for islands_scratch_elements().
+/// Finds the islands of one environment whose structure is sound, on any path. island[c] of each cone counts 0, 1, ...
+/// by their first cones, as find_islands() of core/plan/islands.hpp does. Returns how many, on every lane; `scratch`
+/// has room for islands_scratch_elements().
 template <Team TeamT>
 STICTION_HD_OUTLINE Index number_islands(TeamT& team, const StructureView& s, Index* island, Index* scratch) {
   const ConflictGraph graph = find_conflicts(team, s, scratch);

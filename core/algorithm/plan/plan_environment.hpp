@@ -15,7 +15,7 @@ struct PlanTarget {
   Index* color_count;     ///<                                                                  (1)
 };
 
-/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span, where entry_span is the room of an
+/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span. entry_span is the room of an
 /// environment's stored entries, row_offsets of its last row's end less that of its first row.
 STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Offset entry_span) {
   return ConflictGraph::elements(rows, cones, entry_span) + 3 * cones;
@@ -65,7 +65,7 @@ STICTION_HD_OUTLINE void plan_sparse(TeamT& team, const StructureView& s, const 
 }
 
 /// Plans one environment whose structure is sound: the same integers as make_plan(), by however many lanes. `scratch`
-/// has room for plan_scratch_elements() if it is sparse, and is not looked at otherwise.
+/// has room for plan_scratch_elements() if it is sparse, and is not read otherwise.
 template <Team TeamT>
 STICTION_HD void plan_environment(TeamT& team, const StructureView& s, const PlanTarget& plan, Index* scratch) {
   const EnvPath path = path_of(s);

@@ -13,9 +13,9 @@ STICTION_HD void order_pair(T* a, Offset i, Offset j, Index n, Before&& before) 
   a[j] = held;
 }
 
-/// Sorts a[0 .. n) by `before`, a strict order without ties, so that there is one result whatever the lanes do.
-/// The bitonic network in the form whose comparators all point upwards (the first of each merge compares mirror
-/// images): then the places beyond n need not exist. An array that is sorted already costs one look.
+/// Sorts a[0 .. n) by `before`, a strict order without ties, so that there is one result whatever the lanes do. It is
+/// the bitonic network in the form whose comparators all point upwards (the first of each merge compares mirror
+/// images). Then the places beyond n need not exist. An array that is sorted already costs one look.
 template <Team TeamT, class T, class Before>
 STICTION_HD void sort_network(TeamT& team, Index n, T* a, Before&& before) {
   std::uint32_t unsorted = 0;

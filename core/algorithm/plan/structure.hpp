@@ -70,8 +70,8 @@ STICTION_HD EnvPath path_of(const StructureView& s) {
   return choose_path(s.rows, entries);
 }
 
-/// Whether offsets[at], offsets[at + 1] bound a part of `total` things: in range, in order, and the first and the last
-/// of all `count` parts begin and end where the things do.
+/// Whether offsets[at], offsets[at + 1] bound a part of `total` things. They have to be in range and in order. The
+/// first and the last of all `count` parts begin and end where the things do.
 STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset total) {
   const Offset begin = offsets[at], end = offsets[at + 1];
   return begin >= 0 && begin <= end && end <= total && (at != 0 || begin == 0) && (at + 1 != count || end == total);
@@ -131,11 +131,11 @@ STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) 
   return true;
 }
 
-/// Whether environment `env` can be planned and solved: its offsets in order and within the batch's totals, what it
-/// uses within its room, its rows tiled by cones of legal sizes, its columns inside. The totals and which arrays are
-/// null are believed, nothing in the arrays is: no entry is used as a position before it was compared with a total. All
-/// environments (one at least) are sound if and only if validate() finds no structural defect in the batch. The answer
-/// is on every lane.
+/// Whether environment `env` can be planned and solved. Its offsets are in order and within the batch's totals, and
+/// what it uses is within its room. Its rows are tiled by cones of legal sizes, its columns inside. The totals and
+/// which arrays are null are believed, nothing in the arrays is. No entry is used as a position before it was compared
+/// with a total. All environments (one at least) are sound if and only if validate() finds no structural defect in the
+/// batch. The answer is on every lane.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<Real>& batch, Offset env) {
   const Index rows = part_in_use(batch.env_row_offsets, batch.env_row_counts, env, batch.env_count, batch.row_count);
@@ -161,7 +161,7 @@ STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<
   if (team.combine(broken) != 0) return false;
   if (batch.row_offsets[row + rows] - batch.row_offsets[row] > kMostOfOneEnv) return false;
 
-  // Only dense systems are put into an order of their own, in which the normal can come first.
+  // Only dense systems are put into another order, in which the normal can come first.
   const Offset stored = stored_entries(batch, row, rows);
   if (!has_sound_factor(batch, env, rows, stored)) return false;
   if (batch.normal_last && rows > 0 && (batch.env_dofs(env) > 0 || choose_path(rows, stored) != EnvPath::dense))

@@ -2,9 +2,9 @@
 
 #include "core/base/real.hpp"
 
-/// Euclidean projections onto the cones, in coordinates in which every friction cone is the circular unit cone
-/// x_n >= norm(x_t) (docs/math/cones.md). That this is not the Euclidean projection in the original coordinates is
-/// deliberate: both give valid complementarity functions, and this one has a closed form for any mu per axis.
+/// Euclidean projections onto the cones, in coordinates in which every friction cone is the circular unit cone x_n >=
+/// norm(x_t) (docs/math/cones.md). That this is not the Euclidean projection in the original coordinates is
+/// deliberate. Both give valid complementarity functions, and this one has a closed form for any mu per axis.
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>
@@ -29,8 +29,8 @@ STICTION_HD void project_disk(Real (&z)[M], Real radius) {
   for (int k = 1; k < M; ++k) z[k] = z[k] * factor;
 }
 
-/// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar cone
-/// is asked for as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
+/// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar
+/// cone is tested as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
 template <int M, class Real>
 STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5)) {
   const Real length = tangential_norm<M>(z);

@@ -60,7 +60,7 @@ struct ConeSlot {
 };
 
 /// The slot of the cone at canonical position `position` of an environment with cones `own`, in a system laid out for
-/// `slots` >= own (a pack is laid out for the largest count of each kind among its lanes).
+/// `slots` >= own. (A pack is laid out for the largest count of each kind among its lanes.)
 STICTION_HD ConeSlot locate(const ConeCounts& own, const ConeCounts& slots, Index position) {
   Index before = 0;
   ConeSlot base{0, 0};

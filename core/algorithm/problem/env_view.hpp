@@ -75,8 +75,7 @@ STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
   return is_run(env.columns(row), env.entries(row));
 }
 
-/// rows_are_full(): then no pass over A need look at columns again. For machines whose lanes each have an environment
-/// of their own.
+/// rows_are_full(): then no pass over A need read columns again. For machines whose lanes each have one environment.
 template <class Real>
 STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
   return rows_are_full(env.n, env.row_offsets, env.row_counts, env.column_offsets, env.column);

@@ -81,8 +81,8 @@ STICTION_HD FactorRows<Real> residual_rows(TeamT& team, const EnvView<Real>& env
   return {&env, velocity};
 }
 
-/// A double as a Real, or some; what lies beyond Real's range becomes its largest number, and so does what is no number
-/// (infinity less infinity), so that every output is finite.
+/// Converts a double to a Real, or some. What lies beyond Real's range becomes its largest number, and so does what is
+/// no number (infinity less infinity), so that every output is finite.
 template <class Real, class Wide>
 STICTION_HD Real saturated(Wide value) {
   constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
@@ -103,9 +103,9 @@ inline constexpr double kHiddenBySquares = 0x1p-480;
 /// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
 /// not move inward, however fast it slides.
 ///
-/// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half of
-/// the smallest subnormal, 2^-1075, so a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is less
-/// than a rounding.
+/// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half
+/// of the smallest subnormal, 2^-1075. So a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is
+/// less than a rounding.
 ///
 /// Nor may a square overflow: de Saxce's shift, the norm of y's tangential part, would be infinite and let any contact
 /// go. Of at most kMaxConeRows numbers up to 2^510 the squares have a finite sum; beyond that all is hidden.

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Square of the norm of the natural map of one cone, a x - P(a x - y), with de Saxce's term in y under the Coulomb law
+/// Square of the norm of the natural map of one cone, a x - P(a x - y). Under the Coulomb law y has de Saxce's term
 /// (docs/math/residual.md). The cones are cones, so the weight a goes inside the projection and no division is needed.
 /// Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded root is
 /// monotone, so the largest norm is the root of the largest square, bit for bit.

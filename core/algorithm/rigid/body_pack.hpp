@@ -4,12 +4,13 @@
 #include "core/algorithm/rigid/sequential_impulses.hpp"
 
 /// Body systems in the lanes of a pack: contact p of every lane is visited at once, whichever bodies it is between.
-/// Each lane's numbers are those of a BodySystem with a stride, so one system can also be worked on by itself; each
-/// lane does what such a system does in the same order, so its bits are the same. Host only.
+/// Each lane's numbers are those of a BodySystem with a stride, so one system can also be worked on alone. Each lane
+/// does what such a system does in the same order, so its bits are the same. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
-/// tangents, and the twists without reactions; and of the batch's own numbers those that a look at all lanes wants.
+/// tangents, and the twists without reactions. Of the batch's own numbers it keeps those that a check of all lanes
+/// wants.
 template <class T, int W, Law kLawValue>
 struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   using Base = BodySystem<Pack<T, W>, kLawValue>;
@@ -66,7 +67,7 @@ struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
     gather_row<Base::kMassRow>(this->mass, at, row);
     for (Index k = 0; k < Base::kMassRow; ++k) mass_of(at.side_index)[k] = row[k];
   }
-  /// twists[slot] = twist where it is asked for, and `old`, which is there, elsewhere.
+  /// twists[slot] = twist where it is requested, and `old`, which is there, elsewhere.
   STICTION_HD void set_twist(const Numbers& twists, const LaneSlots<T, W>& at, PackMask<T, W> where,
                              const Twist<Real>& old, const Twist<Real>& value) const {
     const Twist<Real> kept = blend(where, value, old);
@@ -125,9 +126,9 @@ STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W>
     }
 }
 
-/// Makes what an earlier environment has left in a lane, from `contacts` and from behind `bodies` and the world on up
-/// to all there is room for, contacts and bodies that stay at rest: they are visited with those of other lanes. Were
-/// only one of them no number, it would make others so.
+/// Sets to rest what an earlier environment has left in a lane. That is from `contacts` and from behind `bodies` and
+/// the world on, as far as there is room. These contacts and bodies stay at rest and are visited with those of other
+/// lanes. Were only one of them no number, it would make others so.
 template <class T, int W, Law kLaw>
 STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Index bodies, Index most_contacts,
                            Index most_bodies, int lane) {

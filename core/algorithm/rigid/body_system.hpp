@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// Contacts whose numbers of one field lie side by side: a cache line of single precision, half a warp.
 inline constexpr Index kTileContacts = 16;
 
-/// Whether several systems share an array, number by number: each seen by itself, with a stride, or all of them at
+/// Whether several systems share an array, number by number: each seen separately, with a stride, or all of them at
 /// once, as packs.
 template <class Real, int kStride>
 inline constexpr bool kInterleaved = kStride > 1 || RealTraits<Real>::kLanes > 1;
@@ -61,8 +61,8 @@ STICTION_HD void put_twist(const Array& row, const Twist<T>& twist) {
 /// What a team works on: the contacts in visiting order, the bodies, and the world as a last body that stands still.
 /// x are impulses in coordinates in which the friction cone is the unit cone: x_t = lambda_t / mu.
 ///
-/// With a stride above 1 that many systems interleave their numbers: each belongs to one lane, which visits its
-/// contacts in order, and lanes in lock-step touch neighbouring addresses whichever bodies they are at.
+/// With a stride above 1 that many systems interleave their numbers. Each belongs to one lane, which visits its
+/// contacts in order. Lanes in lock-step touch neighbouring addresses whichever bodies they are at.
 template <class RealType, Law kLawValue, int kStrideValue = 1>
 struct BodySystem {
   using Real = RealType;
@@ -70,7 +70,7 @@ struct BodySystem {
   static constexpr int kStride = kStrideValue;
   using Numbers = Strided<Real, kStride>;
   using Tiles = ContactTiles<Real, kStride>;
-  /// Places of a body's numbers. On its own a system has whole sectors of memory in single precision; interleaved, the
+  /// Places of a body's numbers. A single system has whole sectors of memory in single precision. Interleaved, the
   /// memory is scarce and a sector holds one number of many bodies.
   static constexpr Index kMassRow = kInterleaved<Real, kStride> ? 7 : 8;
   static constexpr Index kTwistRow = kInterleaved<Real, kStride> ? 6 : 8;

@@ -3,8 +3,8 @@
 #include "core/algorithm/rigid/vector3.hpp"
 #include "stiction/bodies.hpp"
 
-/// One contact point between two bodies: what a row of J, a column of M^-1 J' and a block of J M^-1 J' are when nothing
-/// is stored but geometry (docs/math/si.md). In either precision.
+/// One contact point between two bodies. It gives a row of J, a column of M^-1 J' and a block of J M^-1 J' when
+/// nothing is stored but geometry (docs/math/si.md). In either precision.
 namespace stiction::inline STICTION_ISA {
 
 /// Velocity of a body.

@@ -49,8 +49,8 @@ struct BodyJudgement {
 };
 
 /// Judges a contact's reaction `lambda`; `r` is R. Finds its motion. twist(side) is the twist of a body under all
-/// reactions, 0 for a and 1 for b, mass(side) its inverse mass and bias() the contact's bias: asked for when they are
-/// needed, for no machine has registers for all of them.
+/// reactions, 0 for a and 1 for b. mass(side) is its inverse mass and bias() the contact's bias. They are called when
+/// they are needed, for no machine has registers for all of them.
 template <Law kLaw, class T, class TwistOf, class MassOf, class Bias>
 STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu,
                                   T r, const T (&lambda)[3], T (&motion)[3], BodyJudgement<T>& evaluated) {

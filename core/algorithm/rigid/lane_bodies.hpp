@@ -3,7 +3,7 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/algorithm/rigid/body_pack.hpp"
 
-/// Environments that enter lanes of a body pack together, and those that may have their answers together: what
+/// Environments that enter lanes of a body pack together, and those that may have their answers together. What
 /// load_bodies(), begin_substep() and residual_of() do for one is done for all at once, by the same functions. Host
 /// only.
 namespace stiction::inline STICTION_ISA {
@@ -110,7 +110,7 @@ PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw
   return bad;
 }
 
-/// begin_substep() of those who enter, but for answers of zero: biases, and max|b| [w] of each lane. `kept`: contacts
+/// begin_substep() of those that enter, but for answers of zero: biases, and max|b| [w] of each lane. `kept`: contacts
 /// of the lanes that enter, 0 in the others. The workspace has their free twists.
 template <class T, int W, Law kLaw>
 void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
@@ -187,7 +187,7 @@ struct LaneJudge {
   }
 
   /// gather_exact(): contacts in order instead of bodies one by one, which gives each body's sum the same terms in the
-  /// same order. What is added where nothing is pushed is not looked at. The workspace has free twists.
+  /// same order. What is added where nothing is pushed is not read. The workspace has free twists.
   void gather() const {
     const Vector3<Wide> zero{Wide(0.0), Wide(0.0), Wide(0.0)};
     for (Index body = 0; body <= asked.bodies; ++body) lanes.set_twist(workspace.sums, Lanes::slot(body), {zero, zero});
@@ -266,7 +266,7 @@ struct LaneJudge {
   }
 };
 
-/// Judges the best iterates of the lanes that are asked. The workspace has their free twists; afterwards it has those
+/// Judges the best iterates of the lanes in the mask. The workspace has their free twists; afterwards it has those
 /// under the reactions.
 template <class T, int W, Law kLaw>
 void evaluate_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,

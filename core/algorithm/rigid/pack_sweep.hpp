@@ -74,7 +74,7 @@ struct EnvPair {
   const Env& b;
 };
 
-/// visit_run() of two packs in turns: what one does hides what the other waits for.
+/// visit_run() of two packs that alternate: what one does hides what the other waits for.
 template <class Env, class System, class Real>
 STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s, Index first, Index end, Real omega,
                            NumberPair<Real>& largest) {
@@ -88,7 +88,7 @@ STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s,
   }
 }
 
-/// One sweep of two packs in turns.
+/// One sweep of two packs that alternate.
 template <Team TeamT, class T, int W, Law kLaw>
 STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT&, const EnvPair<PackEnv<T, W>>& env,
                                                 const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {
@@ -121,8 +121,8 @@ STICTION_HD void accelerated_sweep(TeamT& team, const EnvPair<Env>& env, const S
   follow(momentum.b, lead_b, progress.b);
 }
 
-/// refresh_bodies() in the lanes of `due`: contacts in order instead of bodies one by one, which gives each body's sum
-/// the same terms in the same order.
+/// Does refresh_bodies() in the lanes of `due`. It visits contacts in order instead of bodies one by one, which gives
+/// each body's sum the same terms in the same order.
 template <class T, int W, Law kLaw>
 STICTION_HD void refresh_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, PackMask<T, W> due) {
   using Real = Pack<T, W>;

@@ -4,11 +4,11 @@
 #include "core/algorithm/sweep/nesterov.hpp"
 
 /// Sequential impulses (docs/math/si.md): projected Gauss-Seidel on the velocities of bodies (Catto 2005; Jourdan,
-/// Alart, Jean 1998 for the local step), with Nesterov's momentum and restart as in npgs, in sub-steps (Macklin et al.
-/// 2019).
+/// Alart, Jean 1998 for the local step). It has Nesterov's momentum and restart as in npgs, and sub-steps (Macklin et
+/// al. 2019).
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps between two looks at the residual; twists are computed afresh as often. Part of the numerics epoch.
+/// Sweeps between two checks of the residual; twists are recomputed as often. Part of the numerics epoch.
 inline constexpr Index kSiChunk = 16;
 
 /// What momentum remembers between sweeps. Lanes of a team hold equal copies.
@@ -61,7 +61,7 @@ STICTION_HD void accelerated_sweep(TeamT& team, const Env& env, const System& s,
   extrapolate(team, s, lead.beta);
   follow(momentum, lead, team.max(sweep_bodies(team, env, s, omega)));
 }
-/// `env`, `s` and `momentum` are of one system, of a pack, or of two packs in turns.
+/// `env`, `s` and `momentum` are of one system, of a pack, or of two packs that alternate.
 template <Team TeamT, class Env, class System, class Momentum>
 STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const SiParams& params, Index count,
                             Momentum& momentum) {
@@ -117,7 +117,7 @@ STICTION_HD void enter_substep(TeamT& team, const BodyEnv<Real>& env, const Body
   evaluate_first(team, env, s, params, progress);
 }
 
-/// Ends a sub-step that is not the last: its impulses are added up, its twists are those the next one begins with, and
+/// Ends a sub-step that is not the last. Its impulses are added up, its twists are those the next one begins with, and
 /// gaps have changed by the normal velocity.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void leave_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
@@ -180,8 +180,8 @@ STICTION_HD SiPoll poll_last_substep(TeamT& team, const BodySystem<Real, kLaw, k
   return {broken, ended, has_candidate || ended};
 }
 
-/// The answer is published once its residual `absolute`, computed in double from the bits that are returned, is at most
-/// the tolerance, or sweeps have run out. Whether it was.
+/// Publishes the answer once its residual `absolute` is at most the tolerance, or sweeps have run out. That residual
+/// is computed in double from the bits that are returned. Whether it was.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                  SiParams params, SiPoll poll, double absolute, SiProgress<Real>& progress) {
@@ -276,8 +276,8 @@ STICTION_HD_OUTLINE void advance_bodies(TeamT& team, const BodyEnv<Real>& env, c
   progress.done += count;
 }
 
-/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A lane
-/// of its own takes the same three steps one by one.
+/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A
+/// single lane takes the same three steps one by one.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void solve_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params) {

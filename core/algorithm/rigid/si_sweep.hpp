@@ -3,8 +3,8 @@
 #include "core/algorithm/residual/residual_estimate.hpp"
 #include "core/algorithm/rigid/time_stepping.hpp"
 
-/// Gauss-Seidel on velocities: a contact reads the twists of its two bodies, takes the step every solver takes, and
-/// pushes the change into those twists (docs/math/si.md).
+/// Gauss-Seidel on velocities (docs/math/si.md). A contact reads the twists of its two bodies, takes the step every
+/// solver takes, and pushes the change into those twists.
 namespace stiction::inline STICTION_ISA {
 
 /// The cone at position p of a system, as local_step() reads one: three rows at row 0.
@@ -139,8 +139,8 @@ STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index e
   return largest;
 }
 
-/// One sweep, colour by colour: the vertices of a colour push no body in common and are visited at once, the contacts
-/// of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
+/// Makes one sweep, colour by colour. The vertices of a colour push no body in common and are visited at once, the
+/// contacts of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
 template <Team TeamT, class Env, class System>
 STICTION_HD auto sweep_bodies(TeamT& team, const Env& env, const System& s, typename System::Real omega) {
   using Real = typename System::Real;
@@ -179,8 +179,8 @@ STICTION_HD Twist<T> gather_impulses(const BodyEnv<Real>& env, Index body, const
   return pushed(base, inverse, sum, about_center);
 }
 
-/// Computes twists afresh from the impulses, so that rounding does not pile up in them; momentum's earlier twists get
-/// the same correction (docs/math/npgs.md, "Refreshing motion together with its history").
+/// Recomputes twists from the impulses, so that rounding does not pile up in them. Momentum's earlier twists get the
+/// same correction (docs/math/npgs.md, "Refreshing motion together with its history").
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                         const SiParams& params) {

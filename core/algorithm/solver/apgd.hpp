@@ -6,11 +6,11 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Accelerated projected gradient with a block preconditioner, backtracking and adaptive restart (docs/math/apgd.md;
-/// Mazhar et al. 2015, with the metric D of the cones' blocks in place of the identity). The gradient is quadratic's,
-/// so the descent condition is d'Ad <= L d'Dd for the step d, and y at the new point is y + A d: one product an
-/// iteration, one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and the method is
-/// a fixed-point iteration instead of a descent.
+/// Accelerated projected gradient with a block preconditioner, backtracking and adaptive restart. (docs/math/apgd.md;
+/// Mazhar et al. 2015, with the metric D of the cones' blocks in place of the identity.) The gradient is a
+/// quadratic's, so the descent condition is d'Ad <= L d'Dd for the step d. y at the new point is y + A d. That is one
+/// product an iteration, one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and
+/// the method is a fixed-point iteration instead of a descent.
 struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = 6}; }

@@ -6,9 +6,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Damped projected Jacobi: every cone takes a proximal step at once, with a step length that is safe without tuning
-/// (docs/math/jacobi.md). For any positive z, d_i = (|A| z)_i / z_i makes diag(d) - A positive semidefinite
-/// (scaled diagonal dominance), and the iteration z <- |A| z tightens it towards the spectral radius of |A|
-/// (Collatz-Wielandt); a cone uses the largest d of its rows. Maxima are exact, so no sum crosses lanes.
+/// (docs/math/jacobi.md). For any positive z, d_i = (|A| z)_i / z_i makes diag(d) - A positive semidefinite (scaled
+/// diagonal dominance). The iteration z <- |A| z tightens it towards the spectral radius of |A| (Collatz-Wielandt). A
+/// cone uses the largest d of its rows. Maxima are exact, so no sum crosses lanes.
 struct Jacobi {
   static constexpr SolverKind kKind = SolverKind::jacobi;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = 2}; }
@@ -18,7 +18,7 @@ struct Jacobi {
   static constexpr int kBoundIterations = 8;
 
   /// Overwrites inv_cone by the safe step length of each cone. Starts from z = 1 / sqrt(diagonal), so that cones of
-  /// different mass get steps of their own.
+  /// different mass get different steps.
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void start(TeamT& team, System& s) {
     using Real = typename System::Real;
@@ -70,7 +70,7 @@ struct Jacobi {
     refresh_motion(team, s);
   }
 
-  /// Motion is computed afresh in every iteration.
+  /// Motion is recomputed in every iteration.
   template <Team TeamT, class System>
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 

@@ -6,10 +6,10 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Projected Gauss-Seidel with Nesterov's momentum and adaptive restart (docs/math/npgs.md). Between sweeps the
-/// iterate is extrapolated along its last change; x and y = (A + R) x + b are affine in each other, so y is
-/// extrapolated with the same numbers and no product is needed. When a sweep changes more than the one before, momentum
-/// overshoots and starts over (O'Donoghue and Candes 2015, by the size of the step: a max-norm is exact, so the
-/// decision does not depend on an order of summation).
+/// iterate is extrapolated along its last change. x and y = (A + R) x + b are affine in each other, so y is
+/// extrapolated with the same numbers and no product is needed. When a sweep changes more than the one before,
+/// momentum overshoots and starts over. (O'Donoghue and Candes 2015, by the size of the step: a max-norm is exact, so
+/// the decision does not depend on an order of summation.)
 struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = 2}; }
@@ -72,7 +72,7 @@ struct Npgs {
     return {Real(nesterov_step(Scalar<Real>(1)).next), Real(0)};
   }
 
-  /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart: it is
+  /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart. It is
   /// found so early that the sweep hides its root and its quotient.
   template <Team TeamT, class System, class Real = typename System::Real>
   static STICTION_HD NesterovStep<Real> extrapolate(TeamT& team, System& s) {

@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// A cone's step that solves Coulomb's law of a friction cone exactly; rows of their own have that already, and under
-/// the convex law the visit stays the usual one.
+/// A cone's step that solves Coulomb's law of a friction cone exactly. Single rows have that already, and under the
+/// convex law the visit stays the usual one.
 struct ExactStep {
   template <Law kLaw, class Shape, class System>
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
@@ -19,7 +19,7 @@ struct ExactStep {
   }
 };
 
-/// Nonsmooth Gauss-Seidel (docs/math/nsgs.md; Jourdan, Alart, Jean 1998): sweeps as pgs makes them, with the exact
+/// Nonsmooth Gauss-Seidel (docs/math/nsgs.md; Jourdan, Alart, Jean 1998). It makes sweeps as pgs does, with the exact
 /// solution of each contact in place of a step towards it.
 struct Nsgs : Pgs {
   static constexpr SolverKind kKind = SolverKind::nsgs;

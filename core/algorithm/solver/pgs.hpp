@@ -13,7 +13,7 @@ struct Pgs {
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether it iterates on a SystemPair as well.
   static constexpr bool kTakesPairs = true;
-  /// Whether y is the motion of x after every iteration; if not, who wants to know it computes it.
+  /// Whether y is the motion of x after every iteration; if not, what needs it computes it.
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
@@ -26,7 +26,7 @@ struct Pgs {
     sweep<kLaw>(team, s, Real(params.omega));
   }
 
-  /// Computes maintained motion afresh in the lanes of `due`.
+  /// Recomputes maintained motion in the lanes of `due`.
   template <Team TeamT, class System>
   static STICTION_HD void refresh(TeamT& team, System& s, Mask<typename System::Real> due) {
     if constexpr (System::kMaintainsMotion) refresh_motion(team, s, due);

@@ -7,9 +7,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Sweeps with momentum and, between them, a step to where the problem would be solved if every cone kept its contact
-/// state: held contacts hold, sliding ones slide, open ones stay open (docs/math/subspace.md; Silcowitz, Niebe, Erleben
-/// 2010). That is a linear system, and one factorisation. Sweeps find the states, the step does away with the slow part
-/// of their convergence. It is taken only where the residual falls.
+/// state. Held contacts hold, sliding ones slide, open ones stay open. (docs/math/subspace.md; Silcowitz, Niebe,
+/// Erleben 2010.) That is a linear system, and one factorisation. Sweeps find the states, the step does away with the
+/// slow part of their convergence. It is taken only where the residual falls.
 struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = kVectors, .real_matrices = 1}; }
@@ -179,8 +179,8 @@ struct Subspace {
     return team.max(sliding);
   }
 
-  /// The matrix of the linear problem: Pi (A + R) Pi + bend (Pi - t t') + (I - Pi), Pi the projection onto the
-  /// directions in which the cones can move, t along the edge of a sliding one.
+  /// The matrix of the linear problem: Pi (A + R) Pi + bend (Pi - t t') + (I - Pi). Pi is the projection onto the
+  /// directions in which the cones can move, t is along the edge of a sliding one.
   template <Team TeamT, class Real, int kStride>
   static STICTION_HD void fill(TeamT& team, DenseSystem<Real, kStride>& s, const SquareMatrix<Real, kStride>& K) {
     const auto loose = s.vector(kFree);
@@ -221,7 +221,8 @@ struct Subspace {
           K(i, row + k) = a[k];
         }
       }
-      // Pi - t t' is I - 2 q q' on the tangential rows, q = v there, when v has the length 1 and t is its mirror image.
+      // Pi - t t' is I - 2 q q' on the tangential rows. There q = v, when v has the length 1 and t is its mirror
+      // image.
       for (int i = 0; i < kRows; ++i)
         for (int j = 0; j <= i; ++j) {
           Real extra = i == j ? Real(1) - u[i] : Real(0);

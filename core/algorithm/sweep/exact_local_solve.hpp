@@ -10,8 +10,8 @@ namespace stiction::inline STICTION_ISA {
 template <class Scalar>
 inline constexpr Scalar kSmallestEigenvalue = sizeof(Scalar) == 4 ? Scalar(0x1p-20) : Scalar(0x1p-44);
 
-/// One contact's sliding branch as a function of one number: x_t = -q / (e + sigma), x_n = stick - c x_t, in the
-/// coordinates in which the tangential block is diagonal.
+/// One contact's sliding branch as a function of one number. In the coordinates in which the tangential block is
+/// diagonal, x_t = -q / (e + sigma) and x_n = stick - c x_t.
 template <int N, class Real>
 struct Sliding {
   Real q[N];    ///< motion at x_t = 0, in units of x
@@ -78,9 +78,9 @@ STICTION_HD Real sliding_root(Sliding<N, Real>& slide, Real low, Real high, Real
 }
 
 /// The sliding reaction into slide.slip and slide.length. With one tangential axis the direction is known. With more,
-/// norm(x_t) lies between normal / (1 + c) and normal / (1 - c), and sigma between what makes it so with the smallest
-/// and with the largest eigenvalue. The upper bound has room for a root that is the bound itself, so that rounding does
-/// not shut Newton's step out.
+/// norm(x_t) lies between normal / (1 + c) and normal / (1 - c). sigma lies between what makes it so with the smallest
+/// and with the largest eigenvalue. The upper bound has room for a root that is the bound itself, so that rounding
+/// does not shut Newton's step out.
 template <int N, class Real>
 STICTION_HD void sliding_reaction(Sliding<N, Real>& slide, Real smallest, Real largest) {
   if constexpr (N == 1) {
@@ -104,9 +104,10 @@ STICTION_HD void sliding_reaction(Sliding<N, Real>& slide, Real smallest, Real l
   }
 }
 
-/// The exact solution of one contact: separating if the normal motion without a reaction is not inward, else sticking
-/// if the reaction that stops all motion lies in the cone, else sliding. Which reaction it is depends on x through
-/// rounding alone; a contact that is at its solution stays there, whatever was raised or symmetrised in its block.
+/// Finds the exact solution of one contact. It is separating if the normal motion without a reaction is not inward.
+/// Else it is sticking if the reaction that stops all motion lies in the cone, else sliding. Which reaction it is
+/// depends on x through rounding alone. A contact that is at its solution stays there, whatever was raised or
+/// symmetrised in its block.
 template <int M, class System>
 STICTION_HD auto exact_coulomb_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                                     typename System::Real omega) {

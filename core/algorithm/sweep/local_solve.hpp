@@ -13,9 +13,9 @@ struct ConeStep {
   Real d[M];
 };
 
-/// Friction, exact Coulomb law: the normal row alone, then the tangential rows on the disk that the fresh normal
-/// reaction spans, with their motion corrected for the change of the normal. The fixed point satisfies the Coulomb law
-/// itself (w_n complementary to lambda_n, friction opposing sliding), so de Saxce's term does not appear.
+/// Friction, exact Coulomb law. The normal row steps alone. Then the tangential rows step on the disk that the fresh
+/// normal reaction spans, with their motion corrected for the change of the normal. The fixed point satisfies the
+/// Coulomb law itself (w_n complementary to lambda_n, friction opposing sliding), so de Saxce's term does not appear.
 template <int M, class System>
 STICTION_HD auto coulomb_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                               typename System::Real omega) {

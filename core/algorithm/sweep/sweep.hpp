@@ -46,7 +46,7 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
                            const ConeStep<typename System::Real, M>& step) {
   using Real = typename System::Real;
   const Real largest = largest_of(step);
-  // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell: a small change times
+  // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell. A small change times
   // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
   if (any(largest != Real(0))) s.push(team, row, step.d);
   return largest * s.residual_weight[cone];
@@ -80,8 +80,8 @@ STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real
   return largest;
 }
 
-/// One coloured Gauss-Seidel sweep: the vertices of a colour share no entry of A and are visited at once; the cones of
-/// a vertex (one manifold) one after the other. Returns the largest step size, on every lane.
+/// Makes one coloured Gauss-Seidel sweep. The vertices of a colour share no entry of A and are visited at once. The
+/// cones of a vertex (one manifold) are visited one after the other. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omega) {
   using Real = RealType;
@@ -107,9 +107,9 @@ STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omeg
   return team.max(largest);
 }
 
-/// One Gauss-Seidel sweep through the velocity: cones in file order, each one's motion read from u and its change
-/// pushed into u before the next is visited. u is computed afresh at the beginning, so whatever moved x since
-/// (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
+/// Makes one Gauss-Seidel sweep through the velocity. It visits cones in file order. Each one's motion is read from u
+/// and its change pushed into u before the next is visited. u is recomputed at the beginning, so whatever moved x
+/// since (momentum) costs no thought and rounding does not pile up. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omega) {
   using Real = RealType;
@@ -143,7 +143,7 @@ STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omeg
   return largest;
 }
 
-/// Iterations after which maintained motion is computed afresh, so that rounding does not pile up in it.
+/// Iterations after which maintained motion is recomputed, so that rounding does not pile up in it.
 inline constexpr Index kRefreshInterval = 16;
 
 /// y = (A + diag R) x + b from scratch.

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Passes over all pairs after which the off-diagonal part of a matrix of N rows is below rounding: one rotation does
+/// Passes over all pairs after which the off-diagonal part of a matrix of N rows is below rounding. One rotation does
 /// for two rows, and from three rows on convergence is quadratic once it has begun.
 template <int N>
 inline constexpr int kJacobiPasses = N < 3 ? 1 : 6;

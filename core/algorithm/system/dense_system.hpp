@@ -8,7 +8,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// An environment (or a pack of them) as a dense matrix, cones in canonical order. Motion is maintained by columns: a
+/// An environment (or a pack of them) as a dense matrix, cones in canonical order. Motion is maintained by columns. A
 /// change of one cone's x is pushed into every row of y at once, so a sweep has no reductions (docs/math/pgs.md).
 ///
 /// Slots beyond an environment's own cones hold zeros; they push zeros, so they change no bit of a real row.

@@ -4,13 +4,13 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Partial sums of a row's product with a velocity, over k = p, p + 4, ...: few enough for every row of a cone to have
-/// them among the leaves of a team.
+/// Partial sums of a row's product with a velocity, over k = p, p + 4 and so on. They are few enough for every row of
+/// a cone to have them among the leaves of a team.
 inline constexpr Index kRowParts = 4;
 
-/// An environment whose A is kept as Y Y', Y being n x dofs: the velocity u = Y' x stands between the rows, and a cone
-/// reads its motion from it and pushes its change into it. A sweep visits cones one after the other (every cone touches
-/// the one velocity) and costs 3 n dofs multiplications instead of n^2 (docs/jacobian.md).
+/// An environment whose A is kept as Y Y', Y being n x dofs. The velocity u = Y' x stands between the rows, and a cone
+/// reads its motion from it and pushes its change into it. A sweep visits cones one after the other (every cone
+/// touches the one velocity) and costs 3 n dofs multiplications instead of n^2 (docs/jacobian.md).
 template <class RealType>
 struct FactorSystem : FileOrderSystem<RealType> {
   using Real = RealType;

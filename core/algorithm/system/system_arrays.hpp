@@ -20,14 +20,14 @@ enum StateScalar : Index {
   kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
   kPenaltyLevel,      ///< level of the penalty
   kSwitches,          ///< how often it has changed
-  kAge,               ///< iterations since it was last looked at
+  kAge,               ///< iterations since it was last checked
   kHistory,           ///< steps that an acceleration remembers
   kAsymmetry,         ///< largest difference between an entry of A and its mirror image
-  kOutcome,           ///< Outcome of a method that ends by itself, and what it must remember of how
+  kOutcome,           ///< Outcome of a method that decides when it ends, and what it must remember of how
   kStateScalars
 };
 
-/// How far a method that ends by itself has come; kept in kOutcome.
+/// How far a method that decides when it ends has come; kept in kOutcome.
 enum Outcome : int {
   kRunning = 0,
   kFinished,     ///< further iterations change nothing
@@ -35,9 +35,9 @@ enum Outcome : int {
   kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and says so by a flag
 };
 
-/// The arrays every form of system has, in the solver's coordinates: rows of friction cones multiplied by mu, so that
-/// x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone; A and b each multiplied by a power of
-/// two.
+/// The arrays every form of system has, in the solver's coordinates. Rows of friction cones are multiplied by mu, so
+/// that x_t = lambda_t / mu, y_t = mu w_t and each friction cone is the unit cone. A and b are each multiplied by a
+/// power of two.
 template <class Real, int kStride>
 struct SystemArrays {
   Strided<Real, kStride> b;      ///< right-hand side                                   (n)

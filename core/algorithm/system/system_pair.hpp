@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Two systems of the same slots that are swept in turns, cone by cone. They do not know of each other: each gets the
+/// Two systems of the same slots whose sweeps alternate, cone by cone. They do not know of each other. Each gets the
 /// bits it would get alone, while a core works on one during the other's roots and quotients.
 template <class System>
 struct SystemPair {

@@ -130,7 +130,7 @@ STICTION_HD void reset_masked(TeamT& team, const WarmStartResetJob<Real>& job, O
   if (job.mask == nullptr || job.mask[env] != 0) reset_warm_start(team, job.memory, env, kWarmStartReset);
 }
 
-/// Stores the reactions of one environment for the next step, in the place of the last one's: loading is over, and no
+/// Stores the reactions of one environment for the next step, in the place of the last one's. Loading is over, and no
 /// environment reads another's part.
 template <Team TeamT, class Real>
 STICTION_HD void store_warm_start(TeamT& team, const WarmStartStoreJob<Real>& job, Offset env) {

@@ -19,7 +19,7 @@ enum class Definiteness : std::uint8_t {
 
 const char* to_string(Definiteness definiteness) noexcept;
 
-/// How an operator is looked at.
+/// How an operator is analysed.
 struct AnalysisOptions {
   bool with_compliance = true;   ///< A + diag R, which is what is solved; else A alone
   Index max_steps = 20;          ///< most steps of each iteration, >= 1
@@ -60,9 +60,10 @@ struct OperatorAnalysis {
 };
 
 /// Looks at the environments listed, in that order. Host memory, f64, one thread; an answer depends on its environment
-/// and the options alone. The power iteration on A'A and inverse iteration on the triangle of a QR factorisation with
-/// column pivoting (Businger and Golub 1965), both from a fixed pseudo-random vector; definiteness by Cholesky's
-/// factorisation with diagonal pivoting (Higham 2002, 10.3). O(nonzeros) a step, O(rows^3) to factorise.
+/// and the options alone. It runs the power iteration on A'A and inverse iteration on the triangle of a QR
+/// factorisation with column pivoting (Businger and Golub 1965). Both begin with a fixed pseudo-random vector.
+/// Definiteness is by Cholesky's factorisation with diagonal pivoting (Higham 2002, 10.3). O(nonzeros) a step,
+/// O(rows^3) to factorise.
 /// \throws Error(invalid_argument) for a batch whose structure is not sound, an environment that is not there, or an
 /// option out of range.
 template <class Real>

@@ -19,10 +19,10 @@ enum class MemorySpace : std::uint8_t { host = 0, cuda = 1 };
 ///
 /// Rows of all environments follow one another; columns of A count from the environment's own first row.
 ///
-/// Arrays of fixed room per environment (padded arrays) are read where they are: the offsets then say where the room of
-/// an environment, or of a row of A, begins, and the counts how much of it is in use, from its beginning. What lies in
-/// the rest is not read, and of a solution not written. The entry of cone_row_offsets behind an environment's last cone
-/// closes that cone, so room for cones needs one more than there are cones where it is not the last in use
+/// Arrays of fixed room per environment (padded arrays) are read in place. The offsets then say where the room of an
+/// environment, or of a row of A, begins. The counts say how much of it is in use, from its beginning. What lies in
+/// the rest is not read, and of a solution not written. The entry of cone_row_offsets behind an environment's last
+/// cone closes that cone. So room for cones needs one more than there are cones where it is not the last in use
 /// (padded_view() in padded.hpp arranges all this).
 template <class Real>
 struct ContactBatchView {
@@ -112,7 +112,7 @@ struct Environment {
   struct Cone {
     ConeKind kind = ConeKind::unilateral;
     Index row_count = 1;
-    Index group = -1;  ///< manifold id, -1: a vertex of its own
+    Index group = -1;  ///< manifold id, -1: a separate vertex
   };
   std::vector<Cone> cones;
   std::vector<Index> row_offsets{0};   ///< CSR rows of A        (n + 1)
@@ -168,8 +168,8 @@ class ContactBatch {
   Law law_ = Law::convex;
 };
 
-/// Converts a batch: every number is rounded to To (to nearest; what overflows becomes infinite and is then
-/// flagged by the solver, in that environment alone).
+/// Converts a batch. Every number is rounded to To (to nearest; what overflows becomes infinite and is then flagged by
+/// the solver, in that environment alone).
 template <class To, class From>
 ContactBatch<To> convert(const ContactBatch<From>& batch);
 
@@ -186,10 +186,10 @@ struct Defect {
   std::string message;      ///< one sentence: what, where, the value, what to do
 };
 
-/// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure
-/// first: values are looked at only where the structure holds. An empty result means that the batch is sound.
-/// Complementary pivoting (`lemke`, and `automatic`, which has it) also takes rows of A + R without a positive
-/// diagonal, in environments without friction cones: under those solvers they are no defects.
+/// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure first:
+/// values are read only where the structure holds. An empty result means that the batch is sound. Complementary
+/// pivoting (`lemke`, and `automatic`, which has it) also takes rows of A + R without a positive diagonal, in
+/// environments without friction cones. Under those solvers they are no defects.
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit = 64,
                              SolverKind solver = SolverKind::npgs);

@@ -13,7 +13,7 @@ namespace stiction {
 
 /// Rigid bodies and contact points of many environments at one instant, as `BodySolver` reads them (docs/bodies.md). A
 /// POD that owns nothing. All vectors are in world axes; a twist is (velocity of the centre of mass [m/s], angular
-/// velocity [rad/s]). Bodies of all environments follow one another, contacts likewise; body numbers count from the
+/// velocity [rad/s]). Bodies of all environments follow one another, contacts likewise. Body numbers count from the
 /// environment's own first body, and -1 is the world, which stands still.
 ///
 /// u = (velocity of b's point) - (velocity of a's point) is a contact's relative velocity, and n, t1, t2 its frame: the
@@ -115,9 +115,9 @@ STICTION_HD void complete_tangents(const Real (&n)[3], Real sign, Real a, Real (
 
 }  // namespace detail
 
-/// The two tangents that complete a unit normal to a right-handed frame (n, t1, t2): Duff et al., Building an
-/// orthonormal basis, revisited, JCGT 6(1), 2017. One division, continuous but for the sign of n_z, and the same bits
-/// everywhere. A contact's reactions and warm start are in this frame.
+/// Computes the two tangents that complete a unit normal to a right-handed frame (n, t1, t2). (Duff et al., Building
+/// an orthonormal basis, revisited, JCGT 6(1), 2017.) One division, continuous but for the sign of n_z, and the same
+/// bits everywhere. A contact's reactions and warm start are in this frame.
 template <class Real>
 STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[3]) {
   const Real sign = n[2] < Real(0) ? Real(-1) : Real(1);
@@ -199,16 +199,16 @@ class BodySolver {
   [[nodiscard]] BodyPlan plan(const BodyBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Solves every environment. `warm_start` (3 * contact_count, impulses of the whole step, same space) may be null:
-  /// start from zero. Batch and solution in device memory: asynchronous on `stream`, but for the first solve with a
-  /// plan, which copies it to the device; in host memory: complete on return.
+  /// start from zero. For a batch and a solution in device memory it is asynchronous on `stream`. Only the first solve
+  /// with a plan is not, since it copies the plan to the device. In host memory it is complete on return.
   /// \throws Error before anything is written; numerical trouble is in solution.status.
   template <class Real>
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Solves without a plan of the caller's, for bodies and contacts that change from call to call: one is made for
-  /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is looked at once, where
-  /// plan() and solve() look at it each.
+  /// Solves without a plan of the caller's, for bodies and contacts that change from call to call. One is made for
+  /// this call, as plan() makes it, so a batch in device memory is waited for. The structure is checked once, where
+  /// plan() and solve() check it each.
   template <class Real>
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;

@@ -16,7 +16,7 @@ enum class BodyMethod : std::uint8_t {
 /// What makes the linear systems of Newton's method in body space easier for conjugate gradients.
 enum class BodyPreconditioner : std::uint8_t {
   diagonal = 0,             ///< of the matrix
-  block_diagonal = 1,       ///< each body by itself
+  block_diagonal = 1,       ///< each body separately
   incomplete_cholesky = 2,  ///< a factor without fill; its triangular solves are for CPUs
   sparse_inverse = 3,       ///< factored approximate inverse on the graph of bodies
   factor = 4,               ///< the whole factor: a direct solve

@@ -5,14 +5,14 @@
 #define STICTION_VERSION_MINOR 1
 #define STICTION_VERSION_PATCH 0
 
-/// Marks a function that runs on host and device. Always inlined: the CPU machine compiles the bodies once
-/// per instruction set, and an out-of-line copy that the linker merged across those builds could be one the
-/// running CPU cannot execute. This is the one place that asks which compiler is reading.
+/// Marks a function that runs on host and device. It is always inlined. The CPU machine compiles the algorithms once
+/// per instruction set. An out-of-line copy that the linker merged across those builds could be one the running CPU
+/// cannot execute. This is the one place that asks which compiler is reading.
 ///
-/// STICTION_HD_OUTLINE is for templates that run once per chunk or less and have a type of their instruction set among
-/// their arguments (so that no two builds share a symbol): on the device they stay functions, because a copy in every
-/// kernel would cost minutes of compile time and megabytes of code. STICTION_HD_SHARED is for those of them that a
-/// machine compiles once for all solvers (core/algorithm/driver/shared_instances.hpp): functions everywhere.
+/// STICTION_HD_OUTLINE is for templates that run once per chunk or less. They have a type of their instruction set
+/// among their arguments, so that no two builds share a symbol. On the device they stay functions, because a copy in
+/// every kernel would cost minutes of compile time and megabytes of code. STICTION_HD_SHARED is for those of them that
+/// a machine compiles once for all solvers (core/algorithm/driver/shared_instances.hpp): functions everywhere.
 #if defined(__CUDACC__)
 #define STICTION_HD __host__ __device__ __forceinline__
 #define STICTION_HD_OUTLINE __host__ __device__ __noinline__

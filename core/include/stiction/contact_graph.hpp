@@ -51,7 +51,7 @@ struct GraphChange {
   Offset removed = 0;              ///< contacts that are gone
   Offset moved = 0;                ///< contacts whose id stayed and whose pair of bodies is another
   Offset kept = 0;                 ///< contacts that stayed as they were; counted by update() alone
-  Offset evaluated_manifolds = 0;  ///< manifolds whose colour was looked at again
+  Offset evaluated_manifolds = 0;  ///< manifolds whose colour was evaluated again
   Offset recolored_manifolds = 0;  ///< manifolds that were there and now have another colour
   Offset searched_edges = 0;       ///< edges followed to find out which islands fell apart
   Offset rebuilt_islands = 0;      ///< 1: so much fell apart that islands were found anew, from all edges
@@ -79,13 +79,13 @@ struct GraphStatistics {
 /// their number of contacts. Islands and a colouring of the manifolds are maintained under every change, in integers.
 ///
 /// **The state depends on the contacts present, never on the changes that led there.** An island's number is its
-/// smallest body. The colouring is the greedy one in a fixed order of priority, a scrambled form of the pair of indices
-/// (docs/contact_graph.md): every manifold has the smallest colour that no manifold of higher priority has with which
-/// it shares a moving body. A random order of greedy colouring: Jones and Plassmann (1993).
+/// smallest body. The colouring is the greedy one in a fixed order of priority, a scrambled form of the pair of
+/// indices (docs/contact_graph.md). Every manifold has the smallest colour that no manifold of higher priority has
+/// with which it shares a moving body. A random order of greedy colouring: Jones and Plassmann (1993).
 ///
-/// Costs below: d is the largest number of manifolds at a moving body, k the manifolds evaluated
-/// for colour (GraphChange::evaluated_manifolds). For indices without a pattern that defeats the scrambling, a changed
-/// manifold makes k <= e^(2d) on average whatever the size of the graph, and in practice a few; the worst case is every
+/// Costs below: d is the largest number of manifolds at a moving body, k the manifolds evaluated for colour
+/// (GraphChange::evaluated_manifolds). For indices without a pattern that defeats the scrambling, a changed manifold
+/// makes k <= e^(2d) on average whatever the size of the graph. In practice that is a few. The worst case is every
 /// manifold of the island. Colour work is O(k (d + log k)). Hash tables make all bounds expected ones. Memory is
 /// O(largest body index + most contacts ever present).
 ///
@@ -108,15 +108,16 @@ class ContactGraph {
   /// Error(invalid_argument) if there is no such body.
   GraphChange remove_body(Index body);
 
-  /// Adds a contact. Where the pair touched already, O(1); else the colour work, and for two islands that become one
-  /// O(s log n) with s the bodies of the smaller. \throws Error(invalid_argument) for an id that is present, a body
-  /// that is not, a body in contact with itself, or two bodies that both never move.
+  /// Adds a contact. Where the pair touched already, it costs O(1). Else it costs the colour work, and for two islands
+  /// that become one O(s log n) with s the bodies of the smaller. \throws Error(invalid_argument) for an id that is
+  /// present, a body that is not, or a body in contact with itself. Also for two bodies that both never move.
   GraphChange add_contact(const GraphContact& contact);
 
-  /// Removes a contact. Where others of the pair remain, O(1); else the colour work, and a search from both bodies in
-  /// turns that ends when they meet or one side is exhausted. If the island falls apart, that is O(manifolds of the
-  /// side with fewer + s log n) with s the bodies of that side; if not, O(manifolds followed until the searches meet),
-  /// which on one long cycle is all of them. \throws Error(invalid_argument) if there is no such id.
+  /// Removes a contact. Where others of the pair remain, it costs O(1). Else it costs the colour work, and two
+  /// alternating searches from both bodies that end when they meet or one side is exhausted. If the island falls
+  /// apart, that is O(manifolds of the side with fewer + s log n) with s the bodies of that side. If not, it is
+  /// O(manifolds followed until the searches meet), which on one long cycle is all of them. \throws
+  /// Error(invalid_argument) if there is no such id.
   GraphChange remove_contact(std::uint64_t id);
 
   /// Gives the contact of that id another pair of bodies: O(1) if the pair is the same, else remove and add. \throws
@@ -124,9 +125,9 @@ class ContactGraph {
   GraphChange update_contact(const GraphContact& contact);
 
   /// Makes `contacts` the contacts present: ids that are not among them go, new ones come, others stay or move to
-  /// another pair. O(contacts before + contacts in the list) to compare, plus the costs above for the differences,
-  /// with the searches together bounded by O(n + manifolds + contacts removed) because after so many steps islands are
-  /// found anew. Colours are settled once for all differences. The list's order does not matter. \throws
+  /// another pair. To compare costs O(contacts before + contacts in the list), and the differences have the costs
+  /// above. The searches together are bounded by O(n + manifolds + contacts removed), because after so many steps
+  /// islands are found anew. Colours are settled once for all differences. The list's order does not matter. \throws
   /// Error(invalid_argument) as add_contact does, and for an id that occurs twice.
   GraphChange update(std::span<const GraphContact> contacts);
 
@@ -159,24 +160,25 @@ class ContactGraph {
   std::unique_ptr<State> state_;
 };
 
-/// The most bodies that an island may have where its spectrum is asked for: the work is cubic.
+/// The most bodies that an island may have where its spectrum is computed: the work is cubic.
 inline constexpr Index kMaxSpectrumBodies = 512;
 
-/// Eigenvalues of the weighted Laplacian L = D - W of the moving bodies, ascending, one for each body: W_ij is the
-/// number of contacts of i and j, D_ii the sum of row i; contacts with fixed bodies have no part. As many are zero (to
-/// rounding) as there are islands. Each island's matrix is made tridiagonal by Householder (1958) reflections, whose
-/// eigenvalues are bisected with Sturm sequences (Givens 1954), O(s^3) for s bodies. \throws Error(unsupported) for an
-/// island of more than kMaxSpectrumBodies.
+/// Computes the eigenvalues of the weighted Laplacian L = D - W of the moving bodies, ascending, one for each body.
+/// W_ij is the number of contacts of i and j, D_ii the sum of row i. Contacts with fixed bodies have no part. As many
+/// are zero (to rounding) as there are islands. Each island's matrix is made tridiagonal by Householder (1958)
+/// reflections, whose eigenvalues are bisected with Sturm sequences (Givens 1954), O(s^3) for s bodies. \throws
+/// Error(unsupported) for an island of more than kMaxSpectrumBodies.
 std::vector<double> laplacian_spectrum(const ContactGraph& graph);
 
-/// The graph in the DOT language of Graphviz: islands boxed as clusters, an edge for each manifold in its colour, its
-/// label and weight the number of contacts; each contact with a fixed body ends in a small square of its own.
+/// Writes the graph in the DOT language of Graphviz. Islands are boxed as clusters. A manifold is an edge in its
+/// colour, its label and weight the number of contacts. Each contact with a fixed body ends in a separate small
+/// square.
 std::string to_dot(const ContactGraph& graph, const std::string& title = "contact graph");
 
-/// A picture that needs no other program: islands in boxes, laid out by stress (Gansner, Koren and North 2004) up to
-/// 512 bodies and as a spiral beyond; edges in their manifold's colour, wider for more contacts; contacts with fixed
-/// bodies as short lines to hatched ground; a legend, and the Laplacian spectrum unless an island is too large for it.
-/// The same graph gives the same text.
+/// Draws a picture that needs no other program. Islands are in boxes, laid out by stress (Gansner, Koren and
+/// North 2004) up to 512 bodies and as a spiral beyond. Edges have their manifold's colour, wider for more contacts.
+/// Contacts with fixed bodies are short lines to hatched ground. There is a legend, and the Laplacian spectrum unless
+/// an island is too large for it. The same graph gives the same text.
 std::string to_svg(const ContactGraph& graph, const std::string& title = "contact graph");
 
 }  // namespace stiction

@@ -133,10 +133,10 @@ enum class FactorUse : std::uint8_t {
   always,   ///< all that have degrees of freedom
 };
 
-/// Whether an environment of n rows and `dofs` degrees of freedom is kept as a factor: A = Y Y' with Y = J L^-T is then
-/// never formed, and a sweep costs 3 n dofs multiplications where the matrix takes n^2, in shorter loops, so that it
-/// has to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits of the
-/// answer.
+/// Whether an environment of n rows and `dofs` degrees of freedom is kept as a factor. A = Y Y' with Y = J L^-T is
+/// then never formed. A sweep costs 3 n dofs multiplications where the matrix takes n^2. Its loops are shorter, so
+/// that it has to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits
+/// of the answer.
 STICTION_HD constexpr bool prefers_factor(Offset n, Offset dofs) {
   return n > 72 && dofs > 0 && 4 * dofs < n;
 }
@@ -146,9 +146,9 @@ STICTION_HD constexpr bool keeps_factor(FactorUse use, Offset n, Offset dofs) {
   return n > 0 && dofs > 0 && (use == FactorUse::always || (use == FactorUse::by_size && prefers_factor(n, dofs)));
 }
 
-/// The contact batch of a Jacobian batch in host memory, on the CPU: M = L L' by Cholesky, Y = J L^-T, A = Y Y'
+/// Makes the contact batch of a Jacobian batch in host memory, on the CPU. M = L L' by Cholesky, Y = J L^-T, A = Y Y'
 /// (symmetric to the last bit), b. Rows follow one another without room between them. An environment whose M is not
-/// positive definite, or given as a factor that is not finite, is marked kFlagBadMass in env_flags, and no other
+/// positive definite, or given as a factor that is not finite, is marked kFlagBadMass in env_flags. No other
 /// environment is touched by it. `threads` 0: all cores; the bits do not depend on it. \throws Error(invalid_argument)
 /// if the structure is broken.
 template <class Real>

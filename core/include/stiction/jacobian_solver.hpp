@@ -26,7 +26,7 @@ struct JacobianCapacity {
 };
 
 /// Whether a solve of J and M with these options begins with Newton's method in velocities, which takes M as a matrix
-/// (docs/math/auto.md). Islands apart are solved as environments of their own, by what takes A.
+/// (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
 [[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
   return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
 }
@@ -61,15 +61,16 @@ class JacobianSolver {
   /// Solves every environment. `start` is in the batch's memory. Its arrays may be the solution's own reactions and
   /// velocities: an environment's start is read before its answer is written.
   ///
-  /// A batch in device memory is read there, its integers too, in the order of `stream`: nothing waits, nothing is
-  /// allocated, and what is queued can be captured into a graph and replayed after numbers, contacts and counts have
+  /// A batch in device memory is read there, its integers too, in the order of `stream`; nothing waits, nothing is
+  /// allocated. What is queued can be captured into a graph and replayed after numbers, contacts and counts have
   /// changed in place. Solves on several streams follow one another. An environment larger than the capacity is marked
-  /// kFlagOverCapacity; so is, where A or Y run out of room, the first that does not fit and every later one of its
+  /// kFlagOverCapacity. So is, where A or Y run out of room, the first that does not fit and every later one of its
   /// form. One whose offsets or columns are out of order is marked kFlagBadStructure and its velocity is not written.
-  /// All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A batch in host
-  /// memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything is written, if
-  /// the batch is not in this solver's memory, has more environments, rows or cones than there is room for or lacks an
-  /// array; on the CPU also if its structure is broken or, with InvalidPolicy::reject, a number.
+  /// All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A batch in
+  /// host memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything is
+  /// written, if the batch is not in this solver's memory. Also if it has more environments, rows or cones than there
+  /// is room for. Also if it lacks an array, and on the CPU if its structure is broken or, with InvalidPolicy::reject,
+  /// a number.
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
              const JacobianStart<Real>& start, StreamRef stream = StreamRef::default_stream());
   /// Solves every environment from reactions, or from zero where `warm_start` is null.

@@ -21,7 +21,7 @@ enum class RowOrder : std::uint8_t {
 };
 
 /// Where the numbers of a padded batch lie: the caller's arrays, which are neither copied nor changed. Vectors of an
-/// environment take `room` entries, its matrix room * room, and environments follow one another; what lies behind the
+/// environment take `room` entries, its matrix room * room, and environments follow one another. What lies behind the
 /// entries in use may be anything.
 template <class Real>
 struct PaddedNumbers {
@@ -43,11 +43,11 @@ class PaddedLayout {
   explicit PaddedLayout(MatrixRows matrix_rows, RowOrder row_order = RowOrder::normal_first)
       : matrix_rows_(matrix_rows), row_order_(row_order) {}
 
-  /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and the
-  /// environment is marked kFlagContactsDropped; so it is where `overflowed` says that its producer had to leave
+  /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and
+  /// the environment is marked kFlagContactsDropped. So it is where `overflowed` says that its producer had to leave
   /// contacts out. `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that place on,
-  /// in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone without rows;
-  /// then nothing was appended.
+  /// in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone without
+  /// rows; then nothing was appended.
   void add(Index room, std::span<const Cone> cones, bool overflowed = false, Offset first_mu = -1);
 
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_flags_.size()); }

@@ -21,11 +21,11 @@ struct PyramidBatch {
   int sides = 0;                   ///< edges of a contact of three rows
 };
 
-/// The batch with friction cones of 3 rows as pyramids of `sides` = 4, 8 or 16 edges (1, mu_1 cos t_i, mu_2 sin t_i),
-/// t_i = 2 pi i / sides. Cones of another number of rows have two edges, +mu and -mu, for each axis after the first
-/// row; axes with mu = 0 have none, a cone with no other axis is the one edge (1, 0, ...). The law of a pyramid is the
-/// convex one, whatever the batch's law is. A has an entry between two edges where the batch stores one between their
-/// cones. Computed in double, rounded once.
+/// Makes the batch with friction cones of 3 rows as pyramids of `sides` = 4, 8 or 16 edges. They are (1, mu_1 cos t_i,
+/// mu_2 sin t_i), t_i = 2 pi i / sides. Cones of another number of rows have two edges, +mu and -mu, for each axis
+/// after the first row. Axes with mu = 0 have none, and a cone with no other axis is the one edge (1, 0, ...). The law
+/// of a pyramid is the convex one, whatever the batch's law is. A has an entry between two edges where the batch
+/// stores one between their cones. Computed in double, rounded once.
 /// \throws Error(invalid_argument) for other `sides`, a broken structure or friction that is negative or not finite;
 /// Error(unsupported) for environments that are stored as factors.
 template <class Real>

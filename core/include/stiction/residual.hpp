@@ -12,8 +12,8 @@ struct Residual {
   double absolute;  ///< largest cone residual [w]
 };
 
-/// The natural-map residual of a given lambda in f64, one per environment, written from the definition in
-/// docs/math/residual.md and sharing no code with the solvers: this is what `stiction verify` prints.
+/// Computes the natural-map residual of a given lambda in f64, one per environment. It is written from the definition
+/// in docs/math/residual.md and shares no code with the solvers. `stiction verify` prints it.
 /// \throws Error(invalid_argument) if lambda's length is not the batch's row count.
 template <class Real>
 std::vector<Residual> verify(const ContactBatchView<Real>& batch, std::span<const Real> lambda);

@@ -66,7 +66,7 @@ enum class InvalidPolicy : std::uint8_t {
 /// How the islands of an environment (groups of cones that do not act on one another, Solver::islands) are iterated.
 enum class IslandMode : std::uint8_t {
   together = 0,  ///< as one system: one scaling, one momentum, one residual, one stop
-  apart = 1,     ///< each as an environment of its own would be, and its record is made of theirs (docs/islands.md)
+  apart = 1,     ///< each as a separate environment would be, and its record is made of theirs (docs/islands.md)
 };
 /// Name of a mode, as reports print it ("together", "apart").
 const char* to_string(IslandMode mode) noexcept;
@@ -86,9 +86,9 @@ struct SolverOptions {
   InvalidPolicy invalid = InvalidPolicy::reject;
   IslandMode islands = IslandMode::together;  ///< apart: batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none
-  /// Rows of the largest environment that a method which factorises takes a matrix for, 1024 to 32768: newton keeps two
-  /// of rows x rows doubles for each thread, ipm two, admm and lemke one. Above, newton, admm and ipm take gradients
-  /// and lemke refuses. Another number is for the CPU only, and not for SolverKind::automatic.
+  /// Rows of the largest environment that a method which factorises takes a matrix for, 1024 to 32768. newton keeps
+  /// two of rows x rows doubles for each thread, ipm two, admm and lemke one. Above, newton, admm and ipm take
+  /// gradients and lemke refuses. Another number is for the CPU only, and not for SolverKind::automatic.
   Index direct_rows = 1024;
 };
 
@@ -100,7 +100,7 @@ struct SolutionView {
   EnvStatus* status = nullptr;  ///< one record each              (env_count)
 };
 
-/// Room that a solver on a GPU has: what fits is solved without allocating or waiting, so that the solve can be
+/// Room that a solver on a GPU has. What fits is solved without allocating or waiting, so that the solve can be
 /// captured into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
 struct Capacity {
   Offset envs = 0;
@@ -152,7 +152,7 @@ class Solver {
   /// in device memory: asynchronous on `stream`; in host memory: complete on return. With IslandMode::apart the plan
   /// serves batches none of whose environments has several islands; others are planned anew, island by island.
   ///
-  /// A batch in host memory is looked at again, whatever was done to its arrays since the plan was made: offsets or
+  /// A batch in host memory is checked again, whatever was done to its arrays since the plan was made. Offsets or
   /// cones out of order throw. Columns out of range throw, too, or with InvalidPolicy::isolate flag their environment
   /// kFlagBadStructure. `warm_start` may be solution.lambda itself; no other output may share memory with an input or
   /// with another output.
@@ -163,19 +163,20 @@ class Solver {
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Solves without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
-  /// nothing waits and nothing is allocated: what is queued can be captured into a CUDA graph and replayed after the
-  /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the
-  /// room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of
-  /// order kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
+  /// nothing waits and nothing is allocated. What is queued can be captured into a CUDA graph and replayed after the
+  /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the room of
+  /// its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of order
+  /// kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
   /// Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is queued.
   template <class Real>
   void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Islands of every environment: which of its cones act on one another, however indirectly (by a stored entry, either
-  /// way round and whatever its value, or as neighbours of one group). `island` gets each cone's, numbered 0, 1, ... by
-  /// their first cones (cone_count), `count` how many there are, 0 where the structure is broken or there is no room
-  /// (env_count). A batch in device memory is searched there, within the solver's capacity, asynchronously on `stream`.
+  /// Finds the islands of every environment: which of its cones act on one another, however indirectly. They do so by
+  /// a stored entry, either way round and whatever its value, or as neighbours of one group. `island` gets each
+  /// cone's, numbered 0, 1, ... by their first cones (cone_count). `count` gets how many there are, 0 where the
+  /// structure is broken or there is no room (env_count). A batch in device memory is searched there, within the
+  /// solver's capacity, asynchronously on `stream`.
   /// \throws Error(invalid_argument) as solve() does.
   template <class Real>
   void islands(const ContactBatchView<Real>& batch, Index* island, Index* count,

@@ -11,8 +11,8 @@ namespace stiction {
 enum class EnvCode : std::uint8_t {
   solved = 0,          ///< residual finite and at most the tolerance
   max_iterations = 1,  ///< iteration limit reached; the best iterate seen is returned
-  stalled = 2,         ///< no progress within the stall window, or the solver ended by itself short of the
-                       ///< tolerance; the best iterate seen is returned
+  stalled = 2,         ///< no progress within the stall window, or the solver ended short of the tolerance; the best
+                       ///< iterate seen is returned
   numerical = 3,       ///< the iteration left the finite numbers; the best finite iterate is returned
   invalid_input = 4,   ///< see the flags; lambda = 0 and w = 0 are returned
   unsupported = 5,     ///< the solver cannot treat this system (see the flags); lambda = 0, w = b
@@ -52,7 +52,7 @@ struct EnvStatus {
   std::uint32_t flags;       ///< EnvFlag bits
   std::int32_t iterations;   ///< iterations of the solver that answered
   EnvCode code;              ///< how it ended
-  SolverKind solver;         ///< who answered
+  SolverKind solver;         ///< which solver answered
   std::uint8_t reserved[6];  ///< zero
 };
 static_assert(sizeof(EnvStatus) == 32);

@@ -9,8 +9,8 @@
 #include "stiction/solver.hpp"
 #include "stiction/warm_start.hpp"
 
-/// A simulation loop's solvers, one for each form of a batch: one call per step, every step started from the last one's
-/// reactions, contact by contact. Each is a solver and a WarmStartStore that share a device.
+/// The solvers of a simulation loop, one for each form of a batch. There is one call per step, and every step starts
+/// from the last one's reactions, contact by contact. Each is a solver and a WarmStartStore that share a device.
 ///
 ///     SteppingSolver<float> solver(Device::cuda(), options, capacity);
 ///     each step:  solver.solve(batch, cone_id, dt, solution, stream);   // asynchronous, captured once, replayed
@@ -53,7 +53,7 @@ template <class Real>
 class SteppingSolver : public StepMemory<Real> {
  public:
   /// capacity: of every batch to come (envs, rows and cones at least; on a GPU all of it).
-  /// \throws Error(invalid_argument) for an option out of range or a capacity without environments, Error(no_device),
+  /// \throws Error(invalid_argument) for an option out of range or a capacity without environments. Error(no_device),
   /// Error(unsupported) or Error(out_of_memory) when the device or its memory cannot be had.
   SteppingSolver(Device device, const SolverOptions& options, const Capacity& capacity,
                  const WarmStartOptions& warm_start = {});

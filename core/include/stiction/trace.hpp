@@ -36,12 +36,12 @@ class Tracer {
   void leave_out(std::size_t count) noexcept;
 
   /// What was collected, by start. Spans of a device come in when its work is waited for (Solver::synchronize, or a
-  /// solve of a host batch), the last ones when the solver is destroyed.
+  /// solve of a host batch). The last ones come in when the solver is destroyed.
   [[nodiscard]] std::vector<Span> spans() const;
   /// Spans for which there was no room.
   [[nodiscard]] std::size_t left_out() const;
-  /// The spans as a JSON array of complete events, as chrome://tracing and Perfetto read it: host threads are those of
-  /// process 0, streams of the device those of process 1.
+  /// Writes the spans as a JSON array of complete events, as chrome://tracing and Perfetto read it. Host threads are
+  /// those of process 0, streams of the device those of process 1.
   [[nodiscard]] std::string chrome_json() const;
 
  private:

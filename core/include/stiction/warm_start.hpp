@@ -57,15 +57,15 @@ class WarmStartMachine;
 ///     lambda_0 = beta * lambda_prev * min(1, dt_prev / dt)          (StepScaling::capped)
 ///
 /// (warm starting of sequential impulses: Catto 2005; docs/warm_start.md). A cone is known by its environment and its
-/// id, which may be any 64-bit number that is unique within the environment; of cones that share one, the first in
-/// the batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a
-/// cone whose kind or number of rows changed. An environment whose solve ended numerical, invalid_input or unsupported
-/// is reset whole: nothing of a failure reaches the next step.
+/// id, which may be any 64-bit number that is unique within the environment. Of cones that share one, the first in the
+/// batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a cone
+/// whose kind or number of rows changed. An environment whose solve ended numerical, invalid_input or unsupported is
+/// reset whole: nothing of a failure reaches the next step.
 ///
-/// Each step: load, solve, store. Environment e of every batch is the same simulation. All memory is taken when
-/// the store is made. An environment that does not fit is solved from zero, not stored, and says so in its record;
-/// it fits if its cones and rows end within the capacity, so with too little room it matters what stands before it, and
-/// with enough room no environment's guess depends on another's.
+/// Each step: load, solve, store. Environment e of every batch is the same simulation. All memory is taken when the
+/// store is made. An environment that does not fit is solved from zero, not stored, and says so in its record. It fits
+/// if its cones and rows end within the capacity. So with too little room it matters what stands before it, and with
+/// enough room no environment's guess depends on another's.
 template <class Real>
 class WarmStartStore {
  public:
@@ -76,12 +76,12 @@ class WarmStartStore {
   WarmStartStore(WarmStartStore&&) noexcept;
   WarmStartStore& operator=(WarmStartStore&&) noexcept;
 
-  /// Writes the first guess of every row: what is stored, brought to this step of length `dt` [s], or +0.
-  /// The batch's structure must be sound (Solver::plan checks it); its numbers are not read.
-  /// cone_id: (cone_count), guess: (row_count) [lambda]; both in the batch's memory space, which is host memory for a
-  /// store on the CPU and device memory else; there the call is asynchronous on `stream` and may be captured.
-  /// \throws Error(invalid_argument) before anything is written: more environments than the store has room for, dt
-  /// not finite or <= 0, an array missing, memory of another device.
+  /// Writes the first guess of every row: what is stored, brought to this step of length `dt` [s], or +0. The batch's
+  /// structure must be sound (Solver::plan checks it); its numbers are not read. cone_id: (cone_count), guess:
+  /// (row_count) [lambda]. Both are in the batch's memory space, which is host memory for a store on the CPU and
+  /// device memory else. There the call is asynchronous on `stream` and may be captured.
+  /// \throws Error(invalid_argument) before anything is written. Reasons are more environments than the store has room
+  /// for, dt not finite or <= 0, an array missing, memory of another device.
   void load(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
 
@@ -137,7 +137,7 @@ class WarmStartStore {
   void reset_all(StreamRef stream = StreamRef::default_stream());
 
   /// Copies the records of the first environments to the host, and waits for them.
-  /// \throws Error(invalid_argument) if more are asked for than the capacity.
+  /// \throws Error(invalid_argument) if there are more than the capacity.
   void records(std::span<WarmStartRecord> out, StreamRef stream = StreamRef::default_stream()) const;
 
   [[nodiscard]] const WarmStartCapacity& capacity() const noexcept { return capacity_; }

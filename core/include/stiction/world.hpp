@@ -79,12 +79,13 @@ struct WorldSeconds {
   double integrate = 0;  ///< positions
 };
 
-/// Many environments of the same rigid bodies, stepped together (docs/stepping.md): contacts of spheres, capsules,
-/// boxes and planes, one body solve a step with first guesses by contact, semi-implicit Euler. An environment's bits
-/// depend on description, options and its own state alone: not on its neighbours, the threads, or the device.
+/// Many environments of the same rigid bodies, stepped together (docs/stepping.md). Contacts are of spheres, capsules,
+/// boxes and planes. A step makes one body solve with first guesses by contact, and semi-implicit Euler. An
+/// environment's bits depend on description, options and its own state alone: not on its neighbours, the threads, or
+/// the device.
 ///
-/// A world is in the memory of its device, and what is looked at is copied from there: one thread at a time may use it.
-/// All shapes are tested against all others: tens of bodies an environment, and at most 2048 shapes.
+/// A world is in the memory of its device, and what is read is copied from there. One thread at a time may use it. All
+/// shapes are tested against all others: tens of bodies an environment, and at most 2048 shapes.
 template <class Real>
 class World {
  public:
@@ -99,7 +100,7 @@ class World {
   void step();
 
   [[nodiscard]] WorldState<Real> state() const;
-  /// Force [N] and torque about the centre of mass [N m] on every body, world axes, in every step until changed; zero
+  /// Force [N] and torque about the centre of mass [N m] on every body, world axes, in every step until changed. Zero
   /// at first (6 * body_count * env_count).
   [[nodiscard]] std::span<Real> wrench();
   /// Puts environment e into the state given for it wherever mask[e] is not zero, and forgets its contacts. Quaternions

@@ -1,7 +1,7 @@
 """Gymnasium's MuJoCo tasks, version 5, for many simulations at once: observation, reward, termination, reset noise.
 
-Each class takes the parameters of Gymnasium's class of that name (those of rendering left out), with the same defaults,
-and computes what it computes, over arrays whose first axis is the environment.
+Each class takes the parameters of Gymnasium's class of that name (those of rendering left out), with the same
+defaults. It computes the same, over arrays whose first axis is the environment.
 """
 
 from dataclasses import dataclass

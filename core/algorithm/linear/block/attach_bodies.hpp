@@ -4,11 +4,11 @@
 #include "core/job/multigrid_view.hpp"
 
 /// Which coarse body each body moves with. Aggregates come from the graph of all contacts. Where a contact is open the
-/// graph has an edge and H has nothing: what it does not hold together should not be made to move as one.
+/// graph has an edge and H has nothing. What H does not hold together should not be made to move as one.
 namespace stiction::inline STICTION_ISA {
 
-/// Two bodies are held together if |H_ij|^2 > kHeldPart |H_ii| |H_jj|, in norms of Frobenius (Vanek, Mandel and Brezina
-/// 1996, section 4, whose 0.08 has the square 2^-7.3). It only has to tell a contact from none.
+/// Two bodies are held together if |H_ij|^2 > kHeldPart |H_ii| |H_jj|, in norms of Frobenius. (Vanek, Mandel and
+/// Brezina 1996, section 4, whose 0.08 has the square 2^-7.3.) It only has to tell a contact from none.
 inline constexpr double kHeldPart = 0x1p-15;
 
 /// Rounds in which bodies join: the root's neighbours, their neighbours, and those beyond them.
@@ -30,8 +30,8 @@ struct Attachment {
     return sum;
   }
 
-  /// The body joins the aggregate that the graph gave it if a member of it holds the body, else that of the body that
-  /// holds it most firmly.
+  /// The body joins the aggregate that the graph gave it if a member of it holds the body. Else it joins that of the
+  /// body that holds it most firmly.
   [[nodiscard]] STICTION_HD double choose(Index body) const {
     double best = -1.0;
     double firmest = 0.0;
@@ -51,8 +51,8 @@ struct Attachment {
     return best;
   }
 
-  /// Roots begin, and the others join round by round. Who is left stays with the aggregate of the graph: to leave such
-  /// bodies to the smoother was measured to be worse on walls, better on towers.
+  /// Roots begin, and the others join round by round. A body that is left stays with the aggregate of the graph. To
+  /// leave such bodies to the smoother was measured to be worse on walls, better on towers.
   template <Team TeamT>
   STICTION_HD_OUTLINE void run(TeamT& team) const {
     for_each(team, H.pattern.rows, [&](Index body) {

@@ -4,8 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The inverse of H itself, by a factorisation whose plan has all fill: conjugate gradients then take one step, or two
-/// when H is near singular. (H = L L' by 6 x 6 blocks; D of H = L D L' is in the diagonal blocks.)
+/// The inverse of H, by a factorisation whose plan has all fill. Conjugate gradients then take one step, or two when H
+/// is near singular. (H = L L' by 6 x 6 blocks; D of H = L D L' is in the diagonal blocks.)
 struct BlockLdl {
   BlockFactorView plan;
   double* values = nullptr;  ///< L  (36 plan.lower.blocks())

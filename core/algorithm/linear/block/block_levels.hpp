@@ -3,9 +3,9 @@
 #include "core/algorithm/linear/block/block_algebra.hpp"
 #include "core/job/block_factor_view.hpp"
 
-/// Cholesky's factorisation of a block matrix by the levels of its plan, complete or not as the plan's pattern is.
-/// Left-looking: one lane computes a block of L from what lower levels left, contributions in ascending column
-/// (Davis 2006, section 4.8; levels: Anderson and Saad 1989).
+/// Cholesky's factorisation of a block matrix by the levels of its plan, complete or not as the plan's pattern is. It
+/// is left-looking: one lane computes a block of L from what lower levels left, contributions in ascending column.
+/// (Davis 2006, section 4.8; levels: Anderson and Saad 1989.)
 namespace stiction::inline STICTION_ISA {
 
 /// Team `below` of L in row `row`: what the rows of L to its left leave of H's block, divided by its column's

@@ -3,7 +3,7 @@
 #include "core/job/block_pattern.hpp"
 #include "core/team/reduce.hpp"
 
-/// Matrices of 6 x 6 blocks of doubles over bodies (docs/math/multigrid.md): products in an order that the pattern
+/// Matrices of 6 x 6 blocks of doubles over bodies (docs/math/multigrid.md). Products go in an order that the pattern
 /// decides, so that the bits do not depend on how many lanes there are.
 namespace stiction::inline STICTION_ISA {
 

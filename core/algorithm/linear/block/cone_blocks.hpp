@@ -3,7 +3,7 @@
 #include "core/algorithm/problem/cone_shape.hpp"
 #include "core/team/phases.hpp"
 
-/// The blocks that a matrix over an environment's rows has on its cones, factored: what preconditions conjugate
+/// The blocks that a matrix over an environment's rows has on its cones, factored. They precondition conjugate
 /// gradients in methods that have no room for the matrix.
 namespace stiction::inline STICTION_ISA {
 

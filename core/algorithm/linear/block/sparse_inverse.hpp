@@ -6,8 +6,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Factored sparse approximate inverse G'G of H, G lower triangular on H's pattern (Kolotilina and Yeremin 1993). With
-/// H = L L', the G of that pattern that minimises |I - G L|_F solves one small system per block row, in which L no
-/// longer appears but for the scale of each block row; the scale is chosen so that the diagonal blocks of G H G' are
+/// H = L L', the G of that pattern that minimises |I - G L|_F solves one small system per block row. L no longer
+/// appears in it but for the scale of each block row. The scale is chosen so that the diagonal blocks of G H G' are
 /// the identity (docs/math/preconditioners.md). Symmetric and positive definite whatever H; two products to apply.
 struct SparseInverse {
   SparseInverseView plan;

@@ -3,7 +3,7 @@
 #include "core/team/phases.hpp"
 
 /// A dense symmetric matrix of doubles, factored and solved by a team. Every entry is updated by one lane in an order
-/// given by the columns alone, so that the bits do not depend on how many lanes there are.
+/// given by the columns alone. So the bits do not depend on how many lanes there are.
 namespace stiction::inline STICTION_ISA {
 
 /// A square matrix, column by column.
@@ -13,10 +13,10 @@ struct DenseMatrix {
   STICTION_HD double& operator()(Index i, Index j) const { return data[i + static_cast<Offset>(n) * j]; }
 };
 
-/// L D L' of a symmetric positive semidefinite K, of which the lower triangle is read (Golub and Van Loan 2013, section
-/// 4.1.2, right-looking). Afterwards the diagonal holds D and both triangles hold L, so that both substitutions read
-/// neighbours. A pivot that is not above `floor` belongs to a direction that K does not see: it is replaced by a number
-/// so large that the solution has no part along it. Returns how many were, on every lane.
+/// L D L' of a symmetric positive semidefinite K, of which the lower triangle is read (Golub and Van Loan 2013,
+/// section 4.1.2, right-looking). Afterwards the diagonal holds D and both triangles hold L, so that both
+/// substitutions read neighbours. A pivot that is not above `floor` belongs to a direction that K does not see. It is
+/// replaced by a number so large that the solution has no part along it. Returns how many were, on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE Index factor_ldl(TeamT& team, const DenseMatrix& K, double floor) {
   constexpr double kOutOfReach = 0x1p+512;

@@ -4,13 +4,13 @@
 #include "core/team/reduce.hpp"
 
 /// A general square matrix of doubles, factored and solved by a team. As in dense_factor.hpp every entry is updated by
-/// one lane in an order given by the columns alone; the pivot is the largest magnitude of its column and, among equals,
-/// the first, which no number of lanes can change.
+/// one lane in an order given by the columns alone. The pivot is the largest magnitude of its column and, among
+/// equals, the first, which no number of lanes can change.
 namespace stiction::inline STICTION_ISA {
 
-/// P K = L U by partial pivoting (Golub and Van Loan 2013, section 3.4), in place; pivots[j] is the row that was
-/// exchanged with row j. A column without a usable pivot is a direction that K does not see: its pivot becomes a number
-/// so large that the solution has no part along it. Returns how many there were, on every lane.
+/// Factors P K = L U by partial pivoting (Golub and Van Loan 2013, section 3.4), in place. pivots[j] is the row that
+/// was exchanged with row j. A column without a usable pivot is a direction that K does not see. Its pivot becomes a
+/// number so large that the solution has no part along it. Returns how many there were, on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* pivots) {
   constexpr double kOutOfReach = 0x1p+512;

@@ -5,8 +5,8 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 
-/// A + diag R of a loaded system as a dense matrix of doubles, in the solver's coordinates and the system's order of
-/// rows: what methods that factorise work on.
+/// Writes A + diag R of a loaded system as a dense matrix of doubles, in the solver's coordinates and the system's
+/// order of rows. Methods that factorise work on it.
 namespace stiction::inline STICTION_ISA {
 
 template <Team TeamT, class Real>

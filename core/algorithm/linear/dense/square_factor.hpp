@@ -3,8 +3,8 @@
 #include "core/base/strided.hpp"
 #include "core/team/phases.hpp"
 
-/// L D L' of a symmetric positive definite matrix in the solve's own precision, for lanes of a pack, each with a matrix
-/// of its own. dense_factor.hpp is for one environment, in double.
+/// L D L' of a symmetric positive definite matrix in the solve's own precision, for lanes of a pack, each with its
+/// matrix. dense_factor.hpp is for one environment, in double.
 namespace stiction::inline STICTION_ISA {
 
 /// n x n numbers, column by column.
@@ -48,9 +48,9 @@ STICTION_HD void reduce_rows(const SquareMatrix<Real, kStride>& K, Index row, In
 }
 
 /// Factors K, of which the lower triangle is read, by panels of columns from the left (Golub and Van Loan 2013,
-/// sections 4.1.2 and 4.2.6): every entry is one lane's sum in the order of the columns before, and is written twice.
+/// sections 4.1.2 and 4.2.6). Every entry is one lane's sum in the order of the columns before, and is written twice.
 /// Afterwards row i of L lies above the diagonal of column i, L D below it, and `inverse` holds 1 / D. A pivot that is
-/// not above floor(j) belongs to a direction that K does not see: its inverse is 0, so that the solution has no part
+/// not above floor(j) belongs to a direction that K does not see. Its inverse is 0, so that the solution has no part
 /// along it.
 template <Team TeamT, class Real, int kStride, class Floor>
 STICTION_HD void factor_square(TeamT& team, const SquareMatrix<Real, kStride>& K, Strided<Real, kStride> inverse,

@@ -22,11 +22,11 @@ struct GradientOutcome {
   bool is_met = false;  ///< whether the tolerance was
 };
 
-/// What a method of gradients is asked: A x = b from x = 0, until its residual is `tolerance` times the first or `most`
-/// iterations are done. Which norm that is in, and how many vectors are kept, the method says.
+/// Arguments of a method of gradients, which solves A x = b from x = 0. It ends when its residual is `tolerance` times
+/// the first or `most` iterations are done. Which norm that is in, and how many vectors are kept, the method says.
 ///
 /// The operator A has `template <Team B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
-/// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has room of its own.
+/// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has separate room.
 struct KrylovProblem {
   Index unknowns;
   const double* b;  ///< (unknowns)

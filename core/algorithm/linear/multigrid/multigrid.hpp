@@ -15,7 +15,7 @@ struct Multigrid {
   static STICTION_HD Offset doubles(const MultigridView& plan) { return MultigridMemory::doubles(plan); }
 
   /// Takes H = M + J'WJ, which must live on as long as apply() is called, and the bodies' positions, three for each,
-  /// from any origin. Every lane calls it on a Multigrid of its own.
+  /// from any origin. Every lane calls it on its Multigrid.
   template <Team TeamT>
   STICTION_HD_OUTLINE void prepare(TeamT& team, const BlockMatrix& H, const double* positions) {
     finest = H;
@@ -70,7 +70,7 @@ struct Multigrid {
     } while (l > 0);
   }
 
-  /// A level's numbers, for those who look into the hierarchy.
+  /// A level's numbers, for what reads the hierarchy.
   [[nodiscard]] STICTION_HD GridLevel level(Index l) const { return grids().level(l, finest); }
 
  private:

@@ -10,8 +10,8 @@ namespace stiction::inline STICTION_ISA {
 /// Coordinates of a position.
 inline constexpr Index kPosition = 3;
 
-/// The twist of a body at d = (its position - the coarse body's) that moves rigidly with the coarse body: velocity
-/// v + w x d, spin w, as a block [I, -[d]x; 0, I].
+/// The twist of a body at d = (its position - the coarse body's) that moves rigidly with the coarse body. It has
+/// velocity v + w x d and spin w, as a block [I, -[d]x; 0, I].
 STICTION_HD void rigid_block(const double* position, const double* coarse, double (&T)[kBlockEntries]) {
   const double x = position[0] - coarse[0];
   const double y = position[1] - coarse[1];

@@ -9,10 +9,10 @@ namespace stiction::inline STICTION_ISA {
 /// Sweeps of damped block Jacobi before and after each visit of the coarser level.
 inline constexpr Index kSweeps = 2;
 
-/// Damping factors of the two sweeps whose product of errors is the Chebyshev polynomial of degree two on
-/// [bound / 8, bound] (Saad 2003, section 12.3.2): theta +- delta / sqrt 2 are its zeros, theta = 9/16 bound and
-/// delta = 7/16 bound. Its absolute value is below 1 from 0 to 9/8 bound, so an eigenvalue may be that much above the
-/// bound before a cycle ceases to be positive definite.
+/// Damping factors of the two sweeps whose product of errors is the Chebyshev polynomial of degree two on [bound / 8,
+/// bound] (Saad 2003, section 12.3.2). Its zeros are theta +- delta / sqrt 2, theta = 9/16 bound and delta = 7/16
+/// bound. Its absolute value is below 1 from 0 to 9/8 bound. So an eigenvalue may be that much above the bound before
+/// a cycle ceases to be positive definite.
 struct SweepWeights {
   double weight[kSweeps];
 };
@@ -74,9 +74,9 @@ struct Smoother {
 inline constexpr Index kPowerSteps = 12;
 inline constexpr double kPowerMargin = 1.1;
 
-/// An estimate from below of the largest eigenvalue of D^-1 H by the power method (Golub and Van Loan 2013, section
-/// 8.2.1) from a fixed vector: y'Hy / y'Dy, on every lane. `y` and `h` are scratch. The vectors grow by less than that
-/// eigenvalue in each step, so they are not scaled; in exact arithmetic no quotient is below the one before.
+/// Estimates from below the largest eigenvalue of D^-1 H by the power method (Golub and Van Loan 2013, section 8.2.1)
+/// from a fixed vector. The estimate is y'Hy / y'Dy, on every lane. `y` and `h` are scratch. The vectors grow by less
+/// than that eigenvalue in each step, so they are not scaled. In exact arithmetic no quotient is below the one before.
 template <Team TeamT>
 STICTION_HD_OUTLINE double largest_eigenvalue(TeamT& team, const Smoother& smoother, double* y, double* h) {
   const Index n = smoother.H.pattern.rows * kBodyBlock;

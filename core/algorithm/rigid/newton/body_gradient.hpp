@@ -67,7 +67,7 @@ STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceWorkspace& worksp
   });
 }
 
-/// Motion, with its shift, at workspace.point. Steps add to it what they change: computed afresh, its rounding would be
+/// Motion, with its shift, at workspace.point. Steps add to it what they change. Recomputed, its rounding would be
 /// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
 template <Team TeamT>
 STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& workspace) {

@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr double kFollowTolerance = 1e-4;
 
 /// A contact's answer to a change of motion with its shift s = mu norm(w_t) going along (docs/math/body_newton.md,
-/// (7)): dz = first - (1 + e r')^-1 (1 + e sigma') J d / c, with e the normal row.
+/// (7)). With e the normal row, dz = first - (1 + e r')^-1 (1 + e sigma') J d / c.
 struct FollowedContact {
   double P[3][3];
   double sigma[3];  ///< mu times the unit direction of sliding; zero where the shift is kept
@@ -77,7 +77,7 @@ STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedCon
 /// The first step after a renewal: the new problem as it would be if no contact changed how it is held, sliding or
 /// open. What moves with weights and shifts is linear then, and needs no line search; what the step overlooks is left
 /// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
-/// Coulomb's law itself; without, they become what they should have been before it.
+/// Coulomb's law itself. Without, they become what they should have been before it.
 template <Team TeamT>
 STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {

@@ -6,8 +6,9 @@
 /// From the batch's arrays to numbers that Newton's method in body space can work with.
 namespace stiction::inline STICTION_ISA {
 
-/// A direction in which a body's inverse inertia, or its inverse mass, is below this part of the largest has a mass
-/// matrix as if it were that part: below, rounding would make as much of it. Reactions answer the inverse as it is.
+/// In some direction a body's inverse inertia, or its inverse mass, may be below this part of the largest. Its mass
+/// matrix is then as if it were that part: below, rounding would make as much of it. Reactions answer the inverse as
+/// it is.
 inline constexpr double kLeastInverse = 1e-9;
 
 /// The inverse of a symmetric positive semidefinite matrix whose pivots are kept from zero, by L D L'.

@@ -5,18 +5,18 @@
 #include "core/algorithm/rigid/sequential_impulses.hpp"
 
 /// Newton's method on the velocities of bodies (docs/math/body_newton.md): the convex law with compliance is a smooth
-/// convex function of them. A proximal term stands in for missing compliance, and Coulomb's law is the fixed point in
+/// convex function of them. A proximal term stands in for missing compliance. Coulomb's law is the fixed point in
 /// which the motion of every contact is shifted by mu times its own sliding.
 namespace stiction::inline STICTION_ISA {
 
-/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open,
-/// and under Coulomb's law whenever it is of no use.
+/// Sweeps of sequential impulses before the first Newton step of a sub-step, which find most of which contacts open.
+/// Under Coulomb's law they also follow whenever the step is of no use.
 inline constexpr Index kSpaceSweeps = 48;
 /// Each time twice as many as the time before, up to this: sweeps that begin again lose what momentum they had.
 inline constexpr Index kMostSpaceSweeps = 3072;
-/// Weight of the proximal term over the mean diagonal of a contact's block: at the beginning, its factor whenever the
-/// problem with it is solved, and where it ends unless compliance takes its place. Below, rounding over the weight
-/// would be more than the proximal term still hides.
+/// Weight of the proximal term over the mean diagonal of a contact's block at the beginning. Then its factor whenever
+/// the problem with it is solved. The last is where it ends unless compliance takes its place. Below, rounding over
+/// the weight would be more than the proximal term still hides.
 inline constexpr double kProxWeightStart = 1e-2;
 inline constexpr double kProxWeightFall = 0.1;
 inline constexpr double kProxWeightLeast = 1e-7;
@@ -103,7 +103,7 @@ STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& wor
   for_each(team, workspace.contacts,
            [&](Index p) { relative_motion(workspace.contact[p], workspace.step, workspace.contact[p].along); });
   const double noise = slope_noise(team, workspace, compliance);
-  // The slope at the beginning is that of the system that was solved: d'Hd > 0, even where rounding or a direction
+  // The slope at the beginning is that of the system that was solved. So d'Hd > 0 even where rounding or a direction
   // that nothing can move keeps M and the inverse masses from being each other's inverse.
   const double slope = 0.0 - dot_product(team, n, workspace.force, workspace.step);
   const LinePoint contacts = evaluate_along(team, workspace, LinePoint{0.0, 0.0}, compliance, 0.0);

@@ -168,8 +168,8 @@ struct Admm {
     });
   }
 
-  /// g to the next iterate: accelerated, unless the last guess made the plain step longer; then to where a plain step
-  /// from the iterate before would have led.
+  /// Moves g to the next iterate, which is accelerated unless the last guess made the plain step longer. Then it is
+  /// where a plain step from the iterate before would have led.
   template <Team TeamT, class System>
   static STICTION_HD_OUTLINE void move(TeamT& team, System& s, const AdmmState& a) {
     using Real = typename System::Real;

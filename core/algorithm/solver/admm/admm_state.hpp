@@ -28,8 +28,8 @@ STICTION_HD bool prefers_velocity(const System& s) {
   }
 }
 
-/// The vectors and the factor that admm keeps, in coordinates in which every cone's block has a mean diagonal of one:
-/// cone c's rows of x are scale * z, its rows of y are motion / scale.
+/// The vectors and the factor that admm keeps, in coordinates in which every cone's block has a mean diagonal of one.
+/// Cone c's rows of x are scale * z, its rows of y are motion / scale.
 struct AdmmState {
   Index n;
   AdmmForm form;

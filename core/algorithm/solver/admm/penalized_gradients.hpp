@@ -6,8 +6,8 @@
 /// here is reached by an environment that has room for a matrix.
 namespace stiction::inline STICTION_ISA {
 
-/// What a solve leaves of the residual that the v before has, in the norm that the preconditioner makes: where the
-/// iteration comes to rest, so does the error.
+/// What a solve leaves of the residual that the v before has, in the norm that the preconditioner makes. Where the
+/// iteration converges, so does the error.
 inline constexpr double kPenalizedAccuracy = 1e-1;
 /// Steps for one solve at most.
 inline constexpr Index kMostPenalizedSteps = 200;

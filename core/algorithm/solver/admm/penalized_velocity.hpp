@@ -2,8 +2,8 @@
 
 #include "core/algorithm/solver/admm/penalized_matrix.hpp"
 
-/// K + rho = Z Z' + E with Z = scale Y of n rows and dofs columns, E diagonal: solved through a matrix of the dofs by
-/// Woodbury's formula (docs/math/admm.md).
+/// K + rho = Z Z' + E with Z = scale Y of n rows and dofs columns, E diagonal. It is solved through a matrix of the
+/// dofs by Woodbury's formula (docs/math/admm.md).
 namespace stiction::inline STICTION_ISA {
 
 /// E^-1, and the factor of I + Z' E^-1 Z. Every entry is summed over rows in order by one lane.

@@ -32,8 +32,8 @@ STICTION_HD double cone_determinant(const double (&x)[M]) {
   return max_(careful_dot<M>(x, x, -1.0), x[0] * x[0] * kThinnest);
 }
 
-/// The scaling W of a primal-dual pair, W z = W^-1 x = lambda, on rotated coordinates: a reflection turns its axis into
-/// the first tangent, and then W^-1 has the eigenvectors (1, 1, 0 ..), (1, -1, 0 ..) and the other tangents.
+/// The scaling W of a primal-dual pair, W z = W^-1 x = lambda, on rotated coordinates. A reflection turns its axis
+/// into the first tangent, and then W^-1 has the eigenvectors (1, 1, 0 ..), (1, -1, 0 ..) and the other tangents.
 template <int M>
 struct ConeScaling {
   double inverse_eigenvalues[M];  ///< eigenvalues of W^-1, in that order

@@ -7,9 +7,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md). One
-/// factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb law
-/// de Saxce's shift is taken from the point before, and the barrier may not fall faster than the shift comes to rest.
+/// Primal-dual interior point with Mehrotra's predictor and corrector and Nesterov-Todd scaling (docs/math/ipm.md).
+/// One factorisation an iteration; where there is no room for matrices, conjugate gradients instead. Under the Coulomb
+/// law de Saxce's shift is taken from the point before. The barrier may not fall faster than the shift settles.
 struct Ipm {
   static constexpr SolverKind kKind = SolverKind::ipm;
   static STICTION_HD constexpr Workspace workspace() {
@@ -22,7 +22,7 @@ struct Ipm {
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
-  /// Iterations without a residual smaller by a tenth before the method ends by itself.
+  /// Iterations without a residual smaller by a tenth before the method ends.
   static STICTION_HD constexpr int patience(Law law) { return law == Law::coulomb ? 60 : 10; }
   /// A residual that many times the best is not coming back.
   static constexpr float kLost = 1e12F;
@@ -108,7 +108,7 @@ struct Ipm {
     });
   }
 
-  /// Ends a run whose residual has come to rest. Reads what was recorded of the iteration before; the first iteration's
+  /// Ends a run whose residual no longer falls. Reads what was recorded of the iteration before; the first iteration's
   /// was not an interior point.
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE void watch(TeamT& team, System& s) {

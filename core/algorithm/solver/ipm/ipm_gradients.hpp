@@ -2,8 +2,9 @@
 
 #include "core/algorithm/solver/ipm/ipm_space.hpp"
 
-/// An interior point's linear system K = Q' (A + diag R) Q + D without a matrix: conjugate gradients, preconditioned by
-/// the cones' own blocks of K (docs/math/ipm.md). Nothing here is reached by an environment that has room for K.
+/// An interior point's linear system K = Q' (A + diag R) Q + D without a matrix. It is solved by conjugate gradients,
+/// preconditioned by the cones' own blocks of K (docs/math/ipm.md). Nothing here is reached by an environment that has
+/// room for K.
 namespace stiction::inline STICTION_ISA {
 
 /// How far conjugate gradients go, relative to the force in the norm that the preconditioner makes. What they leave is

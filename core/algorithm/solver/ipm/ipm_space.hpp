@@ -9,8 +9,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// An interior point's doubles (docs/math/ipm.md). On rows of friction cones z is the dual and there is no slack; other
-/// rows have a slack and a multiplier for each finite bound, and a slack of one with a multiplier of zero for the rest.
+/// An interior point's doubles (docs/math/ipm.md). On rows of friction cones z is the dual and there is no slack.
+/// Other rows have a slack and a multiplier for each finite bound, and a slack of one with a multiplier of zero for
+/// the rest.
 struct IpmSpace {
   enum Vector : Index {
     kPoint,

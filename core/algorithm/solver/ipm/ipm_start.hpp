@@ -77,7 +77,7 @@ STICTION_HD_OUTLINE void solve_start(TeamT& team, const System& s, const IpmSpac
 }
 
 /// Fills the space and returns the number of barrier terms. The point is the minimiser of the problem without cones
-/// but with each cone's own mean diagonal added, pushed inside; its size gives all cones one complementarity.
+/// but with each cone's own mean diagonal added, pushed inside. Its size gives all cones one complementarity.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE double start_interior(TeamT& team, System& s, const IpmSpace& p) {
   if (p.has_matrices) fill_matrix(team, s, p.A);

@@ -7,14 +7,14 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Lemke's complementary pivoting with bounds, for environments without friction cones (docs/math/lemke.md). An
-/// iteration is a pivot, the number of pivots is finite, and the path ends at a solution or on a ray; for a positive
+/// iteration is a pivot, the number of pivots is finite, and the path ends at a solution or on a ray. For a positive
 /// semidefinite A a ray means that there is none. When a path has ended the dictionary of its last basis is written
-/// anew from the system's numbers, so that no rounding of the pivots is left, and what is still infeasible is the
-/// beginning of another path.
+/// anew from the system's numbers. So no rounding of the pivots is left. What is still infeasible is the beginning of
+/// another path.
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
   static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = Tableau::kVectors, .dense_matrices = 1}; }
-  /// A pivot costs as much as a look at the residual.
+  /// A pivot costs as much as a check of the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most
   static constexpr double kRays = 2.0;      ///< met before paths begin elsewhere
@@ -118,8 +118,8 @@ struct Lemke {
     single(team, [&] { t.state[kEntering] = static_cast<double>(t.artificial()); });
   }
 
-  /// z0's column: positive where a basic variable has a lower bound only, negative where it has an upper one only, so
-  /// that a large z0 makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
+  /// z0's column is positive where a basic variable has a lower bound only, negative where it has an upper one only.
+  /// So a large z0 makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
   /// and covers no row that needs no covering.
   template <Team TeamT>
   static STICTION_HD_OUTLINE void cover(TeamT& team, const Tableau& t, Index label) {
@@ -225,8 +225,8 @@ struct Lemke {
         return;
       }
     }
-    // After a ray from the beginning, with another covering vector: where A is not semidefinite the ray belongs to the
-    // path and not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
+    // Begins after a ray, with another covering vector. Where A is not semidefinite the ray belongs to the path and
+    // not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
     const bool anew = leaving == Blocking::kNothing || (is_elsewhere && leaving != t.artificial());
     for_each(team, t.n, [&](Index j) {
       const bool wanted = anew ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);

@@ -4,10 +4,10 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The beginning of Lemke and Howson's path (1964) with label k, in a dictionary whose y are basic: x_k comes down from
-/// infinity until a row r needs it, takes the place of y_r, and x_r that of y_k. Returns whether that was possible, on
-/// every lane; the dictionary is left as it was if not. Then the column of y_k covers every row that such an x_r could
-/// lift, as in a matrix game it covers all that are infeasible (docs/math/lemke.md).
+/// Begins Lemke and Howson's path (1964) with label k, in a dictionary whose y are basic. x_k comes down from infinity
+/// until a row r needs it, takes the place of y_r, and x_r that of y_k. Returns whether that was possible, on every
+/// lane; the dictionary is left as it was if not. Then the column of y_k covers every row that such an x_r could lift.
+/// In a matrix game it so covers all that are infeasible (docs/math/lemke.md).
 template <Team TeamT>
 STICTION_HD_OUTLINE bool begin_at_pair(TeamT& team, const Tableau& t, Index k) {
   if (t.is_basic(k)) return false;

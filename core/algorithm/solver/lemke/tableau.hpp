@@ -4,8 +4,8 @@
 #include "core/team/reduce.hpp"
 
 /// The dictionary of complementary pivoting (docs/math/lemke.md): n basic variables as affine functions of n + 1
-/// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone, so that
-/// the bits do not depend on how many lanes there are.
+/// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone. So the
+/// bits do not depend on how many lanes there are.
 namespace stiction::inline STICTION_ISA {
 
 /// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. Of a pair x_j, y_j the one that is not
@@ -104,8 +104,8 @@ STICTION_HD_OUTLINE void exchange(TeamT& team, const Tableau& t, Index row, Inde
   });
 }
 
-/// The dictionary in which every y is basic: y = M x + b in rows and columns scaled by powers of two to diagonals of
-/// order one, x resting at its bounds.
+/// Writes the dictionary in which every y is basic. It is y = M x + b in rows and columns scaled by powers of two to
+/// diagonals of order one, x resting at its bounds.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Tableau& t) {
   const Index n = t.n;
@@ -145,9 +145,9 @@ STICTION_HD_OUTLINE void write_values(TeamT& team, const System& s, const Tablea
   });
 }
 
-/// Makes the x_j with wanted[j] = 1 basic in place of the y_j, starting from the dictionary just written: elimination
-/// with complete pivoting, a tie going to the diagonal. What has no pivot left that is above rounding is dependent on
-/// what went before it; its x stays at rest, where a consistent system has y = 0.
+/// Makes the x_j with wanted[j] = 1 basic in place of the y_j, starting from the dictionary just written. It is
+/// elimination with complete pivoting, a tie going to the diagonal. What has no pivot left that is above rounding is
+/// dependent on what went before it. Its x stays at rest, where a consistent system has y = 0.
 template <Team TeamT>
 STICTION_HD_OUTLINE void bring_in(TeamT& team, const Tableau& t, const double* wanted) {
   const Index n = t.n;

@@ -30,7 +30,7 @@ struct CompliantPoint {
 inline constexpr int kSlidingSteps = 12;
 
 /// The sliding zone of a friction cone: x = tau (1, s) with s_i = -u_i / ((R_i + R_n) tau + u_n), norm(s) = 1. The
-/// inverse of norm(s) is concave and increasing in tau, so Newton's method on it never passes the root; it is a
+/// inverse of norm(s) is concave and increasing in tau, so Newton's method on it never passes the root. It is a
 /// straight line if all R_i are equal.
 template <int M>
 STICTION_HD_OUTLINE void slide(CompliantPoint<M>& point, const double (&u)[M], const double (&R)[M]) {
@@ -98,8 +98,8 @@ STICTION_HD_OUTLINE CompliantPoint<M> compliant_point(Shape, const double (&u)[M
 }
 
 /// C with C C' = W = -dx/du, lower columns first; columns beyond the rank are zero. On the boundary dx stays in the
-/// tangent space T of the cone, spanned by (1, s) and the w orthogonal to s, and W = T (T'HT)^-1 T' with H = R and on
-/// the w also eta / tau, the curvature of the boundary: C = T L^-T with L L' = T'HT, positive definite.
+/// tangent space T of the cone, spanned by (1, s) and the w orthogonal to s. There W = T (T'HT)^-1 T' with H = R and
+/// on the w also eta / tau, the curvature of the boundary. C = T L^-T with L L' = T'HT, positive definite.
 template <class Shape, int M>
 STICTION_HD_OUTLINE void compliance_factor(Shape, const CompliantPoint<M>& point, const double (&R)[M],
                                            double (&C)[M][M]) {

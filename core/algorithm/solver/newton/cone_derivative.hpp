@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// An element of the generalised derivative of a cone's projection at z (docs/math/newton.md, (9)): of the circular
-/// unit cone, the half line, the interval [lo, hi] or the line.
+/// An element of the generalised derivative of a cone's projection at z (docs/math/newton.md, (9)). The cone is the
+/// circular unit cone, the half line, the interval [lo, hi] or the line.
 template <class Shape, int M>
 STICTION_HD_OUTLINE void projection_derivative(Shape, const double (&z)[M], double lo, double hi, double (&P)[M][M]) {
   double inside = 1.0;

@@ -11,7 +11,7 @@ STICTION_HD double natural_step(const System& s, Index cone) {
   return inverse > 0.0 ? inverse : 1.0;
 }
 
-/// One cone's part of the derivative of the proximal natural map, I - P' + P' D (S (A + R) + pull I), where S adds the
+/// One cone's part of the derivative of the proximal natural map, I - P' + P' D (S (A + R) + pull I). S adds the
 /// derivative of de Saxce's term to the normal row (docs/math/newton.md, (8)).
 template <int M>
 struct NaturalSlope {

@@ -6,9 +6,10 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Newton's method (docs/math/newton.md), on one of two problems. Convex law with compliance on every row: the smooth
-/// convex problem that MuJoCo's and SAP's solvers minimise over velocities (Castro et al. 2022), with an exact line
-/// search. Anything else: semismooth Newton on the natural map with a proximal term, in alternation with sweeps.
+/// Newton's method (docs/math/newton.md), on one of two problems. For the convex law with compliance on every row it
+/// solves a smooth convex problem with an exact line search. MuJoCo's and SAP's solvers minimise the same over
+/// velocities (Castro et al. 2022). Anything else: semismooth Newton on the natural map with a proximal term, in
+/// alternation with sweeps.
 struct Newton {
   static constexpr SolverKind kKind = SolverKind::newton;
   static STICTION_HD constexpr Workspace workspace() {

@@ -4,9 +4,10 @@
 #include "core/algorithm/solver/newton/compliant_cone.hpp"
 #include "core/algorithm/solver/newton/primal_matrix_free.hpp"
 
-/// Newton's method for the convex law with compliance on every row: minimise phi(zeta) = zeta'A zeta / 2 + psi(A zeta +
-/// b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the iterates of
-/// Newton's method on the velocity, v = v_free + M^-1 J' zeta, as MuJoCo and SAP have it, but A is all it needs.
+/// Newton's method for the convex law with compliance on every row. It minimises phi(zeta) = zeta'A zeta / 2 + psi(A
+/// zeta + b), where psi is the compliant cones' response (docs/math/newton.md). In exact arithmetic these are the
+/// iterates of Newton's method on the velocity, v = v_free + M^-1 J' zeta, as MuJoCo and SAP have it. But A is all it
+/// needs.
 namespace stiction::inline STICTION_ISA {
 
 /// Part of the slope at the beginning of a line that may be left where it ends.

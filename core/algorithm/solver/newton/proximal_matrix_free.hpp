@@ -3,9 +3,9 @@
 #include "core/algorithm/solver/newton/natural_slope.hpp"
 #include "core/algorithm/solver/newton/newton_workspace.hpp"
 
-/// The linear system of the proximal branch, F' d = -F, without a matrix: stabilized gradients, since F' is not
-/// symmetric, preconditioned by the inverses of the cones' own blocks (docs/math/newton.md). Nothing here is reached by
-/// an environment that has room for a matrix.
+/// The linear system of the proximal branch, F' d = -F, without a matrix. F' is not symmetric, so it is solved by
+/// stabilized gradients, preconditioned by the inverses of the cones' own blocks (docs/math/newton.md). Nothing here
+/// is reached by an environment that has room for a matrix.
 namespace stiction::inline STICTION_ISA {
 
 /// Part of the residual that a step's gradients leave, in length.

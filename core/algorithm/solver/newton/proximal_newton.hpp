@@ -6,8 +6,8 @@
 #include "core/algorithm/solver/npgs.hpp"
 
 /// Semismooth Newton on the natural map with a proximal term: Coulomb's law, and the convex law where some row has no
-/// compliance (docs/math/newton.md). It converges from nearby, so sweeps with momentum bring it there, at the beginning
-/// and whenever a step does not make the natural map smaller; the term is then weighted more again.
+/// compliance (docs/math/newton.md). It converges from nearby. So sweeps with momentum bring it there, at the
+/// beginning and whenever a step does not make the natural map smaller. The term is then weighted more again.
 namespace stiction::inline STICTION_ISA {
 
 inline constexpr int kSweepsBefore = 10;  ///< sweeps at the beginning and when Newton's method is of no use

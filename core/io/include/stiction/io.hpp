@@ -11,8 +11,8 @@
 #include "stiction/status.hpp"
 
 /// Problems and solutions in HDF5 files (docs/file_formats.md). Every function may be called from any thread; calls
-/// wait for one another. Failures: Error(io) when the operating system refuses, Error(bad_file) when the content is
-/// not what it should be, with one sentence that begins with the file's name.
+/// wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when the
+/// content is not what it should be. The message is one sentence that begins with the file's name.
 namespace stiction::io {
 
 /// A sparse matrix by rows. An empty ptr: the matrix is absent.
@@ -70,8 +70,8 @@ Recording read_batch(const std::filesystem::path& path);
 void write_batch(const std::filesystem::path& path, const Recording& recording);
 
 /// Writes environment `env` as an FCLIB local problem with W = A + diag R, q = b.
-/// \throws Error(invalid_argument) if env is out of range or FCLIB cannot say it: the law must be coulomb and every
-/// cone a friction cone of the same size, 2 or 3, with one mu for its tangential rows
+/// \throws Error(invalid_argument) if env is out of range or FCLIB cannot express it. The law must be coulomb and
+/// every cone a friction cone of the same size, 2 or 3, with one mu for its tangential rows
 void write_fclib_local(const std::filesystem::path& path, const Recording& recording, Offset env);
 
 /// A solution file in memory, in the order of the batch it belongs to. Everything but lambda may be empty.
