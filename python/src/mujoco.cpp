@@ -204,8 +204,8 @@ void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset con
     }
     if (mujoco_kind >= 5) {  // contacts are MuJoCo's last kinds
       const std::byte* one = contact + object * layout_.contact_bytes;
-      const auto first = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom) + 1);
-      const auto second = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom + 4) + 1);
+      const auto first = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom)) + 1;
+      const auto second = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom + 4)) + 1;
       const std::uint64_t pair = first << 32U | second;
       if (id[i] != last_contact) {
         number = pair == last_pair ? number + 1 : 0;
