@@ -23,13 +23,17 @@ T parsed(const std::string& name, const std::string& text) {
   return value;
 }
 
-int parsed_count(const std::string& name, const std::string& text, int least) {
+}  // namespace
+
+double to_number(const std::string& name, const std::string& text) {
+  return parsed<double>(name, text);
+}
+
+int to_count(const std::string& name, const std::string& text, int least) {
   const int value = parsed<int>(name, text);
   if (value < least) refuse(name + " = " + text + ": must be at least " + std::to_string(least));
   return value;
 }
-
-}  // namespace
 
 std::vector<std::string> comma_parts(const std::string& text) {
   std::vector<std::string> parts;
@@ -62,22 +66,22 @@ std::vector<std::string> Arguments::texts(const std::string& name) const {
 }
 
 double Arguments::number(const std::string& name) const {
-  return parsed<double>(name, text(name));
+  return to_number(name, text(name));
 }
 
 std::vector<double> Arguments::numbers(const std::string& name) const {
   std::vector<double> all;
-  for (const std::string& part : texts(name)) all.push_back(parsed<double>(name, part));
+  for (const std::string& part : texts(name)) all.push_back(to_number(name, part));
   return all;
 }
 
 int Arguments::count(const std::string& name, int least) const {
-  return parsed_count(name, text(name), least);
+  return to_count(name, text(name), least);
 }
 
 std::vector<int> Arguments::counts(const std::string& name, int least) const {
   std::vector<int> all;
-  for (const std::string& part : texts(name)) all.push_back(parsed_count(name, part, least));
+  for (const std::string& part : texts(name)) all.push_back(to_count(name, part, least));
   return all;
 }
 

@@ -12,6 +12,11 @@ namespace stiction::bench {
 /// "a,b,c" in parts.
 std::vector<std::string> comma_parts(const std::string& text);
 
+/// The number that `text`, a value of `name`, says. \throws Error(invalid_argument) if it is none.
+double to_number(const std::string& name, const std::string& text);
+/// The count that `text`, a value of `name`, says. \throws Error(invalid_argument) if it is none or less than `least`.
+int to_count(const std::string& name, const std::string& text, int least = 1);
+
 /// What a benchmark was asked for: `--name value` pairs, each name one that has a default. `--csv PATH` is always one
 /// of them.
 class Arguments {

@@ -83,7 +83,7 @@ int solve(const std::vector<engines::Scene>& scenes, bool momentum, char** words
   for (const engines::Scene& scene : scenes) batch.add(environment<Real>(scene));
   const BodyBatchView<Real> view = batch.view();
   BodySolverOptions options;
-  options.iterations = static_cast<Index>(std::atoi(words[2]));
+  options.iterations = engines::number<Index>(words[2]);
   options.momentum = momentum;
   options.threads = 1;
   const BodySolver solver(Device::cpu(), {}, options);
@@ -91,7 +91,7 @@ int solve(const std::vector<engines::Scene>& scenes, bool momentum, char** words
   std::vector<Real> impulse(static_cast<std::size_t>(3 * view.contact_count));
   std::vector<Real> twist(static_cast<std::size_t>(6 * view.body_count));
   std::vector<EnvStatus> status(static_cast<std::size_t>(view.env_count));
-  const engines::Call call = engines::timed(batch, std::atof(words[3]), [&](const auto&) {
+  const engines::Call call = engines::timed(batch, engines::number<double>(words[3]), [&](const auto&) {
     engines::Call once;
     const engines::Stopwatch solving;
     solver.solve(plan, view, {impulse.data(), twist.data(), nullptr, status.data()});

@@ -27,7 +27,7 @@ namespace {
 BodyEnvironment<double> scene_of(const std::string& name) {
   const std::size_t digits = name.find_first_of("0123456789");
   const std::string kind = name.substr(0, digits);
-  const Index size = digits == std::string::npos ? 0 : std::atoi(name.c_str() + digits);
+  const Index size = digits == std::string::npos ? 0 : to_count("--scenes", name.substr(digits));
   if (size > 0 && kind == "tower") return scenes::box_bodies(scenes::box_tower(size), 0.5);
   if (size > 0 && kind == "wall") return scenes::box_bodies(scenes::box_wall(size, size), 0.5);
   if (size > 0 && kind == "pyramid") return scenes::box_bodies(scenes::box_pyramid(size), 0.5);
@@ -63,7 +63,7 @@ std::vector<Method> methods(double tolerance) {
 void run_method(const std::string& scene, const std::string& compliance, const std::string& tolerance,
                 const Method& method, const BodyBatchView<double>& view, int repeats, Csv* csv) {
   TimeStepping stepping;
-  stepping.cfm = std::atof(compliance.c_str()) * stepping.dt;
+  stepping.cfm = to_number("--compliance", compliance) * stepping.dt;
   const BodySolver solver(Device::cpu(), stepping, method.options);
   const double start = cpu_seconds();
   const BodyPlan plan = solver.plan(view);
@@ -108,7 +108,7 @@ int run(int argc, char** argv) {
     batch.add(scene_of(scene));
     for (const std::string& compliance : arguments.texts("--compliance"))
       for (const std::string& tolerance : arguments.texts("--tolerance"))
-        for (const Method& method : methods(std::atof(tolerance.c_str())))
+        for (const Method& method : methods(to_number("--tolerance", tolerance)))
           run_method(scene, compliance, tolerance, method, batch.view(), repeats, csv.get());
   }
   return 0;

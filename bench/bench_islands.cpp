@@ -101,7 +101,7 @@ int run(int argc, char** argv) {
               "iterations", "residual", "ended");
   for (const std::string& threads : arguments.texts("--threads"))
     for (const IslandMode mode : {IslandMode::together, IslandMode::apart}) {
-      options.threads = std::atoi(threads.c_str());
+      options.threads = to_count("--threads", threads, 0);
       options.islands = mode;
       const Timing timing = time_solve(batch, options, repeats);
       std::printf("%-9s %7s %10.1f %10.1f %10.1f %10d %10.1e  %s\n", to_string(mode), threads.c_str(), timing.total,

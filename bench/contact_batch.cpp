@@ -23,7 +23,7 @@ Environment<double> make_scene(const std::string& family, Index contacts, Offset
 
 bool is_plain_contact(const Environment<double>& scene, Index cone) {
   const auto& c = scene.cones[static_cast<std::size_t>(cone)];
-  const auto row = static_cast<std::size_t>(kRows * cone);
+  const std::size_t row = kRows * static_cast<std::size_t>(cone);
   return c.kind == ConeKind::friction && c.row_count == kRows && scene.mu[row + 1] == scene.mu[row + 2];
 }
 

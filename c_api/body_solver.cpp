@@ -21,19 +21,18 @@ struct PlannedBodies {
   std::optional<BodyPlan> on_device;
 
   template <class Real>
-  void make_plan(const BodyBatchView<Real>& batch, StreamRef stream) {
+  const BodyPlan& make_plan(const BodyBatchView<Real>& batch, StreamRef stream) {
     BodyPlan plan = solver.plan(batch, stream);
-    if (batch.space == MemorySpace::host)
-      on_host = HostPlan{std::move(plan), BodyStructure(batch, solver.options().max_contacts_per_env > 0)};
-    else
-      on_device = std::move(plan);
+    if (batch.space != MemorySpace::host) return on_device.emplace(std::move(plan));
+    BodyStructure structure(batch, solver.options().max_contacts_per_env > 0);
+    return on_host.emplace(HostPlan{std::move(plan), std::move(structure)}).plan;
   }
 
   template <class Real>
   const BodyPlan& plan_of(const BodyBatchView<Real>& batch, StreamRef stream) {
     if (batch.space == MemorySpace::host) {
-      if (!on_host.has_value() || !on_host->structure.is_of(batch)) make_plan(batch, stream);
-      return on_host->plan;
+      if (on_host.has_value() && on_host->structure.is_of(batch)) return on_host->plan;
+      return make_plan(batch, stream);
     }
     if (!on_device.has_value())
       refuse(

@@ -50,10 +50,6 @@ void refuse(const std::string& message) {
   throw Error(ErrorCode::invalid_argument, message);
 }
 
-void need(const void* argument, const char* name, const char* remedy) {
-  if (argument == nullptr) refuse(std::string(name) + " is null: " + remedy);
-}
-
 }  // namespace stiction::c
 
 const char* stiction_last_error(void) {

@@ -25,6 +25,9 @@ stiction_code guarded(F&& f) noexcept {
 [[noreturn]] void refuse(const std::string& message);
 
 /// \throws Error(invalid_argument) if an argument that a call cannot do without is null.
-void need(const void* argument, const char* name, const char* remedy);
+template <class T>
+void need(const T* argument, const char* name, const char* remedy) {
+  if (argument == nullptr) refuse(std::string(name) + " is null: " + remedy);
+}
 
 }  // namespace stiction::c

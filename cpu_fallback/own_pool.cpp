@@ -121,7 +121,7 @@ class Pool {
 /// the parent's pool may be locked for good: the child leaves it as it is and makes one of its own.
 class ProcessPool {
  public:
-  ProcessPool() {
+  ProcessPool() noexcept {
     pthread_atfork(nullptr, nullptr, [] { abandoned_ = current_.exchange(nullptr); });
   }
   ~ProcessPool() { delete current_.exchange(nullptr); }

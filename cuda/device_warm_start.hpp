@@ -20,8 +20,8 @@ class DeviceWarmStart final : public WarmStartMachine<Real> {
   DeviceWarmStart(const DeviceWarmStart&) = delete;
   DeviceWarmStart& operator=(const DeviceWarmStart&) = delete;
 
-  void load(const WarmStartLoadJob<Real>& job, StreamRef stream) override;
-  void store(const WarmStartStoreJob<Real>& job, StreamRef stream) override;
+  void load(const WarmStartLoadJob<Real>& request, StreamRef stream) override;
+  void store(const WarmStartStoreJob<Real>& request, StreamRef stream) override;
   void reset(std::span<const Offset> envs, StreamRef stream) override;
   void reset_where(const std::uint8_t* mask, StreamRef stream) override;
   void records(std::span<WarmStartRecord> out, StreamRef stream) override;

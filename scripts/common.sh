@@ -71,6 +71,7 @@ test_packages=(
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
   "libtbb-dev: oneTBB is not tested"
+  "doxygen: comments of the public headers are not checked"
 )
 
 # install_python WHAT PIP-OPTION ...: into .venv, saying what takes long; fails where it cannot be had. `seconds` limits it.

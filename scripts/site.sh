@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the documentation's site from docs/ and the other pages, and fails on a link that leads nowhere or a public name
-# of the Python package without a docstring. Open build-site/index.html.
+# Builds the documentation's site from docs/, the other pages, the Python package and the public headers. It fails on a
+# link that leads nowhere, and on a public name of Python, C++ or C without a comment. Open build-site/index.html.
 #
 #   scripts/site.sh [FOLDER]                      default: build-site
 set -euo pipefail
@@ -9,10 +9,14 @@ set -euo pipefail
 site=${1:-$root/build-site}
 
 say "site: packages"
-install_packages "python3: no site" "python3-venv: no site" "git: no site"
+install_packages "python3: no site" "python3-venv: no site" "git: no site" "doxygen: no site"
 make_venv "$root/tools/requirements-site.txt"
 if ! "$python" -c 'import mkdocs, mkdocstrings, material' 2> /dev/null; then
   note "PyPI did not deliver MkDocs: the site is NOT built"
+  exit 77
+fi
+if ! command -v doxygen > /dev/null; then
+  note "there is no doxygen, which reads the headers: the site is NOT built"
   exit 77
 fi
 say "site: pages"

@@ -3,14 +3,17 @@
 
 Every page keeps its path. A link to a source file leads to a page that shows it. A link to a folder leads to its
 README or a list of its files. The navigation is docs/index.md's: its sections and their tables. Beside each page lies
-its Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings.
+its Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings, those of C++ and
+C from the comments of their headers (tools/api_reference.py).
 
     tools/build_site.py FOLDER [--stage FOLDER]      the site; the pages it is built from (default: FOLDER-pages)
 
-Needs what tools/requirements-site.txt names.
+Needs what tools/requirements-site.txt names, and doxygen.
 """
 
 import argparse
+import html.parser
+import json
 import os
 import pathlib
 import posixpath
@@ -18,7 +21,9 @@ import re
 import shutil
 import subprocess
 import sys
+import urllib.parse
 
+import api_reference
 import griffe
 import yaml
 
@@ -29,6 +34,7 @@ LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c
              ".sh": "bash", ".cmake": "cmake", ".csv": "text", ".json": "json", ".txt": "text", ".toml": "toml"}
 HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
 API = "docs/python_api.md"
+STYLE = ".md-typeset td:first-child code { word-break: normal; }\n"  # names of fields stay whole on a phone
 
 
 def tracked(pattern):
@@ -58,7 +64,10 @@ class Stage:
         to.write_text(text, encoding="utf-8")
 
     def page(self, path):
-        text = (ROOT / path).read_text(encoding="utf-8")
+        self.put(path, (ROOT / path).read_text(encoding="utf-8"))
+
+    def put(self, path, text):
+        """Stages a page that says `text`."""
         code = [match.span() for match in CODE.finditer(text)]
 
         def turned(match):
@@ -134,7 +143,14 @@ def title_of(path):
     return re.sub(r"`", "", match.group(1)) if match else path
 
 
-def navigation():
+def headers_of(reference):
+    """Navigation of an interface's pages."""
+    interface = reference.interface
+    pages = [{f"{interface.include}{header}": reference.page_of(header)} for header in reference.headers]
+    return {f"{interface.language}, every name": [{"By header": interface.index}, *pages]}
+
+
+def navigation(references):
     nav = [{"Home": "README.md"}, {"All pages": "docs/index.md"}]
     for heading, rows in sections():
         pages = []
@@ -146,7 +162,7 @@ def navigation():
             elif {title_of(path): path} not in pages:
                 pages.append({title_of(path): path})
         if heading == "Reference":
-            pages.insert(0, {"Python, every name": API})
+            pages = [{"Python, every name": API}, *map(headers_of, references), *pages]
         nav.append({heading: pages})
     return nav
 
@@ -186,7 +202,7 @@ def api_page():
     return "# The Python package, every name\n\nWith examples: [python.md](python.md).\n\n" + "\n".join(parts)
 
 
-def configuration(stage, site):
+def configuration(stage, site, references):
     return {
         "site_name": "stiction", "docs_dir": str(stage), "site_dir": str(site), "use_directory_urls": False,
         "site_description": "A library of contact solvers for thousands of simulated robots at once",
@@ -194,18 +210,57 @@ def configuration(stage, site):
                                                                  "search.highlight", "toc.follow"],
                   "palette": [{"media": "(prefers-color-scheme: light)", "scheme": "default"},
                               {"media": "(prefers-color-scheme: dark)", "scheme": "slate"}]},
-        "plugins": ["search", {"mkdocstrings": {"handlers": {"python": {
+        # Words end where C++ and Python end them: "solve" finds Solver::solve.
+        "plugins": [{"search": {"separator": r"[\s\-,:!=\[\]()\"`/.&;<>*]+|_"}}, {"mkdocstrings": {"handlers": {"python": {
             "paths": [str(ROOT / "python")], "options": {"show_source": False, "docstring_style": "google",
                                                          "show_if_no_docstring": False, "members_order": "source"}}}}}],
-        "markdown_extensions": ["tables", "fenced_code", {"toc": {"permalink": True, "slugify": "SLUGIFY"}},
+        "extra_css": ["site.css"],
+        "hooks": [str(ROOT / "tools/site_links.py")],
+        "extra": {"types": {reference.interface.folder: reference.names() for reference in references}},
+        "markdown_extensions": ["attr_list", "tables", "fenced_code", {"toc": {"permalink": True, "slugify": "SLUGIFY"}},
                                 "pymdownx.highlight", "pymdownx.superfences"],
         "validation": {"omitted_files": "ignore", "not_found": "warn", "anchors": "warn", "unrecognized_links": "warn",
                        "absolute_links": "warn"},
-        "nav": navigation(),
+        "nav": navigation(references),
     }
 
 
-def write_lists(site):
+class Page(html.parser.HTMLParser):
+    """Links and fragments of a page of the site."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.links, self.fragments = set(), {""}
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.fragments |= {attributes.get("id"), attributes.get("name")}
+        self.links |= {attributes.get("href"), attributes.get("src")} - {None}
+
+
+def broken_links(site):
+    """Sentences, one for each link within the site that leads nowhere."""
+    pages = {path: Page(path) for path in site.rglob("*.html") if path.name != "404.html"}
+    for path, page in pages.items():
+        for link in sorted(page.links):
+            target, _, fragment = urllib.parse.unquote(link).partition("#")
+            if re.match(r"[a-z]+:|//|/", target):
+                continue
+            to = (path.parent / target.partition("?")[0]).resolve() if target else path
+            if not to.exists():
+                yield f"{path.relative_to(site)}: {link} does not exist"
+            elif fragment not in (pages[to].fragments if to in pages else {fragment}) and not fragment.startswith("__"):
+                yield f"{path.relative_to(site)}: {link}: the page has no such place"
+
+
+def unfound(site, references):
+    """Types that the search of the site has no page for."""
+    found = {entry["title"] for entry in json.loads((site / "search/search_index.json").read_text("utf-8"))["docs"]}
+    return [name for reference in references for name in reference.names() if name not in found]
+
+
+def write_lists(site, references):
     """llms.txt, and each page's Markdown beside it."""
     lines = ["# stiction", "", "> A library of contact solvers: thousands of simulated robots at once, the same bits on "
              "every machine.", ""]
@@ -214,11 +269,16 @@ def write_lists(site):
         for title, path, holds in rows:
             if path.endswith(".md"):
                 lines.append(f"- [{title}]({path}): {re.sub(r'[`*]', '', holds)}")
+        if heading == "Reference":
+            for reference in references:
+                lines += [f"- [{path}]({path}): {what}" for path, what in reference.contents()]
         lines.append("")
     (site / "llms.txt").write_text("\n".join(lines), encoding="utf-8")
     for path in tracked("*.md"):
         if (site / path).parent.is_dir():
             shutil.copyfile(ROOT / path, site / path)
+    for path, text in ((path, text) for reference in references for path, text in reference.pages().items()):
+        (site / path).write_text(text, encoding="utf-8")
 
 
 def main():
@@ -234,21 +294,29 @@ def main():
     for path in tracked("*.md"):
         stage.page(path)
     stage.write(API, api_page())
+    stage.write("site.css", STYLE)
+    references = api_reference.references()
+    for path, text in ((path, text) for reference in references for path, text in reference.pages().items()):
+        stage.put(path, text)
     config = folder / "mkdocs.yml"
-    text = yaml.safe_dump(configuration(pages, site), sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(configuration(pages, site, references), sort_keys=False, allow_unicode=True)
     config.write_text(text.replace("SLUGIFY", "!!python/object/apply:pymdownx.slugs.slugify\n      kwds:\n        case: lower"), encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "NO_MKDOCS_2_WARNING": "1"}
     # Not --quiet: it silences the warnings that --strict counts.
     built = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--clean", "-f", str(config)],
                            env=environment, check=False, capture_output=True, text=True)
-    missing = list(undocumented())
-    for name in missing:
-        print(f"{name} has no docstring")
-    code = built.returncode or (1 if missing else 0)
+    problems = [f"{name} has no docstring" for name in undocumented()]
+    problems += [line for reference in references for line in reference.undocumented()]
     if built.returncode != 0:
-        print("\n".join(line for line in built.stderr.splitlines() if not line.startswith("INFO")))
+        problems += [line for line in built.stderr.splitlines() if not line.startswith("INFO")]
+    else:
+        write_lists(site, references)
+        problems += broken_links(site)
+        problems += [f"{name} is not found by the search" for name in unfound(site, references)]
+    if problems:
+        print("\n".join(problems))
+    code = built.returncode or (1 if problems else 0)
     if code == 0:
-        write_lists(site)
         print(f"{len(list(site.rglob('*.html')))} pages in {site}")
     return code
 

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -71,6 +72,16 @@ struct Call {
 [[noreturn]] inline void fail(const char* what) {
   std::fprintf(stderr, "engine: %s\n", what);
   std::exit(2);
+}
+
+/// The number that an argument says.
+template <class T>
+T number(const std::string& text) {
+  T value{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, code] = std::from_chars(text.data(), end, value);
+  if (code != std::errc{} || stop != end) fail("an argument is no number");
+  return value;
 }
 
 /// The wall clock of what is short, since asking for the processor's costs as much as a small solve. Of what is long
@@ -181,7 +192,7 @@ int serve(char** words, const Solve& solve) {
   for (std::int64_t e = 0; e < environments; ++e) {
     Problem problem;
     read(in, problem);
-    solve_apart(problem, std::atof(words[3]), solve, out);
+    solve_apart(problem, number<double>(words[3]), solve, out);
   }
   return std::fclose(out) ? 2 : 0;
 }

@@ -15,7 +15,7 @@ SceneEnv make_wall(Rng& rng, int courses);
 SceneEnv make_pyramid(Rng& rng, int levels);
 SceneEnv make_pile(Rng& rng, int spheres);
 SceneEnv make_chain(Rng& rng, int links);
-SceneEnv make_column(Rng& rng, int bodies);
+SceneEnv make_column(Rng& rng, int count);
 SceneEnv make_grasp(Rng& rng, int fingers);
 SceneEnv make_walker(Rng& rng, int legs);
 SceneEnv make_mixed(Rng& rng, int contact_limit);

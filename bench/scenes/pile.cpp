@@ -43,8 +43,9 @@ class Bin {
     const double pitch = 2 * half_width_ / side;
     for (int k = 0; k < spheres; ++k) {
       const double radius = kMeanRadius * rng.uniform(0.8, 1.2);
+      const int layer = k / (side * side);
       const Vec3 cell{(k % side + 0.5) * pitch - half_width_, (k / side % side + 0.5) * pitch - half_width_,
-                      (k / (side * side) + 0.6) * 2.5 * kMeanRadius};
+                      (layer + 0.6) * 2.5 * kMeanRadius};
       balls.push_back({cell + random_vector(rng, 0.3 * kMeanRadius), radius});
     }
     const int fall_steps = kFallStepsPerLayer * side;

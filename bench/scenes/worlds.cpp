@@ -93,7 +93,8 @@ WorldStart start_heap(Rng& rng) {
   for (int k = 0; k < 12; ++k) {
     const double x = kPitch * (k % 2 - 0.5) + rng.symmetric(0.01);
     const double y = kPitch * (k / 2 % 2 - 0.5) + rng.symmetric(0.01);
-    const double z = 0.2 + kPitch * (k / 4) + rng.symmetric(0.01);
+    const int layer = k / 4;
+    const double z = 0.2 + kPitch * layer + rng.symmetric(0.01);
     const std::array<double, 4> orientation = any_orientation(rng);
     std::array<double, 6> twist{};
     for (int j = 0; j < 6; ++j) twist[static_cast<std::size_t>(j)] = rng.symmetric(j < 3 ? 0.2 : 2);

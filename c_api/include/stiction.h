@@ -1,6 +1,7 @@
 #pragma once
 
-/* The C interface of stiction: many environments' frictional contact problems, solved in one call, with the same bits
+/** \file
+ * The C interface of stiction: many environments' frictional contact problems, solved in one call, with the same bits
  * on every device (docs/c_api.md). C99 and C++.
  *
  * Calls return a stiction_code and let no exception out; what went wrong is in stiction_last_error() of the same
@@ -46,9 +47,11 @@ STICTION_API int32_t stiction_epoch(void);
 STICTION_API const char* stiction_last_error(void);
 /** "ok", "invalid_argument", ...; "unknown" for a number that is no code. */
 STICTION_API const char* stiction_code_name(int32_t code);
-/** Name of an env_code of a status record ("solved", ...), of a solver ("npgs", ...), of one flag bit. */
+/** Name of an env_code of a status record: "solved", ... */
 STICTION_API const char* stiction_env_code_name(int32_t env_code);
+/** Name of a solver: "npgs", ... */
 STICTION_API const char* stiction_solver_name(int32_t solver);
+/** Name of one flag bit: "non_finite_input", ... */
 STICTION_API const char* stiction_flag_name(uint32_t flag);
 /** The solver of that name. */
 STICTION_API stiction_code stiction_solver_from_name(const char* name, int32_t* solver);
@@ -60,17 +63,29 @@ STICTION_API stiction_code stiction_devices(char* text, size_t room, size_t* len
 
 /* ---- Structs: defaults. `size` is sizeof of the struct that the caller has. ---- */
 
+/** Sets up options of a solver with its defaults. */
 STICTION_API stiction_code stiction_solver_options_init(stiction_solver_options* options, size_t size);
+/** Sets up a capacity with its defaults. */
 STICTION_API stiction_code stiction_capacity_init(stiction_capacity* capacity, size_t size);
+/** Sets up a batch with its defaults. */
 STICTION_API stiction_code stiction_batch_view_init(stiction_batch_view* batch, size_t size);
+/** Sets up a solution with its defaults. */
 STICTION_API stiction_code stiction_solution_init(stiction_solution* solution, size_t size);
+/** Sets up a capacity for Jacobian batches with its defaults. */
 STICTION_API stiction_code stiction_jacobian_capacity_init(stiction_jacobian_capacity* capacity, size_t size);
+/** Sets up a Jacobian batch with its defaults. */
 STICTION_API stiction_code stiction_jacobian_view_init(stiction_jacobian_view* batch, size_t size);
+/** Sets up a solution of one with its defaults. */
 STICTION_API stiction_code stiction_jacobian_solution_init(stiction_jacobian_solution* solution, size_t size);
+/** Sets up time stepping with its defaults. */
 STICTION_API stiction_code stiction_time_stepping_init(stiction_time_stepping* stepping, size_t size);
+/** Sets up options of a body solver with its defaults. */
 STICTION_API stiction_code stiction_body_options_init(stiction_body_options* options, size_t size);
+/** Sets up a batch of bodies with its defaults. */
 STICTION_API stiction_code stiction_body_view_init(stiction_body_view* batch, size_t size);
+/** Sets up a solution of one with its defaults. */
 STICTION_API stiction_code stiction_body_solution_init(stiction_body_solution* solution, size_t size);
+/** Sets up options of a warm start with its defaults. */
 STICTION_API stiction_code stiction_warm_start_options_init(stiction_warm_start_options* options, size_t size);
 
 /** Options of a preset: "navigation", "locomotion", "grasping", "assembly" (docs/cli.md). `options` was set up before.
@@ -85,6 +100,7 @@ STICTION_API stiction_code stiction_capacity_of(const stiction_batch_view* batch
  * Without a capacity a GPU makes room as batches need it; a solve that is captured into a graph needs one. */
 STICTION_API stiction_code stiction_solver_create(const char* device, const stiction_solver_options* options,
                                                   const stiction_capacity* capacity, stiction_solver** solver);
+/** Destroys a solver when its work is done; null is accepted. */
 STICTION_API stiction_code stiction_solver_destroy(stiction_solver* solver);
 
 /** Solves every environment. warm_start (Real, row_count, same memory) may be null: from zero. stream: a cudaStream_t,
@@ -116,10 +132,11 @@ STICTION_API stiction_code stiction_hash(int32_t precision, const void* values, 
 
 /* ---- Jacobian batches: J, M and velocities (docs/jacobian.md) ---- */
 
-/** Room that a host batch needs. Or that of any batch of so many environments, the largest of which has so many rows,
- * cones and degrees of freedom. `capacity` was set up before, and its factor_use is read. */
+/** Room that a host batch needs. `capacity` was set up before, and its factor_use is read. */
 STICTION_API stiction_code stiction_jacobian_capacity_of(const stiction_jacobian_view* batch,
                                                          stiction_jacobian_capacity* capacity);
+/** Room that any batch of `envs` environments needs whose largest has so many rows, cones and degrees of freedom.
+ * `capacity` was set up before, and its factor_use is read. */
 STICTION_API stiction_code stiction_jacobian_capacity_of_largest(int64_t envs, int32_t env_rows, int32_t env_cones,
                                                                  int32_t env_dofs,
                                                                  stiction_jacobian_capacity* capacity);
@@ -127,19 +144,21 @@ STICTION_API stiction_code stiction_jacobian_capacity_of_largest(int64_t envs, i
 STICTION_API stiction_code stiction_jacobian_solver_create(const char* device, const stiction_solver_options* options,
                                                            const stiction_jacobian_capacity* capacity,
                                                            stiction_jacobian_solver** solver);
+/** Destroys a solver when its work is done; null is accepted. */
 STICTION_API stiction_code stiction_jacobian_solver_destroy(stiction_jacobian_solver* solver);
 /** Assembles, solves and moves the velocities; arguments as in stiction_solver_solve. */
 STICTION_API stiction_code stiction_jacobian_solver_solve(stiction_jacobian_solver* solver,
                                                           const stiction_jacobian_view* batch,
                                                           const stiction_jacobian_solution* solution,
                                                           const void* warm_start, void* stream);
-/** Solves as stiction_jacobian_solver_solve, from velocities too (Real, dof_count, same memory; null: without). They may
- * be the solution's own: docs/jacobian.md. */
+/** Solves as stiction_jacobian_solver_solve, from velocities too (Real, dof_count, same memory; null: without). They
+ * may be the solution's own: docs/jacobian.md. */
 STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian_solver* solver,
                                                                const stiction_jacobian_view* batch,
                                                                const stiction_jacobian_solution* solution,
                                                                const void* warm_start, const void* warm_velocities,
                                                                void* stream);
+/** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
 
 /* ---- Bodies and contact points (docs/bodies.md) ---- */
@@ -148,6 +167,7 @@ STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobia
 STICTION_API stiction_code stiction_body_solver_create(const char* device, const stiction_time_stepping* stepping,
                                                        const stiction_body_options* options,
                                                        stiction_body_solver** solver);
+/** Destroys a solver when its work is done; null is accepted. */
 STICTION_API stiction_code stiction_body_solver_destroy(stiction_body_solver* solver);
 /** Plans a batch: colours, order, which bodies touch. It is for batches in device memory, whose structure solve cannot
  * see. Call it before the first solve and whenever offsets, body numbers, `kinematic` or, with max_contacts_per_env,
@@ -182,6 +202,7 @@ STICTION_API stiction_code stiction_stepping_solver_create_bodies(const char* de
                                                                   const stiction_capacity* capacity,
                                                                   const stiction_warm_start_options* warm_start,
                                                                   stiction_stepping_solver** solver);
+/** Destroys a solver when its work is done; null is accepted. */
 STICTION_API stiction_code stiction_stepping_solver_destroy(stiction_stepping_solver* solver);
 /** Loads, solves and stores a step of length dt [s]. cone_id: contact ids, unique within an environment
  * (cone_count), in the batch's memory. */
@@ -200,23 +221,26 @@ STICTION_API stiction_code stiction_stepping_solver_solve_bodies(stiction_steppi
                                                                  const stiction_body_view* batch,
                                                                  const uint64_t* contact_id,
                                                                  const stiction_body_solution* solution, void* stream);
-/** Resets the reactions of environments that start over. They are a list on the host (count), or those whose mask is
- * not zero (capacity.envs, in the device's memory), or all. */
+/** Resets the reactions of environments that start over: a list on the host (count). */
 STICTION_API stiction_code stiction_stepping_solver_reset(stiction_stepping_solver* solver, const int64_t* envs,
                                                           int64_t count, void* stream);
+/** Resets environment e wherever mask[e] is not zero. mask: (capacity.envs), in the device's memory. */
 STICTION_API stiction_code stiction_stepping_solver_reset_where(stiction_stepping_solver* solver, const uint8_t* mask,
                                                                 void* stream);
+/** Resets everything. */
 STICTION_API stiction_code stiction_stepping_solver_reset_all(stiction_stepping_solver* solver, void* stream);
 /** What the store did for the first `count` environments, on the host; waits for the stream. */
 STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_solver* solver,
                                                             stiction_warm_start_record* records, int64_t count,
                                                             void* stream);
+/** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_stepping_solver_synchronize(stiction_stepping_solver* solver, void* stream);
 
 /* ---- Files (docs/file_formats.md); STICTION_UNSUPPORTED from a library built without HDF5 ---- */
 
 /** Reads a contact-batch or FCLIB file. */
 STICTION_API stiction_code stiction_batch_read(const char* path, stiction_batch** batch);
+/** Destroys a batch that was read, and the memory of its views; null is accepted. */
 STICTION_API stiction_code stiction_batch_destroy(stiction_batch* batch);
 /** The batch in f32 or f64 (stiction_precision), in host memory that lives as long as the handle. */
 STICTION_API stiction_code stiction_batch_get_view(stiction_batch* batch, int32_t precision, stiction_batch_view* view);

@@ -1,6 +1,7 @@
 #pragma once
 
-/* Numbers and structs of the C interface; included by stiction.h. What a field means in full: docs/data_layout.md. */
+/** \file
+ * Numbers and structs of the C interface; included by stiction.h. What a field means in full: docs/data_layout.md. */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -10,8 +11,9 @@
 /** Raised when a program compiled before can no longer use the library. */
 #define STICTION_ABI_VERSION 0
 
+/** What a call returns. */
 typedef enum stiction_code {
-  STICTION_OK = 0,
+  STICTION_OK = 0,               /**< done */
   STICTION_INVALID_ARGUMENT = 1, /**< an argument is wrong; the text names it, its value and the remedy */
   STICTION_BAD_FILE = 2,         /**< a file is not what it claims to be */
   STICTION_IO = 3,               /**< the operating system refused to read or write */
@@ -22,8 +24,16 @@ typedef enum stiction_code {
   STICTION_INTERNAL = 8          /**< a fault of the library */
 } stiction_code;
 
-typedef enum stiction_precision { STICTION_F32 = 0, STICTION_F64 = 1 } stiction_precision;
-typedef enum stiction_space { STICTION_SPACE_HOST = 0, STICTION_SPACE_CUDA = 1 } stiction_space;
+/** Type of the numbers of a batch. */
+typedef enum stiction_precision {
+  STICTION_F32 = 0, /**< float */
+  STICTION_F64 = 1  /**< double */
+} stiction_precision;
+/** Where arrays are. */
+typedef enum stiction_space {
+  STICTION_SPACE_HOST = 0, /**< memory of the process */
+  STICTION_SPACE_CUDA = 1  /**< memory of a CUDA device, or of the emulated one */
+} stiction_space;
 
 /** Kind of a cone; one byte each in cone_kind. */
 typedef enum stiction_cone_kind {
@@ -33,10 +43,11 @@ typedef enum stiction_cone_kind {
   STICTION_CONE_FRICTION = 3    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
 } stiction_cone_kind;
 
+/** Law of the friction cones. */
 typedef enum stiction_law {
   STICTION_LAW_OF_BATCH = -1, /**< in options alone: what the batch says */
-  STICTION_LAW_CONVEX = 0,
-  STICTION_LAW_COULOMB = 1
+  STICTION_LAW_CONVEX = 0,    /**< associated: lambda minimises a quadratic over the cones */
+  STICTION_LAW_COULOMB = 1    /**< exact Coulomb law */
 } stiction_law;
 
 /** What to do with an environment whose numbers break a precondition. */
@@ -45,39 +56,57 @@ typedef enum stiction_invalid_policy {
   STICTION_INVALID_ISOLATE = 1 /**< that environment is flagged and gets zeros; the others are solved */
 } stiction_invalid_policy;
 
-typedef enum stiction_islands { STICTION_ISLANDS_TOGETHER = 0, STICTION_ISLANDS_APART = 1 } stiction_islands;
-typedef enum stiction_mass_form { STICTION_MASS_MATRIX = 0, STICTION_MASS_FACTOR = 1 } stiction_mass_form;
-
+/** How the islands of an environment are iterated (docs/islands.md). */
+typedef enum stiction_islands {
+  STICTION_ISLANDS_TOGETHER = 0, /**< as one system */
+  STICTION_ISLANDS_APART = 1     /**< each as an environment of its own would be */
+} stiction_islands;
+/** What the mass array of a Jacobian batch holds. */
+typedef enum stiction_mass_form {
+  STICTION_MASS_MATRIX = 0, /**< M itself, symmetric positive definite */
+  STICTION_MASS_FACTOR = 1  /**< the lower Cholesky factor L of M = L L' */
+} stiction_mass_form;
 /** Which environments of a Jacobian batch keep A as a factor. */
 typedef enum stiction_factor_use {
-  STICTION_FACTOR_NEVER = 0,
-  STICTION_FACTOR_BY_SIZE = 1,
-  STICTION_FACTOR_ALWAYS = 2
+  STICTION_FACTOR_NEVER = 0,   /**< none */
+  STICTION_FACTOR_BY_SIZE = 1, /**< those of many rows and few degrees of freedom (docs/jacobian.md) */
+  STICTION_FACTOR_ALWAYS = 2   /**< all that have degrees of freedom */
 } stiction_factor_use;
 
-typedef enum stiction_body_method { STICTION_BODY_IMPULSES = 0, STICTION_BODY_NEWTON = 1 } stiction_body_method;
+/** How bodies are solved (docs/bodies.md). */
+typedef enum stiction_body_method {
+  STICTION_BODY_IMPULSES = 0, /**< sequential impulses */
+  STICTION_BODY_NEWTON = 1    /**< inexact Newton's method on the bodies' velocities */
+} stiction_body_method;
 
+/** What makes the linear systems of Newton's method easier (docs/math/preconditioners.md). */
 typedef enum stiction_body_preconditioner {
-  STICTION_PRECONDITIONER_DIAGONAL = 0,
-  STICTION_PRECONDITIONER_BLOCK_DIAGONAL = 1,
-  STICTION_PRECONDITIONER_INCOMPLETE_CHOLESKY = 2,
-  STICTION_PRECONDITIONER_SPARSE_INVERSE = 3,
-  STICTION_PRECONDITIONER_FACTOR = 4,
-  STICTION_PRECONDITIONER_MULTIGRID = 5
+  STICTION_PRECONDITIONER_DIAGONAL = 0,            /**< diagonal of the matrix */
+  STICTION_PRECONDITIONER_BLOCK_DIAGONAL = 1,      /**< each body by itself */
+  STICTION_PRECONDITIONER_INCOMPLETE_CHOLESKY = 2, /**< a factor without fill; for CPUs */
+  STICTION_PRECONDITIONER_SPARSE_INVERSE = 3,      /**< factored approximate inverse on the graph of bodies */
+  STICTION_PRECONDITIONER_FACTOR = 4,              /**< the whole factor: a direct solve */
+  STICTION_PRECONDITIONER_MULTIGRID = 5            /**< aggregates of bodies that move rigidly */
 } stiction_body_preconditioner;
 
+/** How a coarse body's motion becomes that of its members (docs/math/multigrid.md). */
 typedef enum stiction_prolongation {
-  STICTION_PROLONGATION_PLAIN = 0,
-  STICTION_PROLONGATION_SMOOTHED = 1
+  STICTION_PROLONGATION_PLAIN = 0,   /**< rigidly */
+  STICTION_PROLONGATION_SMOOTHED = 1 /**< rigidly, then one damped block-Jacobi step */
 } stiction_prolongation;
-typedef enum stiction_cycle { STICTION_CYCLE_V = 1, STICTION_CYCLE_W = 2 } stiction_cycle;
+/** Times that a cycle visits a coarser level for each visit of the finer one. */
+typedef enum stiction_cycle {
+  STICTION_CYCLE_V = 1, /**< once */
+  STICTION_CYCLE_W = 2  /**< twice */
+} stiction_cycle;
 
+/** In which order a factorisation eliminates rows (docs/math/preconditioners.md). */
 typedef enum stiction_ordering {
-  STICTION_ORDERING_NATURAL = 0,
-  STICTION_ORDERING_REVERSE_CUTHILL_MCKEE = 1,
-  STICTION_ORDERING_MINIMUM_DEGREE = 2,
-  STICTION_ORDERING_SUITESPARSE_MINIMUM_DEGREE = 3,
-  STICTION_ORDERING_NESTED_DISSECTION = 4
+  STICTION_ORDERING_NATURAL = 0,                    /**< as the rows are numbered */
+  STICTION_ORDERING_REVERSE_CUTHILL_MCKEE = 1,      /**< narrow bands */
+  STICTION_ORDERING_MINIMUM_DEGREE = 2,             /**< approximate minimum degree, Eigen's */
+  STICTION_ORDERING_SUITESPARSE_MINIMUM_DEGREE = 3, /**< AMD of SuiteSparse */
+  STICTION_ORDERING_NESTED_DISSECTION = 4           /**< METIS, with a fixed seed */
 } stiction_ordering;
 
 /** What a change of the time step does to a stored reaction (docs/warm_start.md). */
@@ -89,39 +118,38 @@ typedef enum stiction_step_scaling {
 
 /** How the solve of one environment ended. */
 typedef enum stiction_env_code {
-  STICTION_ENV_SOLVED = 0,
-  STICTION_ENV_MAX_ITERATIONS = 1,
-  STICTION_ENV_STALLED = 2,
-  STICTION_ENV_NUMERICAL = 3,
-  STICTION_ENV_INVALID_INPUT = 4,
-  STICTION_ENV_UNSUPPORTED = 5
+  STICTION_ENV_SOLVED = 0,         /**< residual finite and at most the tolerance */
+  STICTION_ENV_MAX_ITERATIONS = 1, /**< iteration limit reached; the best iterate is returned */
+  STICTION_ENV_STALLED = 2,        /**< no progress; the best iterate is returned */
+  STICTION_ENV_NUMERICAL = 3,      /**< the iteration left the finite numbers; the best finite iterate is returned */
+  STICTION_ENV_INVALID_INPUT = 4,  /**< see the flags; lambda = 0 and w = 0 are returned */
+  STICTION_ENV_UNSUPPORTED = 5     /**< the solver cannot treat this system; lambda = 0, w = b */
 } stiction_env_code;
 
 /** What was noticed about one environment; any number of bits at once. */
 typedef enum stiction_env_flag {
-  STICTION_FLAG_NON_FINITE_INPUT = 1 << 0,
-  STICTION_FLAG_NEGATIVE_FRICTION = 1 << 1,
-  STICTION_FLAG_CROSSED_BOUNDS = 1 << 2,
-  STICTION_FLAG_NEGATIVE_COMPLIANCE = 1 << 3,
-  STICTION_FLAG_BAD_DIAGONAL = 1 << 4,
-  STICTION_FLAG_WARM_START_REJECTED = 1 << 5,
-  STICTION_FLAG_ASYMMETRIC = 1 << 6,
-  STICTION_FLAG_CONTACTS_DROPPED = 1 << 7,
-  STICTION_FLAG_BAD_MASS = 1 << 8,
-  STICTION_FLAG_OVER_CAPACITY = 1 << 9,
-  STICTION_FLAG_BAD_STRUCTURE = 1 << 10,
-  STICTION_FLAG_UNSUPPORTED_CONE = 1 << 11,
-  STICTION_FLAG_RAY = 1 << 12,
-  /* Names before numerics epoch 2, kept until 1.0. */
-  STICTION_FLAG_CAPACITY = STICTION_FLAG_CONTACTS_DROPPED,
-  STICTION_FLAG_NO_ROOM = STICTION_FLAG_OVER_CAPACITY
+  STICTION_FLAG_NON_FINITE_INPUT = 1 << 0,    /**< NaN or infinity in A, b, R or mu, or NaN in a bound */
+  STICTION_FLAG_NEGATIVE_FRICTION = 1 << 1,   /**< some mu < 0 */
+  STICTION_FLAG_CROSSED_BOUNDS = 1 << 2,      /**< some lo > hi */
+  STICTION_FLAG_NEGATIVE_COMPLIANCE = 1 << 3, /**< some R < 0 */
+  STICTION_FLAG_BAD_DIAGONAL = 1 << 4,        /**< a diagonal of A + R that no contact has */
+  STICTION_FLAG_WARM_START_REJECTED = 1 << 5, /**< the warm start was not finite; started from zero */
+  STICTION_FLAG_ASYMMETRIC = 1 << 6,        /**< A differs from its transpose by more than 1e-2 of its largest entry */
+  STICTION_FLAG_CONTACTS_DROPPED = 1 << 7,  /**< more contacts than room; solved with those that are there */
+  STICTION_FLAG_BAD_MASS = 1 << 8,          /**< a mass matrix that is not positive definite, or not finite */
+  STICTION_FLAG_OVER_CAPACITY = 1 << 9,     /**< larger than the solver's capacity; not solved */
+  STICTION_FLAG_BAD_STRUCTURE = 1 << 10,    /**< offsets, cones or columns out of order or range; not solved */
+  STICTION_FLAG_UNSUPPORTED_CONE = 1 << 11, /**< a cone that the solver cannot treat; not solved */
+  STICTION_FLAG_RAY = 1 << 12,              /**< lemke ended on a ray: it found no solution */
+  STICTION_FLAG_CAPACITY = STICTION_FLAG_CONTACTS_DROPPED, /**< its name before epoch 2 */
+  STICTION_FLAG_NO_ROOM = STICTION_FLAG_OVER_CAPACITY      /**< its name before epoch 2 */
 } stiction_env_flag;
 
-typedef struct stiction_solver stiction_solver;
-typedef struct stiction_jacobian_solver stiction_jacobian_solver;
-typedef struct stiction_body_solver stiction_body_solver;
-typedef struct stiction_stepping_solver stiction_stepping_solver;
-typedef struct stiction_batch stiction_batch;
+typedef struct stiction_solver stiction_solver;                   /**< solves contact batches */
+typedef struct stiction_jacobian_solver stiction_jacobian_solver; /**< solves Jacobian batches */
+typedef struct stiction_body_solver stiction_body_solver;         /**< solves bodies and contact points */
+typedef struct stiction_stepping_solver stiction_stepping_solver; /**< one of these and a store of reactions */
+typedef struct stiction_batch stiction_batch;                     /**< a batch that was read from a file */
 
 /* ---- Records. Arrays of them are shared with the device, so they have no size field and do not grow. ---- */
 
@@ -136,6 +164,7 @@ typedef struct stiction_status {
   uint8_t reserved[6];      /**< zero */
 } stiction_status;
 
+/** How far given reactions are from ones that solve their environment. */
 typedef struct stiction_residual {
   double relative; /**< largest cone residual / max|b| [-] */
   double absolute; /**< largest cone residual [w] */
@@ -151,8 +180,9 @@ typedef struct stiction_warm_start_record {
 
 /* ---- Options ---- */
 
+/** What a solver is told when it is made. */
 typedef struct stiction_solver_options {
-  size_t size;
+  size_t size;            /**< sizeof of the struct that the caller has */
   double tolerance;       /**< on the relative natural-map residual; 0: all iterations [-] */
   double omega;           /**< relaxation of pgs and npgs, in (0, 2) [-] */
   int32_t solver;         /**< stiction_solver_kind */
@@ -165,14 +195,13 @@ typedef struct stiction_solver_options {
   int32_t direct_rows;    /**< rows of the largest environment that is factorised, 1024 to 32768; CPU only, not auto */
 } stiction_solver_options;
 
-/** Room that a solver on a GPU takes when it is made; zero: as the batches need it. Counts as in stiction_batch_view.
- */
+/** Room that a solver on a GPU takes when it is made; zero: as the batches need it. */
 typedef struct stiction_capacity {
-  size_t size;
-  int64_t envs;
-  int64_t rows;
-  int64_t cones;
-  int64_t nonzeros;
+  size_t size;          /**< sizeof of the struct that the caller has */
+  int64_t envs;         /**< environments of a batch */
+  int64_t rows;         /**< rows of a batch */
+  int64_t cones;        /**< cones of a batch */
+  int64_t nonzeros;     /**< stored entries of A of a batch */
   int64_t env_nonzeros; /**< entries of the environment with the most */
   int32_t env_rows;     /**< rows of the largest environment */
   int32_t env_dofs;     /**< columns of the widest factor */
@@ -180,8 +209,9 @@ typedef struct stiction_capacity {
   int32_t reserved;     /**< zero */
 } stiction_capacity;
 
+/** What the store of a stepping solver is told when it is made. */
 typedef struct stiction_warm_start_options {
-  size_t size;
+  size_t size;     /**< sizeof of the struct that the caller has */
   double beta;     /**< part of the last reaction to start from, in (0, 1] [-] */
   int32_t scaling; /**< stiction_step_scaling */
   int32_t threads; /**< of the CPU; 0: all cores */
@@ -192,15 +222,15 @@ typedef struct stiction_warm_start_options {
 /** Rows of all environments follow one another; columns of A count from the environment's own first row. Arrays marked
  * "or null" may be left out. */
 typedef struct stiction_batch_view {
-  size_t size;
-  int32_t precision;   /**< stiction_precision of A, factor, b, R, mu, lo, hi and of the solution */
-  int32_t space;       /**< stiction_space of all arrays */
-  int32_t law;         /**< stiction_law */
-  int32_t normal_last; /**< nonzero: friction cones have their normal row last */
-  int64_t env_count;
-  int64_t cone_count;
-  int64_t row_count;
-  int64_t nonzero_count;
+  size_t size;                       /**< sizeof of the struct that the caller has */
+  int32_t precision;                 /**< stiction_precision of A, factor, b, R, mu, lo, hi and of the solution */
+  int32_t space;                     /**< stiction_space of all arrays */
+  int32_t law;                       /**< stiction_law */
+  int32_t normal_last;               /**< nonzero: friction cones have their normal row last */
+  int64_t env_count;                 /**< environments */
+  int64_t cone_count;                /**< cones of all environments */
+  int64_t row_count;                 /**< rows of all environments */
+  int64_t nonzero_count;             /**< stored entries of all A */
   const int64_t* env_row_offsets;    /**< first row of each environment (env_count + 1) */
   const int64_t* env_cone_offsets;   /**< first cone of each environment (env_count + 1) */
   const int32_t* env_row_counts;     /**< rows in use, or null: all (env_count) */
@@ -219,19 +249,19 @@ typedef struct stiction_batch_view {
   const void* A;                     /**< Delassus operator without R [w / lambda] (nonzero_count) */
   const int64_t* factor_offsets;     /**< first entry of Y of each environment, A = Y Y', or null (env_count + 1) */
   const void* factor;                /**< Y, row-major, rows x dofs, or null (factor_count) */
-  int64_t factor_count;
-  const void* b;             /**< right-hand side [w] (row_count) */
-  const void* R;             /**< compliance, >= 0 [w / lambda] (row_count) */
-  const void* mu;            /**< friction on a friction cone's tangential rows [-] (row_count) */
-  const int64_t* mu_offsets; /**< where in mu the friction of each row is, or null: at the row (row_count) */
-  int64_t mu_count;          /**< length of mu where mu_offsets is given */
-  const void* lo;            /**< lower bound of box rows [lambda] (row_count) */
-  const void* hi;            /**< upper bound of box rows [lambda] (row_count) */
+  int64_t factor_count;              /**< length of factor */
+  const void* b;                     /**< right-hand side [w] (row_count) */
+  const void* R;                     /**< compliance, >= 0 [w / lambda] (row_count) */
+  const void* mu;                    /**< friction on a friction cone's tangential rows [-] (row_count) */
+  const int64_t* mu_offsets;         /**< where in mu the friction of each row is, or null: at the row (row_count) */
+  int64_t mu_count;                  /**< length of mu where mu_offsets is given */
+  const void* lo;                    /**< lower bound of box rows [lambda] (row_count) */
+  const void* hi;                    /**< upper bound of box rows [lambda] (row_count) */
 } stiction_batch_view;
 
 /** Where a solve writes; memory and precision are the batch's. */
 typedef struct stiction_solution {
-  size_t size;
+  size_t size;             /**< sizeof of the struct that the caller has */
   void* lambda;            /**< reactions [lambda] (row_count) */
   void* w;                 /**< residual motion [w], or null (row_count) */
   stiction_status* status; /**< (env_count) */
@@ -239,11 +269,12 @@ typedef struct stiction_solution {
 
 /* ---- Jacobian batches: A = J M^-1 J', b = J v_free - target ---- */
 
+/** Room that a solver of Jacobian batches takes when it is made. */
 typedef struct stiction_jacobian_capacity {
-  size_t size;
-  int64_t envs;
-  int64_t rows;
-  int64_t cones;
+  size_t size;        /**< sizeof of the struct that the caller has */
+  int64_t envs;       /**< environments of a batch */
+  int64_t rows;       /**< rows of a batch */
+  int64_t cones;      /**< cones of a batch */
   int64_t matrix;     /**< entries of all A together */
   int64_t factor;     /**< entries of all factors together */
   int32_t env_rows;   /**< rows of the largest environment */
@@ -252,18 +283,20 @@ typedef struct stiction_jacobian_capacity {
   int32_t factor_use; /**< stiction_factor_use; it reaches the last bits of the answer */
 } stiction_jacobian_capacity;
 
+/** Constraint Jacobian J, mass matrix M and velocities of many environments, rows and cones as in stiction_batch_view.
+ */
 typedef struct stiction_jacobian_view {
-  size_t size;
-  int32_t precision;  /**< stiction_precision of all Real arrays */
-  int32_t space;      /**< stiction_space of all arrays */
-  int32_t law;        /**< stiction_law */
-  int32_t mass_form;  /**< stiction_mass_form */
-  int32_t mass_block; /**< rows of the blocks of M; 0: M is one block */
-  int32_t reserved;   /**< zero */
-  int64_t env_count;
-  int64_t cone_count;
-  int64_t row_count;
-  int64_t dof_count;
+  size_t size;                       /**< sizeof of the struct that the caller has */
+  int32_t precision;                 /**< stiction_precision of all Real arrays */
+  int32_t space;                     /**< stiction_space of all arrays */
+  int32_t law;                       /**< stiction_law */
+  int32_t mass_form;                 /**< stiction_mass_form */
+  int32_t mass_block;                /**< rows of the blocks of M; 0: M is one block */
+  int32_t reserved;                  /**< zero */
+  int64_t env_count;                 /**< environments */
+  int64_t cone_count;                /**< cones of all environments */
+  int64_t row_count;                 /**< rows of all environments */
+  int64_t dof_count;                 /**< degrees of freedom of all environments */
   int64_t entry_count;               /**< length of J */
   int64_t mass_count;                /**< length of M */
   const int64_t* env_row_offsets;    /**< (env_count + 1) */
@@ -290,8 +323,9 @@ typedef struct stiction_jacobian_view {
   const void* hi;                    /**< (row_count) */
 } stiction_jacobian_view;
 
+/** Where a solve of a Jacobian batch writes; memory and precision are the batch's. */
 typedef struct stiction_jacobian_solution {
-  size_t size;
+  size_t size;             /**< sizeof of the struct that the caller has */
   void* lambda;            /**< reactions [lambda] (row_count) */
   void* w;                 /**< residual motion [w], or null (row_count) */
   void* velocity;          /**< v_free + M^-1 J' lambda [v], or null (dof_count) */
@@ -302,7 +336,7 @@ typedef struct stiction_jacobian_solution {
 
 /** How a step becomes b and R (docs/bodies.md). */
 typedef struct stiction_time_stepping {
-  size_t size;
+  size_t size;                  /**< sizeof of the struct that the caller has */
   double dt;                    /**< the step, > 0 [s] */
   double erp;                   /**< share of a penetration undone in one step, in [0, 1] [-] */
   double slop;                  /**< penetration left alone, >= 0 [m] */
@@ -310,8 +344,9 @@ typedef struct stiction_time_stepping {
   double restitution_threshold; /**< slower approach does not bounce, >= 0 [m/s] */
 } stiction_time_stepping;
 
+/** What a body solver is told when it is made. */
 typedef struct stiction_body_options {
-  size_t size;
+  size_t size;                  /**< sizeof of the struct that the caller has */
   double tolerance;             /**< on the relative residual; 0: all iterations [-] */
   double omega;                 /**< relaxation, in (0, 2) [-] */
   int32_t law;                  /**< stiction_law */
@@ -331,12 +366,12 @@ typedef struct stiction_body_options {
 /** Bodies and contact points. World axes; a twist is (velocity of the centre of mass [m/s], angular velocity [rad/s]).
  * Body numbers count from the environment's first body; -1 is the world. */
 typedef struct stiction_body_view {
-  size_t size;
-  int32_t precision; /**< stiction_precision of all Real arrays */
-  int32_t space;     /**< stiction_space of all arrays */
-  int64_t env_count;
-  int64_t body_count;
-  int64_t contact_count;
+  size_t size;                        /**< sizeof of the struct that the caller has */
+  int32_t precision;                  /**< stiction_precision of all Real arrays */
+  int32_t space;                      /**< stiction_space of all arrays */
+  int64_t env_count;                  /**< environments */
+  int64_t body_count;                 /**< bodies of all environments */
+  int64_t contact_count;              /**< contacts of all environments */
   const int64_t* env_body_offsets;    /**< (env_count + 1) */
   const int64_t* env_contact_offsets; /**< (env_count + 1) */
   const void* inv_mass;               /**< [1/kg] (body_count) */
@@ -354,8 +389,9 @@ typedef struct stiction_body_view {
   const void* restitution;            /**< in [0, 1] [-] (contact_count) */
 } stiction_body_view;
 
+/** Where a solve of bodies writes; memory and precision are the batch's. */
 typedef struct stiction_body_solution {
-  size_t size;
+  size_t size;             /**< sizeof of the struct that the caller has */
   void* impulse;           /**< (normal, tangent 1, tangent 2) on b [N s] (3 * contact_count) */
   void* twist;             /**< after the step (6 * body_count) */
   void* w;                 /**< residual motion of the last sub-step [m/s], or null (3 * contact_count) */

@@ -73,7 +73,8 @@ void draw_legend(SvgText& svg, Point corner, Point size, const ContactGraph& con
   for (const GraphManifold& m : contacts.manifolds()) ++pairs[at(m.color)];
   const auto listed = std::min(static_cast<Index>(pairs.size()), kListedColors);
   for (Index color = 0; color < listed; ++color) {
-    const Point at_chip{corner.x + 12 + 66 * (color % 4), corner.y + 32 + 20 * (color / 4)};
+    const Index line = color / 4;
+    const Point at_chip{corner.x + 12 + 66 * (color % 4), corner.y + 32 + 20 * line};
     svg.rect(at_chip, {14, 10}, 2, graph::color_hex(color), "none");
     svg.text({at_chip.x + 19, at_chip.y + 9}, 10, "start", kInk,
              std::to_string(color) + ": " + std::to_string(pairs[at(color)]));

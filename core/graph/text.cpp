@@ -12,7 +12,7 @@ constexpr std::array kPalette = {"#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b
 
 std::string hex(double share) {
   constexpr const char* kDigits = "0123456789abcdef";
-  const auto byte = static_cast<unsigned>(share * 255 + 0.5);
+  const auto byte = static_cast<unsigned>(std::lround(share * 255));
   return {kDigits[byte / 16], kDigits[byte % 16]};
 }
 

@@ -52,7 +52,7 @@ std::string number_defect(Cursor& cursor, const Head& head) {
 std::string enumerator_defect(Cursor& cursor, const Head& head) {
   const Head base = read_head(cursor);
   if (!known_version(base) || base.type_class != kInteger || base.size != head.size) return kDamaged;
-  const std::string defect = number_defect(cursor, base);
+  std::string defect = number_defect(cursor, base);
   if (!defect.empty()) return defect;
   const std::uint64_t count = head.bits & 0xffff;
   if (count == 0) return kDamaged;

@@ -112,7 +112,7 @@ void OutputFile::strings(const std::string& path, const std::vector<std::string>
   for (const std::string& value : values) texts.push_back(value.c_str());
   const Handle type = variable_text();
   constexpr std::size_t kNeverPacked = 0;  // the texts lie in HDF5's heap, the array holds only where
-  write(path, type.get(), type.get(), kNeverPacked, texts.size(), texts.data());
+  write(path, type.get(), type.get(), kNeverPacked, texts.size(), static_cast<const void*>(texts.data()));
 }
 
 void OutputFile::text(const std::string& path, const std::string& value) {
@@ -135,7 +135,7 @@ void OutputFile::attribute(const std::string& name, const std::string& value) {
   const Handle space(H5Screate(H5S_SCALAR), H5Sclose);
   const Handle attribute(H5Acreate2(file_.get(), name.c_str(), type.get(), space.get(), H5P_DEFAULT, H5P_DEFAULT),
                          H5Aclose);
-  if (!attribute.ok() || H5Awrite(attribute.get(), type.get(), &text) < 0) {
+  if (!attribute.ok() || H5Awrite(attribute.get(), type.get(), static_cast<const void*>(&text)) < 0) {
     fail("attribute '" + name + "' cannot be written");
   }
 }

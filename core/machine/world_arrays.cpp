@@ -18,8 +18,8 @@ WorldContacts<Real> HostContacts<Real>::view() {
 }
 
 template <class Real>
-WorldArrays<Real>::WorldArrays(const WorldModelView<Real>& what, Offset envs)
-    : model(what), env_count(envs), inv_mass(at(envs * what.bodies)), body_offsets(at(envs) + 1), status(at(envs)) {
+WorldArrays<Real>::WorldArrays(const WorldModelView<Real>& world, Offset envs)
+    : model(world), env_count(envs), inv_mass(at(envs * world.bodies)), body_offsets(at(envs) + 1), status(at(envs)) {
   for_each_body_array([&](Offset width, auto& array) { array.assign(at(width * envs * model.bodies), Real(0)); },
                       *this);
   for (Offset env = 0; env <= envs; ++env) body_offsets[at(env)] = env * model.bodies;

@@ -50,7 +50,7 @@ struct HostContacts {
 /// A world in host memory: where the CPU steps it, or a copy of what a device holds.
 template <class Real>
 struct WorldArrays {
-  WorldArrays(const WorldModelView<Real>& model, Offset env_count);
+  WorldArrays(const WorldModelView<Real>& world, Offset envs);
 
   /// What kernels are given.
   [[nodiscard]] WorldJob<Real> job();

@@ -19,7 +19,7 @@ void check_room(const char* what, Offset room) {
   if (room < 0) refuse("capacity." + std::string(what) + " = " + std::to_string(room) + ": must be >= 0");
 }
 
-const JacobianCapacity& checked(const JacobianCapacity& capacity) {
+JacobianCapacity checked(const JacobianCapacity& capacity) {
   check_room("envs", capacity.envs);
   check_room("rows", capacity.rows);
   check_room("cones", capacity.cones);

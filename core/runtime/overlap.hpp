@@ -148,7 +148,8 @@ auto arrays_of(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& s
 
 /// Of a first guess and the outputs. It may be the very array that it is a guess of: an environment's guess is read
 /// before its answer is written.
-inline void refuse_overlaps_of_guess(std::span<const NamedArray> outputs, std::size_t guessed, const NamedArray& guess) {
+inline void refuse_overlaps_of_guess(std::span<const NamedArray> outputs, std::size_t guessed,
+                                     const NamedArray& guess) {
   for (std::size_t i = 0; i < outputs.size(); ++i)
     if (i != guessed || guess.begin != outputs[i].begin) refuse_overlaps(outputs.subspan(i, 1), std::span(&guess, 1));
 }
@@ -166,8 +167,7 @@ void refuse_overlaps(const JacobianBatchView<Real>& batch, const JacobianSolutio
   refuse_overlaps(batch, solution, start.reactions);
   const auto outputs = arrays_of(batch, solution);
   constexpr std::size_t kVelocity = 2;
-  refuse_overlaps_of_guess(outputs, kVelocity,
-                           NamedArray::of("start.velocities", start.velocities, batch.dof_count));
+  refuse_overlaps_of_guess(outputs, kVelocity, NamedArray::of("start.velocities", start.velocities, batch.dof_count));
 }
 
 }  // namespace stiction

@@ -24,7 +24,8 @@ std::pair<double, double> direction(int i, int sides) {
   constexpr std::array<std::pair<double, double>, 4> kQuarter{
       {{1.0, 0.0}, {kLong, kShort}, {kHalf, kHalf}, {kShort, kLong}}};
   const int quarter = sides / 4;
-  std::pair<double, double> result = kQuarter.at(static_cast<std::size_t>(i % quarter * (16 / sides)));
+  const int place = i % quarter * (16 / sides);
+  std::pair<double, double> result = kQuarter.at(static_cast<std::size_t>(place));
   for (int turn = 0; turn < i / quarter; ++turn) result = {0.0 - result.second, result.first};
   return result;
 }

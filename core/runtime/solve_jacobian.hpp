@@ -19,7 +19,8 @@ void solve_jacobian(JacobianMachine<Real>& machine, const Solver& solver, const 
     return machine.assemble(batch, by_newton ? &newton : nullptr, stream);
   };
   const ContactBatchView<Real> contact = assemble();
-  if (contact.env_count > 0) solver.solve(contact, {solution.lambda, solution.w, solution.status}, start.reactions, stream);
+  if (contact.env_count > 0)
+    solver.solve(contact, {solution.lambda, solution.w, solution.status}, start.reactions, stream);
   machine.velocities(batch, solution, stream);
 }
 

@@ -23,7 +23,7 @@ Capacity checked(Capacity capacity) {
   return capacity;
 }
 
-const JacobianCapacity& checked(const JacobianCapacity& capacity) {
+JacobianCapacity checked(const JacobianCapacity& capacity) {
   check_envs(capacity.envs);
   return capacity;
 }

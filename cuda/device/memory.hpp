@@ -53,9 +53,9 @@ class ArraySet {
  public:
   template <class T>
   void add(T*& target, Offset count) {
-    entries_.push_back({&target, static_cast<std::size_t>(count) * sizeof(T), [](void* where, std::byte* memory) {
-                          *static_cast<T**>(where) = reinterpret_cast<T*>(memory);
-                        }});
+    entries_.push_back(
+        {static_cast<void*>(&target), static_cast<std::size_t>(count) * sizeof(T),
+         [](void* where, std::byte* memory) { *static_cast<T**>(where) = reinterpret_cast<T*>(memory); }});
     bytes_ += padded(entries_.back().bytes);
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return bytes_; }

@@ -49,7 +49,9 @@ const KernelCatalogue& EmulatedDevice::kernels() const {
 void EmulatedDevice::count(DeviceCall call, const char* what) {
   const int index = static_cast<int>(call);
   ++calls_[index];
-  if (fail_at_[index] < 0 || fail_at_[index]-- > 0) return;
+  if (fail_at_[index] < 0) return;
+  --fail_at_[index];
+  if (fail_at_[index] >= 0) return;
   const std::string message = std::string("emulated device: ") + what + " was told to fail";
   throw Error(call == DeviceCall::allocate ? ErrorCode::out_of_memory : ErrorCode::device_failure, message);
 }
@@ -131,8 +133,8 @@ void EmulatedDevice::queue(StreamHandle stream, Step step) {
     return;
   }
   Graph& graph = *target.capture;
-  const auto branch = std::find(graph.streams.begin(), graph.streams.end(), &target) - graph.streams.begin();
-  graph.branches[static_cast<std::size_t>(branch)].push_back(std::move(step));
+  const auto branch = std::find(graph.streams_.begin(), graph.streams_.end(), &target) - graph.streams_.begin();
+  graph.branches_[static_cast<std::size_t>(branch)].push_back(std::move(step));
 }
 
 void EmulatedDevice::copy(void* target, const void* source, std::size_t bytes, CopyKind, StreamHandle stream) {
@@ -194,8 +196,8 @@ void EmulatedDevice::wait(StreamHandle stream, EventHandle event) {
     if (captures_.count(source.capture) == 0) fail("an event of a capture that has ended");
     target.capture = source.capture;
     Graph& graph = *source.capture;
-    graph.streams.push_back(&target);
-    graph.branches.emplace_back();
+    graph.streams_.push_back(&target);
+    graph.branches_.emplace_back();
   }
   queue(stream, {{}, 0, source.mark});
 }
@@ -263,9 +265,9 @@ void EmulatedDevice::begin_capture(StreamHandle stream) {
   EmulatedStream& origin = stream_of(stream);
   if (origin.capture != nullptr) fail("a stream that is captured already");
   auto graph = std::make_unique<Graph>();
-  graph->origin = &origin;
-  graph->streams.push_back(&origin);
-  graph->branches.emplace_back();
+  graph->origin_ = &origin;
+  graph->streams_.push_back(&origin);
+  graph->branches_.emplace_back();
   origin.capture = graph.get();
   captures_[origin.capture] = std::move(graph);
 }
@@ -273,15 +275,15 @@ void EmulatedDevice::begin_capture(StreamHandle stream) {
 std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::end_capture(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   EmulatedStream& origin = stream_of(stream);
-  if (origin.capture == nullptr || origin.capture->origin != &origin) fail("no capture began on this stream");
+  if (origin.capture == nullptr || origin.capture->origin_ != &origin) fail("no capture began on this stream");
   Graph* const key = origin.capture;
   const std::shared_ptr<const Graph> graph = std::move(captures_.at(key));
   captures_.erase(key);
-  for (EmulatedStream* member : graph->streams) member->capture = nullptr;
+  for (EmulatedStream* member : graph->streams_) member->capture = nullptr;
   std::set<std::uint64_t> joined;
-  for (const Step& step : graph->branches.front()) joined.insert(step.after);
-  for (std::size_t k = 1; k < graph->branches.size(); ++k)
-    if (const std::uint64_t last = graph->branches[k].back().set; last == 0 || joined.count(last) == 0)
+  for (const Step& step : graph->branches_.front()) joined.insert(step.after);
+  for (std::size_t k = 1; k < graph->branches_.size(); ++k)
+    if (const std::uint64_t last = graph->branches_[k].back().set; last == 0 || joined.count(last) == 0)
       fail("a stream that joined the capture was not joined back");
   return graph;
 }
@@ -291,17 +293,17 @@ void EmulatedDevice::launch(const std::shared_ptr<const Graph>& graph, StreamHan
   count(DeviceCall::launch, "a graph");
   queue(stream, {[this, graph] {
           std::set<std::uint64_t> set;
-          std::vector<std::size_t> next(graph->branches.size(), 0);
+          std::vector<std::size_t> next(graph->branches_.size(), 0);
           for (;;) {
             std::vector<std::size_t> ready;
             for (std::size_t k = 0; k < next.size(); ++k) {
-              if (next[k] == graph->branches[k].size()) continue;
-              const std::uint64_t after = graph->branches[k][next[k]].after;
+              if (next[k] == graph->branches_[k].size()) continue;
+              const std::uint64_t after = graph->branches_[k][next[k]].after;
               if (after == 0 || set.count(after) > 0) ready.push_back(k);
             }
             if (ready.empty()) break;
             const std::size_t k = ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
-            const Step& step = graph->branches[k][next[k]++];
+            const Step& step = graph->branches_[k][next[k]++];
             if (step.work) step.work();
             if (step.set != 0) set.insert(step.set);
           }

@@ -126,9 +126,9 @@ std::shared_ptr<EmulatedDevice> shared_emulated_device();
 class EmulatedDevice::Graph {
  private:
   friend class EmulatedDevice;
-  EmulatedStream* origin = nullptr;
-  std::vector<EmulatedStream*> streams;     ///< that take part, the origin first
-  std::vector<std::vector<Step>> branches;  ///< steps of each, marks counted within the graph
+  EmulatedStream* origin_ = nullptr;
+  std::vector<EmulatedStream*> streams_;     ///< that take part, the origin first
+  std::vector<std::vector<Step>> branches_;  ///< steps of each, marks counted within the graph
 };
 
 }  // namespace stiction::cuda

@@ -110,7 +110,7 @@ std::vector<T> copied(const nb::dict& arrays, const char* name) {
 ContactBatch<double> packed(const ContactView& batch) {
   return std::visit(
       []<class Real>(const ContactBatchView<Real>& view) {
-        const ContactBatch<Real> copy = Solver(Device::cpu(), {}).to_host(on_host(view));
+        ContactBatch<Real> copy = Solver(Device::cpu(), {}).to_host(on_host(view));
         if constexpr (std::is_same_v<Real, double>)
           return copy;
         else
@@ -180,7 +180,7 @@ Offset take_failures(FailureFile& file, const FormSolver& solver, const View& ba
 }  // namespace
 
 void bind_files(nb::module_& module) {
-  nb::class_<FileBatch>(module, "FileBatch", "Memory of a batch that was read from a file.");
+  const nb::class_<FileBatch> file_batch(module, "FileBatch", "Memory of a batch that was read from a file.");
   module.def("read", &read, nb::arg("path"), nb::arg("wide"), "(law, arrays, extras) of a batch file.");
   module.def("write", &write, nb::arg("path"), nb::arg("batch"), nb::arg("extras"), nb::arg("env_name"),
              nb::arg("source"), "Writes a packed copy of a host batch.");

@@ -35,8 +35,7 @@ MujocoSystem::MujocoSystem(MassForm form) : mass_form(form) {
   for (auto* offsets :
        {&env_row_offsets, &env_cone_offsets, &env_dof_offsets, &env_mass_offsets, &cone_row_offsets, &row_offsets})
     offsets->assign(1, 0);
-  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &start, &lambda, &velocity})
-    numbers->reserve(1);
+  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &start, &lambda, &velocity}) numbers->reserve(1);
   cone_kind.reserve(1);
   cone_id.reserve(1);
 }
@@ -207,8 +206,8 @@ void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset con
     }
     if (mujoco_kind >= 5) {  // contacts are MuJoCo's last kinds
       const std::byte* one = contact + object * layout_.contact_bytes;
-      const auto first = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom) + 1);
-      const auto second = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom + 4) + 1);
+      const auto first = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom)) + 1;
+      const auto second = static_cast<std::uint64_t>(number_at<std::int32_t>(one, layout_.contact_geom + 4)) + 1;
       const std::uint64_t pair = first << 32U | second;
       if (id[i] != last_contact) {
         number = pair == last_pair ? number + 1 : 0;

@@ -9,7 +9,7 @@ namespace stiction::python {
 template <class T>
 T* array_at(const std::byte* structure, std::size_t offset) {
   T* pointer = nullptr;
-  std::memcpy(&pointer, structure + offset, sizeof pointer);
+  std::memcpy(static_cast<void*>(&pointer), structure + offset, sizeof pointer);
   return pointer;
 }
 

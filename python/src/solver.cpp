@@ -66,9 +66,9 @@ template <class Real>
 const Real* guess_of(const Array* array, Offset count, const char* name) {
   if (array == nullptr) return nullptr;
   if (array->size() < count)
-    throw nb::value_error((std::string(name) + ": expected " + std::to_string(count) + " numbers, got " +
-                           std::to_string(array->size()))
-                              .c_str());
+    throw nb::value_error(
+        (std::string(name) + ": expected " + std::to_string(count) + " numbers, got " + std::to_string(array->size()))
+            .c_str());
   return array->read<Real>(name);
 }
 

@@ -55,8 +55,9 @@ std::vector<Real> in_precision(const std::vector<double>& values) {
   return narrow;
 }
 
-void print_difference(const io::Recording& recording, Offset env, const std::vector<double>& then,
+void print_difference(const io::Recording& recording, const io::RecordedSolve& recorded, Offset env,
                       const std::vector<double>& now, const char* ended) {
+  const std::vector<double>& then = recorded.lambda;
   const auto& offsets = recording.batch.arrays().env_row_offsets;
   const auto first = static_cast<std::size_t>(offsets[static_cast<std::size_t>(env)]);
   std::size_t row = first;
@@ -65,12 +66,11 @@ void print_difference(const io::Recording& recording, Offset env, const std::vec
   fmt::print("environment {} ({}, solve {}): row {}: {} recorded, {} now, {}; ended {}\n", env,
              recording.env_name.empty() ? "no name" : recording.env_name[index],
              recording.step.empty() ? 0 : recording.step[index], row - first, then[row], now[row],
-             ulps_text(then[row], now[row], recording.solve->precision), ended);
+             ulps_text(then[row], now[row], recorded.precision), ended);
 }
 
 template <class Real>
-int replay(const ReplayArguments& arguments, const io::Recording& recording) {
-  const io::RecordedSolve& recorded = *recording.solve;
+int replay(const ReplayArguments& arguments, const io::Recording& recording, const io::RecordedSolve& recorded) {
   const Device device = Device::from_string(arguments.device);
   const std::vector<Real> then = in_precision<Real>(recorded.lambda);
   const Solution<Real> answer = solve(convert<Real>(recording.batch), options_of(recorded, arguments.threads), device,
@@ -87,7 +87,7 @@ int replay(const ReplayArguments& arguments, const io::Recording& recording) {
     const auto index = static_cast<std::size_t>(env);
     if (hash_bits(part(then, index)) == hash_bits(part(answer.lambda, index))) continue;
     if (different++ < kShown && !arguments.quiet)
-      print_difference(recording, env, recorded.lambda, now, to_string(answer.status[index].code));
+      print_difference(recording, recorded, env, now, to_string(answer.status[index].code));
   }
   if (!arguments.quiet) {
     fmt::print("{}: {}, {}, {}, {}\n", arguments.recording.string(), to_string(recorded.solver),
@@ -105,8 +105,9 @@ int replay(const ReplayArguments& arguments, const io::Recording& recording) {
 
 int run_replay(const ReplayArguments& arguments) {
   const io::Recording recording = load_batch(arguments.recording, std::nullopt, ValueDefects::keep).recording;
-  return recorded_solve(arguments, recording).precision == Precision::f32 ? replay<float>(arguments, recording)
-                                                                          : replay<double>(arguments, recording);
+  const io::RecordedSolve& recorded = recorded_solve(arguments, recording);
+  return recorded.precision == Precision::f32 ? replay<float>(arguments, recording, recorded)
+                                              : replay<double>(arguments, recording, recorded);
 }
 
 }  // namespace stiction::cli

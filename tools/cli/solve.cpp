@@ -193,17 +193,17 @@ io::RecordWhen record_when(const std::string& text) {
 
 /// Environments in the file's order, whichever they were solved in. Without any no file is written.
 template <class Real>
-void record(const SolveArguments& arguments, const Solver& solver, const Work<Real>& work, Solution<Real>& solution) {
-  io::Recorder recorder(*arguments.record, {record_when(arguments.record_when), kMostRecorded, {}});
+void record(const std::filesystem::path& file, const SolveArguments& arguments, const Solver& solver,
+            const Work<Real>& work, Solution<Real>& solution) {
+  io::Recorder recorder(file, {record_when(arguments.record_when), kMostRecorded, {}});
   recorder.take(solver, work.batch.view(), {solution.lambda.data(), solution.w.data(), solution.status.data()},
                 work.warm_start.empty() ? nullptr : work.warm_start.data());
   if (arguments.quiet || (arguments.json && *arguments.json == "-")) return;
   if (recorder.recorded() > 0)
-    fmt::print("{}: {} environments recorded, {} left out\n", arguments.record->string(), recorder.recorded(),
-               recorder.left_out());
+    fmt::print("{}: {} environments recorded, {} left out\n", file.string(), recorder.recorded(), recorder.left_out());
   else
-    fmt::print("{}: nothing to record, {}\n", arguments.record->string(),
-               std::filesystem::exists(*arguments.record) ? "left as an earlier run wrote it" : "not written");
+    fmt::print("{}: nothing to record, {}\n", file.string(),
+               std::filesystem::exists(file) ? "left as an earlier run wrote it" : "not written");
 }
 
 template <class Real>
@@ -256,9 +256,9 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   }
   if (arguments.record) {
     if (order.empty())
-      record(arguments, solver, work, solution);
+      record(*arguments.record, arguments, solver, work, solution);
     else
-      record(arguments, solver, prepare<Real>(batch, warm_start, {}), solution);
+      record(*arguments.record, arguments, solver, prepare<Real>(batch, warm_start, {}), solution);
   }
   stage.reset();
   if (arguments.convergence) {
@@ -297,7 +297,7 @@ int run_solve(const SolveArguments& arguments) {
     fmt::print("{}", to_text(report));
   }
   if (arguments.json) write_text(*arguments.json, to_json(report));
-  if (tracer) {
+  if (tracer && arguments.trace) {
     if (tracer->left_out() > 0) fmt::print(stderr, "the trace has no room for {} more spans\n", tracer->left_out());
     write_text(*arguments.trace, tracer->chrome_json());
   }

@@ -50,7 +50,7 @@ void print_text(const VerifyArguments& arguments, const Verdict& verdict, std::s
   fmt::print("{:<16}{}\n{:<16}{}\n", "law", to_string(law), "environments", environments);
   fmt::print("{:<16}{}\n", "residual", quantile_text(verdict.relative));
   fmt::print("{:<16}{}\n", "absolute", quantile_text(verdict.absolute));
-  if (verdict.worst >= 0) {
+  if (verdict.worst >= 0 && verdict.relative) {
     fmt::print("{:<16}environment {}: {:.3e}\n", "worst", verdict.worst, verdict.relative->max);
   }
   fmt::print("{:<16}{} (tolerance {:g})\n", "above tolerance", verdict.above, arguments.tolerance);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/base/macros.hpp"
 #include "core/job/cone_counts.hpp"
 
 namespace stiction::inline STICTION_ISA {

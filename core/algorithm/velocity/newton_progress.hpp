@@ -42,7 +42,7 @@ struct LaneProgress {
   bool is_busy = false;
   bool is_solved = false;
   bool starts_at_velocity = false;  ///< and not at what reactions lead to
-  bool has_outer = false;  ///< solves a sequence of problems: Coulomb's law, or a proximal term
+  bool has_outer = false;           ///< solves a sequence of problems: Coulomb's law, or a proximal term
 };
 
 }  // namespace stiction::inline STICTION_ISA

@@ -79,8 +79,8 @@ struct NewtonPack {
         });
   }
 
-  /// The cones' potentials at z, whose reactions are x: R' |x|^2 / 2 of a cone, and of a row that is held at a bound what
-  /// is linear beyond it.
+  /// The cones' potentials at z, whose reactions are x: R' |x|^2 / 2 of a cone, and of a row that is held at a bound
+  /// what is linear beyond it.
   STICTION_HD_OUTLINE Wide potential() const {
     Wide sum(0);
     for (Index row = 0; row < counts.rows; ++row) {

@@ -14,7 +14,7 @@ struct VelocityWorkspace {
   /// Of three evaluations each: the terms that the answer has, and by how much they differ from those it was found
   /// with.
   static constexpr Index kSlips = 6;
-  static constexpr Index kDouble = sizeof(double) / sizeof(Real);
+  static constexpr Index kDouble = sizeof(Real) == sizeof(double) ? 1 : 2;
 
   Numbers J;          ///< rows x columns of each slot                           (entries)
   Numbers z;          ///< J v - target + shift                                  (rows)

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Rank, definiteness and condition of an operator (docs/analysis.md).
+
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -17,6 +20,7 @@ enum class Definiteness : std::uint8_t {
   indefinite,             ///< negative for some x by more than rounding
 };
 
+/// Name of a verdict, as reports print it ("positive_definite", ...).
 const char* to_string(Definiteness definiteness) noexcept;
 
 /// How an operator is analysed.
@@ -35,9 +39,10 @@ struct AnalysisOptions {
 /// Of a symmetric A they are the absolute values of its eigenvalues, s_max the spectral radius; else s_max is a bound
 /// on the spectral radius.
 struct OperatorAnalysis {
+  /// What a number holds that is not determined: NaN.
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-  Index rows = 0;
+  Index rows = 0;                 ///< rows of the environment
   Offset nonzeros = 0;            ///< stored entries of A; where A = Y Y' is not stored, those of Y
   double density = kNone;         ///< nonzeros / rows^2 [-]
   bool is_finite = true;          ///< false: some number is not, and what follows is not determined
@@ -47,10 +52,11 @@ struct OperatorAnalysis {
   double largest_error = kNone;   ///< some singular value is within this part of `largest` [-]
   Index largest_steps = 0;        ///< steps taken by the power iteration
   Index rank = -1;                ///< singular values above rank_tolerance, by pivoted QR
-  double rank_tolerance = kNone;  ///< [w / lambda]
+  double rank_tolerance = kNone;  ///< singular values up to it count as zero [w / lambda]
   double smallest = kNone;        ///< the smallest of those `rank` singular values, from above [w / lambda]
   double smallest_error = kNone;  ///< some singular value is within this part of `smallest`; infinite: no bound [-]
   Index smallest_steps = 0;       ///< steps taken by the inverse iteration
+  /// Sign of x'Ax over all x.
   Definiteness definiteness = Definiteness::unknown;
 
   /// Condition number in the 2-norm: infinite where the rank is less than the rows, NaN where it is not determined. [-]

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Contact batches: A, b and cones of many environments (docs/data_layout.md).
+
 #include <cstdint>
 #include <span>
 #include <string>
@@ -10,7 +13,10 @@
 namespace stiction {
 
 /// Where the arrays of a view live.
-enum class MemorySpace : std::uint8_t { host = 0, cuda = 1 };
+enum class MemorySpace : std::uint8_t {
+  host = 0,  ///< memory of the process
+  cuda = 1,  ///< memory of a CUDA device, or of the emulated one
+};
 
 /// Many environments' contact systems, as solvers read them. A POD over host or device memory that owns
 /// nothing. For each environment, with n rows tiled by cones, find lambda in the cones and
@@ -23,13 +29,13 @@ enum class MemorySpace : std::uint8_t { host = 0, cuda = 1 };
 /// environment, or of a row of A, begins. The counts say how much of it is in use, from its beginning. What lies in
 /// the rest is not read, and of a solution not written. The entry of cone_row_offsets behind an environment's last
 /// cone closes that cone. So room for cones needs one more than there are cones where it is not the last in use
-/// (padded_view() in padded.hpp arranges all this).
+/// (PaddedLayout in padded.hpp arranges all this).
 template <class Real>
 struct ContactBatchView {
-  Offset env_count = 0;
-  Offset cone_count = 0;
-  Offset row_count = 0;
-  Offset nonzero_count = 0;
+  Offset env_count = 0;                      ///< environments
+  Offset cone_count = 0;                     ///< cones of all environments
+  Offset row_count = 0;                      ///< rows of all environments
+  Offset nonzero_count = 0;                  ///< stored entries of all A
   const Offset* env_row_offsets = nullptr;   ///< first row of each environment        (env_count + 1)
   const Offset* env_cone_offsets = nullptr;  ///< first cone of each environment       (env_count + 1)
   const Index* env_row_counts = nullptr;     ///< rows in use; null: up to the next one's first   (env_count)
@@ -68,8 +74,8 @@ struct ContactBatchView {
                              ///< are not solved densely (choose_path) cannot be read so
   bool ends_early = false;   ///< in device memory: rows and cones end with the last environment's offsets, and the
                              ///< totals are room, as they are without counts
-  Law law = Law::convex;
-  MemorySpace space = MemorySpace::host;
+  Law law = Law::convex;     ///< of the friction cones
+  MemorySpace space = MemorySpace::host;  ///< where all arrays are
 
   /// Rows of an environment.
   [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
@@ -109,16 +115,18 @@ struct ContactBatchView {
 /// One environment to be appended to a ContactBatch: the same arrays, counted from this environment's zero.
 template <class Real>
 struct Environment {
+  /// One cone; its rows follow those of the cone before it.
   struct Cone {
-    ConeKind kind = ConeKind::unilateral;
-    Index row_count = 1;
-    Index group = -1;  ///< manifold id, -1: a separate vertex
+    ConeKind kind = ConeKind::unilateral;  ///< kind
+    Index row_count = 1;                   ///< rows: 1, of a friction cone 2 to 6
+    Index group = -1;                      ///< manifold id, -1: a separate vertex
   };
-  std::vector<Cone> cones;
-  std::vector<Index> row_offsets{0};   ///< CSR rows of A        (n + 1)
-  std::vector<Index> column;           ///< CSR columns          (nnz)
-  std::vector<Real> A;                 ///< CSR values           (nnz)
-  std::vector<Real> b, R, mu, lo, hi;  ///< empty R, mu, lo, hi mean zeros  (n)
+  std::vector<Cone> cones;            ///< cones, in the order of their rows
+  std::vector<Index> row_offsets{0};  ///< CSR rows of A        (n + 1)
+  std::vector<Index> column;          ///< CSR columns          (nnz)
+  std::vector<Real> A;                ///< CSR values           (nnz)
+  std::vector<Real> b;                ///< right-hand side [w]  (n)
+  std::vector<Real> R, mu, lo, hi;    ///< compliance, friction, bounds; empty means zeros  (n)
 
   /// Fills A from a dense row-major n x n matrix; entries that are exactly zero are not stored.
   void set_dense(std::span<const Real> matrix, Index n);
@@ -128,24 +136,27 @@ struct Environment {
 template <class Real>
 class ContactBatch {
  public:
+  /// An empty batch of the convex law.
   ContactBatch() = default;
+  /// An empty batch of that law.
   explicit ContactBatch(Law law) : law_(law) {}
 
   /// The batch as flat arrays, moved in at once (shapes as in ContactBatchView; empty groups, flags, limits or
   /// factor_offsets mean none).
   struct Arrays {
-    std::vector<Offset> env_row_offsets, env_cone_offsets;
-    std::vector<ConeKind> cone_kind;
-    std::vector<Offset> cone_row_offsets;
-    std::vector<Index> cone_group;
-    std::vector<Offset> row_offsets;
-    std::vector<Index> column;
-    std::vector<Real> A, b, R, mu, lo, hi;
-    std::vector<std::uint32_t> env_flags;
-    std::vector<double> env_tolerance;
-    std::vector<Index> env_max_iterations;
-    std::vector<Offset> factor_offsets;
-    std::vector<Real> factor;
+    std::vector<Offset> env_row_offsets, env_cone_offsets;  ///< first row and cone of each environment  (env_count + 1)
+    std::vector<ConeKind> cone_kind;                        ///< kind of each cone                       (cone_count)
+    std::vector<Offset> cone_row_offsets;   ///< first row of each cone                  (cone_count + 1)
+    std::vector<Index> cone_group;          ///< manifold of each cone, or empty         (cone_count)
+    std::vector<Offset> row_offsets;        ///< CSR rows of A                           (row_count + 1)
+    std::vector<Index> column;              ///< CSR columns                             (nonzero_count)
+    std::vector<Real> A;                    ///< CSR values [w / lambda]                 (nonzero_count)
+    std::vector<Real> b, R, mu, lo, hi;     ///< numbers of the rows                     (row_count)
+    std::vector<std::uint32_t> env_flags;   ///< EnvFlag bits, or empty                  (env_count)
+    std::vector<double> env_tolerance;      ///< tolerance of each, or empty [-]         (env_count)
+    std::vector<Index> env_max_iterations;  ///< iterations of each, or empty            (env_count)
+    std::vector<Offset> factor_offsets;     ///< first entry of each Y, or empty         (env_count + 1)
+    std::vector<Real> factor;               ///< Y of all environments
   };
 
   /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with what
@@ -156,11 +167,17 @@ class ContactBatch {
   /// was appended.
   void add(const Environment<Real>& environment);
 
+  /// The batch as solvers read it, in host memory; valid while the batch lives and is not appended to.
   [[nodiscard]] ContactBatchView<Real> view() const noexcept;
+  /// Environments so far.
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(arrays_.env_row_offsets.size()) - 1; }
+  /// Rows of all environments.
   [[nodiscard]] Offset row_count() const noexcept { return arrays_.env_row_offsets.back(); }
+  /// The arrays themselves.
   [[nodiscard]] const Arrays& arrays() const noexcept { return arrays_; }
+  /// Law of the friction cones.
   [[nodiscard]] Law law() const noexcept { return law_; }
+  /// Changes the law of the friction cones; the numbers stay.
   void set_law(Law law) noexcept { law_ = law; }
 
  private:

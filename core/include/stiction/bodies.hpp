@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Bodies and contact points in place of a matrix (docs/bodies.md).
+
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -20,9 +23,9 @@ namespace stiction {
 /// normal, and contact_tangents(). Reactions are impulses (n, t1, t2) on b; a gets the opposite.
 template <class Real>
 struct BodyBatchView {
-  Offset env_count = 0;
-  Offset body_count = 0;
-  Offset contact_count = 0;
+  Offset env_count = 0;                         ///< environments
+  Offset body_count = 0;                        ///< bodies of all environments
+  Offset contact_count = 0;                     ///< contacts of all environments
   const Offset* env_body_offsets = nullptr;     ///< first body of each environment                  (env_count + 1)
   const Offset* env_contact_offsets = nullptr;  ///< first contact of each environment               (env_count + 1)
   const Real* inv_mass = nullptr;               ///< 1 / mass, >= 0 [1/kg]                            (body_count)
@@ -44,35 +47,37 @@ struct BodyBatchView {
   const Real* restitution = nullptr;  ///< Newton's, in [0, 1] [-]                              (contact_count)
   const std::uint64_t* contact_id = nullptr;  ///< the caller's names, not read by the solver; may be null
                                               ///<                                                    (contact_count)
-  MemorySpace space = MemorySpace::host;
+  MemorySpace space = MemorySpace::host;      ///< where all arrays are
 };
 
 /// One environment to be appended to a BodyBatch.
 template <class Real>
 struct BodyEnvironment {
+  /// One body, world axes.
   struct Body {
-    Real inv_mass = 1;
-    std::array<Real, 6> inv_inertia{1, 0, 0, 1, 0, 1};
-    std::array<Real, 6> twist{};
-    std::array<Real, 6> twist_change{};
-    bool kinematic = false;
+    Real inv_mass = 1;                                  ///< 1 / mass, >= 0 [1/kg]
+    std::array<Real, 6> inv_inertia{1, 0, 0, 1, 0, 1};  ///< xx, xy, xz, yy, yz, zz [1/(kg m^2)]
+    std::array<Real, 6> twist{};                        ///< velocity [m/s], spin [rad/s]
+    std::array<Real, 6> twist_change{};                 ///< by all forces but contact over the step
+    bool kinematic = false;                             ///< moves with `twist` whatever pushes it
   };
+  /// One contact point between two bodies, world axes.
   struct Contact {
-    Index body_a = -1;
-    Index body_b = 0;
-    std::array<Real, 3> arm_a{};
-    std::array<Real, 3> arm_b{};
-    std::array<Real, 3> normal{0, 0, 1};
-    Real mu = 0;
-    Real depth = 0;
-    Real restitution = 0;
-    std::uint64_t id = 0;
+    Index body_a = -1;                    ///< -1: the world
+    Index body_b = 0;                     ///< -1: the world
+    std::array<Real, 3> arm_a{};          ///< the point from a's centre of mass [m]
+    std::array<Real, 3> arm_b{};          ///< the point from b's centre of mass [m]
+    std::array<Real, 3> normal{0, 0, 1};  ///< unit vector from a to b
+    Real mu = 0;                          ///< friction, >= 0 [-]
+    Real depth = 0;                       ///< penetration; negative: a gap [m]
+    Real restitution = 0;                 ///< Newton's, in [0, 1] [-]
+    std::uint64_t id = 0;                 ///< the caller's name of the contact
   };
-  std::vector<Body> bodies;
-  std::vector<Contact> contacts;
+  std::vector<Body> bodies;       ///< bodies; contacts name them by their place here
+  std::vector<Contact> contacts;  ///< contacts
 };
 
-/// Owner of such a batch on the host; append-only.
+/// Owner of a batch of bodies on the host; append-only.
 template <class Real>
 class BodyBatch {
  public:
@@ -80,9 +85,13 @@ class BodyBatch {
   /// there or joins a body with itself; then nothing was appended. Values are the business of validate().
   void add(const BodyEnvironment<Real>& environment);
 
+  /// The batch as BodySolver reads it, in host memory; valid while the batch lives and is not appended to.
   [[nodiscard]] BodyBatchView<Real> view() const noexcept;
+  /// Environments so far.
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_body_offsets_.size()) - 1; }
+  /// Bodies of all environments.
   [[nodiscard]] Offset body_count() const noexcept { return env_body_offsets_.back(); }
+  /// Contacts of all environments.
   [[nodiscard]] Offset contact_count() const noexcept { return env_contact_offsets_.back(); }
 
  private:
@@ -138,13 +147,13 @@ struct TimeStepping {
   double restitution_threshold = 0.1;  ///< approach slower than this does not bounce, >= 0 [m/s]
 };
 
-/// Sequential impulses, projected Gauss-Seidel on velocities without a matrix (docs/math/si.md), or an inexact Newton
-/// method on them (docs/math/body_newton.md).
+/// How bodies are solved: by sequential impulses, projected Gauss-Seidel on velocities without a matrix
+/// (docs/math/si.md), or by an inexact Newton method on velocities (docs/math/body_newton.md).
 struct BodySolverOptions {
-  Law law = Law::coulomb;
-  BodyMethod method = BodyMethod::impulses;
-  BodySpaceOptions space;          ///< read by Newton's method alone
-  Index iterations = 50;           ///< sweeps, or Newton steps, of each sub-step, at most, >= 0
+  Law law = Law::coulomb;                    ///< of friction
+  BodyMethod method = BodyMethod::impulses;  ///< how
+  BodySpaceOptions space;                    ///< read by Newton's method alone
+  Index iterations = 50;                     ///< sweeps, or Newton steps, of each sub-step, at most, >= 0
   double tolerance = 0;            ///< on the relative natural-map residual of the last sub-step; 0: all iterations [-]
   bool momentum = true;            ///< Nesterov's, with restart, for sweeps
   double omega = 1.0;              ///< relaxation, 0 < omega < 2 [-]
@@ -152,7 +161,7 @@ struct BodySolverOptions {
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
                                    ///< lower index first among equals, and the environment gets kFlagContactsDropped
   int threads = 0;                 ///< CPU threads; 0: all cores
-  InvalidPolicy invalid = InvalidPolicy::reject;
+  InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
 };
 
 /// Where a solve writes. Same memory space as the batch.
@@ -171,8 +180,11 @@ struct BodyPlanData;
 /// and, in environments over capacity only, on depths. Cheap to copy.
 class BodyPlan {
  public:
+  /// A plan over data that BodySolver::plan() made.
   explicit BodyPlan(std::shared_ptr<const BodyPlanData> data) : data_(std::move(data)) {}
+  /// The plan's integers.
   [[nodiscard]] const BodyPlanData& data() const noexcept { return *data_; }
+  /// The plan's integers, to be kept beyond the plan.
   [[nodiscard]] const std::shared_ptr<const BodyPlanData>& shared() const noexcept { return data_; }
   /// Colours of one environment: phases of one sweep.
   [[nodiscard]] Index color_count(Offset env) const;
@@ -186,15 +198,15 @@ class BodyMachine;
 /// Solves body batches on one device.
 class BodySolver {
  public:
-  /// \throws Error(invalid_argument) for an option out of range, Error(no_device) or Error(unsupported) when the device
-  /// cannot be had.
+  /// A solver on that device. \throws Error(invalid_argument) for an option out of range, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had.
   BodySolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options);
   ~BodySolver();
   BodySolver(BodySolver&&) noexcept;
   BodySolver& operator=(BodySolver&&) noexcept;
 
-  /// \throws Error(invalid_argument) if the structure is broken. A batch in device memory is planned from a host copy
-  /// of its structure, on `stream`.
+  /// Plans batches of this structure. A batch in device memory is planned from a host copy of its structure, on
+  /// `stream`. \throws Error(invalid_argument) if the structure is broken.
   template <class Real>
   [[nodiscard]] BodyPlan plan(const BodyBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
 
@@ -217,8 +229,11 @@ class BodySolver {
   template <class Real>
   void check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) const;
 
+  /// Options that the solver was made with.
   [[nodiscard]] const BodySolverOptions& options() const noexcept { return options_; }
+  /// Time stepping that the solver was made with.
   [[nodiscard]] const TimeStepping& stepping() const noexcept { return stepping_; }
+  /// Device that it solves on.
   [[nodiscard]] Device device() const noexcept { return device_; }
 
  private:
@@ -240,11 +255,13 @@ class BodySolver {
 /// Host solution with owned memory; shapes as in BodySolutionView.
 template <class Real>
 struct BodySolution {
-  std::vector<Real> impulse, twist, w;
-  std::vector<EnvStatus> status;
+  std::vector<Real> impulse;      ///< reactions in the contact frame [N s]  (3 * contact_count)
+  std::vector<Real> twist;        ///< velocity [m/s], spin [rad/s] after the step  (6 * body_count)
+  std::vector<Real> w;            ///< residual motion of the last sub-step [m/s]  (3 * contact_count)
+  std::vector<EnvStatus> status;  ///< one record each  (env_count)
 };
 
-/// Plan and solve in one call.
+/// Plans and solves a host batch in one call. \throws as BodySolver, its plan() and solve().
 template <class Real>
 BodySolution<Real> solve_bodies(const BodyBatch<Real>& batch, const TimeStepping& stepping = {},
                                 const BodySolverOptions& options = {}, Device device = Device::cpu(),

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Options of Newton's method on the velocities of bodies.
+
 #include <cstdint>
 #include <string>
 
@@ -22,6 +25,7 @@ enum class BodyPreconditioner : std::uint8_t {
   factor = 4,               ///< the whole factor: a direct solve
   multigrid = 5,            ///< aggregates of bodies that move rigidly (docs/math/multigrid.md)
 };
+/// Number of BodyPreconditioner values.
 inline constexpr int kBodyPreconditionerCount = 6;
 
 /// How a coarse body's motion becomes that of its members (docs/math/multigrid.md).
@@ -31,25 +35,31 @@ enum class Prolongation : std::uint8_t {
 };
 
 /// Times that a cycle visits a coarser level for each visit of the finer one.
-enum class Cycle : std::uint8_t { v = 1, w = 2 };
+enum class Cycle : std::uint8_t {
+  v = 1,  ///< once
+  w = 2,  ///< twice
+};
 
+/// How the multigrid preconditioner goes between its levels (docs/math/multigrid.md).
 struct MultigridOptions {
-  Prolongation prolongation = Prolongation::smoothed;
-  Cycle cycle = Cycle::v;
+  Prolongation prolongation = Prolongation::smoothed;  ///< from a coarse level to a finer one
+  Cycle cycle = Cycle::v;                              ///< visits of the coarser level
   bool operator==(const MultigridOptions&) const = default;
 };
 
 /// What Newton's method in body space is told when it plans.
 struct BodySpaceOptions {
-  BodyPreconditioner preconditioner = BodyPreconditioner::multigrid;
-  MultigridOptions multigrid;            ///< read by multigrid
-  Ordering ordering = kDefaultOrdering;  ///< read by factor and incomplete_cholesky
+  BodyPreconditioner preconditioner = BodyPreconditioner::multigrid;  ///< of the conjugate gradients
+  MultigridOptions multigrid;                                         ///< read by multigrid
+  Ordering ordering = kDefaultOrdering;                               ///< read by factor and incomplete_cholesky
   bool operator==(const BodySpaceOptions&) const = default;
 };
 
+/// Name of a method, as reports print it ("impulses", "newton").
 const char* to_string(BodyMethod method) noexcept;
+/// Name of a preconditioner, as reports print it ("multigrid", ...).
 const char* to_string(BodyPreconditioner preconditioner) noexcept;
-/// \throws Error(invalid_argument) with the names there are.
+/// The preconditioner of that name. \throws Error(invalid_argument) that lists the names there are.
 BodyPreconditioner body_preconditioner_from_string(const std::string& name);
 
 }  // namespace stiction

@@ -1,9 +1,12 @@
 #pragma once
 
-/// Version of the library's interface (semantic versioning).
+/// \file
+/// Version, numerics epoch, and the marks of functions that run on host and device.
+
+/// Version of the library's interface (semantic versioning); changes with what old programs cannot take.
 #define STICTION_VERSION_MAJOR 0
-#define STICTION_VERSION_MINOR 1
-#define STICTION_VERSION_PATCH 0
+#define STICTION_VERSION_MINOR 1  ///< changes with what is added
+#define STICTION_VERSION_PATCH 0  ///< changes with what is mended
 
 /// Marks a function that runs on host and device. It is always inlined. The CPU machine compiles the algorithms once
 /// per instruction set. An out-of-line copy that the linker merged across those builds could be one the running CPU
@@ -25,6 +28,7 @@
 
 namespace stiction {
 
+/// Version of the library, "major.minor.patch".
 inline constexpr const char* kVersion = "0.1.0";
 
 /// Numerics epoch: results are bit-reproducible within one epoch. It changes, with a sentence in the

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Which bodies touch, from step to step: islands, colours, drawings (docs/contact_graph.md).
+
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -13,6 +16,7 @@ namespace stiction {
 /// The world: a body that is always there, never moves and is not counted.
 inline constexpr Index kWorldBody = -1;
 
+/// What a body is to the graph.
 enum class BodyRole : std::uint8_t {
   moving = 0,  ///< a vertex of the graph
   fixed = 1,   ///< never moves, like the world: it neither joins islands nor sets contacts in conflict
@@ -22,7 +26,7 @@ enum class BodyRole : std::uint8_t {
 struct GraphContact {
   std::uint64_t id = 0;       ///< names the contact across steps; unique among those present
   Index body_a = kWorldBody;  ///< either body may be the world or fixed, but not both
-  Index body_b = kWorldBody;
+  Index body_b = kWorldBody;  ///< the other body
 
   bool operator==(const GraphContact&) const = default;
 };
@@ -30,9 +34,9 @@ struct GraphContact {
 /// All contacts of one pair of bodies, as one vertex of the conflict graph.
 struct GraphManifold {
   Index body_a = kWorldBody;  ///< the smaller index
-  Index body_b = kWorldBody;
-  Index contact_count = 0;  ///< weight of the edge, >= 1
-  Index color = 0;          ///< 0, 1, ..
+  Index body_b = kWorldBody;  ///< the larger index
+  Index contact_count = 0;    ///< weight of the edge, >= 1
+  Index color = 0;            ///< 0, 1, ..
 
   bool operator==(const GraphManifold&) const = default;
 };
@@ -59,20 +63,20 @@ struct GraphChange {
 
 /// Numbers of a whole graph. Means over nothing are 0.
 struct GraphStatistics {
-  Offset moving_count = 0;    ///< n, vertices
-  Offset fixed_count = 0;     ///< without the world
-  Offset contact_count = 0;   ///< all contacts
-  Offset manifold_count = 0;  ///< pairs of bodies in contact, fixed bodies included
-  Offset edge_count = 0;      ///< e, pairs of moving bodies in contact
-  double density = 0;         ///< 2 e / n^2, the filled share of the adjacency matrix; its diagonal is empty
-  Index min_degree = 0;       ///< moving bodies that a moving body touches: least, mean, most
-  double mean_degree = 0;
-  Index max_degree = 0;
-  Offset island_count = 0;
-  Offset largest_island = 0;            ///< moving bodies
+  Offset moving_count = 0;              ///< n, vertices
+  Offset fixed_count = 0;               ///< without the world
+  Offset contact_count = 0;             ///< all contacts
+  Offset manifold_count = 0;            ///< pairs of bodies in contact, fixed bodies included
+  Offset edge_count = 0;                ///< e, pairs of moving bodies in contact
+  double density = 0;                   ///< 2 e / n^2, the filled share of the adjacency matrix; its diagonal is empty
+  Index min_degree = 0;                 ///< moving bodies that a moving body touches: least
+  double mean_degree = 0;               ///< mean
+  Index max_degree = 0;                 ///< most
+  Offset island_count = 0;              ///< islands
+  Offset largest_island = 0;            ///< moving bodies of the largest island
   double mean_contacts_per_island = 0;  ///< islands without contacts counted as well
-  Offset max_contacts_per_island = 0;
-  Index color_count = 0;
+  Offset max_contacts_per_island = 0;   ///< most
+  Index color_count = 0;                ///< colours of the manifolds
 };
 
 /// Which bodies touch, kept from step to step: vertices are moving bodies, edges are the pairs that touch, weighted by
@@ -93,6 +97,7 @@ struct GraphStatistics {
 /// moved from may be assigned to or destroyed, no more.
 class ContactGraph {
  public:
+  /// A graph without bodies.
   ContactGraph();
   ContactGraph(const ContactGraph& other);
   ContactGraph(ContactGraph&& other) noexcept;

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// The one exception that the library throws.
+
 #include <stdexcept>
 #include <string>
 
@@ -20,7 +23,9 @@ enum class ErrorCode {
 /// trouble is never thrown: it is data (EnvStatus).
 class Error : public std::runtime_error {
  public:
+  /// An error of that kind; what() returns `message`.
   Error(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  /// Kind of the error.
   [[nodiscard]] ErrorCode code() const noexcept { return code_; }
 
  private:

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Hashes of the bits of an answer.
+
 #include <cstdint>
 #include <span>
 
@@ -8,6 +11,7 @@ namespace stiction {
 /// Hash of the bits of an array: the sum over elements of splitmix64(bits ^ golden * (i + 1)), mod 2^64.
 /// A sum, so that any machine may add in any order; position matters, -0 and +0 differ, every NaN hashes alike.
 std::uint64_t hash_bits(std::span<const float> values) noexcept;
+/// Hash of the bits of an array of doubles.
 std::uint64_t hash_bits(std::span<const double> values) noexcept;
 
 }  // namespace stiction

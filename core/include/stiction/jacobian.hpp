@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Jacobian batches: J, M and velocities in place of A (docs/jacobian.md).
+
 #include <cstdint>
 #include <vector>
 
@@ -25,10 +28,10 @@ enum class MassForm : std::uint8_t {
 /// there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
 template <class Real>
 struct JacobianBatchView {
-  Offset env_count = 0;
-  Offset cone_count = 0;
-  Offset row_count = 0;
-  Offset dof_count = 0;
+  Offset env_count = 0;                       ///< environments
+  Offset cone_count = 0;                      ///< cones of all environments
+  Offset row_count = 0;                       ///< rows of all environments
+  Offset dof_count = 0;                       ///< degrees of freedom of all environments
   Offset entry_count = 0;                     ///< length of J
   Offset mass_count = 0;                      ///< length of M
   const Offset* env_row_offsets = nullptr;    ///< first row of each environment        (env_count + 1)
@@ -53,21 +56,24 @@ struct JacobianBatchView {
   const Real* target = nullptr;   ///< motion that rows aim at, or null: zeros [w]      (row_count)
   const Real* R = nullptr;        ///< compliance, >= 0 [w / lambda]                    (row_count)
   const Real* mu = nullptr;       ///< friction per axis                                (row_count)
-  const Real* lo = nullptr;       ///< bounds of box rows [lambda]                      (row_count)
-  const Real* hi = nullptr;       ///<                                                  (row_count)
-  MassForm mass_form = MassForm::matrix;
-  Index mass_block = 0;  ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
-  Law law = Law::convex;
-  MemorySpace space = MemorySpace::host;
+  const Real* lo = nullptr;       ///< lower bounds of box rows [lambda]                (row_count)
+  const Real* hi = nullptr;       ///< upper bounds of box rows [lambda]                (row_count)
+  MassForm mass_form = MassForm::matrix;  ///< what M holds
+  Index mass_block = 0;   ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
+  Law law = Law::convex;  ///< of the friction cones
+  MemorySpace space = MemorySpace::host;  ///< where all arrays are
 
+  /// Rows of an environment.
   [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
     return env_row_counts != nullptr ? env_row_counts[env]
                                      : static_cast<Index>(env_row_offsets[env + 1] - env_row_offsets[env]);
   }
+  /// Cones of an environment.
   [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
     return env_cone_counts != nullptr ? env_cone_counts[env]
                                       : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
   }
+  /// Degrees of freedom of an environment.
   [[nodiscard]] STICTION_HD Index env_dofs(Offset env) const {
     return static_cast<Index>(env_dof_offsets[env + 1] - env_dof_offsets[env]);
   }
@@ -76,28 +82,32 @@ struct JacobianBatchView {
 /// One environment to be appended to a JacobianBatch.
 template <class Real>
 struct JacobianEnvironment {
-  std::vector<typename Environment<Real>::Cone> cones;
-  std::vector<Index> row_offsets, column;   ///< CSR rows and columns of J; both empty: J is dense
-  std::vector<Real> J;                      ///< row-major, n x dofs, or CSR values
-  std::vector<Real> M;                      ///< dofs x the batch's block size, row-major
-  std::vector<Real> v_free;                 ///< its length says how many degrees of freedom there are
-  std::vector<Real> target, R, mu, lo, hi;  ///< empty means zeros  (n)
+  std::vector<typename Environment<Real>::Cone> cones;  ///< cones, in the order of their rows
+  std::vector<Index> row_offsets, column;               ///< CSR rows and columns of J; both empty: J is dense
+  std::vector<Real> J;                                  ///< row-major, n x dofs, or CSR values
+  std::vector<Real> M;                                  ///< dofs x the batch's block size, row-major
+  std::vector<Real> v_free;                             ///< its length says how many degrees of freedom there are
+  std::vector<Real> target, R, mu, lo, hi;              ///< empty means zeros  (n)
 };
 
 /// Owner of a Jacobian batch on the host; append-only.
 template <class Real>
 class JacobianBatch {
  public:
-  /// \throws Error(invalid_argument) if mass_block < 0.
+  /// An empty batch; `mass_block` as in JacobianBatchView. \throws Error(invalid_argument) if it is below zero.
   explicit JacobianBatch(Law law = Law::convex, MassForm mass_form = MassForm::matrix, Index mass_block = 0);
 
   /// Appends one environment (possibly without rows). \throws Error(invalid_argument) on a wrong shape; then nothing
   /// was appended.
   void add(const JacobianEnvironment<Real>& environment);
 
+  /// The batch as solvers read it, in host memory; valid while the batch lives and is not appended to.
   [[nodiscard]] JacobianBatchView<Real> view() const noexcept;
+  /// Environments so far.
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_row_offsets_.size()) - 1; }
+  /// Rows of all environments.
   [[nodiscard]] Offset row_count() const noexcept { return env_row_offsets_.back(); }
+  /// Degrees of freedom of all environments.
   [[nodiscard]] Offset dof_count() const noexcept { return env_dof_offsets_.back(); }
 
  private:
@@ -117,7 +127,7 @@ class JacobianBatch {
 inline constexpr Index kMostVelocityDofs = 64;
 
 /// Where a solve of J and M starts; both may be null: from v_free, without reactions. `velocities` are for Newton's
-/// method in velocities (docs/math/velocity_newton.md), which then has no use for the reactions of an environment, but
+/// method in velocities (docs/math/velocity_newton.md). With them it does not read an environment's reactions, except
 /// where it solves a sequence of problems. All other methods start from `reactions`. An environment whose velocities
 /// are not finite starts without them, marked kFlagWarmStartRejected.
 template <class Real>
@@ -128,7 +138,7 @@ struct JacobianStart {
 
 /// Which environments are kept as factors.
 enum class FactorUse : std::uint8_t {
-  never,
+  never,    ///< none: every A is a matrix
   by_size,  ///< those for which prefers_factor() holds: the default, one rule on every device
   always,   ///< all that have degrees of freedom
 };
@@ -169,12 +179,13 @@ struct JacobianSolution {
   std::vector<Real> velocity;           ///< v+ [v]                                    (dof_count)
 };
 
-/// assemble(), solve() on that device and velocities() in one call, for batches in host memory. Which environments are
-/// kept as factors reaches the last bits of the answer, the device does not.
+/// Assembles, solves on that device and moves the velocities in one call, for batches in host memory. Which
+/// environments are kept as factors reaches the last bits of the answer, the device does not.
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverOptions& options = {},
                              Device device = Device::cpu(), std::span<const Real> warm_start = {},
                              FactorUse use = FactorUse::by_size);
+/// Solves the batch of an owner.
 template <class Real>
 JacobianSolution<Real> solve(const JacobianBatch<Real>& batch, const SolverOptions& options = {},
                              Device device = Device::cpu(), std::span<const Real> warm_start = {},

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// The solver of Jacobian batches, on the CPU or a GPU (docs/jacobian.md).
+
 #include <memory>
 
 #include "stiction/jacobian.hpp"
@@ -9,9 +12,9 @@ namespace stiction {
 
 /// Room that a JacobianSolver on a GPU has, taken when it is made. On the CPU room is made as it is needed.
 struct JacobianCapacity {
-  Offset envs = 0;
-  Offset rows = 0;     ///< of a batch, room between environments included
-  Offset cones = 0;    ///< the same
+  Offset envs = 0;     ///< environments of a batch
+  Offset rows = 0;     ///< rows of a batch, room between environments included
+  Offset cones = 0;    ///< cones of a batch, room between environments included
   Index env_rows = 0;  ///< rows of the largest environment
   Index env_dofs = 0;  ///< degrees of freedom of the largest
   Offset matrix = 0;   ///< entries of all A together: n^2 of each environment that keeps its matrix
@@ -50,8 +53,8 @@ class JacobianMachine;
 template <class Real>
 class JacobianSolver {
  public:
-  /// \throws Error(invalid_argument) for an option out of range or a negative capacity, Error(no_device) or
-  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  /// A solver on that device. \throws Error(invalid_argument) for an option out of range or a negative capacity,
+  /// Error(no_device) or Error(unsupported) when the device cannot be had, Error(out_of_memory).
   JacobianSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
                  FactorUse use = FactorUse::by_size);
   ~JacobianSolver();
@@ -85,7 +88,9 @@ class JacobianSolver {
   /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
 
+  /// The solver of what is assembled.
   [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
+  /// Capacity that the solver was made with.
   [[nodiscard]] const JacobianCapacity& capacity() const noexcept { return capacity_; }
 
  private:

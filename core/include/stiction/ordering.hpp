@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Orders of elimination for factorisations.
+
 #include <cstdint>
 
 namespace stiction {
@@ -14,11 +17,13 @@ enum class Ordering : std::uint8_t {
   suitesparse_minimum_degree,  ///< the same authors' own code, AMD of SuiteSparse
   nested_dissection,           ///< METIS (Karypis and Kumar 1998), with a fixed seed
 };
+/// Number of Ordering values.
 inline constexpr int kOrderingCount = 5;
 
 /// In every build, because the library is built without any other.
 inline constexpr Ordering kDefaultOrdering = Ordering::reverse_cuthill_mckee;
 
+/// Name of an ordering, as reports print it ("natural", "minimum_degree", ...).
 const char* to_string(Ordering ordering) noexcept;
 
 /// Whether this build has it.

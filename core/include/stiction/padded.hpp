@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Arrays of fixed room per environment, read where they are (docs/jacobian.md).
+
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -16,8 +19,8 @@ enum class MatrixRows : std::uint8_t {
 
 /// Where a friction cone's normal row is.
 enum class RowOrder : std::uint8_t {
-  normal_first,
-  normal_last,  ///< behind the tangential rows: Newton Kamino
+  normal_first,  ///< before the tangential rows
+  normal_last,   ///< behind the tangential rows: Newton Kamino
 };
 
 /// Where the numbers of a padded batch lie: the caller's arrays, which are neither copied nor changed. Vectors of an
@@ -29,8 +32,8 @@ struct PaddedNumbers {
   const Real* b = nullptr;   ///< right-hand side [w]                                (sum of room)
   const Real* R = nullptr;   ///< compliance, >= 0 [w / lambda]                      (sum of room)
   const Real* mu = nullptr;  ///< friction per axis, as in ContactBatchView, or per contact [-]
-  const Real* lo = nullptr;  ///< bounds of box rows [lambda]                        (sum of room)
-  const Real* hi = nullptr;  ///<                                                    (sum of room)
+  const Real* lo = nullptr;  ///< lower bounds of box rows [lambda]                  (sum of room)
+  const Real* hi = nullptr;  ///< upper bounds of box rows [lambda]                  (sum of room)
 };
 
 /// The integers of a padded batch: what a ContactBatchView needs beside the caller's numbers. Rows of an environment
@@ -38,8 +41,10 @@ struct PaddedNumbers {
 template <class Real>
 class PaddedLayout {
  public:
+  /// One cone, as of an Environment.
   using Cone = typename Environment<Real>::Cone;
 
+  /// A layout without environments.
   explicit PaddedLayout(MatrixRows matrix_rows, RowOrder row_order = RowOrder::normal_first)
       : matrix_rows_(matrix_rows), row_order_(row_order) {}
 
@@ -50,6 +55,7 @@ class PaddedLayout {
   /// rows; then nothing was appended.
   void add(Index room, std::span<const Cone> cones, bool overflowed = false, Offset first_mu = -1);
 
+  /// Environments so far.
   [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_flags_.size()); }
   /// Length of the vectors, and of a solution's lambda and w.
   [[nodiscard]] Offset row_count() const noexcept { return env_row_offsets_.back(); }

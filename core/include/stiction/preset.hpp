@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Solver options by the name of a task.
+
 #include <cstdint>
 #include <string>
 
@@ -14,11 +17,13 @@ enum class Preset : std::uint8_t {
   grasping = 2,    ///< an object is held by friction alone: 1e-4
   assembly = 3,    ///< parts mate with little play, errors add up along force chains: 1e-6; solve in f64
 };
+/// Number of Preset values.
 inline constexpr int kPresetCount = 4;
 
 /// Options of a preset: SolverKind::automatic, the tolerance, and iterations enough for it.
 SolverOptions options_for(Preset preset) noexcept;
 
+/// Name of a preset, as the command line takes it ("navigation", "locomotion", ...).
 const char* to_string(Preset preset) noexcept;
 
 /// The preset of that name. \throws Error(invalid_argument) that lists the names there are.

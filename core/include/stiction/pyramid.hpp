@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Friction pyramids in place of cones (docs/pyramid.md).
+
 #include <span>
 #include <vector>
 

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// How good given reactions are, by code that the solvers do not share.
+
 #include <span>
 #include <vector>
 
@@ -7,6 +10,7 @@
 
 namespace stiction {
 
+/// How far an answer is from one that solves its environment (docs/math/residual.md).
 struct Residual {
   double relative;  ///< largest cone residual / max|b| [-]
   double absolute;  ///< largest cone residual [w]

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Devices, options, plans and the solver of contact batches.
+
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -12,32 +15,36 @@
 
 namespace stiction {
 
+/// Kinds of machines.
 enum class DeviceKind : std::uint8_t {
-  cpu = 0,
-  cuda = 1,
+  cpu = 0,       ///< this machine's processor, with the widest instructions it has
+  cuda = 1,      ///< an NVIDIA GPU
   emulated = 2,  ///< the GPU's kernels and launches, run by threads of the CPU: to test GPU code where there is none.
                  ///< Slow. Its device memory is any memory of the process.
 };
 
 /// A machine to solve on. Changing it changes the speed and not one bit.
 struct Device {
-  DeviceKind kind = DeviceKind::cpu;
-  int ordinal = 0;
+  DeviceKind kind = DeviceKind::cpu;  ///< kind of machine
+  int ordinal = 0;                    ///< which of that kind, as CUDA numbers its devices
 
+  /// The processor.
   static Device cpu() noexcept { return {DeviceKind::cpu, 0}; }
+  /// The CUDA device of that number.
   static Device cuda(int ordinal = 0) noexcept { return {DeviceKind::cuda, ordinal}; }
+  /// The device that the CPU emulates.
   static Device emulated() noexcept { return {DeviceKind::emulated, 0}; }
-  /// "auto" (the first usable CUDA device, else the CPU), "cpu", "cuda", "cuda:1", "emulated".
+  /// The device of that name: "auto" (the first usable CUDA device, else the CPU), "cpu", "cuda", "cuda:1", "emulated".
   /// \throws Error(invalid_argument) for any other text, Error(no_device) when "cuda" was asked for and is not there.
   static Device from_string(const std::string& text);
 };
 
 /// One device of this machine, or the reason why there is none.
 struct DeviceReport {
-  Device device;
-  bool usable = false;
-  std::string name;    ///< "NVIDIA H200", or the CPU instruction set in use
-  std::string reason;  ///< why it is not usable; empty when it is
+  Device device;        ///< which
+  bool usable = false;  ///< whether a solver can be made for it
+  std::string name;     ///< "NVIDIA H200", or the CPU instruction set in use
+  std::string reason;   ///< why it is not usable; empty when it is
 };
 
 /// The CPU, and every CUDA device or the one line why there is none. Never throws.
@@ -47,10 +54,13 @@ std::vector<DeviceReport> devices();
 /// that the legacy default stream is never taken by accident.
 class StreamRef {
  public:
+  /// The stream of a cudaStream_t, which outlives its use.
   explicit StreamRef(void* handle) noexcept : handle_(handle) {}
   StreamRef(int) = delete;
   StreamRef(std::nullptr_t) = delete;
+  /// The legacy default stream.
   static StreamRef default_stream() noexcept { return StreamRef(static_cast<void*>(nullptr)); }
+  /// The cudaStream_t; null is the default stream.
   [[nodiscard]] void* handle() const noexcept { return handle_; }
 
  private:
@@ -75,16 +85,17 @@ IslandMode island_mode_from_string(const std::string& name);
 
 class Tracer;
 
+/// What a Solver is told when it is made.
 struct SolverOptions {
-  SolverKind solver = SolverKind::npgs;
-  std::optional<Law> law;       ///< overrides the batch's law
-  double tolerance = 1e-4;      ///< on the relative natural-map residual; 0: run all iterations [-]
-  Index max_iterations = 1000;  ///< per environment, >= 0
-  Index stall_window = 2000;    ///< stop after that many iterations without a better residual; 0: never
-  double omega = 1.0;           ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
-  int threads = 0;              ///< CPU threads; 0: all cores
-  InvalidPolicy invalid = InvalidPolicy::reject;
-  IslandMode islands = IslandMode::together;  ///< apart: batches in host memory only
+  SolverKind solver = SolverKind::npgs;  ///< which solver
+  std::optional<Law> law;                ///< overrides the batch's law
+  double tolerance = 1e-4;               ///< on the relative natural-map residual; 0: run all iterations [-]
+  Index max_iterations = 1000;           ///< per environment, >= 0
+  Index stall_window = 2000;             ///< stop after that many iterations without a better residual; 0: never
+  double omega = 1.0;                    ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
+  int threads = 0;                       ///< CPU threads; 0: all cores
+  InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
+  IslandMode islands = IslandMode::together;      ///< apart: batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none
   /// Rows of the largest environment that a method which factorises takes a matrix for, 1024 to 32768. newton keeps
   /// two of rows x rows doubles for each thread, ipm two, admm and lemke one. Above, newton, admm and ipm take
@@ -103,10 +114,10 @@ struct SolutionView {
 /// Room that a solver on a GPU has. What fits is solved without allocating or waiting, so that the solve can be
 /// captured into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
 struct Capacity {
-  Offset envs = 0;
-  Offset rows = 0;  ///< of a batch, and so on
-  Offset cones = 0;
-  Offset nonzeros = 0;
+  Offset envs = 0;                       ///< environments of a batch
+  Offset rows = 0;                       ///< rows of a batch
+  Offset cones = 0;                      ///< cones of a batch
+  Offset nonzeros = 0;                   ///< stored entries of A of a batch
   Index env_rows = 0;                    ///< rows of the largest environment
   Offset env_nonzeros = 0;               ///< stored entries of the environment with the most
   Index env_dofs = 0;                    ///< columns of the widest factor (docs/jacobian.md)
@@ -123,7 +134,9 @@ struct PlanData;
 /// structure only; reusable while the structure stays the same. Cheap to copy.
 class Plan {
  public:
+  /// A plan over data that Solver::plan() made.
   explicit Plan(std::shared_ptr<const PlanData> data) : data_(std::move(data)) {}
+  /// The plan's integers.
   [[nodiscard]] const PlanData& data() const noexcept { return *data_; }
 
  private:
@@ -136,15 +149,15 @@ enum class FullRows : std::uint8_t;
 /// Solves batches on one device.
 class Solver {
  public:
-  /// \throws Error(invalid_argument) for an option out of range, Error(no_device) or Error(unsupported) when the
-  /// device cannot be had; the message says why.
+  /// A solver on that device. \throws Error(invalid_argument) for an option out of range, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had; the message says why.
   Solver(Device device, const SolverOptions& options, const Capacity& capacity = {});
   ~Solver();
   Solver(Solver&&) noexcept;
   Solver& operator=(Solver&&) noexcept;
 
-  /// \throws Error(invalid_argument) if the structure is broken. A batch in device memory is planned from a host
-  /// copy of its structure, on `stream`.
+  /// Plans batches of this structure. A batch in device memory is planned from a host copy of its structure, on
+  /// `stream`. \throws Error(invalid_argument) if the structure is broken.
   template <class Real>
   [[nodiscard]] Plan plan(const ContactBatchView<Real>& batch, StreamRef stream = StreamRef::default_stream()) const;
 
@@ -208,7 +221,9 @@ class Solver {
     copy_to_host(target.data(), source, target.size_bytes(), space, stream);
   }
 
+  /// Options that the solver was made with.
   [[nodiscard]] const SolverOptions& options() const noexcept { return options_; }
+  /// Device that it solves on.
   [[nodiscard]] Device device() const noexcept { return device_; }
 
  private:
@@ -231,13 +246,16 @@ class Solver {
   std::shared_ptr<Backend> backend_;
 };
 
-/// Host solution with owned memory: plan and solve in one call.
+/// Host solution with owned memory.
 template <class Real>
 struct Solution {
-  std::vector<Real> lambda, w;
-  std::vector<EnvStatus> status;
+  std::vector<Real> lambda;       ///< reactions [lambda]   (row_count)
+  std::vector<Real> w;            ///< residual motion [w]  (row_count)
+  std::vector<EnvStatus> status;  ///< one record each      (env_count)
 };
 
+/// Plans and solves a host batch on that device in one call; an empty `warm_start` starts from zero.
+/// \throws as Solver, its plan() and solve(); Error(invalid_argument) for a warm start of another length.
 template <class Real>
 Solution<Real> solve(const ContactBatch<Real>& batch, const SolverOptions& options = {}, Device device = Device::cpu(),
                      std::span<const Real> warm_start = {});

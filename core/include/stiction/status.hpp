@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// How the solve of one environment ended, and names of codes.
+
 #include <cstdint>
 #include <string>
 
@@ -61,9 +64,13 @@ static_assert(sizeof(EnvStatus) == 32);
 const char* to_string(EnvCode code) noexcept;
 /// Name of one flag bit, as reports print it ("non_finite_input", ...).
 const char* flag_name(EnvFlag flag) noexcept;
+/// Name of a solver, as the command line takes it ("npgs", "auto", ...).
 const char* to_string(SolverKind solver) noexcept;
+/// Name of a law, as the command line takes it ("convex", "coulomb").
 const char* to_string(Law law) noexcept;
+/// Name of a precision, as reports print it ("f32", "f64").
 const char* to_string(Precision precision) noexcept;
+/// Name of a kind of cone, as reports print it ("friction", ...).
 const char* to_string(ConeKind kind) noexcept;
 
 /// The solver of that name. \throws Error(invalid_argument) that lists the names there are.

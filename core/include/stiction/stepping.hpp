@@ -9,6 +9,7 @@
 #include "stiction/solver.hpp"
 #include "stiction/warm_start.hpp"
 
+/// \file
 /// The solvers of a simulation loop, one for each form of a batch. There is one call per step, and every step starts
 /// from the last one's reactions, contact by contact. Each is a solver and a WarmStartStore that share a device.
 ///
@@ -21,12 +22,15 @@ namespace stiction {
 template <class Real>
 class StepMemory {
  public:
-  /// Resets the reactions of environments that start over: a list, or wherever mask[e] is not zero (capacity.envs, in
-  /// the device's memory), or all. \throws as WarmStartStore::reset.
+  /// Resets the reactions of environments that start over. \throws as WarmStartStore::reset.
   void reset(std::span<const Offset> envs, StreamRef stream = StreamRef::default_stream());
+  /// Resets environment e wherever mask[e] is not zero. mask: (capacity.envs), in the device's memory.
+  /// \throws as WarmStartStore::reset_where.
   void reset_where(const std::uint8_t* mask, StreamRef stream = StreamRef::default_stream());
+  /// Resets everything.
   void reset_all(StreamRef stream = StreamRef::default_stream());
 
+  /// The store, with its records.
   [[nodiscard]] const WarmStartStore<Real>& store() const noexcept { return store_; }
 
  protected:
@@ -66,6 +70,7 @@ class SteppingSolver : public StepMemory<Real> {
 
   /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
+  /// The solver, with its options and device.
   [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
 
  private:
@@ -77,16 +82,18 @@ class SteppingSolver : public StepMemory<Real> {
 template <class Real>
 class JacobianSteppingSolver : public StepMemory<Real> {
  public:
-  /// capacity: of every batch to come; on the CPU envs, rows and cones of it. \throws as SteppingSolver
+  /// capacity: of every batch to come; on the CPU envs, rows and cones of it. \throws as SteppingSolver.
   JacobianSteppingSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
                          const WarmStartOptions& warm_start = {}, FactorUse use = FactorUse::by_size);
 
-  /// As SteppingSolver::solve; \throws as JacobianSolver::solve and WarmStartStore::load. What is stored stays
-  /// as it was if a number is rejected (InvalidPolicy::reject).
+  /// Loads, solves and stores a step of length `dt` [s], as SteppingSolver::solve. What is stored stays as it was if a
+  /// number is rejected (InvalidPolicy::reject). \throws as JacobianSolver::solve and WarmStartStore::load.
   void solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const JacobianSolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
 
+  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
+  /// The solver, with its capacity.
   [[nodiscard]] const JacobianSolver<Real>& solver() const noexcept { return solver_; }
 
  private:
@@ -107,18 +114,21 @@ class BodySteppingSolver : public StepMemory<Real> {
   BodySteppingSolver(Device device, const TimeStepping& stepping, const BodySolverOptions& options, Offset envs,
                      Offset contacts, const WarmStartOptions& warm_start = kImpulses);
 
-  /// Loads, solves and stores a step. Without a plan one is made, for which a batch in device memory is waited
-  /// for; with one the step is asynchronous on `stream` (BodySolver::solve).
+  /// Plans, loads, solves and stores a step. A batch in device memory is waited for.
   /// \throws as BodySolver::plan, BodySolver::solve and WarmStartStore::load, before anything is written.
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              StreamRef stream = StreamRef::default_stream());
+  /// Loads, solves and stores a step with a plan of the caller's, asynchronously on `stream`.
+  /// \throws as BodySolver::solve and WarmStartStore::load, before anything is written.
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              StreamRef stream = StreamRef::default_stream());
 
   /// Other time stepping or options from the next step on; what is stored stays. \throws as the constructor
   void change(const TimeStepping& stepping, const BodySolverOptions& options);
 
+  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { memory_.synchronize(stream); }
+  /// The solver, with its options and device.
   [[nodiscard]] const BodySolver& solver() const noexcept { return solver_; }
 
  private:

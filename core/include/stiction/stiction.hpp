@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Includes every header but analysis.hpp and pyramid.hpp.
+
 #include "stiction/batch.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/config.hpp"

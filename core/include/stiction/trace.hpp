@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Where the time of solves goes (docs/tracing.md).
+
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -10,11 +13,14 @@
 namespace stiction {
 
 /// Whose time a span took.
-enum class SpanPlace : std::uint8_t { host = 0, device = 1 };
+enum class SpanPlace : std::uint8_t {
+  host = 0,    ///< the CPU's
+  device = 1,  ///< a device's
+};
 
 /// A piece of work that was timed. Its texts live as long as the program.
 struct Span {
-  const char* name = "";
+  const char* name = "";              ///< which work: "solve", "plan", ... (docs/tracing.md)
   const char* detail = nullptr;       ///< which kernel, which class of environments; may be null
   SpanPlace place = SpanPlace::host;  ///< the CPU, or what was queued on a device
   int lane = 0;                       ///< thread of a solve (0: the caller's), or stream of the device
@@ -27,10 +33,12 @@ struct Span {
 /// it. It holds so many spans and counts the others. Looking at the time reaches no bit of an answer.
 class Tracer {
  public:
+  /// A tracer with room for that many spans.
   explicit Tracer(std::size_t capacity = std::size_t{1} << 16);
 
   /// Time since this tracer was made [us].
   [[nodiscard]] double now() const noexcept;
+  /// Takes a span in, or counts it where there is no room.
   void add(const Span& span) noexcept;
   /// Says that so many spans could not be timed.
   void leave_out(std::size_t count) noexcept;
@@ -56,6 +64,7 @@ class Tracer {
 /// Times its own life on the host. With a null tracer it costs one test of a pointer.
 class ScopedSpan {
  public:
+  /// Begins a span; arguments as in Span. A null tracer: nothing is timed.
   ScopedSpan(Tracer* tracer, const char* name, const char* detail = nullptr, int lane = 0,
              std::int64_t environments = -1) noexcept
       : tracer_(tracer), span_{name, detail, SpanPlace::host, lane, environments, 0, 0} {

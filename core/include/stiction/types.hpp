@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Numbers of rows and cones, kinds of cones, laws and solvers.
+
 #include <cstdint>
 
 #include "stiction/config.hpp"
@@ -28,7 +31,11 @@ enum class Law : std::uint8_t {
   coulomb = 1,  ///< exact Coulomb law: w is replaced by w + (norm(mu * w_t), 0) (de Saxce 1998)
 };
 
-enum class Precision : std::uint8_t { f32 = 0, f64 = 1 };
+/// Type of the numbers of a batch.
+enum class Precision : std::uint8_t {
+  f32 = 0,  ///< `float`
+  f64 = 1,  ///< `double`
+};
 
 /// A solver by its command-line name (docs/cli.md).
 enum class SolverKind : std::uint8_t {

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Reactions of the last step as first guesses of the next, by contact (docs/warm_start.md).
+
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -18,6 +21,7 @@ enum class StepScaling : std::uint8_t {
   proportional = 2,  ///< dt / dt_prev: lambda is an impulse; the force lambda / dt stays the same
 };
 
+/// What a WarmStartStore is told when it is made.
 struct WarmStartOptions {
   double beta = 0.95;                         ///< part of the last reaction to start from, 0 < beta <= 1 [-]
   StepScaling scaling = StepScaling::capped;  ///< what a change of dt does
@@ -26,9 +30,9 @@ struct WarmStartOptions {
 
 /// Room of a store, fixed at its creation: environments of a batch, and the cones and rows of all of them together.
 struct WarmStartCapacity {
-  Offset envs = 0;
-  Offset cones = 0;
-  Offset rows = 0;
+  Offset envs = 0;   ///< environments of a batch
+  Offset cones = 0;  ///< cones of all its environments
+  Offset rows = 0;   ///< rows of all its environments
 };
 
 /// What was noticed about one environment since the last load began; any number of bits at once.
@@ -69,8 +73,8 @@ class WarmStartMachine;
 template <class Real>
 class WarmStartStore {
  public:
-  /// \throws Error(invalid_argument) for a negative capacity or an option out of range, Error(no_device) or
-  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  /// An empty store on that device. \throws Error(invalid_argument) for a negative capacity or an option out of range,
+  /// Error(no_device) or Error(unsupported) when the device cannot be had, Error(out_of_memory).
   WarmStartStore(Device device, const WarmStartCapacity& capacity, const WarmStartOptions& options = {});
   ~WarmStartStore();
   WarmStartStore(WarmStartStore&&) noexcept;
@@ -90,38 +94,46 @@ class WarmStartStore {
   void store(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
              double dt, StreamRef stream = StreamRef::default_stream());
 
-  /// Warm starts of Jacobian batches, and of contacts of bodies, whose reactions are three numbers each
-  /// (docs/bodies.md).
+  /// Writes the first guess of a Jacobian batch. \throws as load of a contact batch.
   void load(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
+  /// Stores the reactions of a Jacobian batch. \throws as load of a contact batch.
   void store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
              const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
+  /// Writes the first guess of contacts of bodies, three numbers each (docs/bodies.md): (3 * contact_count) [N s].
+  /// \throws as load of a contact batch.
   void load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
+  /// Stores the impulses of contacts of bodies. \throws as load of a contact batch.
   void store(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, const BodySolutionView<Real>& solution,
              double dt, StreamRef stream = StreamRef::default_stream());
 
-  /// Names of load and store before numerics epoch 2, kept until 1.0.
+  /// Name of load before numerics epoch 2, kept until 1.0.
   void recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
               StreamRef stream = StreamRef::default_stream()) {
     load(batch, cone_id, dt, guess, stream);
   }
+  /// Name of load before numerics epoch 2, kept until 1.0.
   void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
               StreamRef stream = StreamRef::default_stream()) {
     load(batch, cone_id, dt, guess, stream);
   }
+  /// Name of load before numerics epoch 2, kept until 1.0.
   void recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
               StreamRef stream = StreamRef::default_stream()) {
     load(batch, contact_id, dt, guess, stream);
   }
+  /// Name of store before numerics epoch 2, kept until 1.0.
   void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
                 double dt, StreamRef stream = StreamRef::default_stream()) {
     store(batch, cone_id, solution, dt, stream);
   }
+  /// Name of store before numerics epoch 2, kept until 1.0.
   void remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
                 const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
     store(batch, cone_id, solution, dt, stream);
   }
+  /// Name of store before numerics epoch 2, kept until 1.0.
   void remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
                 const BodySolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
     store(batch, contact_id, solution, dt, stream);
@@ -140,7 +152,9 @@ class WarmStartStore {
   /// \throws Error(invalid_argument) if there are more than the capacity.
   void records(std::span<WarmStartRecord> out, StreamRef stream = StreamRef::default_stream()) const;
 
+  /// Capacity that the store was made with.
   [[nodiscard]] const WarmStartCapacity& capacity() const noexcept { return capacity_; }
+  /// Options that the store was made with.
   [[nodiscard]] const WarmStartOptions& options() const noexcept { return options_; }
 
  private:

@@ -1,5 +1,8 @@
 #pragma once
 
+/// \file
+/// Worlds of rigid bodies, stepped without an engine (docs/stepping.md).
+
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -10,6 +13,7 @@
 
 namespace stiction {
 
+/// Shapes that touch.
 enum class ShapeKind : std::uint8_t {
   sphere = 0,   ///< size[0] radius
   capsule = 1,  ///< size[0] radius, size[1] half length of the segment along the shape's z axis
@@ -19,9 +23,9 @@ enum class ShapeKind : std::uint8_t {
 
 /// A shape fixed to a body or to the world. Lengths in m.
 struct WorldShape {
-  Index body = -1;  ///< -1: the world
-  ShapeKind kind = ShapeKind::sphere;
-  std::array<double, 3> size{};
+  Index body = -1;                                ///< -1: the world
+  ShapeKind kind = ShapeKind::sphere;             ///< kind
+  std::array<double, 3> size{};                   ///< as the kind says, > 0 [m]
   std::array<double, 3> position{};               ///< of its centre, in the body's axes
   std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z), from the shape's axes to the body's
   double mu = 0.5;           ///< friction, >= 0; a pair has the square root of the product of its two [-]
@@ -39,8 +43,8 @@ struct WorldBody {
 
 /// What all environments of a world have in common.
 struct WorldDescription {
-  std::vector<WorldBody> bodies;
-  std::vector<WorldShape> shapes;
+  std::vector<WorldBody> bodies;               ///< bodies; shapes name them by their place here
+  std::vector<WorldShape> shapes;              ///< shapes of all bodies and of the world
   std::array<double, 3> gravity{0, 0, -9.81};  ///< [m/s^2]
 };
 
@@ -48,8 +52,9 @@ struct WorldDescription {
 /// \throws Error(invalid_argument) for a plane, which has no mass.
 WorldBody solid_body(const WorldShape& shape, double density);
 
+/// What a World is told when it is made.
 struct WorldOptions {
-  TimeStepping stepping;
+  TimeStepping stepping;     ///< the step, and how contacts enter it
   BodySolverOptions solver;  ///< substeps must be 1: a world detects contacts in every step
   double margin = 0.01;      ///< gap up to which a pair is a contact even if it does not close, >= 0 [m]
   double warm_start = 0.95;  ///< share of a contact's last impulse its next one starts from, in [0, 1]; 0: none [-]
@@ -89,7 +94,8 @@ struct WorldSeconds {
 template <class Real>
 class World {
  public:
-  /// \throws Error(invalid_argument) for a description or option out of range, as BodySolver's constructor else.
+  /// `env_count` copies of the described bodies. \throws Error(invalid_argument) for a description or option out of
+  /// range; as BodySolver's constructor.
   World(Device device, WorldDescription description, Offset env_count, const WorldOptions& options = {});
   ~World();
   World(World&&) noexcept;
@@ -99,6 +105,7 @@ class World {
   /// stays where it is; no other environment changes.
   void step();
 
+  /// Positions, orientations and twists of all environments; valid until the next step or reset.
   [[nodiscard]] WorldState<Real> state() const;
   /// Force [N] and torque about the centre of mass [N m] on every body, world axes, in every step until changed. Zero
   /// at first (6 * body_count * env_count).
@@ -117,13 +124,19 @@ class World {
   [[nodiscard]] BodyBatchView<Real> contacts() const;
   [[nodiscard]] std::span<const Real> impulses() const;  ///< normal, tangential, tangential [N s]  (3 * contacts)
 
+  /// Energy and momentum of each environment (env_count).
   [[nodiscard]] std::vector<WorldMotion> motion() const;
   /// Hash of all positions, orientations and twists.
   [[nodiscard]] std::uint64_t hash() const;
+  /// Where the time of all steps went.
   [[nodiscard]] const WorldSeconds& seconds() const;
+  /// Environments.
   [[nodiscard]] Offset env_count() const;
+  /// Bodies of one environment.
   [[nodiscard]] Index body_count() const;
+  /// Description that the world was made from.
   [[nodiscard]] const WorldDescription& description() const;
+  /// Options that the world was made with.
   [[nodiscard]] const WorldOptions& options() const;
 
  private:
