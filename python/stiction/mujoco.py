@@ -90,9 +90,9 @@ class BatchedSimulation:
         CPU (its options, statistics and callback are used). Or "mujoco": MuJoCo's own, for comparison.
     tolerance: on the relative residual of each simulation's rows [-].
     threads: of the CPU, for MuJoCo's functions and for the solver; 0: all cores.
-    warm_start: 0: solves start from the free acceleration and no reaction. Else "auto" starts a model of up to 64 degrees
-        of freedom from qacc_warmstart, as MuJoCo does, and other solvers start a constraint from this part of its last
-        reaction, by geoms and joints.
+    warm_start: 0: solves start from the free acceleration and no reaction. Else "auto" starts a model of up to 64
+        degrees of freedom from qacc_warmstart, as MuJoCo does. Other solvers start a constraint from this part of its
+        last reaction, by geoms and joints.
 
     Attributes: model; data, a sequence of mujoco.MjData; solver. seconds is a dict of wall-clock seconds since the
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
