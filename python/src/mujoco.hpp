@@ -122,8 +122,8 @@ class MujocoSimulations {
   }
   void advance(std::size_t env, const double* velocity, const double* acceleration, double dt);
   void make_room();
-  /// Whether solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no reactions. What
-  /// it leaves to others starts without any.
+  /// Whether solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no reactions.
+  /// What it leaves to others starts without any.
   [[nodiscard]] bool starts_from_accelerations() const {
     return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
   }
