@@ -71,6 +71,7 @@ test_packages=(
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
   "libtbb-dev: oneTBB is not tested"
+  "libboost-context-dev: the GPU's generated code is not executed"
   "doxygen: comments of the public headers are not checked"
 )
 

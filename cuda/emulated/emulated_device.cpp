@@ -1,5 +1,7 @@
 #include "cuda/emulated/emulated_device.hpp"
 
+#include <dlfcn.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
@@ -22,6 +24,22 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;
 
+/// The kernels of this build, or those of the library that STICTION_EMULATED_KERNELS names: the GPU's own code, executed
+/// by the CPU (tests/ptx).
+const KernelCatalogue& chosen_kernels() {
+  static const KernelCatalogue& chosen = []() -> const KernelCatalogue& {
+    const char* const path = std::getenv("STICTION_EMULATED_KERNELS");
+    if (path == nullptr) return emulated_kernels();
+    void* const library = dlopen(path, RTLD_NOW);
+    if (library == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
+    using Make = const KernelCatalogue* (*)();
+    const auto make = reinterpret_cast<Make>(dlsym(library, "stiction_emulated_kernels"));
+    if (make == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
+    return *make();
+  }();
+  return chosen;
+}
+
 }  // namespace
 
 std::shared_ptr<EmulatedDevice> shared_emulated_device() {
@@ -43,7 +61,7 @@ EmulatedDevice::~EmulatedDevice() {
 }
 
 const KernelCatalogue& EmulatedDevice::kernels() const {
-  return emulated_kernels();
+  return chosen_kernels();
 }
 
 void EmulatedDevice::count(DeviceCall call, const char* what) {
@@ -159,7 +177,8 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, c
          std::to_string(shape.teams) + " teams and " + std::to_string(shape.shared_bytes) + " bytes of shared memory");
   count(DeviceCall::launch, kernel.name);
   if (shape.teams == 0) return;
-  EmulatedLaunch launch{shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
+  EmulatedLaunch launch{shape,
+                        shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
                         smaller_of(shape.lanes, options_.lanes),
                         shape.whole_device ? static_cast<int>(options_.teams) : 0,
                         shape.whole_device && options_.seed != 0 ? random_() : 0,
@@ -173,6 +192,7 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, c
   std::vector<std::byte> bytes(kernel.argument_bytes);
   std::memcpy(bytes.data(), arguments, bytes.size());
   const auto* entry = static_cast<const EmulatedKernel*>(kernel.entry);
+  if (entry == nullptr) fail(std::string("kernel ") + kernel.name + " is not in this library");
   queue(stream, {[entry, launch = std::move(launch), bytes = std::move(bytes)] { entry->run(launch, bytes.data()); }});
 }
 

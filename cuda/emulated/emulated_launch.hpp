@@ -10,6 +10,7 @@ namespace stiction::cuda {
 
 /// How the emulated device runs one launch.
 struct EmulatedLaunch {
+  LaunchShape shape;          ///< as it was queued
   Offset teams;               ///< that run, one after the other
   int lanes;                  ///< threads of a team, or of a block of the grid
   int blocks;                 ///< of the grid that is one team, at once; 0: no grid, each team is a block

@@ -10,6 +10,7 @@
 #include "cuda/runtime/cuda_check.hpp"
 #include "cuda/runtime/cuda_device.hpp"
 #include "cuda/runtime/cuda_kernels.hpp"
+#include "cuda/runtime/launch_grid.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -23,11 +24,6 @@ cudaStream_t stream_of(StreamHandle stream) {
 }
 cudaEvent_t event_of(EventHandle event) {
   return static_cast<cudaEvent_t>(event);
-}
-
-std::size_t round_up(std::size_t bytes) {
-  constexpr std::size_t kAlignment = 16;
-  return (bytes + kAlignment - 1) / kAlignment * kAlignment;
 }
 
 cudaMemcpyKind kind_of(CopyKind kind) {
@@ -124,29 +120,16 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
   if (shape.teams == 0) return;
   const DeviceGuard device(ordinal_);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
-  const std::size_t team_bytes = kTeamBytes + round_up(shape.shared_bytes);
-  int block = larger_of(shape.lanes, kTeamLanes);
-  const auto shared_of = [&](int threads) {
-    return program.serial || shape.whole_device ? 0 : static_cast<std::size_t>(threads / shape.lanes) * team_bytes;
-  };
-  // Two blocks at least on a multiprocessor, where teams are small enough for that.
-  while (block > larger_of(shape.lanes, kWarp) && 2 * shared_of(block) > facts_.resident_shared_bytes) block /= 2;
-  const std::size_t shared = shared_of(block);
-  const Offset teams_per_block = program.serial ? block : block / shape.lanes;
-  const Offset resident = Offset{facts_.processors} * resident_blocks(program, block, shared);
-  const Offset blocks =
-      shape.whole_device ? resident : smaller_of(resident, (shape.teams + teams_per_block - 1) / teams_per_block);
-
-  CudaShape cuda_shape{shape.teams, shape.lanes, static_cast<unsigned>(round_up(shape.shared_bytes)),
-                       shape.whole_device ? grid_memory_ : nullptr};
-  void* parameters[] = {const_cast<void*>(arguments), &cuda_shape};
+  LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
+  const Offset resident = Offset{facts_.processors} * resident_blocks(program, grid.block, grid.shared);
+  void* parameters[] = {const_cast<void*>(arguments), &grid.shape};
   cudaLaunchAttribute cooperative{};
   cooperative.id = cudaLaunchAttributeCooperative;
   cooperative.val.cooperative = 1;
   cudaLaunchConfig_t config{};
-  config.gridDim = dim3(static_cast<unsigned>(blocks));
-  config.blockDim = dim3(static_cast<unsigned>(block));
-  config.dynamicSmemBytes = shared;
+  config.gridDim = dim3(static_cast<unsigned>(blocks_of(shape, grid, resident)));
+  config.blockDim = dim3(static_cast<unsigned>(grid.block));
+  config.dynamicSmemBytes = grid.shared;
   config.stream = stream_of(stream);
   config.attrs = &cooperative;
   config.numAttrs = shape.whole_device ? 1 : 0;

@@ -1,0 +1,231 @@
+#include "tests/ptx/grid.hpp"
+
+#include <sys/mman.h>
+
+#include <boost/context/protected_fixedsize_stack.hpp>
+
+#include <cstring>
+#include <mutex>
+
+#include "stiction/error.hpp"
+
+namespace stiction::ptx {
+
+namespace {
+
+constexpr u32 kWarp = 32;
+constexpr std::size_t kStackBytes = std::size_t{1} << 20;
+constexpr std::size_t kPage = 4096;
+/// As an H200 has them; few multiprocessors, so that teams have several environments each.
+constexpr std::size_t kBlockBytes = std::size_t{227} << 10;
+constexpr int kProcessors = 3;
+/// Turns in a row without anything else: nobody will ever write what is waited for.
+constexpr u64 kMostTurns = 1U << 20;
+
+cuda::DeviceFacts facts() {
+  return {"PTX on the CPU", kProcessors, kBlockBytes - cuda::kTeamBytes, std::size_t{228} << 10};
+}
+
+/// Stacks that are used again, each with a page before it that nothing may touch.
+class Stacks {
+ public:
+  boost::context::stack_context allocate() {
+    auto& free = all();
+    if (free.empty()) return boost::context::protected_fixedsize_stack(kStackBytes).allocate();
+    const boost::context::stack_context stack = free.back();
+    free.pop_back();
+    return stack;
+  }
+  void deallocate(boost::context::stack_context& stack) noexcept { all().push_back(stack); }
+
+ private:
+  static std::vector<boost::context::stack_context>& all() {
+    thread_local std::vector<boost::context::stack_context> free;
+    return free;
+  }
+};
+
+/// Bytes that end where a page begins that nothing may touch.
+std::size_t mapped(std::size_t bytes) {
+  return (bytes + kPage - 1) / kPage * kPage + kPage;
+}
+void* map_guarded(std::size_t bytes) {
+  void* const memory = mmap(nullptr, mapped(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) throw Error(ErrorCode::out_of_memory, "PTX: no memory for a block's shared memory");
+  mprotect(static_cast<unsigned char*>(memory) + mapped(bytes) - kPage, kPage, PROT_NONE);
+  std::memset(memory, 0x5a, mapped(bytes) - kPage);
+  return memory;
+}
+
+/// Memory of a grid that is one team.
+void* grid_memory() {
+  static std::vector<std::max_align_t> memory(cuda::kGridBytes / sizeof(std::max_align_t) + 1);
+  return memory.data();
+}
+
+}  // namespace
+
+Grid::Grid(Kernel& kernel, const cuda::LaunchShape& shape)
+    : kernel_(kernel),
+      shape_(shape),
+      grid_(cuda::launch_grid(shape, kernel.is_serial, facts(), grid_memory())),
+      blocks_(static_cast<u32>(cuda::blocks_of(shape, grid_, kProcessors))),
+      random_(0x9e3779b97f4a7c15U * (kernel.launches + 1)) {}
+
+Grid::~Grid() {
+  threads_.clear();
+  for (void* const memory : shared_) munmap(memory, mapped(grid_.shared));
+}
+
+void Grid::start(const void* arguments) {
+  const std::vector<std::size_t>& bytes = kernel_.parameter_bytes;
+  const void* const given[] = {arguments, &grid_.shape};
+  if (bytes.size() != 2 || bytes[1] != sizeof(grid_.shape))
+    throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " has other parameters than a launch");
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    parameters_.push_back(std::make_unique<unsigned char[]>(bytes[i]));
+    std::memcpy(parameters_.back().get(), given[i], bytes[i]);
+    parameter_.push_back(parameters_.back().get());
+  }
+  if (grid_.shared > kBlockBytes)
+    throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " asks for " +
+                                               std::to_string(grid_.shared) + " bytes of shared memory, of " +
+                                               std::to_string(kBlockBytes));
+  for (u32 block = 0; block < blocks_; ++block) shared_.push_back(map_guarded(grid_.shared));
+  const auto block_size = static_cast<u32>(grid_.block);
+  at_block_.assign(blocks_, 0);
+  ended_.assign(blocks_, 0);
+  threads_.resize(std::size_t{blocks_} * block_size);
+  for (u32 i = 0; i < threads_.size(); ++i) {
+    Thread& thread = threads_[i];
+    const u32 block = i / block_size;
+    auto* const end = static_cast<unsigned char*>(shared_[block]) + mapped(grid_.shared) - kPage;
+    thread.lane = {this, i % block_size, block, block_size, blocks_, end - cuda::round_up_to_16(grid_.shared), {}};
+    thread.fiber = boost::context::fiber(std::allocator_arg, Stacks(), [this, &thread](boost::context::fiber&& caller) {
+      scheduler_ = std::move(caller);
+      kernel_.enter(thread.lane, parameter_.data());
+      thread.wait.what = Waiting::end;
+      return std::move(scheduler_);
+    });
+    make_ready(i);
+  }
+}
+
+void Grid::run(const void* arguments) {
+  static std::mutex one_at_a_time;
+  const std::lock_guard lock(one_at_a_time);
+  start(arguments);
+  u64 left = threads_.size();
+  while (left > 0) {
+    if (ready_.empty()) report_deadlock();
+    Thread& thread = threads_[next_ready()];
+    resume(thread);
+    if (!failure_.empty()) throw Error(ErrorCode::device_failure, failure_);
+    turns_ = thread.wait.what == Waiting::turn ? turns_ + 1 : 0;
+    if (turns_ > kMostTurns) fail(thread.lane, "waits for what nobody writes");
+    left -= thread.wait.what == Waiting::end ? 1 : 0;
+    release(thread);
+  }
+  for (const Thread& thread : threads_) {
+    kernel_.counts.instructions += thread.lane.counts.instructions;
+    kernel_.counts.generic += thread.lane.counts.generic;
+    kernel_.counts.local += thread.lane.counts.local;
+    kernel_.counts.barriers += thread.lane.counts.barriers;
+  }
+}
+
+void Grid::resume(Thread& thread) {
+  thread.wait = {};
+  running_ = &thread;
+  thread.fiber = std::move(thread.fiber).resume();
+  running_ = nullptr;
+}
+
+u32 Grid::wait(const Wait& wait) {
+  Thread& thread = *running_;
+  thread.wait = wait;
+  scheduler_ = std::move(scheduler_).resume();
+  return thread.received;
+}
+
+void Grid::fail(const Lane& lane, const std::string& what) {
+  const std::string where = std::string("PTX: ") + kernel_.name + ", block " + std::to_string(lane.block) + ", thread " +
+                            std::to_string(lane.thread) + " " + what;
+  if (running_ == nullptr) throw Error(ErrorCode::device_failure, where);
+  failure_ = where;
+  for (;;) wait({Waiting::end, 0, 0, 0});
+}
+
+u32 Grid::next_ready() {
+  random_ ^= random_ << 13U;
+  random_ ^= random_ >> 7U;
+  random_ ^= random_ << 17U;
+  const std::size_t at = random_ % ready_.size();
+  const u32 thread = ready_[at];
+  ready_[at] = ready_.back();
+  ready_.pop_back();
+  return thread;
+}
+
+void Grid::release(Thread& thread) {
+  switch (thread.wait.what) {
+    case Waiting::nothing:
+    case Waiting::turn:
+      make_ready(static_cast<u32>(&thread - threads_.data()));
+      return;
+    case Waiting::end:
+      ++ended_[thread.lane.block];
+      return;
+    case Waiting::block:
+      if (++at_block_[thread.lane.block] == thread.lane.block_size) release_block(thread.lane.block);
+      return;
+    default:
+      release_warp(thread);
+  }
+}
+
+void Grid::release_block(u32 block) {
+  at_block_[block] = 0;
+  const auto size = static_cast<u32>(grid_.block);
+  for (u32 i = block * size; i < (block + 1) * size; ++i) make_ready(i);
+}
+
+void Grid::release_warp(Thread& thread) {
+  const u32 mask = thread.wait.mask, own = thread.lane.thread % kWarp;
+  if ((mask >> own & 1U) == 0) fail(thread.lane, "is not in the mask of its own barrier");
+  Thread* const warp = &thread - own;
+  u32 joined = 0;
+  for (u32 k = 0; k < kWarp; ++k) {
+    if ((mask >> k & 1U) == 0) continue;
+    const Waiting what = warp[k].wait.what;
+    if (what == Waiting::end) fail(thread.lane, "waits for a lane that has ended");
+    if (what == Waiting::nothing || what == Waiting::turn) return;
+    if (what != thread.wait.what || warp[k].wait.mask != mask) return;
+    joined = what == Waiting::any ? joined | warp[k].wait.value : joined + warp[k].wait.value;
+  }
+  const auto first = static_cast<u32>(warp - threads_.data());
+  for (u32 k = 0; k < kWarp; ++k) {
+    if ((mask >> k & 1U) == 0) continue;
+    warp[k].received = joined;
+    if (warp[k].wait.what != Waiting::shuffle) continue;
+    if ((mask >> warp[k].wait.from & 1U) == 0) fail(warp[k].lane, "takes the value of a lane outside of its mask");
+    warp[k].received = warp[warp[k].wait.from].wait.value;
+  }
+  for (u32 k = 0; k < kWarp; ++k) {
+    if ((mask >> k & 1U) == 0) continue;
+    warp[k].wait.what = Waiting::nothing;
+    make_ready(first + k);
+  }
+}
+
+void Grid::report_deadlock() const {
+  for (const Thread& thread : threads_)
+    if (thread.wait.what != Waiting::end)
+      throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + ", block " +
+                                                 std::to_string(thread.lane.block) + ", thread " +
+                                                 std::to_string(thread.lane.thread) +
+                                                 " waits at a barrier that others never reach");
+  throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " ended with lanes left");
+}
+
+}  // namespace stiction::ptx

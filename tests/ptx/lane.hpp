@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "cuda/emulated/emulated_launch.hpp"
+
+/// Executes PTX that tools/ptx_to_cpp.py has translated: CUDA's threads as fibers of one thread of the CPU.
+namespace stiction::ptx {
+
+using u8 = std::uint8_t;
+using u16 = std::uint16_t;
+using u32 = std::uint32_t;
+using u64 = std::uint64_t;
+using i8 = std::int8_t;
+using i16 = std::int16_t;
+using i32 = std::int32_t;
+using i64 = std::int64_t;
+using b8 = u8;
+using b16 = u16;
+using b32 = u32;
+using b64 = u64;
+
+class Grid;
+
+/// What lanes have executed.
+struct Counts {
+  u64 instructions = 0;
+  u64 generic = 0;  ///< loads and stores that may reach any memory
+  u64 local = 0;    ///< loads and stores of a lane's own stack
+  u64 barriers = 0;
+};
+
+/// A thread of CUDA. What translated code asks of it; the rest is its grid's.
+struct Lane {
+  Grid* grid = nullptr;
+  u32 thread = 0;  ///< in its block
+  u32 block = 0;
+  u32 block_size = 0;
+  u32 blocks = 0;
+  unsigned char* shared = nullptr;  ///< fast memory of its block
+  Counts counts;
+
+  void count(unsigned instructions, unsigned generic, unsigned local) {
+    counts.instructions += instructions;
+    counts.generic += generic;
+    counts.local += local;
+  }
+
+  [[nodiscard]] u64 shared_address(u64 offset) const { return reinterpret_cast<u64>(shared) + offset; }
+  [[nodiscard]] u64 shared_offset(u64 address) const { return address - reinterpret_cast<u64>(shared); }
+  /// Where the block's dynamic shared memory begins, in the space of shared memory.
+  [[nodiscard]] static u64 shared_symbol() { return 0; }
+  /// Half of the address of what a cooperative grid synchronises by; 0 where the launch is none.
+  [[nodiscard]] u32 grid_word(int half) const;
+
+  /// Waits until every thread of the block waits here.
+  void meet_block();
+  /// Waits until every lane of `mask` waits here with the same mask.
+  void meet_warp(u32 mask);
+  u32 shuffle_bfly(u32 value, u32 distance, u32 bounds, u32 mask);
+  u32 shuffle_idx(u32 value, u32 source, u32 bounds, u32 mask);
+  u32 reduce_or(u32 value, u32 mask);
+  u32 reduce_add(u32 value, u32 mask);
+  /// Lets others run: this lane reads what one of them is to write.
+  void spin();
+  [[noreturn]] void leave();
+  [[noreturn]] void trap();
+};
+
+/// One kernel, translated.
+struct Kernel {
+  const char* name;  ///< mangled
+  void (*enter)(Lane& lane, unsigned char** parameters);
+  cuda::EmulatedKernel emulated;  ///< the kernel as the emulated device takes one
+  std::vector<std::size_t> parameter_bytes;
+  bool is_serial = false;  ///< each lane is a team
+  u64 launches = 0;
+  Counts counts;
+};
+
+/// Runs a launch as CudaApi would shape it. \throws Error(device_failure) that says what a lane did wrong: a barrier
+/// that its block or mask never reaches, a mask without the lane itself, a trap, more shared memory than there is. A
+/// misaligned address ends the process with a message, one outside of an allocation by a signal.
+void launch(Kernel& kernel, const cuda::EmulatedLaunch& shape, const void* arguments);
+
+/// Every kernel that was translated.
+std::vector<Kernel*>& kernels();
+struct Registered {
+  explicit Registered(Kernel& kernel) { kernels().push_back(&kernel); }
+};
+
+}  // namespace stiction::ptx
