@@ -108,9 +108,9 @@ void check_arrays(const BodyBatchView<Real>& batch) {
 }
 
 std::unique_ptr<BodyMachine> make_machine(Device device) {
-  if (device.kind == DeviceKind::cuda) return make_cuda_bodies(device.ordinal);
-  if (device.kind == DeviceKind::emulated) return make_emulated_bodies();
-  return make_cpu_bodies();
+  if (device.kind == DeviceKind::cuda) return make_cuda_body_machine(device.ordinal);
+  if (device.kind == DeviceKind::emulated) return make_emulated_body_machine();
+  return make_cpu_body_machine();
 }
 
 /// The structure of a batch in device memory, on the host: what a plan reads.

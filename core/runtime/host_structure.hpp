@@ -10,11 +10,11 @@ namespace stiction {
 template <class Real>
 class HostStructure {
  public:
-  HostStructure(const ContactBatchView<Real>& batch, Backend& backend, StreamRef stream) : view_(batch) {
+  HostStructure(const ContactBatchView<Real>& batch, ContactMachine& machine, StreamRef stream) : view_(batch) {
     const auto fetch = [&](const auto*& pointer, auto& storage, Offset count) {
       storage.resize(static_cast<std::size_t>(count));
       if (count > 0 && pointer != nullptr)
-        backend.copy_to_host(storage.data(), pointer, storage.size() * sizeof(storage[0]), stream);
+        machine.copy_to_host(storage.data(), pointer, storage.size() * sizeof(storage[0]), stream);
       if (pointer != nullptr) pointer = storage.data();
     };
     fetch(view_.env_row_offsets, env_row_offsets_, batch.env_count + 1);

@@ -372,7 +372,7 @@ JacobianSolution<Real> solve(const JacobianBatchView<Real>& batch, const SolverO
   const JacobianSolutionView<Real> view{placed.lambda.data(), placed.w.data(), solution.velocity.data(),
                                         solution.contact.status.data()};
   const Real* const guess = placed.guess.empty() ? nullptr : placed.guess.data();
-  const auto machine = make_cpu_jacobian<Real>(use, options.threads);
+  const auto machine = make_cpu_jacobian_machine<Real>(use, options.threads);
   solve_jacobian(*machine, solver, batch, view, guess, StreamRef::default_stream());
   solution.contact.lambda = gathered(batch, solution.env_row_offsets, placed.lambda);
   solution.contact.w = gathered(batch, solution.env_row_offsets, placed.w);

@@ -61,9 +61,10 @@ template <class Real>
 std::unique_ptr<JacobianMachine<Real>> make_machine(Device device, const JacobianCapacity& capacity, FactorUse use,
                                                     const SolverOptions& options) {
   const bool by_newton = takes_newton(options);
-  if (device.kind == DeviceKind::cuda) return make_cuda_jacobian<Real>(device.ordinal, capacity, use, by_newton);
-  if (device.kind == DeviceKind::emulated) return make_emulated_jacobian<Real>(capacity, use, by_newton);
-  return make_cpu_jacobian<Real>(use, options.threads);
+  if (device.kind == DeviceKind::cuda)
+    return make_cuda_jacobian_machine<Real>(device.ordinal, capacity, use, by_newton);
+  if (device.kind == DeviceKind::emulated) return make_emulated_jacobian_machine<Real>(capacity, use, by_newton);
+  return make_cpu_jacobian_machine<Real>(use, options.threads);
 }
 
 void check_array(const char* name, const void* array, Offset length) {

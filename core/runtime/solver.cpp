@@ -31,14 +31,14 @@ void check_space(MemorySpace space, Device device) {
     refuse("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
 }
 
-std::unique_ptr<Backend> make_backend(Device device) {
+std::unique_ptr<ContactMachine> make_machine(Device device) {
   switch (device.kind) {
     case DeviceKind::cpu:
-      return make_cpu_backend();
+      return make_cpu_contact_machine();
     case DeviceKind::cuda:
-      return make_cuda_backend(device.ordinal);
+      return make_cuda_contact_machine(device.ordinal);
     case DeviceKind::emulated:
-      return make_emulated_backend();
+      return make_emulated_contact_machine();
   }
   refuse("device.kind " + std::to_string(static_cast<int>(device.kind)) + " is not known: use Device::cpu() or cuda()");
 }
@@ -75,7 +75,7 @@ const char* solve_span(const ContactBatchView<Real>& batch) {
 }
 
 /// Work on a batch on the host, among the threads that its solve may use.
-ParallelFor sharing(Backend& machine, const SolverOptions& options) {
+ParallelFor sharing(ContactMachine& machine, const SolverOptions& options) {
   return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
     machine.parallel_for(threads, count, work);
   };
@@ -125,8 +125,8 @@ Solver::Solver(Device device, const SolverOptions& options, const Capacity& capa
                                                  ": a device's memory is laid out for matrices of up to " +
                                                  std::to_string(SolverOptions{}.direct_rows) +
                                                  " rows; use Device::cpu(), or leave direct_rows as it is");
-  backend_ = make_backend(device);
-  if (capacity.envs > 0) backend_->reserve(capacity, options.solver);
+  machine_ = make_machine(device);
+  if (capacity.envs > 0) machine_->reserve(capacity, options.solver);
 }
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -137,12 +137,12 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
   const ScopedFpEnv fp_env;
   const ScopedSpan span(options_.tracer, "plan", nullptr, 0, batch.env_count);
   if (batch.space == MemorySpace::host) {
-    const ParallelFor parallel_for = sharing(*backend_, options_);
+    const ParallelFor parallel_for = sharing(*machine_, options_);
     reject(validate_structure(batch, 1, parallel_for));
     return Plan(std::make_shared<const PlanData>(make_plan(batch, parallel_for)));
   }
   check_space(batch.space, device_);
-  const HostStructure<Real> host(batch, *backend_, stream);
+  const HostStructure<Real> host(batch, *machine_, stream);
   reject(validate_structure(host.view(), 1));
   return Plan(std::make_shared<const PlanData>(make_plan(host.view())));
 }
@@ -167,7 +167,7 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
   }
   // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
   // at in this call.
-  const ParallelFor parallel_for = sharing(*backend_, options_);
+  const ParallelFor parallel_for = sharing(*machine_, options_);
   std::vector<FullRows> full_rows;
   std::vector<Defect> defects = options_.invalid == InvalidPolicy::reject
                                     ? validate(batch, 1, options_.solver, parallel_for, full_rows)
@@ -226,8 +226,8 @@ void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, cons
                  const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
   std::optional<PlanData> made;
   if (plan == nullptr && device_.kind == DeviceKind::cpu)
-    plan = &made.emplace(traced_plan(batch, sharing(*backend_, options_), options_.tracer));
-  backend_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_,
+    plan = &made.emplace(traced_plan(batch, sharing(*machine_, options_), options_.tracer));
+  machine_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_,
                                      stream, full_rows});
 }
 
@@ -244,12 +244,12 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
                    std::vector<FullRows>& full_rows) const {
   const bool is_host = batch.space == MemorySpace::host;
   if (!is_host || options_.invalid != InvalidPolicy::reject) {
-    if (is_host) reject(validate_structure(batch, 1, sharing(*backend_, options_), &full_rows));
+    if (is_host) reject(validate_structure(batch, 1, sharing(*machine_, options_), &full_rows));
     check_request(batch, solution, warm_start);
     return;
   }
   // One pass finds both; where the answer goes is asked between them, as it is with a plan.
-  const std::vector<Defect> defects = validate(batch, 1, options_.solver, sharing(*backend_, options_), full_rows);
+  const std::vector<Defect> defects = validate(batch, 1, options_.solver, sharing(*machine_, options_), full_rows);
   if (!defects.empty() && defects.front().structural) reject(defects);
   check_request(batch, solution, warm_start);
   reject(defects);
@@ -258,9 +258,9 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
 template <class Real>
 std::shared_ptr<Real> Solver::make_array(Offset count) const {
   if (count < 0) refuse("count = " + std::to_string(count) + ": give a number of elements >= 0");
-  const std::shared_ptr<Backend> backend = backend_;
-  void* const memory = backend->allocate(static_cast<std::size_t>(larger_of<Offset>(count, 1)) * sizeof(Real));
-  return {static_cast<Real*>(memory), [backend](Real* array) { backend->release(array); }};
+  const std::shared_ptr<ContactMachine> machine = machine_;
+  void* const memory = machine->allocate(static_cast<std::size_t>(larger_of<Offset>(count, 1)) * sizeof(Real));
+  return {static_cast<Real*>(memory), [machine](Real* array) { machine->release(array); }};
 }
 
 template <class Real>
@@ -271,7 +271,7 @@ void Solver::islands(const ContactBatchView<Real>& batch, Index* island, Index* 
     refuse("island is null: give it room for one number per cone (" + std::to_string(batch.cone_count) + ")");
   if (batch.space == MemorySpace::cuda) {
     check_space(batch.space, device_);
-    backend_->islands(structure_view(batch), island, count, stream);
+    machine_->islands(structure_view(batch), island, count, stream);
     return;
   }
   reject(validate_structure(batch, 1));
@@ -281,7 +281,7 @@ void Solver::islands(const ContactBatchView<Real>& batch, Index* island, Index* 
 }
 
 void Solver::synchronize(StreamRef stream) const {
-  backend_->synchronize(stream);
+  machine_->synchronize(stream);
 }
 
 /// What both ways of solving ask of where a batch is and its answer goes.

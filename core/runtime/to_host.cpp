@@ -72,7 +72,7 @@ void Solver::copy_to_host(void* target, const void* source, std::size_t bytes, M
   if (space == MemorySpace::host)
     std::memcpy(target, source, bytes);
   else
-    backend_->copy_to_host(target, source, bytes, stream);
+    machine_->copy_to_host(target, source, bytes, stream);
 }
 
 template <class Real>
@@ -88,7 +88,7 @@ ContactBatch<Real> Solver::to_host(const ContactBatchView<Real>& batch, StreamRe
     throw Error(ErrorCode::unsupported,
                 "the batch has factor_offsets or mu_offsets in device memory, which are not copied: assemble it with "
                 "FactorUse::never and give mu by rows");
-  const HostStructure<Real> structure(batch, *backend_, stream);
+  const HostStructure<Real> structure(batch, *machine_, stream);
   require_structure(validate_structure(structure.view(), 1));
   ContactBatchView<Real> host = structure.view();
   HostNumbers<Real> numbers;

@@ -60,10 +60,10 @@ ContactBatchView<Real> cones_of(const BodyBatchView<Real>& batch) {
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_machine(Device device, const WarmStartCapacity& capacity,
                                                      const WarmStartOptions& options) {
-  if (device.kind == DeviceKind::cuda) return make_cuda_warm_start<Real>(device.ordinal, capacity);
-  if (device.kind == DeviceKind::emulated) return make_emulated_warm_start<Real>(capacity);
+  if (device.kind == DeviceKind::cuda) return make_cuda_warm_start_machine<Real>(device.ordinal, capacity);
+  if (device.kind == DeviceKind::emulated) return make_emulated_warm_start_machine<Real>(capacity);
   try {
-    return make_cpu_warm_start<Real>(capacity, options.threads);
+    return make_cpu_warm_start_machine<Real>(capacity, options.threads);
   } catch (const std::exception&) {  // bad_alloc, or length_error where no vector could be that long
     throw Error(ErrorCode::out_of_memory, "no memory for a store of " + std::to_string(capacity.envs) +
                                               " environments, " + std::to_string(capacity.cones) + " cones and " +

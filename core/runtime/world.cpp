@@ -38,9 +38,9 @@ BodySolverOptions isolating(BodySolverOptions options) {
 template <class Real>
 std::unique_ptr<WorldMachine<Real>> make_machine(Device device, const WorldModelView<Real>& model, Offset env_count,
                                                  const WorldOptions& options) {
-  if (device.kind == DeviceKind::cuda) return make_cuda_world(device.ordinal, model, env_count, options);
-  if (device.kind == DeviceKind::emulated) return make_emulated_world(model, env_count, options);
-  return make_cpu_world(model, env_count, options);
+  if (device.kind == DeviceKind::cuda) return make_cuda_world_machine(device.ordinal, model, env_count, options);
+  if (device.kind == DeviceKind::emulated) return make_emulated_world_machine(model, env_count, options);
+  return make_cpu_world_machine(model, env_count, options);
 }
 
 /// Adds the time between its birth and its death.

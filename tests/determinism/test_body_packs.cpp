@@ -4,7 +4,7 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "cpu_fallback/body_work_items.hpp"
+#include "cpu_fallback/pack/body_work_items.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"

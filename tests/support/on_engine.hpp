@@ -1,7 +1,7 @@
 #pragma once
 
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 
 namespace stiction::test {

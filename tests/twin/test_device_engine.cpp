@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include "cuda/device_backend.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/contact_machine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/every_solver.hpp"
@@ -93,8 +93,8 @@ TEST(DeviceEngine, APlanIsMadeAgainOnceGraphsMayHaveWrittenOverIt) {
   const SolverOptions options = quick(SolverKind::npgs);
   const Capacity reserved = larger(Capacity::of(one.view()), Capacity::of(two.view()));
   const auto device = std::make_shared<cuda::EmulatedDevice>();
-  cuda::DeviceBackend backend(device);
-  backend.reserve(reserved, options.solver);
+  cuda::DeviceContactMachine machine(device);
+  machine.reserve(reserved, options.solver);
   const cuda::Stream stream(*device);
   DeviceBatch<float> there_one(*device, reserved), there_two(*device, reserved);
   there_one.fill(one, stream.get());
@@ -105,11 +105,11 @@ TEST(DeviceEngine, APlanIsMadeAgainOnceGraphsMayHaveWrittenOverIt) {
   exact.cone_count = one.view().cone_count;
   exact.nonzero_count = one.view().nonzero_count;
   const auto solve_planned = [&] {
-    backend.solve(SolveRequest<float>{plan.get(), exact, there_one.solution(), nullptr, one.law(), options,
+    machine.solve(SolveRequest<float>{plan.get(), exact, there_one.solution(), nullptr, one.law(), options,
                                       StreamRef(stream.get())});
   };
   device->begin_capture(stream.get());
-  backend.solve(SolveRequest<float>{nullptr, there_two.view(), there_two.solution(), nullptr, two.law(), options,
+  machine.solve(SolveRequest<float>{nullptr, there_two.view(), there_two.solution(), nullptr, two.law(), options,
                                     StreamRef(stream.get())});
   const auto graph = device->end_capture(stream.get());
   solve_planned();

@@ -12,7 +12,7 @@
 #include "core/plan/plan.hpp"
 #include "core/plan/structure_view.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/random_structures.hpp"
 

@@ -6,7 +6,7 @@
 #include "core/algorithm/driver/register_chunk.hpp"
 #include "core/algorithm/solver/npgs.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/prepared.hpp"

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #if defined(STICTION_TEST_HAS_IO)
 #include "stiction/io.hpp"

@@ -1,4 +1,4 @@
-#include "cpu_fallback/work_items.hpp"
+#include "cpu_fallback/pack/work_items.hpp"
 
 #include <gtest/gtest.h>
 
