@@ -1,7 +1,7 @@
 # The library as the tests link it: one shared library of the very objects that are in the static ones. Each of the
 # tests with all of them inside, GPU code of every solver included, takes 110 MB, and all of them 13 GB of disk.
 # Defines the target stiction_tested.
-set(_parts stiction_core stiction_cpu stiction_scenes)
+set(_parts stiction_facade stiction_core stiction_cpu stiction_scenes)
 foreach(part IN ITEMS stiction_device stiction_cuda stiction_io)
   if(TARGET ${part})
     list(APPEND _parts ${part})

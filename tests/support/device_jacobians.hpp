@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/runtime/newton_job.hpp"
+#include "core/facade/newton_job.hpp"
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/machine/jacobian_machine.hpp"

@@ -6,10 +6,10 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/facade/overlap.hpp"
+#include "core/facade/solve_jacobian.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/overlap.hpp"
-#include "core/runtime/solve_jacobian.hpp"
 
 namespace stiction {
 

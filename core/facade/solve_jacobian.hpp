@@ -1,7 +1,7 @@
 #pragma once
 
+#include "core/facade/newton_job.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "core/runtime/newton_job.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {

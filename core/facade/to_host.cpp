@@ -1,8 +1,8 @@
 #include <cstring>
 
+#include "core/facade/host_structure.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/runtime/defects.hpp"
-#include "core/runtime/host_structure.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {

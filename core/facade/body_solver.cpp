@@ -3,13 +3,13 @@
 #include <string>
 
 #include "core/base/fp_env.hpp"
+#include "core/facade/overlap.hpp"
 #include "core/machine/body_machine.hpp"
 #include "core/plan/newton_plan.hpp"
 #include "core/runtime/body_arrays.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/overlap.hpp"
 
 namespace stiction {
 

@@ -5,17 +5,17 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/facade/broken_columns.hpp"
+#include "core/facade/host_structure.hpp"
+#include "core/facade/overlap.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/plan/islands.hpp"
 #include "core/plan/plan.hpp"
 #include "core/plan/structure_view.hpp"
-#include "core/runtime/broken_columns.hpp"
 #include "core/runtime/check_options.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
-#include "core/runtime/host_structure.hpp"
 #include "core/runtime/island_split.hpp"
-#include "core/runtime/overlap.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {
@@ -88,33 +88,6 @@ PlanData traced_plan(const ContactBatchView<Real>& batch, const ParallelFor& par
 }
 
 }  // namespace
-
-std::vector<DeviceReport> devices() {
-  std::vector<DeviceReport> all{cpu_report()};
-  for (DeviceReport& report : cuda_reports()) all.push_back(std::move(report));
-  all.push_back(emulated_report());
-  return all;
-}
-
-template <class Real>
-Capacity Capacity::of(const ContactBatchView<Real>& batch) {
-  Capacity need{batch.env_count,
-                batch.row_count,
-                batch.cone_count,
-                batch.nonzero_count,
-                0,
-                0,
-                0,
-                std::is_same_v<Real, float> ? Precision::f32 : Precision::f64};
-  for (Offset env = 0; env < batch.env_count; ++env) {
-    const Index rows = batch.env_rows(env);
-    const Offset row = batch.env_row_offsets[env];
-    need.env_rows = larger_of(need.env_rows, rows);
-    need.env_nonzeros = larger_of(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
-    need.env_dofs = larger_of(need.env_dofs, batch.env_dofs(env));
-  }
-  return need;
-}
 
 Solver::Solver(Device device, const SolverOptions& options, const Capacity& capacity)
     : device_(device), options_(options) {
@@ -330,8 +303,6 @@ template void Solver::check(const ContactBatchView<float>&, const SolutionView<f
 template void Solver::check(const ContactBatchView<double>&, const SolutionView<double>&) const;
 template std::shared_ptr<float> Solver::make_array(Offset) const;
 template std::shared_ptr<double> Solver::make_array(Offset) const;
-template Capacity Capacity::of(const ContactBatchView<float>&);
-template Capacity Capacity::of(const ContactBatchView<double>&);
 template Solution<float> solve(const ContactBatch<float>&, const SolverOptions&, Device, std::span<const float>);
 template Solution<double> solve(const ContactBatch<double>&, const SolverOptions&, Device, std::span<const double>);
 
