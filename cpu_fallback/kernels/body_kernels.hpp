@@ -22,6 +22,7 @@ struct NewtonBodyKernels {
 struct PackShape {
   Index contacts = 0;
   Index bodies = 0;
+  friend bool operator==(const PackShape&, const PackShape&) = default;
 };
 
 /// Sequential impulses under one law on one environment at a time.

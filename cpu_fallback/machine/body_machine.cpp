@@ -8,7 +8,7 @@
 #include "core/machine/body_machine.hpp"
 #include "cpu_fallback/kernels/isa.hpp"
 #include "cpu_fallback/kernels/scratch.hpp"
-#include "cpu_fallback/pack/body_work_items.hpp"
+#include "cpu_fallback/pack/work_items.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 #include "cpu_fallback/threads/thread_team.hpp"
 
@@ -52,10 +52,9 @@ void run(const BodyRequest<Real>& request) {
     return packs.elements(shape, request.options.momentum) * static_cast<Offset>(sizeof(Real)) +
            pack_exact(shape) * static_cast<Offset>(sizeof(double));
   };
-  const cpu::BodyWorkItems deal =
-      cpu::make_body_work_items(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
-                                {threads, is_newton ? 1 : packs.width, pack_bytes});
-  for (const Offset env : deal.large) {
+  const cpu::BodyWorkItems work = cpu::make_work_items(plan, job.batch.env_body_offsets, job.batch.env_contact_offsets,
+                                                       {threads, is_newton ? 1 : packs.width, pack_bytes});
+  for (const Offset env : work.large) {
     Scratch scratch;
     Real* const memory = numbers(env, scratch);
     double* const twists = exact(env, scratch);
@@ -63,15 +62,15 @@ void run(const BodyRequest<Real>& request) {
                   [&](cpu::ThreadTeam& team, Index rank) { solve_together(job, env, memory, twists, team, rank); });
   }
   std::vector<Scratch> scratch(static_cast<std::size_t>(threads));
-  cpu::parallel_for(threads, static_cast<int>(deal.work.size()), [&](int index, int worker) {
+  cpu::parallel_for(threads, static_cast<int>(work.items.size()), [&](int index, int worker) {
     Scratch& own = scratch[static_cast<std::size_t>(worker)];
-    const cpu::BodyWorkItem& work = deal.work[static_cast<std::size_t>(index)];
-    if (work.packed) {
-      Real* const memory = own.numbers.reserve<Real>(packs.elements(work.shape, request.options.momentum));
-      packs.solve(job, work.envs.data(), static_cast<Offset>(work.envs.size()), work.shape, memory,
-                  own.exact.reserve<double>(pack_exact(work.shape)));
+    const cpu::WorkItem<cpu::PackShape>& item = work.items[static_cast<std::size_t>(index)];
+    if (item.packed) {
+      Real* const memory = own.numbers.reserve<Real>(packs.elements(item.shape, request.options.momentum));
+      packs.solve(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.shape, memory,
+                  own.exact.reserve<double>(pack_exact(item.shape)));
     } else {
-      for (const Offset env : work.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
+      for (const Offset env : item.envs) solve_alone(job, env, numbers(env, own), exact(env, own));
     }
   });
 }

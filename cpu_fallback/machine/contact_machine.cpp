@@ -85,17 +85,21 @@ class CpuContactMachine final : public ContactMachine {
     const cpu::SingleKernels<Real>& single = set.single.of<Real>(request.law);
     const cpu::PackKernels<Real>& packs = set.packs.of<Real>(request.law);
     const int threads = cpu::thread_count(options.threads);
-    const auto items = cpu::make_work_items(plan, takes, packs.width, sizeof(Real), threads);
+    const auto matrix_bytes = [&](const ConeCounts& slots) {
+      const Offset rows = row_count(slots);
+      return rows * rows * packs.width * static_cast<Offset>(sizeof(Real));
+    };
+    const auto items = cpu::make_work_items(plan, takes, {threads, packs.width, matrix_bytes});
     std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(threads));
     cpu::parallel_for(threads, static_cast<int>(items.size()), [&](int index, int worker) {
-      const cpu::WorkItem& item = items[static_cast<std::size_t>(index)];
+      const cpu::WorkItem<ConeCounts>& item = items[static_cast<std::size_t>(index)];
       const ScopedSpan span(options.tracer, item.packed ? "pack" : "one by one",
                             name_of(plan.path[static_cast<std::size_t>(item.envs.front())]), worker,
                             static_cast<std::int64_t>(item.envs.size()));
       cpu::Scratch& memory = scratch[static_cast<std::size_t>(worker)];
       if (item.packed) {
-        packs.solve(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.slots,
-                    memory.reserve<Real>(packs.elements(item.slots)));
+        packs.solve(job, item.envs.data(), static_cast<Offset>(item.envs.size()), item.shape,
+                    memory.reserve<Real>(packs.elements(item.shape)));
       } else {
         for (const Offset env : item.envs) single.solve(job, env, memory.reserve<Real>(single.elements(job, env)));
       }
