@@ -6,7 +6,7 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 #include "cuda/api/kernel.hpp"
-#include "cuda/kernels/solve_args.hpp"
+#include "cuda/kernels/work_queue.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -14,16 +14,16 @@ namespace stiction::inline STICTION_ISA {
 /// their class until there is none.
 template <class Method, Law kLaw, EnvPath kPath, class Real>
 struct SolveTeams {
-  using Args = cuda::SolveArgs<Real>;
+  using Args = cuda::QueuedJob<Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const int size_class = static_cast<int>(args.size_class);
+    const int size_class = static_cast<int>(args.queue.size_class);
     const Offset begin = args.queue.class_begin[size_class];
     const Offset end = args.queue.class_begin[size_class + 1];
-    Real* const memory =
-        args.workspace == nullptr ? static_cast<Real*>(id.shared) : args.workspace + id.index * args.slot_elements;
+    Real* const memory = args.queue.workspace == nullptr ? static_cast<Real*>(id.shared)
+                                                         : args.queue.workspace + id.index * args.queue.slot_elements;
     const SolveJob<Real>& job = args.job;
     for (;;) {
       const Offset position = begin + team.fetch(args.queue.work_counter + size_class);

@@ -4,7 +4,7 @@
 #include "core/algorithm/problem/slice.hpp"
 #include "core/algorithm/system/dense_system.hpp"
 #include "cuda/api/kernel.hpp"
-#include "cuda/kernels/solve_args.hpp"
+#include "cuda/kernels/work_queue.hpp"
 
 namespace stiction::cuda {
 
@@ -36,7 +36,7 @@ struct BundleHead {
 /// there is work. What moves is the assignment of lanes to slots; an environment stays where it was loaded.
 template <class Method, Law kLaw, class Real>
 struct SolveThreadPerEnv {
-  using Args = cuda::SolveArgs<Real>;
+  using Args = cuda::QueuedJob<Real>;
   using Head = BundleHead<Real>;
   static constexpr bool kSerial = false;
   static constexpr int kLanes = cuda::kBundle;
@@ -44,12 +44,12 @@ struct SolveThreadPerEnv {
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     Head& head = *static_cast<Head*>(id.shared);
-    const int size_class = static_cast<int>(args.size_class);
+    const int size_class = static_cast<int>(args.queue.size_class);
     const Offset begin = args.queue.class_begin[size_class];
     const Offset end = args.queue.class_begin[size_class + 1];
-    Real* const workspace = args.workspace == nullptr
+    Real* const workspace = args.queue.workspace == nullptr
                                 ? reinterpret_cast<Real*>(&head + 1)
-                                : args.workspace + id.index * (cuda::kBundle * args.slot_elements);
+                                : args.queue.workspace + id.index * (cuda::kBundle * args.queue.slot_elements);
     for_each(team, cuda::kBundle, [&](Index k) {
       head.order[k] = k;
       head.busy[k] = 0;
@@ -86,7 +86,7 @@ struct SolveThreadPerEnv {
   static STICTION_HD DenseSystem<Real, cuda::kWarp> system_of(const Args& args, Real* workspace, Index slot,
                                                               const EnvView<Real>& env) {
     // 32 slots interleave their numbers, so that lanes in lock-step touch neighbouring addresses.
-    Real* const memory = workspace + slot / cuda::kWarp * (cuda::kWarp * args.slot_elements) + slot % cuda::kWarp;
+    Real* const memory = workspace + slot / cuda::kWarp * (cuda::kWarp * args.queue.slot_elements) + slot % cuda::kWarp;
     return DenseSystem<Real, cuda::kWarp>(env.counts, Method::workspace(), memory);
   }
 

@@ -3,7 +3,7 @@
 #include "core/algorithm/driver/check_convergence.hpp"
 #include "core/algorithm/problem/slice.hpp"
 #include "cuda/api/kernel.hpp"
-#include "cuda/kernels/solve_args.hpp"
+#include "cuda/kernels/work_queue.hpp"
 
 namespace stiction::cuda {
 
@@ -11,7 +11,7 @@ namespace stiction::cuda {
 template <class Real>
 struct TrivialArgs {
   SolveJob<Real> job;
-  ClassQueue queue;
+  WorkQueue<Real> queue;
   const std::uint32_t* flags;  ///< what planning found                                       (env_count)
   SolverKind solver;
 };

@@ -92,10 +92,9 @@ void DeviceContactMachine::run_on_device(const SolveRequest<Real>& request) {
   // with, and a graph that is launched between two solves leaves its own plan behind.
   const std::weak_ptr<const PlanData> owner =
       request.plan == nullptr ? std::weak_ptr<const PlanData>() : request.plan->weak_from_this();
-  const bool planned = !engine_.captured() && !capturing && !owner.expired() && same_owner(owner, planned_);
+  const bool is_planned = !engine_.captured() && !capturing && !owner.expired() && same_owner(owner, planned_);
   planned_.reset();
-  engine_.solve(EngineRequest<Real>{batch, request.solution, request.warm_start, request.law, request.options, planned,
-                                    request.stream.handle()});
+  engine_.solve(request, is_planned);
   // The fallback chain sorts the environments anew for every stage.
   if (!capturing && request.options.solver != SolverKind::automatic) planned_ = owner;
 }

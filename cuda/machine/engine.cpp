@@ -78,25 +78,35 @@ void Engine::finish(StreamHandle stream) noexcept {
 }
 
 template <class Real>
-void Engine::queue_plan(const EngineRequest<Real>& request) {
+void Engine::queue_plan(const SolveRequest<Real>& request) {
   const PlanArgs args{structure_view(request.batch),   plan_,
                       reserved_.capacity.env_rows,     reserved_.capacity.env_dofs,
                       reserved_.capacity.env_nonzeros, finest_for(request.options.solver)};
   const PlanKernels& kernels = api_.kernels().plan;
-  const StreamHandle stream = request.stream;
+  const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
   api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
   if (may_be_sparse(reserved_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
 }
 
 template <class Real>
-void Engine::queue_trivial(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane,
+WorkQueue<Real> Engine::queue_of(SizeClass size_class) const {
+  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
+  return {plan_.order,
+          plan_.class_begin,
+          plan_.work_counter,
+          size_class,
+          shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
+          shape.slot_elements};
+}
+
+template <class Real>
+void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Real>& job, int lane,
                            StreamHandle stream) {
-  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.work_counter};
   // An environment without anything to solve is answered in the name of the first stage.
   const SolverKind solver =
       request.options.solver == SolverKind::automatic ? fallback_stage(0).solver : request.options.solver;
-  const TrivialArgs<Real> args{job, queue, plan_.flags, solver};
+  const TrivialArgs<Real> args{job, queue_of<Real>(SizeClass::trivial), plan_.flags, solver};
   const KernelRef& kernel = api_.kernels().trivial[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::trivial)].launch;
   timer_.time(name_of(SizeClass::trivial), kernel.name, lane, stream,
@@ -104,10 +114,9 @@ void Engine::queue_trivial(const EngineRequest<Real>& request, const SolveJob<Re
 }
 
 template <class Real>
-void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                          SizeClass size_class, int lane, StreamHandle stream) {
   const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
-  const ClassQueue queue{plan_.order, plan_.class_begin, plan_.work_counter};
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(solver)]
@@ -116,17 +125,16 @@ void Engine::queue_class(const EngineRequest<Real>& request, const SolveJob<Real
                             : is_sparse(size_class)                ? kernels.sparse
                             : size_class == SizeClass::factor_warp ? kernels.factor
                                                                    : kernels.dense;
-  const SolveArgs<Real> args{job, queue, size_class, shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
-                             shape.slot_elements};
+  const QueuedJob<Real> args{job, queue_of<Real>(size_class)};
   timer_.time(name_of(size_class), kernel.name, lane, stream,
               [&] { api_.launch(kernel, shape.launch, &args, stream); });
 }
 
 /// Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
 template <class Real>
-void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                            bool with_trivial) {
-  const StreamHandle stream = request.stream;
+  const StreamHandle stream = request.stream.handle();
   api_.record(forked_->get(), stream);
   for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
   int next = 0;
@@ -152,8 +160,8 @@ void Engine::queue_classes(const EngineRequest<Real>& request, const SolveJob<Re
 /// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they
 /// are is decided on the device.
 template <class Real>
-void Engine::queue_fallbacks(const EngineRequest<Real>& request, SolveJob<Real> job) {
-  const StreamHandle stream = request.stream;
+void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
+  const StreamHandle stream = request.stream.handle();
   const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::trivial};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const Real omega = job.omega;
@@ -175,8 +183,8 @@ void Engine::queue_fallbacks(const EngineRequest<Real>& request, SolveJob<Real> 
 }
 
 template <class Real>
-void Engine::queue_solve(const EngineRequest<Real>& request) {
-  const StreamHandle stream = request.stream;
+void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
+  const StreamHandle stream = request.stream.handle();
   const bool capturing = api_.capturing(stream);
   captured_ = captured_ || capturing;
   // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
@@ -184,7 +192,7 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
   if (!capturing) api_.wait(stream, done_->get());
   timer_.attach(request.options.tracer, capturing);
   api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
-  if (!request.planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
+  if (!is_planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
 
   const SolverOptions& options = request.options;
   const bool is_ladder = options.solver == SolverKind::automatic;
@@ -202,13 +210,13 @@ void Engine::queue_solve(const EngineRequest<Real>& request) {
 }
 
 template <class Real>
-void Engine::solve(const EngineRequest<Real>& request) {
+void Engine::solve(const SolveRequest<Real>& request, bool is_planned) {
   if (request.batch.env_count == 0) return;
   try {
-    queue_solve(request);
+    queue_solve(request, is_planned);
   } catch (const Error&) {
     // Whatever was queued before the failure must not run on while the caller takes its memory back.
-    finish(request.stream);
+    finish(request.stream.handle());
     throw;
   }
 }
@@ -225,7 +233,7 @@ void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index*
   if (!capturing) api_.record(done_->get(), stream);
 }
 
-template void Engine::solve(const EngineRequest<float>&);
-template void Engine::solve(const EngineRequest<double>&);
+template void Engine::solve(const SolveRequest<float>&, bool);
+template void Engine::solve(const SolveRequest<double>&, bool);
 
 }  // namespace stiction::cuda

@@ -5,26 +5,15 @@
 
 #include "core/job/plan_view.hpp"
 #include "core/job/size_class.hpp"
+#include "core/machine/contact_machine.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
 #include "cuda/kernels/plan_args.hpp"
-#include "cuda/kernels/solve_args.hpp"
+#include "cuda/kernels/work_queue.hpp"
 #include "cuda/machine/stream_timer.hpp"
 #include "stiction/solver.hpp"
 
 namespace stiction::cuda {
-
-/// One solve of a batch in device memory.
-template <class Real>
-struct EngineRequest {
-  ContactBatchView<Real> batch;
-  SolutionView<Real> solution;
-  const Real* warm_start;
-  Law law;
-  const SolverOptions& options;
-  bool planned;  ///< the batch has the structure of the one before: its plan is on the device already
-  StreamHandle stream;
-};
 
 /// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
 /// launches and nothing else: it returns at once and can be captured into a graph. Everything about the batch but its
@@ -47,8 +36,10 @@ class Engine {
   [[nodiscard]] bool captured() const noexcept { return captured_; }
   [[nodiscard]] bool has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const;
 
+  /// One solve of a batch in device memory. `is_planned`: the batch has the structure of the one before, whose plan is
+  /// on the device already.
   template <class Real>
-  void solve(const EngineRequest<Real>& request);
+  void solve(const SolveRequest<Real>& request, bool is_planned = false);
 
   /// Times what this engine queues, and what is queued around it.
   [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
@@ -81,19 +72,21 @@ class Engine {
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved) const;
   template <class Real>
-  void queue_solve(const EngineRequest<Real>& request);
+  [[nodiscard]] WorkQueue<Real> queue_of(SizeClass size_class) const;
   template <class Real>
-  void queue_trivial(const EngineRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
+  void queue_solve(const SolveRequest<Real>& request, bool is_planned);
   template <class Real>
-  void queue_class(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+  void queue_trivial(const SolveRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
+  template <class Real>
+  void queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                    SizeClass size_class, int lane, StreamHandle stream);
   template <class Real>
-  void queue_classes(const EngineRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+  void queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                      bool with_trivial);
   template <class Real>
-  void queue_fallbacks(const EngineRequest<Real>& request, SolveJob<Real> job);
+  void queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job);
   template <class Real>
-  void queue_plan(const EngineRequest<Real>& request);
+  void queue_plan(const SolveRequest<Real>& request);
   void wait_for_all();
   void finish(StreamHandle stream) noexcept;
 

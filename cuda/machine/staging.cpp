@@ -196,8 +196,8 @@ void Staging::queue_pieces(const SolveRequest<Real>& request, const std::vector<
     const SolutionView<Real> part{device.view.lambda + row, device.view.w == nullptr ? nullptr : device.view.w + row,
                                   device.view.status + env};
     api_.wait(compute_.get(), buffer.uploaded->get());
-    engine_.solve(
-        EngineRequest<Real>{piece.view, part, piece.warm_start, request.law, request.options, false, compute_.get()});
+    engine_.solve(SolveRequest<Real>{nullptr, piece.view, part, piece.warm_start, request.law, request.options,
+                                     StreamRef(compute_.get())});
     api_.record(buffer.solved->get(), compute_.get());
 
     api_.wait(down_.get(), buffer.solved->get());

@@ -174,8 +174,8 @@ TEST(DeviceRegisters, BatchesOfSmallEnvironmentsHaveTheCpusBits) {
         const cuda::Stream stream(device);
         DeviceBatch<float> there(device, need);
         there.fill(batch, stream.get());
-        engine.solve(
-            cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, law, wanted, false, stream.get()});
+        engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, law, wanted,
+                                         StreamRef(stream.get())});
         const Solution<float> answer = there.fetch(batch, stream.get());
         EXPECT_EQ(env_hashes(batch, answer), solve_hashes(batch, wanted)) << label(solver, law) << ", " << limit;
         for (const EnvStatus& status : answer.status) overflowed |= status.code == EnvCode::numerical;

@@ -128,8 +128,8 @@ TEST(DeviceTrace, NothingIsTimedInACaptureAndNothingIsMadeWithoutATracer) {
   there.fill(batch, stream.get());
   device.synchronize(stream.get());
   const auto solve_with = [&](const SolverOptions& options) {
-    engine.solve(
-        cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, batch.law(), options, false, stream.get()});
+    engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, batch.law(), options,
+                                     StreamRef(stream.get())});
   };
   const std::size_t handles = device.live_handles();
   solve_with(traced(nullptr));
