@@ -54,7 +54,7 @@ inline LaneChunks refilled(std::span<const Index> chunks, std::size_t lanes) {
   }
 }
 
-/// Sizes of cuda/programs/solve_thread_per_env.hpp.
+/// Sizes of cuda/kernels/solve_thread_per_env.hpp.
 struct BundleShape {
   std::size_t slots = 128, intake = 32, warp = 32;
 };

@@ -5,7 +5,7 @@ include(CMakePackageConfigHelpers)
 
 set(_stiction_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/stiction")
 set(_stiction_targets)
-foreach(name IN ITEMS core cpu device cuda c)
+foreach(name IN ITEMS facade core cpu device cuda c)
   if(TARGET stiction_${name})
     set_target_properties(stiction_${name} PROPERTIES EXPORT_NAME ${name})
     list(APPEND _stiction_targets stiction_${name})

@@ -28,7 +28,7 @@ endfunction()
 
 # stiction_add_object_gates(target suffix budget): two tests over the target's objects. ptx_gate reads the PTX of every
 # architecture (tools/check_ptx.py), ptxas_gate the machine code (tools/check_ptxas.py, a table in
-# cuda/runtime; without one that test skips).
+# cuda/native; without one that test skips).
 function(stiction_add_object_gates target suffix budget)
   find_package(Python3 QUIET COMPONENTS Interpreter)
   get_target_property(ptx ${target} STICTION_PTX_ARCHS)
@@ -50,7 +50,7 @@ function(stiction_add_object_gates target suffix budget)
   endif()
   add_test(NAME ptxas_gate${suffix} COMMAND_EXPAND_LISTS
            COMMAND "${Python3_EXECUTABLE}" "${PROJECT_SOURCE_DIR}/tools/check_ptxas.py" ${real}
-                   --budget "${PROJECT_SOURCE_DIR}/cuda/runtime/${budget}"
+                   --budget "${PROJECT_SOURCE_DIR}/cuda/native/${budget}"
                    --compiler "${CMAKE_CUDA_COMPILER_VERSION}" "${objects}")
   set_tests_properties(ptxas_gate${suffix} PROPERTIES LABELS "ptx" TIMEOUT 300 SKIP_RETURN_CODE 77)
 endfunction()

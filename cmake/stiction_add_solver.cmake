@@ -54,7 +54,7 @@ macro(_stiction_describe solver)
 endmacro()
 
 # stiction_solver_sources(result template solvers...): one source for each solver. The word "solver" in the template's name becomes
-# the solver's: runtime/cuda_solver.cu.in gives runtime/cuda_pgs.cu and so on.
+# the solver's: native/cuda_solver.cu.in gives native/cuda_pgs.cu and so on.
 function(stiction_solver_sources result template)
   set(sources)
   foreach(solver IN LISTS ARGN)

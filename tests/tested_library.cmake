@@ -1,7 +1,7 @@
 # The library as the tests link it: one shared library of the very objects that are in the static ones. Each of the
 # tests with all of them inside, GPU code of every solver included, takes 110 MB, and all of them 13 GB of disk.
 # Defines the target stiction_tested.
-set(_parts stiction_core stiction_cpu stiction_scenes)
+set(_parts stiction_facade stiction_core stiction_cpu stiction_scenes)
 foreach(part IN ITEMS stiction_device stiction_cuda stiction_io)
   if(TARGET ${part})
     list(APPEND _parts ${part})
@@ -11,9 +11,9 @@ endforeach()
 # Packs of 16 and of 64 bytes, whatever vectors the machine has: the first are those of any x86-64 or of NEON, the second are
 # split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded.
 set(_widths)
-stiction_solver_table(_table ${PROJECT_SOURCE_DIR}/cpu_fallback/solvers.cpp.in isa/solvers.cpp ${STICTION_SWEEPING_SOLVERS})
+stiction_solver_table(_table ${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/solvers.cpp.in isa/solvers.cpp ${STICTION_SWEEPING_SOLVERS})
 set(_sweeping ${STICTION_SWEEPING_SOLVERS})
-list(TRANSFORM _sweeping REPLACE "(.+)" "${PROJECT_BINARY_DIR}/cpu_fallback/\\1.cpp")
+list(TRANSFORM _sweeping REPLACE "(.+)" "${PROJECT_BINARY_DIR}/cpu_fallback/kernels/\\1.cpp")
 if(TARGET stiction_cpu_avx2)
   foreach(width IN ITEMS narrow wide)
     set(bytes 16)
@@ -22,8 +22,8 @@ if(TARGET stiction_cpu_avx2)
       set(bytes 64)
       list(APPEND options -mavx2 -mfma)
     endif()
-    set(kernels shared_instances.cpp si.cpp jacobian.cpp velocity.cpp)
-    list(TRANSFORM kernels PREPEND "${PROJECT_SOURCE_DIR}/cpu_fallback/")
+    set(kernels shared_instances.cpp sequential_impulses.cpp jacobian.cpp velocity.cpp)
+    list(TRANSFORM kernels PREPEND "${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/")
     add_library(stiction_test_${width} OBJECT isa/pack_width.cpp ${_table} ${_sweeping} ${kernels})
     target_include_directories(stiction_test_${width} PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/core/include)
     target_compile_definitions(stiction_test_${width} PRIVATE STICTION_ISA=isa_test_${width}

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares what the machine code of every kernel needs with what cuda/runtime/kernel_budget.csv allows it.
+"""Compares what the machine code of every kernel needs with what cuda/native/kernel_budget.csv allows it.
 
     check_ptxas.py --budget BUDGET.csv --compiler VERSION --arch 80 --arch 90 OBJECT ...
     check_ptxas.py ... --update             writes the table anew

@@ -24,8 +24,10 @@ STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type
 
 PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
-MACHINE = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm", "core/machine", "core/plan/plan.hpp",
-           "core/plan/body_plan.hpp", "core/plan/structure_view.hpp"]
+# What kernels and machines are made of.
+KERNEL = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm"]
+PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp", "core/plan/structure_view.hpp"]
+MACHINE = [*KERNEL, *PLANS, "core/machine"]
 
 # Rooms of core/algorithm, in the order of a solve: what each may include of the others. No room includes one that is further
 # down, so that no circle can come about.
@@ -73,9 +75,23 @@ TABLE = [
     Row("core/machine", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine"]),
     Row("core/graph", [PUBLIC, "core/graph", "core/base/fp_env.hpp"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime"]),
+    Row("core/facade", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime", "core/facade"]),
     Row("core/io", [PUBLIC, "core/io", "core/base/fp_env.hpp"], foreign=("hdf5.h", "H5", "unistd.h")),
-    Row("cuda", MACHINE + ["cuda"], foreign=("cuda_runtime", "pthread.h", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
-    Row("cpu_fallback", MACHINE + ["cpu_fallback"], foreign=("immintrin.h", "xmmintrin.h", "tbb/", "pthread.h", "sched.h", "unistd.h")),
+    # The rooms of the two machines; the folders themselves hold no sources.
+    Row("cuda/api", [PUBLIC, "core/base", "core/job", "cuda/api"]),
+    Row("cuda/kernels", [*KERNEL, "cuda/api", "cuda/kernels"]),
+    Row("cuda/machine", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine"]),
+    Row("cuda/emulated", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine", "cuda/emulated"], foreign=("pthread.h",)),
+    Row("cuda/native", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine", "cuda/native"],
+        foreign=("cuda_runtime", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
+    Row("cuda", [PUBLIC]),
+    Row("cpu_fallback/threads", [PUBLIC, "core/base", "core/team", "cpu_fallback/threads"],
+        foreign=("tbb/", "pthread.h", "sched.h", "unistd.h")),
+    # A pack's driver is compiled into kernels, and is given what tables of kernels name.
+    Row("cpu_fallback/kernels", [*KERNEL, "cpu_fallback/threads", "cpu_fallback/pack", "cpu_fallback/kernels"]),
+    Row("cpu_fallback/pack", [*KERNEL, *PLANS, "cpu_fallback/pack", "cpu_fallback/kernels"]),
+    Row("cpu_fallback/machine", [*MACHINE, "cpu_fallback"]),
+    Row("cpu_fallback", [PUBLIC]),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
@@ -86,7 +102,7 @@ TABLE = [
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
-    Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
+    Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/threads/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
 ]
 # tests and tools outside tools/cli may include anything; the word rules still bind them.
 
@@ -103,7 +119,7 @@ WORDS = [
     (r"std::(f?min|f?max|clamp|sqrt|fma|abs|fabs|pow|hypot|reduce|accumulate)\b|\b(fminf?|fmaxf?|rsqrtf?|hypotf?|powf?|"
      r"sinf?|cosf?|tanf?|expf?|logf?)\s*\(", ["core/algorithm", "core/team"], [],
      "every rounding and selection goes through core/base/real.hpp"),
-    (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/job", "core/runtime", "core/machine", "core/plan", "cuda", "cpu_fallback"], [],
+    (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/job", "core/runtime", "core/facade", "core/machine", "core/plan", "cuda", "cpu_fallback"], [],
      "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
     (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api"], [],
      "a machine holds a Team, memory and launches; arithmetic belongs in core/algorithm"),
@@ -175,8 +191,8 @@ def check_include(root, path, included):
     row = row_of(path)
     target = resolve(root, path, included)
     if target is None and re.match(r"(cuda|cuda_runtime\w*|cuda_\w+|device_launch\w+)\.h$", included):
-        if not (inside(path, "cuda") or inside(path, "tests/twin") or path == "bench/bench_kernels.cu"):
-            return f"includes <{included}>; only cuda/ may"
+        if not (inside(path, "cuda/native") or inside(path, "tests/twin") or path == "bench/bench_kernels.cu"):
+            return f"includes <{included}>; only cuda/native may"
         return None
     if row is None:
         return None
@@ -247,13 +263,19 @@ def self_test():
         "core/plan/plan.hpp": '#pragma once\n#include <vector>\n#include "stiction/types.hpp"\n',
         "core/plan/library_orderings.cpp": '#include <Eigen/OrderingMethods>\n#include <amd.h>\n#include <metis.h>\n',
         "core/machine/contact_machine.hpp": '#pragma once\n#include "core/plan/plan.hpp"\n',
-        "core/runtime/solver.cpp": '#include "core/machine/contact_machine.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
+        "core/runtime/expect.hpp": "#pragma once\n",
+        "core/facade/overlap.hpp": "#pragma once\n",
+        "core/facade/solver.cpp": '#include "core/machine/contact_machine.hpp"\nconst char* s = "threadIdx, cuda_runtime.h";\n',
         "core/io/include/stiction/io.hpp": '#pragma once\n#include "stiction/types.hpp"\n',
         "core/io/read.cpp": '#include <hdf5.h>\n#include "stiction/io.hpp"\n',
-        "cuda/pgs.cu": '#include <cuda_runtime.h>\n#include "core/algorithm/solver/pgs.hpp"\n',
-        "cpu_fallback/pgs.cpp": '#include "core/algorithm/solver/pgs.hpp"\n',
-        "cpu_fallback/solver.cpp.in": '#include "core/algorithm/solver/@header@"\n',
-        "cpu_fallback/serial_block.hpp": "#pragma once\n",
+        "cuda/native/pgs.cu": '#include <cuda_runtime.h>\n#include "core/algorithm/solver/pgs.hpp"\n',
+        "cpu_fallback/kernels/pgs.cpp": '#include "core/algorithm/solver/pgs.hpp"\n',
+        "cpu_fallback/kernels/solver.cpp.in": '#include "core/algorithm/solver/@header@"\n',
+        "cpu_fallback/threads/thread_team.hpp": "#pragma once\n",
+        "cpu_fallback/machine/contact_machine.cpp": '#include "cpu_fallback/kernels/isa.hpp"\n',
+        "cpu_fallback/kernels/isa.hpp": '#pragma once\n#include "cpu_fallback/threads/thread_team.hpp"\n',
+        "cuda/api/device_api.hpp": "#pragma once\n",
+        "cuda/machine/engine.cpp": '#include "cuda/api/device_api.hpp"\n',
         "c_api/include/stiction.h": '#pragma once\n#include <stdint.h>\n#include "kinds.h"\n',
         "c_api/include/kinds.h.in": "#pragma once\n",
         "c_api/solver.cpp": '#include <memory>\n#include "stiction.h"\n#include "stiction/types.hpp"\n',
@@ -274,19 +296,25 @@ def self_test():
         ("core/plan/plan.hpp", '#include "core/machine/contact_machine.hpp"'),
         ("core/plan/plan.hpp", "#include <Eigen/OrderingMethods>"),
         ("core/plan/library_orderings.cpp", "#include <boost/graph/adjacency_list.hpp>"),
-        ("core/runtime/solver.cpp", '#include "cpu_fallback/serial_block.hpp"'),
-        ("core/runtime/solver.cpp", "#include <cuda_runtime.h>"),
-        ("core/runtime/solver.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
+        ("core/facade/solver.cpp", '#include "cpu_fallback/threads/thread_team.hpp"'),
+        ("core/facade/solver.cpp", "#include <cuda_runtime.h>"),
+        ("core/facade/solver.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
+        ("core/runtime/expect.hpp", '#include "core/facade/overlap.hpp"'),
         ("core/io/read.cpp", '#include "core/machine/contact_machine.hpp"'),
-        ("cuda/pgs.cu", '#include "cpu_fallback/serial_block.hpp"'),
-        ("cuda/pgs.cu", "x = fma_(a, b, c);"),
-        ("cpu_fallback/pgs.cpp", "rows = std::min(rows, most);"),
-        ("cpu_fallback/pgs.cpp", '#include "cuda/pgs.cu"'),
-        ("cpu_fallback/solver.cpp.in", '#include "core/runtime/@header@"'),
-        ("cpu_fallback/solver.cpp.in", '#include "no_such/@header@"'),
-        ("cpu_fallback/solver.cpp.in", "x = fma_(a, b, c);"),
-        ("cpu_fallback/pgs.cpp", "#include <cuda_runtime_api.h>"),
-        ("cpu_fallback/pgs.cpp", "#include <Eigen/Dense>"),
+        ("cuda/native/pgs.cu", '#include "cpu_fallback/threads/thread_team.hpp"'),
+        ("cuda/native/pgs.cu", "x = fma_(a, b, c);"),
+        ("cpu_fallback/kernels/pgs.cpp", "rows = std::min(rows, most);"),
+        ("cpu_fallback/kernels/pgs.cpp", '#include "cuda/native/pgs.cu"'),
+        ("cpu_fallback/kernels/solver.cpp.in", '#include "core/runtime/@header@"'),
+        ("cpu_fallback/kernels/solver.cpp.in", '#include "no_such/@header@"'),
+        ("cpu_fallback/kernels/solver.cpp.in", "x = fma_(a, b, c);"),
+        ("cpu_fallback/kernels/pgs.cpp", "#include <cuda_runtime_api.h>"),
+        ("cpu_fallback/kernels/pgs.cpp", "#include <Eigen/Dense>"),
+        ("cpu_fallback/threads/thread_team.hpp", '#include "cpu_fallback/kernels/isa.hpp"'),
+        ("cpu_fallback/kernels/isa.hpp", '#include "core/machine/contact_machine.hpp"'),
+        ("cuda/machine/engine.cpp", "#include <cuda_runtime_api.h>"),
+        ("cuda/machine/engine.cpp", '#include "cuda/native/pgs.cu"'),
+        ("cuda/api/device_api.hpp", '#include "core/algorithm/solver/pgs.hpp"'),
         ("c_api/include/stiction.h", '#include "stiction/types.hpp"'),
         ("c_api/include/stiction.h", "#include <cstdint>"),
         ("c_api/solver.cpp", '#include "core/machine/contact_machine.hpp"'),

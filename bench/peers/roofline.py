@@ -47,7 +47,7 @@ DOFS = 22
 FEW, MANY = 20, {"near": 220, "far": 60}
 SOON = 60  # sweeps after which factors and short stacks are still on their way
 CONDITION, MU = 1e6, 0.5
-LARGEST_PACK = 2**20  # bytes of a pack's matrices (cpu_fallback/work_items.cpp); larger environments come one at a time
+LARGEST_PACK = 2**20  # bytes of a pack's matrices (cpu_fallback/pack/work_items.cpp); larger environments come one at a time
 COLUMNS = ["kernel", "precision", "contacts", "batch", "environments", "level", "set_kib", "operations", "bytes", "intensity",
            "ns_per_contact_sweep", "gflops", "roof_gflops", "share_q1", "share", "share_q3", "share_of_one_lane", "moving"]
 ROOF_COLUMNS = ["what", "f32", "f64"]

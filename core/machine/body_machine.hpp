@@ -34,10 +34,10 @@ class BodyMachine {
   virtual void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) = 0;
 };
 
-std::unique_ptr<BodyMachine> make_cpu_bodies();
-std::unique_ptr<BodyMachine> make_emulated_bodies();
+std::unique_ptr<BodyMachine> make_cpu_body_machine();
+std::unique_ptr<BodyMachine> make_emulated_body_machine();
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
-std::unique_ptr<BodyMachine> make_cuda_bodies(int ordinal);
+std::unique_ptr<BodyMachine> make_cuda_body_machine(int ordinal);
 
 /// The structural defects alone: what validate() lists first. Only the integers are read.
 template <class Real>

@@ -26,9 +26,9 @@ struct SolveRequest {
 };
 
 /// A machine. There are three, reached through the factories below; none holds arithmetic.
-class Backend {
+class ContactMachine {
  public:
-  virtual ~Backend() = default;
+  virtual ~ContactMachine() = default;
   virtual void solve(const SolveRequest<float>& request) = 0;
   virtual void solve(const SolveRequest<double>& request) = 0;
   /// Makes room for solves, where a machine has room of its own. \throws Error(out_of_memory).
@@ -48,10 +48,10 @@ class Backend {
   virtual void copy_to_host(void* target, const void* source, std::size_t bytes, StreamRef stream) = 0;
 };
 
-std::unique_ptr<Backend> make_cpu_backend();
+std::unique_ptr<ContactMachine> make_cpu_contact_machine();
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
-std::unique_ptr<Backend> make_cuda_backend(int ordinal);
-std::unique_ptr<Backend> make_emulated_backend();
+std::unique_ptr<ContactMachine> make_cuda_contact_machine(int ordinal);
+std::unique_ptr<ContactMachine> make_emulated_contact_machine();
 
 /// One line about the CPU; one per CUDA device, or one with the reason why there is none. Never throw.
 DeviceReport cpu_report();

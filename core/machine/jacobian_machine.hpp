@@ -35,13 +35,13 @@ class JacobianMachine {
 
 /// Makes room as it is needed, whatever a capacity says.
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_cpu_jacobian(FactorUse use, int threads);
+std::unique_ptr<JacobianMachine<Real>> make_cpu_jacobian_machine(FactorUse use, int threads);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int ordinal, const JacobianCapacity& capacity, FactorUse use,
-                                                          bool by_newton);
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian_machine(int ordinal, const JacobianCapacity& capacity,
+                                                                  FactorUse use, bool by_newton);
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity& capacity, FactorUse use,
-                                                              bool by_newton);
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian_machine(const JacobianCapacity& capacity, FactorUse use,
+                                                                      bool by_newton);
 
 }  // namespace stiction

@@ -13,36 +13,39 @@ constexpr const char* kNotBuilt =
     "-DSTICTION_ENABLE_CUDA=ON";
 }
 
-std::unique_ptr<Backend> make_cuda_backend(int) {
+std::unique_ptr<ContactMachine> make_cuda_contact_machine(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 
 template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int, const WarmStartCapacity&) {
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start_machine(int, const WarmStartCapacity&) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start(int, const WarmStartCapacity&);
-template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start(int, const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<float>> make_cuda_warm_start_machine(int, const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<double>> make_cuda_warm_start_machine(int, const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool) {
+std::unique_ptr<JacobianMachine<Real>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse, bool) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool);
-template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian(int, const JacobianCapacity&, FactorUse, bool);
+template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse,
+                                                                            bool);
+template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse,
+                                                                             bool);
 
-std::unique_ptr<BodyMachine> make_cuda_bodies(int) {
+std::unique_ptr<BodyMachine> make_cuda_body_machine(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_cuda_world(int, const WorldModelView<Real>&, Offset, const WorldOptions&) {
+std::unique_ptr<WorldMachine<Real>> make_cuda_world_machine(int, const WorldModelView<Real>&, Offset,
+                                                            const WorldOptions&) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<WorldMachine<float>> make_cuda_world(int, const WorldModelView<float>&, Offset,
-                                                              const WorldOptions&);
-template std::unique_ptr<WorldMachine<double>> make_cuda_world(int, const WorldModelView<double>&, Offset,
-                                                               const WorldOptions&);
+template std::unique_ptr<WorldMachine<float>> make_cuda_world_machine(int, const WorldModelView<float>&, Offset,
+                                                                      const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_cuda_world_machine(int, const WorldModelView<double>&, Offset,
+                                                                       const WorldOptions&);
 
 std::vector<DeviceReport> cuda_reports() {
   return {{Device::cuda(0), false, "cuda", kNotBuilt}};

@@ -13,36 +13,39 @@ constexpr const char* kNotBuilt =
     "Device::cpu(), which gives the same bits";
 }
 
-std::unique_ptr<Backend> make_emulated_backend() {
+std::unique_ptr<ContactMachine> make_emulated_contact_machine() {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 
-std::unique_ptr<BodyMachine> make_emulated_bodies() {
+std::unique_ptr<BodyMachine> make_emulated_body_machine() {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-
-template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity&) {
-  throw Error(ErrorCode::unsupported, kNotBuilt);
-}
-template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start(const WarmStartCapacity&);
-template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start(const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool) {
+std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start_machine(const WarmStartCapacity&) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
-template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian(const JacobianCapacity&, FactorUse, bool);
+template std::unique_ptr<WarmStartMachine<float>> make_emulated_warm_start_machine(const WarmStartCapacity&);
+template std::unique_ptr<WarmStartMachine<double>> make_emulated_warm_start_machine(const WarmStartCapacity&);
 
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>&, Offset, const WorldOptions&) {
+std::unique_ptr<JacobianMachine<Real>> make_emulated_jacobian_machine(const JacobianCapacity&, FactorUse, bool) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
-template std::unique_ptr<WorldMachine<float>> make_emulated_world(const WorldModelView<float>&, Offset,
-                                                                  const WorldOptions&);
-template std::unique_ptr<WorldMachine<double>> make_emulated_world(const WorldModelView<double>&, Offset,
-                                                                   const WorldOptions&);
+template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian_machine(const JacobianCapacity&, FactorUse,
+                                                                                bool);
+template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian_machine(const JacobianCapacity&, FactorUse,
+                                                                                 bool);
+
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_emulated_world_machine(const WorldModelView<Real>&, Offset,
+                                                                const WorldOptions&) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<WorldMachine<float>> make_emulated_world_machine(const WorldModelView<float>&, Offset,
+                                                                          const WorldOptions&);
+template std::unique_ptr<WorldMachine<double>> make_emulated_world_machine(const WorldModelView<double>&, Offset,
+                                                                           const WorldOptions&);
 
 DeviceReport emulated_report() {
   return {Device::emulated(), false, "emulated", kNotBuilt};

@@ -22,11 +22,11 @@ class WarmStartMachine {
 };
 
 template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_cpu_warm_start(const WarmStartCapacity& capacity, int threads);
+std::unique_ptr<WarmStartMachine<Real>> make_cpu_warm_start_machine(const WarmStartCapacity& capacity, int threads);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start(int ordinal, const WarmStartCapacity& capacity);
+std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start_machine(int ordinal, const WarmStartCapacity& capacity);
 template <class Real>
-std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start(const WarmStartCapacity& capacity);
+std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start_machine(const WarmStartCapacity& capacity);
 
 }  // namespace stiction

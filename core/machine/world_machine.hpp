@@ -55,14 +55,14 @@ void for_each_run(std::span<const std::uint8_t> mask, F&& f) {
 
 /// `model` must outlive the machine.
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_cpu_world(const WorldModelView<Real>& model, Offset env_count,
-                                                   const WorldOptions& options);
+std::unique_ptr<WorldMachine<Real>> make_cpu_world_machine(const WorldModelView<Real>& model, Offset env_count,
+                                                           const WorldOptions& options);
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_emulated_world(const WorldModelView<Real>& model, Offset env_count,
-                                                        const WorldOptions& options);
+std::unique_ptr<WorldMachine<Real>> make_emulated_world_machine(const WorldModelView<Real>& model, Offset env_count,
+                                                                const WorldOptions& options);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 template <class Real>
-std::unique_ptr<WorldMachine<Real>> make_cuda_world(int ordinal, const WorldModelView<Real>& model, Offset env_count,
-                                                    const WorldOptions& options);
+std::unique_ptr<WorldMachine<Real>> make_cuda_world_machine(int ordinal, const WorldModelView<Real>& model,
+                                                            Offset env_count, const WorldOptions& options);
 
 }  // namespace stiction

@@ -12,7 +12,7 @@
 #include <set>
 #include <vector>
 
-#include "cuda/device/device_api.hpp"
+#include "cuda/api/device_api.hpp"
 
 namespace stiction::cuda {
 

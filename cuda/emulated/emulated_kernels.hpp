@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "cuda/device/kernels.hpp"
+#include "cuda/api/kernel_catalogue.hpp"
 
 namespace stiction::cuda {
 

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "core/algorithm/driver/shared_instances.hpp"
-#include "cuda/device/catalogue.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
+#include "cuda/kernels/catalogue.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

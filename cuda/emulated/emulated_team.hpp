@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/team/reduce.hpp"
-#include "cuda/device/kernel.hpp"
+#include "cuda/api/kernel.hpp"
 #include "cuda/emulated/emulated_pace.hpp"
 
 namespace stiction::cuda {

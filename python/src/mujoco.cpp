@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/threads/thread_pool.hpp"
 #include "python/src/mujoco_memory.hpp"
 #include "stiction/error.hpp"
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "cpu_fallback/threaded_team.hpp"
+#include "cpu_fallback/threads/threaded_team.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/multigrid_case.hpp"
 #include "tests/support/stress_team.hpp"

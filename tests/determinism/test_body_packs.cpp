@@ -4,7 +4,7 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
-#include "cpu_fallback/body_work_items.hpp"
+#include "cpu_fallback/pack/work_items.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -141,11 +141,11 @@ TEST(BodyPacks, EveryEnvironmentIsDealtOnceAndPacksHoldLikeSizes) {
   }
   plan.sides.assign(static_cast<std::size_t>(2 * contacts.back()), 0);
   const auto bytes = [](const cpu::PackShape& room) { return Offset{room.contacts} * 3000; };
-  const cpu::BodyWorkItems deal = cpu::make_body_work_items(plan, bodies.data(), contacts.data(), {2, 4, bytes});
+  const cpu::BodyWorkItems deal = cpu::make_work_items(plan, bodies.data(), contacts.data(), {2, 4, bytes});
   EXPECT_EQ(deal.large, std::vector<Offset>{2});
   std::vector<int> seen(plan.kept.size());
   std::vector<bool> packed(plan.kept.size());
-  for (const cpu::BodyWorkItem& work : deal.work)
+  for (const cpu::WorkItem<cpu::PackShape>& work : deal.items)
     for (const Offset env : work.envs) {
       const auto e = static_cast<std::size_t>(env);
       ++seen[e];
@@ -173,11 +173,11 @@ TEST(BodyPacks, EnvironmentsWhoseContactsAreBetweenTheSameBodiesComeTogether) {
     contacts.push_back(contacts.back() + 2);
   }
   const auto bytes = [](const cpu::PackShape&) { return Offset{1}; };
-  const cpu::BodyWorkItems deal = cpu::make_body_work_items(plan, bodies.data(), contacts.data(), {1, 4, bytes});
-  ASSERT_EQ(deal.work.size(), 1U);
+  const cpu::BodyWorkItems deal = cpu::make_work_items(plan, bodies.data(), contacts.data(), {1, 4, bytes});
+  ASSERT_EQ(deal.items.size(), 1U);
   int changes = 0;
-  for (std::size_t k = 1; k < deal.work[0].envs.size(); ++k)
-    changes += (deal.work[0].envs[k] % 3 == 0) != (deal.work[0].envs[k - 1] % 3 == 0) ? 1 : 0;
+  for (std::size_t k = 1; k < deal.items[0].envs.size(); ++k)
+    changes += (deal.items[0].envs[k] % 3 == 0) != (deal.items[0].envs[k - 1] % 3 == 0) ? 1 : 0;
   EXPECT_EQ(changes, 1);
 }
 

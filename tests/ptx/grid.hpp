@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cuda/runtime/launch_grid.hpp"
+#include "cuda/native/launch_grid.hpp"
 #include "tests/ptx/lane.hpp"
 
 namespace stiction::ptx {

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <vector>
 
-#include "cuda/device/memory.hpp"
+#include "cuda/api/memory.hpp"
 #include "stiction/solver.hpp"
 #include "tests/support/scene_batches.hpp"
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "core/runtime/newton_job.hpp"
-#include "cuda/device_backend.hpp"
-#include "cuda/device_jacobian.hpp"
+#include "core/facade/newton_job.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/contact_machine.hpp"
+#include "cuda/machine/jacobian_machine.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_systems.hpp"
@@ -104,22 +104,22 @@ template <class Real>
 struct Machine {
   Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use,
           const SolverOptions& chosen = some_iterations<Real>())
-      : options(chosen), backend(device), jacobian(device, capacity, use, takes_newton(chosen)) {
-    backend.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
+      : options(chosen), machine(device), jacobian(device, capacity, use, takes_newton(chosen)) {
+    machine.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
                      Offset{capacity.env_rows} * capacity.env_rows, capacity.env_dofs, Precision::f64},
                     options.solver);
   }
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
     const VelocityJob<Real> newton = newton_job<Real>(batch, options, solution, nullptr);
     const ContactBatchView<Real> contact = jacobian.assemble(batch, takes_newton(options) ? &newton : nullptr, stream);
-    backend.solve(SolveRequest<Real>{
+    machine.solve(SolveRequest<Real>{
         nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, stream});
     jacobian.velocities(batch, solution, stream);
   }
 
   SolverOptions options;
-  cuda::DeviceBackend backend;
-  cuda::DeviceJacobian<Real> jacobian;
+  cuda::DeviceContactMachine machine;
+  cuda::DeviceJacobianMachine<Real> jacobian;
 };
 
 }  // namespace stiction::test

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 
 namespace stiction::test {
@@ -16,8 +16,8 @@ std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const Contact
   const cuda::Stream stream(device);
   DeviceBatch<Real> there(device, need);
   there.fill(batch, stream.get());
-  engine.solve(cuda::EngineRequest<Real>{there.view(), there.solution(), nullptr, options.law.value_or(batch.law()),
-                                         options, false, stream.get()});
+  engine.solve(SolveRequest<Real>{nullptr, there.view(), there.solution(), nullptr, options.law.value_or(batch.law()),
+                                  options, StreamRef(stream.get())});
   return env_hashes(batch, there.fetch(batch, stream.get()));
 }
 

@@ -13,8 +13,8 @@ TEST(CudaGraph, IsTestedWhereTheBuildHasCuda) {
 
 #include <vector>
 
-#include "cuda/runtime/cuda_api.hpp"
-#include "cuda/runtime/cuda_check.hpp"
+#include "cuda/native/cuda_api.hpp"
+#include "cuda/native/cuda_check.hpp"
 #include "tests/support/device_batch.hpp"
 
 namespace stiction::test {

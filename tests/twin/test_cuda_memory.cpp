@@ -14,7 +14,7 @@ TEST(CudaMemory, IsTestedWhereTheBuildHasCuda) {
 #include <optional>
 #include <vector>
 
-#include "cuda/runtime/cuda_check.hpp"
+#include "cuda/native/cuda_check.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/scene_batches.hpp"

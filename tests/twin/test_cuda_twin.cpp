@@ -12,8 +12,8 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 #if defined(STICTION_HAS_CUDA)
-#include "cuda/device_backend.hpp"
-#include "cuda/runtime/cuda_api.hpp"
+#include "cuda/machine/contact_machine.hpp"
+#include "cuda/native/cuda_api.hpp"
 #endif
 
 /// Equal bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
@@ -93,10 +93,10 @@ TEST_P(CudaTwinOf, WhoWorksOnAnEnvironmentChangesNoBit) {
   const auto expected = env_hashes(batch, solve(batch, options));
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
                                  SizeClass::dense_tile, SizeClass::thread_medium}) {
-    cuda::DeviceBackend backend(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes, finest);
+    cuda::DeviceContactMachine machine(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes, finest);
     Solution<float> answer = solve(batch, options);
     for (float& value : answer.lambda) value = -1.0F;
-    backend.solve(SolveRequest<float>{nullptr,
+    machine.solve(SolveRequest<float>{nullptr,
                                       batch.view(),
                                       {answer.lambda.data(), answer.w.data(), answer.status.data()},
                                       nullptr,

@@ -5,8 +5,8 @@
 
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/box_scenes.hpp"
-#include "cuda/device_bodies.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/body_machine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/body_methods.hpp"
 
@@ -125,8 +125,8 @@ TEST(DeviceBodies, NewtonsMethodGivesTheCpusBitsOnAnyNumberOfLanes) {
         for (const int lanes : {1, 3}) {
           // One lane takes turns with itself: once for each kind of program is enough.
           if (lanes == 1 && options.space.preconditioner < BodyPreconditioner::factor) continue;
-          cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 2, 5}),
-                                     true);
+          cuda::DeviceBodyMachine machine(
+              std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 2, 5}), true);
           auto out = room_for(batch);
           machine.solve(request_of(batch, plan, options, out, nullptr));
           expect_same(expected, out);
@@ -145,7 +145,7 @@ TEST(DeviceBodies, APlanForNewtonsMethodServesImpulsesToo) {
   newton.method = BodyMethod::newton;
   newton.iterations = 1;
   const BodyPlan plan = BodySolver(Device::cpu(), {}, newton).plan(batch.view());
-  cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5}), true);
+  cuda::DeviceBodyMachine machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5}), true);
   for (const bool first : {true, false}) {
     auto out = room_for(batch);
     machine.solve(request_of(batch, plan, newton, out, nullptr));
@@ -173,7 +173,7 @@ TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
         for (const std::size_t shared_kib : {std::size_t{227}, std::size_t{100}, std::size_t{0}}) {
           const auto device =
               std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5, shared_kib << 10});
-          cuda::DeviceBodies machine(device, true);
+          cuda::DeviceBodyMachine machine(device, true);
           auto out = room_for(batch);
           auto request = request_of(batch, plan, options, out, nullptr);
           request.warm_start = warm.empty() ? nullptr : warm.data();
@@ -194,7 +194,7 @@ TEST(DeviceBodies, FastMemoryDecidesHowManyClassesThereAre) {
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   const auto launches = [&](std::size_t shared_bytes) {
     const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 0, shared_bytes});
-    cuda::DeviceBodies machine(device, true);
+    cuda::DeviceBodyMachine machine(device, true);
     auto out = room_for(batch);
     machine.solve(request_of(batch, plan, options, out, nullptr));
     return device->calls(cuda::DeviceCall::launch);
@@ -210,7 +210,7 @@ TEST(DeviceBodies, LanesTeamsAndOrderChangeNothing) {
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   for (const int lanes : {1, 3})
     for (const std::uint64_t seed : {0, 1}) {
-      cuda::DeviceBodies machine(
+      cuda::DeviceBodyMachine machine(
           std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{lanes, 1 + lanes, seed}), true);
       auto out = room_for(batch);
       machine.solve(request_of(batch, plan, options, out, nullptr));
@@ -233,7 +233,7 @@ TEST(DeviceBodies, ACapturedSolveIsReplayedWithOtherNumbers) {
   const auto batch = mixed_batch<float>();
   const BodyPlan plan = BodySolver(Device::cpu(), {}, options).plan(batch.view());
   const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 9});
-  cuda::DeviceBodies machine(device, false);
+  cuda::DeviceBodyMachine machine(device, false);
   const cuda::Stream stream(*device);
   auto out = room_for(batch);
   std::vector<float> twist(batch.view().twist, batch.view().twist + 6 * batch.body_count());
@@ -263,7 +263,7 @@ TEST(DeviceBodies, ACapturedSolveIsReplayedWithOtherNumbers) {
   auto expected = room_for(batch);
   auto on_cpu = request_of(batch, plan, options, expected, nullptr);
   on_cpu.batch.twist = twist.data();
-  make_cpu_bodies()->solve(on_cpu);
+  make_cpu_body_machine()->solve(on_cpu);
   expect_same(expected, out);
 }
 
@@ -275,7 +275,7 @@ TEST(DeviceBodies, ADeviceThatFailsLeavesNothingBehind) {
     for (int n = 0; n < 3; ++n) {
       const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 0});
       {
-        cuda::DeviceBodies machine(device, true);
+        cuda::DeviceBodyMachine machine(device, true);
         auto out = room_for(batch);
         device->fail_call(call, n);
         EXPECT_THROW(machine.solve(request_of(batch, plan, options, out, nullptr)), Error);

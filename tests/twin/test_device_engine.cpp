@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include "cuda/device_backend.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/contact_machine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/every_solver.hpp"
@@ -79,8 +79,8 @@ TEST(DeviceEngine, RoomThatGraphsUseIsNotTakenFromThem) {
   DeviceBatch<float> there(device, Capacity::of(small.view()));
   there.fill(small, stream.get());
   device.begin_capture(stream.get());
-  engine.solve(
-      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
+  engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, Law::coulomb, options,
+                                   StreamRef(stream.get())});
   const auto graph = device.end_capture(stream.get());
   EXPECT_THROW(engine.reserve(Capacity::of(large.view()), options.solver, Precision::f32), Error);
   device.launch(graph, stream.get());
@@ -93,8 +93,8 @@ TEST(DeviceEngine, APlanIsMadeAgainOnceGraphsMayHaveWrittenOverIt) {
   const SolverOptions options = quick(SolverKind::npgs);
   const Capacity reserved = larger(Capacity::of(one.view()), Capacity::of(two.view()));
   const auto device = std::make_shared<cuda::EmulatedDevice>();
-  cuda::DeviceBackend backend(device);
-  backend.reserve(reserved, options.solver);
+  cuda::DeviceContactMachine machine(device);
+  machine.reserve(reserved, options.solver);
   const cuda::Stream stream(*device);
   DeviceBatch<float> there_one(*device, reserved), there_two(*device, reserved);
   there_one.fill(one, stream.get());
@@ -105,11 +105,11 @@ TEST(DeviceEngine, APlanIsMadeAgainOnceGraphsMayHaveWrittenOverIt) {
   exact.cone_count = one.view().cone_count;
   exact.nonzero_count = one.view().nonzero_count;
   const auto solve_planned = [&] {
-    backend.solve(SolveRequest<float>{plan.get(), exact, there_one.solution(), nullptr, one.law(), options,
+    machine.solve(SolveRequest<float>{plan.get(), exact, there_one.solution(), nullptr, one.law(), options,
                                       StreamRef(stream.get())});
   };
   device->begin_capture(stream.get());
-  backend.solve(SolveRequest<float>{nullptr, there_two.view(), there_two.solution(), nullptr, two.law(), options,
+  machine.solve(SolveRequest<float>{nullptr, there_two.view(), there_two.solution(), nullptr, two.law(), options,
                                     StreamRef(stream.get())});
   const auto graph = device->end_capture(stream.get());
   solve_planned();
@@ -139,8 +139,8 @@ TEST(DeviceEngine, AGraphIsReplayedWithOtherNumbersContactsAndCounts) {
 
   const int allocations = device.calls(cuda::DeviceCall::allocate);
   device.begin_capture(stream.get());
-  engine.solve(
-      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
+  engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, Law::coulomb, options,
+                                   StreamRef(stream.get())});
   const auto graph = device.end_capture(stream.get());
   for (int replay = 0; replay < kReplays; ++replay) {
     const ContactBatch<float>& batch = batches[static_cast<std::size_t>(replay)];
@@ -164,8 +164,8 @@ TEST(DeviceEngine, SolvesOnTwoStreamsDoNotMeet) {
     there_one.fill(one, first.get());
     there_two.fill(two, second.get());
     for (const auto& [there, stream] : {std::pair{&there_one, first.get()}, std::pair{&there_two, second.get()}})
-      engine.solve(
-          cuda::EngineRequest<float>{there->view(), there->solution(), nullptr, Law::coulomb, options, false, stream});
+      engine.solve(SolveRequest<float>{nullptr, there->view(), there->solution(), nullptr, Law::coulomb, options,
+                                       StreamRef(stream)});
     EXPECT_EQ(env_hashes(two, there_two.fetch(two, second.get())), solve_hashes(two, options)) << seed;
     EXPECT_EQ(env_hashes(one, there_one.fetch(one, first.get())), solve_hashes(one, options)) << seed;
   }
@@ -218,8 +218,8 @@ TEST(DeviceEngine, AnEnvironmentBeyondTheCapacityIsFlaggedAndLeftOut) {
   const cuda::Stream stream(device);
   DeviceBatch<float> there(device, Capacity::of(batch.view()));
   there.fill(batch, stream.get());
-  engine.solve(
-      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
+  engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, Law::coulomb, options,
+                                   StreamRef(stream.get())});
   const Solution<float> answer = there.fetch(batch, stream.get());
   const auto hashes = env_hashes(batch, answer);
   const auto expected = solve_hashes(batch, options);
@@ -258,8 +258,8 @@ TEST(DeviceEngine, ABrokenStructureIsFlaggedWhereItIs) {
     const Offset entry = arrays.row_offsets[static_cast<std::size_t>(row)];
     device.copy(const_cast<Index*>(there.view().column) + entry, &wrong, sizeof(wrong), cuda::CopyKind::to_device,
                 stream.get());
-    engine.solve(cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false,
-                                            stream.get()});
+    engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, Law::coulomb, options,
+                                     StreamRef(stream.get())});
     const Solution<float> answer = there.fetch(batch, stream.get());
     const auto hashes = env_hashes(batch, answer);
     for (Offset e = 0; e < batch.env_count(); ++e) {

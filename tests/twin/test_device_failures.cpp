@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "cuda/device_backend.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/contact_machine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/device_batch.hpp"
 
@@ -53,8 +53,8 @@ TEST(DeviceStaging, ABatchInManyPiecesIsAnsweredAsAWhole) {
   const auto expected = solve_hashes(call.batch, call.options);
   for (const std::uint64_t seed : {0, 1, 2, 3}) {
     const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
-    cuda::DeviceBackend backend(device, kSmallPiece);
-    backend.solve(call.request());
+    cuda::DeviceContactMachine machine(device, kSmallPiece);
+    machine.solve(call.request());
     EXPECT_EQ(env_hashes(call.batch, call.answer), expected) << seed;
     EXPECT_GT(device->calls(cuda::DeviceCall::copy), 30);
   }
@@ -85,8 +85,8 @@ TEST(DeviceStaging, RowsThatAreNotInUseStayTheCallers) {
   std::vector<double> lambda(static_cast<std::size_t>(view.row_count), -3.25);
   std::vector<EnvStatus> status(static_cast<std::size_t>(view.env_count));
   const auto device = std::make_shared<cuda::EmulatedDevice>();
-  cuda::DeviceBackend backend(device, 1);
-  backend.solve(SolveRequest<double>{nullptr,
+  cuda::DeviceContactMachine machine(device, 1);
+  machine.solve(SolveRequest<double>{nullptr,
                                      padded,
                                      {lambda.data(), nullptr, status.data()},
                                      nullptr,
@@ -107,7 +107,7 @@ TEST_P(DeviceFailures, BecomeErrorsAndLeaveNothingBehind) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
   const auto sound = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 9});
-  cuda::DeviceBackend(sound, kPiece).solve(fresh.request());
+  cuda::DeviceContactMachine(sound, kPiece).solve(fresh.request());
   const int calls = sound->calls(GetParam());
   int failures = 0;
   for (int n = 0; n < calls; ++n) {
@@ -116,8 +116,8 @@ TEST_P(DeviceFailures, BecomeErrorsAndLeaveNothingBehind) {
     device->fail_call(GetParam(), n);
     bool failed = false;
     try {
-      cuda::DeviceBackend backend(device, kPiece);
-      backend.solve(call.request());
+      cuda::DeviceContactMachine machine(device, kPiece);
+      machine.solve(call.request());
     } catch (const Error& error) {
       failed = true;
       EXPECT_EQ(error.code() == ErrorCode::out_of_memory, GetParam() == cuda::DeviceCall::allocate);
@@ -139,18 +139,18 @@ TEST_P(DeviceFailures, TheSameMachineGoesOnAfterOne) {
   Call fresh;
   const auto expected = solve_hashes(fresh.batch, fresh.options);
   const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 4});
-  cuda::DeviceBackend backend(device, kPiece);
+  cuda::DeviceContactMachine machine(device, kPiece);
   for (int n = 0; n < 12; ++n) {
     Call failing;
     device->fail_call(GetParam(), n);
     try {
-      backend.solve(failing.request());
+      machine.solve(failing.request());
     } catch (const Error&) {
       EXPECT_TRUE(failing.is_untouched());
     }
     device->fail_call(GetParam(), -1);
     Call next;
-    backend.solve(next.request());
+    machine.solve(next.request());
     EXPECT_EQ(env_hashes(next.batch, next.answer), expected) << "after call " << n;
   }
 }

@@ -5,8 +5,8 @@
 
 #include "bench/scenes/body_scenes.hpp"
 #include "core/team/phases.hpp"
-#include "cuda/device_bodies.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
+#include "cuda/machine/body_machine.hpp"
 #include "tests/support/body_methods.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"
@@ -167,8 +167,8 @@ void expect_the_cpus_bits_of_a_pile(BodySolverOptions options) {
                          std::vector<Real>(static_cast<std::size_t>(6 * batch.body_count())),
                          std::vector<Real>(static_cast<std::size_t>(3 * batch.contact_count())),
                          std::vector<EnvStatus>(2)};
-  cuda::DeviceBodies machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{kLanes, kBlocks, 5}),
-                             true);
+  cuda::DeviceBodyMachine machine(
+      std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{kLanes, kBlocks, 5}), true);
   machine.solve({plan.shared(),
                  batch.view(),
                  {out.impulse.data(), out.twist.data(), out.w.data(), out.status.data()},

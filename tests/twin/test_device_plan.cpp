@@ -12,7 +12,7 @@
 #include "core/plan/plan.hpp"
 #include "core/plan/structure_view.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/random_structures.hpp"
 
@@ -90,8 +90,8 @@ void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, co
   const cuda::Stream stream(device);
   DeviceBatch<double> there(device, need);
   there.fill(batch, stream.get());
-  engine.solve(
-      cuda::EngineRequest<double>{there.view(), there.solution(), nullptr, batch.law(), options, false, stream.get()});
+  engine.solve(SolveRequest<double>{nullptr, there.view(), there.solution(), nullptr, batch.law(), options,
+                                    StreamRef(stream.get())});
   device.synchronize(stream.get());
   expect_hosts_integers(batch, engine.plan_arrays());
 }

@@ -6,7 +6,7 @@
 #include "core/algorithm/driver/register_chunk.hpp"
 #include "core/algorithm/solver/npgs.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/device_batch.hpp"
 #include "tests/support/prepared.hpp"
@@ -174,8 +174,8 @@ TEST(DeviceRegisters, BatchesOfSmallEnvironmentsHaveTheCpusBits) {
         const cuda::Stream stream(device);
         DeviceBatch<float> there(device, need);
         there.fill(batch, stream.get());
-        engine.solve(
-            cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, law, wanted, false, stream.get()});
+        engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, law, wanted,
+                                         StreamRef(stream.get())});
         const Solution<float> answer = there.fetch(batch, stream.get());
         EXPECT_EQ(env_hashes(batch, answer), solve_hashes(batch, wanted)) << label(solver, law) << ", " << limit;
         for (const EnvStatus& status : answer.status) overflowed |= status.code == EnvCode::numerical;

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/engine.hpp"
+#include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 #if defined(STICTION_TEST_HAS_IO)
 #include "stiction/io.hpp"
@@ -67,8 +67,8 @@ TEST(DeviceReplay, OneGraphAnswersWhateverBatchIsInItsPlace) {
   const cuda::Stream stream(device);
   DeviceBatch<float> there(device, room);
   device.begin_capture(stream.get());
-  engine.solve(
-      cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, Law::coulomb, options, false, stream.get()});
+  engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, Law::coulomb, options,
+                                   StreamRef(stream.get())});
   const auto graph = device.end_capture(stream.get());
 
   int equal = 0;

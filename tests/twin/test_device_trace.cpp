@@ -4,8 +4,8 @@
 #include <set>
 #include <string>
 
-#include "cuda/device_backend.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/contact_machine.hpp"
 #include "stiction/error.hpp"
 #include "stiction/trace.hpp"
 #include "tests/support/device_batch.hpp"
@@ -46,9 +46,9 @@ TEST(DeviceTrace, AHostBatchsPiecesAreTimedOnTheWayUpThroughAndDown) {
     Tracer tracer;
     const SolverOptions options = traced(&tracer);
     auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
-    cuda::DeviceBackend backend(device, 1 << 14);
+    cuda::DeviceContactMachine machine(device, 1 << 14);
     Solution<float> answer = room_for(batch);
-    backend.solve(SolveRequest<float>{nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options,
+    machine.solve(SolveRequest<float>{nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options,
                                       StreamRef::default_stream()});
     EXPECT_EQ(env_hashes(batch, answer), expected);
 
@@ -128,8 +128,8 @@ TEST(DeviceTrace, NothingIsTimedInACaptureAndNothingIsMadeWithoutATracer) {
   there.fill(batch, stream.get());
   device.synchronize(stream.get());
   const auto solve_with = [&](const SolverOptions& options) {
-    engine.solve(
-        cuda::EngineRequest<float>{there.view(), there.solution(), nullptr, batch.law(), options, false, stream.get()});
+    engine.solve(SolveRequest<float>{nullptr, there.view(), there.solution(), nullptr, batch.law(), options,
+                                     StreamRef(stream.get())});
   };
   const std::size_t handles = device.live_handles();
   solve_with(traced(nullptr));
@@ -158,19 +158,19 @@ TEST(DeviceTrace, ACallThatFailsWhileTimingLeavesNothingBehind) {
       auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{1, 2, 3});
       Tracer tracer;
       {
-        cuda::DeviceBackend backend(device, 1 << 14);
+        cuda::DeviceContactMachine machine(device, 1 << 14);
         const SolverOptions options = traced(&tracer);
         Solution<float> answer = room_for(batch);
         const SolveRequest<float> request{
             nullptr, batch.view(), view_of(answer), nullptr, batch.law(), options, StreamRef::default_stream()};
         device->fail_call(call, n);
         try {
-          backend.solve(request);
+          machine.solve(request);
         } catch (const Error& error) {
           EXPECT_EQ(error.code(), ErrorCode::device_failure);
         }
         device->fail_call(call, -1);
-        backend.solve(request);
+        machine.solve(request);
         EXPECT_EQ(env_hashes(batch, answer), expected);
       }
       EXPECT_EQ(device->live_handles(), 0U);

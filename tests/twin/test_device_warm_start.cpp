@@ -3,8 +3,8 @@
 #include <memory>
 #include <vector>
 
-#include "cuda/device_warm_start.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 #include "stiction/warm_start.hpp"
 #include "tests/support/warm_start_life.hpp"
@@ -22,7 +22,7 @@ struct Twins {
   explicit Twins(const cuda::EmulatedDeviceOptions& options)
       : device(std::make_shared<cuda::EmulatedDevice>(options)),
         there(device, kRoom, false),
-        here(make_cpu_warm_start<Real>(kRoom, 1)) {}
+        here(make_cpu_warm_start_machine<Real>(kRoom, 1)) {}
 
   void expect_same_step(const Step<Real>& step) {
     const Packed<Real> packed(step.envs);
@@ -48,7 +48,7 @@ struct Twins {
   }
 
   std::shared_ptr<cuda::EmulatedDevice> device;
-  cuda::DeviceWarmStart<Real> there;
+  cuda::DeviceWarmStartMachine<Real> there;
   std::unique_ptr<WarmStartMachine<Real>> here;
   StreamRef stream = StreamRef::default_stream();
 };
@@ -70,8 +70,8 @@ TEST(DeviceWarmStart, AStepIsCapturedAndReplayedWithOtherContacts) {
   std::mt19937_64 random(7);
   auto life = random_life<float>(random, 9, 20);
   const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{3, 2, 4});
-  cuda::DeviceWarmStart<float> there(device, kRoom, false);
-  const auto here = make_cpu_warm_start<float>(kRoom, 1);
+  cuda::DeviceWarmStartMachine<float> there(device, kRoom, false);
+  const auto here = make_cpu_warm_start_machine<float>(kRoom, 1);
   const cuda::Stream own(*device);
   const StreamRef stream(own.get());
   // Device memory with room for any step; the emulated device reads the host's.
@@ -123,7 +123,7 @@ TEST(DeviceWarmStart, AFailingDeviceLeavesNothingBehind) {
     for (int n = 0; n < 20; ++n) {
       device->fail_call(call, n);
       try {
-        cuda::DeviceWarmStart<double> store(device, kRoom, true);
+        cuda::DeviceWarmStartMachine<double> store(device, kRoom, true);
         store.reset(std::vector<Offset>{2}, StreamRef::default_stream());
         store.reset_where(nullptr, StreamRef::default_stream());
       } catch (const Error&) {

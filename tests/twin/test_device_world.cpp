@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "core/runtime/world_model.hpp"
-#include "cuda/device_world.hpp"
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/world_machine.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/bits.hpp"
@@ -41,7 +41,7 @@ struct OwnDevice {
   WorldOptions options;
   WorldModel<double> model;
   std::shared_ptr<EmulatedDevice> device;
-  cuda::DeviceWorld<double> world;
+  cuda::DeviceWorldMachine<double> world;
 };
 
 struct Calls {
@@ -183,7 +183,7 @@ TEST(DeviceWorld, ADeviceThatFailsAtAnyCallIsAnErrorAndLeaksNothing) {
   for (const DeviceCall call : {DeviceCall::create, DeviceCall::allocate, DeviceCall::copy, DeviceCall::synchronize}) {
     const auto device = std::make_shared<EmulatedDevice>();
     device->fail_call(call, 0);
-    EXPECT_THROW(cuda::DeviceWorld<double>(device, model.view(), 2, options), Error);
+    EXPECT_THROW(cuda::DeviceWorldMachine<double>(device, model.view(), 2, options), Error);
     EXPECT_EQ(device->live_allocations(), 0U);
     EXPECT_EQ(device->live_handles(), 0U);
   }

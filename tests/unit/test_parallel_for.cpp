@@ -17,7 +17,7 @@
 #include "core/plan/plan.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/survey.hpp"
-#include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/threads/thread_pool.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/small_systems.hpp"

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "cpu_fallback/thread_pool.hpp"
+#include "cpu_fallback/threads/thread_pool.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"

@@ -143,7 +143,7 @@ class Plan {
   std::shared_ptr<const PlanData> data_;
 };
 
-class Backend;
+class ContactMachine;
 enum class FullRows : std::uint8_t;
 
 /// Solves batches on one device.
@@ -243,7 +243,7 @@ class Solver {
 
   Device device_;
   SolverOptions options_;
-  std::shared_ptr<Backend> backend_;
+  std::shared_ptr<ContactMachine> machine_;
 };
 
 /// Host solution with owned memory.

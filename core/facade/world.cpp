@@ -1,0 +1,267 @@
+#include "stiction/world.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
+#include "core/machine/world_machine.hpp"
+#include "core/runtime/defects.hpp"
+#include "core/runtime/expect.hpp"
+#include "core/runtime/world_model.hpp"
+#include "stiction/error.hpp"
+#include "stiction/hash.hpp"
+
+namespace stiction {
+
+namespace {
+
+void check_world_options(const WorldOptions& options) {
+  if (options.solver.substeps != 1)
+    refuse("solver.substeps = " + std::to_string(options.solver.substeps) +
+           ": must be 1: a world detects contacts in every step; take a smaller stepping.dt");
+  if (!(options.margin >= 0) || !std::isfinite(options.margin))
+    refuse("margin = " + shortest_text(options.margin) + ": must be finite and >= 0");
+  if (!(options.warm_start >= 0 && options.warm_start <= 1))
+    refuse("warm_start = " + shortest_text(options.warm_start) + ": must be in [0, 1]");
+}
+
+/// Broken environments are data: the others go on.
+BodySolverOptions isolating(BodySolverOptions options) {
+  options.invalid = InvalidPolicy::isolate;
+  return options;
+}
+
+template <class Real>
+std::unique_ptr<WorldMachine<Real>> make_machine(Device device, const WorldModelView<Real>& model, Offset env_count,
+                                                 const WorldOptions& options) {
+  if (device.kind == DeviceKind::cuda) return make_cuda_world_machine(device.ordinal, model, env_count, options);
+  if (device.kind == DeviceKind::emulated) return make_emulated_world_machine(model, env_count, options);
+  return make_cpu_world_machine(model, env_count, options);
+}
+
+/// Adds the time between its birth and its death.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double& total) : total_(total) {}
+  ~Stopwatch() { total_ += std::chrono::duration<double>(Clock::now() - start_).count(); }
+  Stopwatch(const Stopwatch&) = delete;
+  Stopwatch& operator=(const Stopwatch&) = delete;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  double& total_;
+  Clock::time_point start_ = Clock::now();
+};
+
+}  // namespace
+
+template <class Real>
+struct World<Real>::Parts {
+  Parts(Device device, WorldDescription what, Offset envs, const WorldOptions& how)
+      : description(std::move(what)),
+        options(how),
+        env_count(envs),
+        body_count(static_cast<Index>(description.bodies.size())),
+        solver(device, how.stepping, isolating(how.solver)),
+        model(description, how),
+        machine(make_machine(device, model.view(), envs, options)) {
+    const std::vector<std::uint8_t> all(at(envs), 1);
+    put_initial(all);
+  }
+
+  void put_initial(std::span<const std::uint8_t> mask) {
+    WorldArrays<Real>& now = machine->observe(WorldPart::state);
+    for (Offset env = 0; env < env_count; ++env)
+      for (Index body = 0; mask[at(env)] != 0 && body < body_count; ++body) {
+        const WorldBody& from = description.bodies[at(body)];
+        const Offset place = env * body_count + body;
+        std::copy(from.position.begin(), from.position.end(), now.position.begin() + 3 * place);
+        std::copy(from.twist.begin(), from.twist.end(), now.twist.begin() + 6 * place);
+        put_orientation(now, place, from.orientation);
+      }
+    machine->restart(mask);
+  }
+
+  /// Normalises in double.
+  static void put_orientation(WorldArrays<Real>& now, Offset place, const std::array<double, 4>& q) {
+    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (!(norm > 0) || !std::isfinite(norm)) return;
+    for (std::size_t k = 0; k < 4; ++k) now.orientation[4 * at(place) + k] = static_cast<Real>(q[k] / norm);
+  }
+
+  [[nodiscard]] WorldSolve<Real> find_contacts() {
+    const Stopwatch watch(seconds.detect);
+    return machine->find_contacts();
+  }
+
+  [[nodiscard]] BodyPlan plan(const WorldSolve<Real>& what) {
+    const Stopwatch watch(seconds.plan);
+    return solver.plan(what.structure);
+  }
+
+  void solve(const BodyPlan& order, const WorldSolve<Real>& what) {
+    const Stopwatch watch(seconds.solve);
+    solver.solve(order, what.batch, what.solution, what.guess, what.stream);
+    machine->await_solve();
+  }
+
+  void integrate() {
+    const Stopwatch watch(seconds.integrate);
+    machine->integrate();
+  }
+
+  WorldDescription description;
+  WorldOptions options;
+  Offset env_count;
+  Index body_count;
+  BodySolver solver;
+  WorldModel<Real> model;
+  std::unique_ptr<WorldMachine<Real>> machine;
+  WorldSeconds seconds;
+};
+
+template <class Real>
+World<Real>::World(Device device, WorldDescription description, Offset env_count, const WorldOptions& options) {
+  const ScopedFpEnv fp_env;
+  check_description(description);
+  check_world_options(options);
+  if (env_count < 0) refuse("env_count = " + std::to_string(env_count) + ": must be >= 0");
+  parts_ = std::make_unique<Parts>(device, std::move(description), env_count, options);
+}
+template <class Real>
+World<Real>::~World() = default;
+template <class Real>
+World<Real>::World(World&&) noexcept = default;
+template <class Real>
+World<Real>& World<Real>::operator=(World&&) noexcept = default;
+
+template <class Real>
+void World<Real>::step() {
+  const ScopedFpEnv fp_env;
+  const WorldSolve<Real> solve = parts_->find_contacts();
+  const BodyPlan plan = parts_->plan(solve);
+  parts_->solve(plan, solve);
+  parts_->integrate();
+}
+
+template <class Real>
+WorldState<Real> World<Real>::state() const {
+  const WorldArrays<Real>& now = parts_->machine->observe(WorldPart::state);
+  return {now.position, now.orientation, now.twist};
+}
+
+template <class Real>
+std::span<Real> World<Real>::wrench() {
+  return parts_->machine->wrench();
+}
+
+template <class Real>
+void World<Real>::reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state) {
+  const ScopedFpEnv fp_env;
+  Parts& parts = *parts_;
+  const std::size_t bodies = at(parts.env_count) * at(parts.body_count);
+  expect_length("mask", mask.size(), at(parts.env_count), "one byte per environment");
+  expect_length("state.position", state.position.size(), 3 * bodies, "three numbers per body");
+  expect_length("state.orientation", state.orientation.size(), 4 * bodies, "four numbers per body");
+  expect_length("state.twist", state.twist.size(), 6 * bodies, "six numbers per body");
+  const auto finite = [](std::span<const Real> values) {
+    return std::all_of(values.begin(), values.end(), [](Real value) { return std::isfinite(value); });
+  };
+  const auto of_body = [](std::span<const Real> values, Offset place, std::size_t width) {
+    return values.subspan(at(place) * width, width);
+  };
+  const auto for_each_body = [&](auto&& f) {
+    for (Offset env = 0; env < parts.env_count; ++env)
+      for (Index body = 0; mask[at(env)] != 0 && body < parts.body_count; ++body) f(env, env * parts.body_count + body);
+  };
+  for_each_body([&](Offset env, Offset place) {
+    const auto q = of_body(state.orientation, place, 4);
+    const bool has_length = std::any_of(q.begin(), q.end(), [](Real value) { return value != Real(0); });
+    if (!has_length || !finite(q) || !finite(of_body(state.position, place, 3)) ||
+        !finite(of_body(state.twist, place, 6)))
+      refuse("state of environment " + std::to_string(env) + ", body " +
+             std::to_string(place - env * parts.body_count) + " has a number that is not finite or a zero quaternion");
+  });
+  WorldArrays<Real>& now = parts.machine->observe(WorldPart::state);
+  for_each_body([&](Offset, Offset place) {
+    const auto position = of_body(state.position, place, 3);
+    const auto twist = of_body(state.twist, place, 6);
+    const auto q = of_body(state.orientation, place, 4);
+    std::copy(position.begin(), position.end(), now.position.begin() + 3 * place);
+    std::copy(twist.begin(), twist.end(), now.twist.begin() + 6 * place);
+    parts.put_orientation(
+        now, place,
+        {static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]), static_cast<double>(q[3])});
+  });
+  parts.machine->restart(mask);
+}
+
+template <class Real>
+void World<Real>::reset(std::span<const std::uint8_t> mask) {
+  expect_length("mask", mask.size(), at(parts_->env_count), "one byte per environment");
+  parts_->put_initial(mask);
+}
+
+template <class Real>
+std::span<const EnvStatus> World<Real>::status() const {
+  return parts_->machine->observe(WorldPart::status).status;
+}
+template <class Real>
+std::span<const Offset> World<Real>::contact_offsets() const {
+  return parts_->machine->observe(WorldPart::status).contacts.offsets;
+}
+template <class Real>
+BodyBatchView<Real> World<Real>::contacts() const {
+  return parts_->machine->observe(WorldPart::contacts).batch();
+}
+template <class Real>
+std::span<const Real> World<Real>::impulses() const {
+  return parts_->machine->observe(WorldPart::contacts).contacts.impulse;
+}
+
+template <class Real>
+std::vector<WorldMotion> World<Real>::motion() const {
+  const ScopedFpEnv fp_env;
+  std::vector<WorldMotion> motion(at(parts_->env_count));
+  parts_->machine->motion(motion);
+  return motion;
+}
+
+template <class Real>
+std::uint64_t World<Real>::hash() const {
+  const WorldState<Real> now = state();
+  std::vector<Real> all(now.position.begin(), now.position.end());
+  all.insert(all.end(), now.orientation.begin(), now.orientation.end());
+  all.insert(all.end(), now.twist.begin(), now.twist.end());
+  return hash_bits(std::span<const Real>(all));
+}
+
+template <class Real>
+const WorldSeconds& World<Real>::seconds() const {
+  return parts_->seconds;
+}
+template <class Real>
+Offset World<Real>::env_count() const {
+  return parts_->env_count;
+}
+template <class Real>
+Index World<Real>::body_count() const {
+  return parts_->body_count;
+}
+template <class Real>
+const WorldDescription& World<Real>::description() const {
+  return parts_->description;
+}
+template <class Real>
+const WorldOptions& World<Real>::options() const {
+  return parts_->options;
+}
+
+template class World<float>;
+template class World<double>;
+
+}  // namespace stiction

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "cpu_fallback/kernels/body_kernels.hpp"
+#include "cpu_fallback/kernels/contact_kernels.hpp"
+#include "cpu_fallback/kernels/jacobian_kernels.hpp"
+#include "cpu_fallback/kernels/velocity_kernels.hpp"
+#include "cpu_fallback/kernels/world_kernels.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction::cpu {
+
+/// One build of the kernels and whether this CPU can run it.
+struct Isa {
+  const char* name;
+  bool (*supported)();
+  KernelSet (*kernels)(SolverKind solver);
+  BodyKernelSet (*body_kernels)();
+  NewtonBodyKernelSet (*newton_body_kernels)();
+  JacobianKernelSet (*jacobian)();
+  WorldKernelSet (*world_kernels)();
+  VelocityKernelSet (*velocity)();
+};
+
+/// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
+/// (baseline, avx2, avx512) asks for a narrower one; what the CPU cannot run is not taken.
+const Isa& best_isa();
+
+/// The build of that name, or null where the CPU cannot run it or there is none.
+const Isa* find_isa(const char* name);
+
+/// Adds a build that only STICTION_ISA asks for. Tests add packs of widths that the machine at hand has no vectors for.
+/// To be called before there are threads. Returns true, so that a constant's initialiser can call it.
+bool add_isa(const Isa& isa);
+
+}  // namespace stiction::cpu

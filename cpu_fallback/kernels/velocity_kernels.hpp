@@ -1,0 +1,28 @@
+#pragma once
+
+#include "core/job/velocity_job.hpp"
+#include "cpu_fallback/kernels/scratch.hpp"
+
+namespace stiction::cpu {
+
+/// Memory of one worker: what is known of a pack, and its numbers.
+struct VelocityScratch {
+  GrowBuffer lists;
+  Scratch numbers;
+};
+
+/// Newton's method in velocities, compiled for one instruction set.
+template <class Real>
+struct VelocityKernels {
+  Index width;  ///< environments of a pack; 1: they are solved one by one
+  /// Solves environments, or parts of some, of sizes that the method takes, in packs that follow one another.
+  void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
+};
+
+/// Kernels of both precisions.
+struct VelocityKernelSet {
+  VelocityKernels<float> f32;
+  VelocityKernels<double> f64;
+};
+
+}  // namespace stiction::cpu

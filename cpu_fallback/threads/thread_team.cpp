@@ -1,0 +1,84 @@
+#include "cpu_fallback/threads/thread_team.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "core/base/extents.hpp"
+#include "core/base/fp_env.hpp"
+
+namespace stiction::cpu {
+
+namespace {
+
+/// Looks at the phase before a waiter yields, some hundred microseconds: on a busy machine a yield costs whole turns of
+/// all others, at every barrier.
+constexpr int kSpins = 4000;
+
+void pause() {
+#if defined(__x86_64__) || defined(__i386__)
+  __builtin_ia32_pause();
+#endif
+}
+
+}  // namespace
+
+void TeamBarrier::arrive_and_wait() {
+  const std::uint32_t phase = phase_.load(std::memory_order_relaxed);
+  if (arrived_.fetch_add(1, std::memory_order_acq_rel) + 1 == width_) {
+    arrived_.store(0, std::memory_order_relaxed);
+    phase_.store(phase + 1, std::memory_order_release);
+    return;
+  }
+  int spins = 0;
+  while (phase_.load(std::memory_order_acquire) == phase) {
+    if (++spins < kSpins) {
+      pause();
+    } else {
+      std::this_thread::yield();
+    }
+  }
+}
+
+Index ThreadTeam::width() const {
+  return width_;
+}
+
+void ThreadTeam::sync() {
+  barrier_.arrive_and_wait();
+}
+
+unsigned char* ThreadTeam::slot(int turn, Index rank) {
+  return slots_ + (static_cast<std::size_t>(turn) * kMaxWidth + static_cast<std::size_t>(rank)) * kSlotBytes;
+}
+
+unsigned char* ThreadTeam::leaves() {
+  return leaves_;
+}
+
+void run_team(int threads, const std::function<void(ThreadTeam& team, Index rank)>& work) {
+  const Index wanted = bounded<Index>(threads, 1, ThreadTeam::kMaxWidth);
+  std::unique_ptr<ThreadTeam> team;
+  std::atomic<bool> formed{false};
+  const auto run = [&](Index rank) {
+    formed.wait(false);
+    const ScopedFpEnv fp_env;
+    work(*team, rank);
+  };
+  std::vector<std::thread> others;
+  others.reserve(static_cast<std::size_t>(wanted));
+  try {
+    for (Index rank = 1; rank < wanted; ++rank) others.emplace_back(run, rank);
+  } catch (const std::system_error&) {
+    // The team is as wide as it got: no result depends on that.
+  }
+  team = std::make_unique<ThreadTeam>(static_cast<Index>(others.size()) + 1);
+  formed.store(true);
+  formed.notify_all();
+  run(0);
+  for (std::thread& thread : others) thread.join();
+}
+
+}  // namespace stiction::cpu

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "core/job/workspace.hpp"
+#include "cuda/api/kernel.hpp"
+
+namespace stiction::cuda {
+
+/// One solver, precision and law.
+struct SolveKernels {
+  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (kernels/solve_thread_per_env.hpp);
+                      ///< none if the method factorises
+  KernelRef dense;    ///< one team per environment, dense system                  (kernels/solve_teams.hpp)
+  KernelRef sparse;   ///< one team per environment, sparse system
+  KernelRef factor;   ///< one team per environment, factor and velocity
+};
+
+/// A solver's kernels by precision (Precision) and law (Law).
+struct SolverKernels {
+  SolveKernels by_precision_and_law[2][2];
+  Workspace workspace;  ///< what the method keeps beside the system
+};
+
+/// The scheduler's kernels; they read integers only.
+struct PlanKernels {
+  KernelRef inspect;  ///< soundness, cones by kind, path, class, canonical order   (kernels/plan_program.hpp)
+  KernelRef sort;     ///< environments by class, most expensive class first
+  KernelRef color;    ///< order and colours of sparse environments
+  KernelRef islands;  ///< islands of all environments
+};
+
+/// The warm-start store, in one precision (kernels/warm_start_program.hpp).
+struct WarmStartKernels {
+  KernelRef load;   ///< first guesses
+  KernelRef store;  ///< reactions, for the next step
+  KernelRef reset;  ///< a mask of environments
+};
+
+/// Bodies, in one precision and law.
+struct SolveBodyKernels {
+  KernelRef bundles;  ///< one lane per environment             (kernels/body_bundles.hpp)
+  KernelRef teams;    ///< one team per environment             (kernels/bodies_program.hpp)
+};
+
+/// Bodies by precision (Precision) and law (Law).
+struct BodyKernels {
+  SolveBodyKernels by_precision_and_law[2][2];
+};
+
+/// Bodies by Newton's method, one team per environment, by precision and law  (kernels/bodies_program.hpp).
+struct NewtonBodyKernels {
+  KernelRef by_precision_and_law[2][2];
+};
+
+/// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
+struct JacobianKernels {
+  KernelRef count;   ///< what each environment takes
+  KernelRef place;   ///< where each begins
+  KernelRef write;   ///< rows, A or Y, and b
+  KernelRef move;    ///< velocities
+  KernelRef newton;  ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+};
+
+/// Worlds, in one precision (kernels/world_program.hpp).
+struct WorldKernels {
+  KernelRef find;           ///< inputs of the solve, contacts
+  KernelRef emit_contacts;  ///< contacts to the solver, with first guesses
+  KernelRef integrate;      ///< positions
+  KernelRef measure;        ///< energy and momentum
+};
+
+/// Every kernel of the library, compiled for one device. A feature adds its struct and one member here, fills it for
+/// the emulated device in emulated_kernels.cpp and for CUDA in cuda_kernels.cpp.
+struct KernelCatalogue {
+  std::array<SolverKernels, kSolverKindCount> solvers;  ///< by SolverKind
+  KernelRef trivial[2];  ///< by Precision                                  (kernels/trivial_program.hpp)
+  KernelRef choose[2];   ///< by Precision                                  (kernels/choose_program.hpp)
+  PlanKernels plan;
+  WarmStartKernels warm_start[2];  ///< by Precision
+  BodyKernels bodies;
+  NewtonBodyKernels newton_bodies;
+  JacobianKernels jacobian[2];  ///< by Precision
+  WorldKernels world[2];        ///< by Precision
+};
+
+}  // namespace stiction::cuda

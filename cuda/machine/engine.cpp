@@ -1,0 +1,239 @@
+#include "cuda/machine/engine.hpp"
+
+#include <string>
+
+#include "core/job/fallback_chain.hpp"
+#include "core/plan/structure_view.hpp"
+#include "cuda/kernels/choose_program.hpp"
+#include "cuda/kernels/trivial_program.hpp"
+#include "cuda/machine/engine_classes.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::cuda {
+
+namespace {
+
+constexpr int kPlanLanes = 32;
+
+const char* name_of(SizeClass size_class) {
+  switch (size_class) {
+    case SizeClass::sparse_device:
+      return "sparse_device";
+    case SizeClass::sparse_block:
+      return "sparse_block";
+    case SizeClass::factor_warp:
+      return "factor_warp";
+    case SizeClass::dense_large:
+      return "dense_large";
+    case SizeClass::dense_block:
+      return "dense_block";
+    case SizeClass::dense_warp:
+      return "dense_warp";
+    case SizeClass::dense_tile:
+      return "dense_tile";
+    case SizeClass::thread_medium:
+      return "thread_medium";
+    case SizeClass::thread_small:
+      return "thread_small";
+    case SizeClass::trivial:
+      return "trivial";
+  }
+  return "?";
+}
+
+template <class Real>
+constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
+
+}  // namespace
+
+Engine::Engine(DeviceApi& api, SizeClass finest) : api_(api), finest_(finest), timer_(api), plan_{} {
+  for (int k = 0; k < kBranches; ++k) {
+    branch_[static_cast<std::size_t>(k)] = std::make_unique<Stream>(api_);
+    joined_[static_cast<std::size_t>(k)] = std::make_unique<Event>(api_);
+  }
+  forked_ = std::make_unique<Event>(api_);
+  done_ = std::make_unique<Event>(api_);
+}
+
+Engine::~Engine() {
+  finish(branch_[0]->get());
+  timer_.collect();
+}
+
+/// Waits for everything this engine has queued.
+void Engine::wait_for_all() {
+  api_.wait(branch_[0]->get(), done_->get());
+  for (const auto& branch : branch_) api_.synchronize(branch->get());
+}
+
+/// Waits for all after a failure or at the end, `stream` included; the device may be lost.
+void Engine::finish(StreamHandle stream) noexcept {
+  try {
+    if (api_.capturing(stream)) return;
+    wait_for_all();
+    api_.synchronize(stream);
+  } catch (const Error&) {
+    return;
+  }
+}
+
+template <class Real>
+void Engine::queue_plan(const SolveRequest<Real>& request) {
+  const PlanArgs args{structure_view(request.batch),   plan_,
+                      reserved_.capacity.env_rows,     reserved_.capacity.env_dofs,
+                      reserved_.capacity.env_nonzeros, finest_for(request.options.solver)};
+  const PlanKernels& kernels = api_.kernels().plan;
+  const StreamHandle stream = request.stream.handle();
+  api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
+  api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
+  if (may_be_sparse(reserved_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
+}
+
+template <class Real>
+WorkQueue<Real> Engine::queue_of(SizeClass size_class) const {
+  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
+  return {plan_.order,
+          plan_.class_begin,
+          plan_.work_counter,
+          size_class,
+          shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
+          shape.slot_elements};
+}
+
+template <class Real>
+void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Real>& job, int lane,
+                           StreamHandle stream) {
+  // An environment without anything to solve is answered in the name of the first stage.
+  const SolverKind solver =
+      request.options.solver == SolverKind::automatic ? fallback_stage(0).solver : request.options.solver;
+  const TrivialArgs<Real> args{job, queue_of<Real>(SizeClass::trivial), plan_.flags, solver};
+  const KernelRef& kernel = api_.kernels().trivial[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::trivial)].launch;
+  timer_.time(name_of(SizeClass::trivial), kernel.name, lane, stream,
+              [&] { api_.launch(kernel, shape, &args, stream); });
+}
+
+template <class Real>
+void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                         SizeClass size_class, int lane, StreamHandle stream) {
+  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
+  const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
+  const SolveKernels& kernels = api_.kernels()
+                                    .solvers[static_cast<std::size_t>(solver)]
+                                    .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
+  const KernelRef& kernel = is_thread_per_env(size_class)          ? kernels.bundles
+                            : is_sparse(size_class)                ? kernels.sparse
+                            : size_class == SizeClass::factor_warp ? kernels.factor
+                                                                   : kernels.dense;
+  const QueuedJob<Real> args{job, queue_of<Real>(size_class)};
+  timer_.time(name_of(size_class), kernel.name, lane, stream,
+              [&] { api_.launch(kernel, shape.launch, &args, stream); });
+}
+
+/// Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
+template <class Real>
+void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                           bool with_trivial) {
+  const StreamHandle stream = request.stream.handle();
+  api_.record(forked_->get(), stream);
+  for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
+  int next = 0;
+  for (int k = 0; k < kSizeClasses; ++k) {
+    const auto size_class = static_cast<SizeClass>(k);
+    if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
+    if (is_thread_per_env(size_class) && size_class > finest_for(solver)) continue;
+    if (size_class == SizeClass::trivial && !with_trivial) continue;
+    const int lane = next++ % (kBranches + 1);
+    const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
+    if (size_class == SizeClass::trivial)
+      queue_trivial(request, job, lane, own);
+    else
+      queue_class(request, job, solver, size_class, lane, own);
+  }
+  for (int k = 0; k < kBranches; ++k) {
+    const auto index = static_cast<std::size_t>(k);
+    api_.record(joined_[index]->get(), branch_[index]->get());
+    api_.wait(stream, joined_[index]->get());
+  }
+}
+
+/// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they
+/// are is decided on the device.
+template <class Real>
+void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
+  const StreamHandle stream = request.stream.handle();
+  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::trivial};
+  const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const Real omega = job.omega;
+  job.stage = 0;
+  queue_trivial(request, job, 0, stream);
+  for (int stage = 0; stage < kFallbackStages; ++stage) {
+    const SolverKind solver = fallback_stage(stage).solver;
+    const ChooseArgs<Real> args{job, plan_, assigned_, stage, finest_for(solver)};
+    timer_.time("choose", to_string(solver), 0, stream, [&] {
+      api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
+      api_.launch(api_.kernels().plan.sort, {1, kSortLanes}, &plan, stream);
+      api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
+    });
+    job.warm_start = job.lambda;
+    job.stage = stage;
+    job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
+    queue_classes(request, job, solver, false);
+  }
+}
+
+template <class Real>
+void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
+  const StreamHandle stream = request.stream.handle();
+  const bool capturing = api_.capturing(stream);
+  captured_ = captured_ || capturing;
+  // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
+  // where the graph is launched.
+  if (!capturing) api_.wait(stream, done_->get());
+  timer_.attach(request.options.tracer, capturing);
+  api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
+  if (!is_planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
+
+  const SolverOptions& options = request.options;
+  const bool is_ladder = options.solver == SolverKind::automatic;
+  const SolveJob<Real> job{request.batch,        plan_.view(),
+                           request.warm_start,   request.solution.lambda,
+                           request.solution.w,   request.solution.status,
+                           options.tolerance,    options.max_iterations,
+                           options.stall_window, static_cast<Real>(options.omega),
+                           request.law};
+  if (is_ladder)
+    queue_fallbacks(request, job);
+  else
+    queue_classes(request, job, options.solver, true);
+  if (!capturing) api_.record(done_->get(), stream);
+}
+
+template <class Real>
+void Engine::solve(const SolveRequest<Real>& request, bool is_planned) {
+  if (request.batch.env_count == 0) return;
+  try {
+    queue_solve(request, is_planned);
+  } catch (const Error&) {
+    // Whatever was queued before the failure must not run on while the caller takes its memory back.
+    finish(request.stream.handle());
+    throw;
+  }
+}
+
+void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream) {
+  if (batch.env_count == 0) return;
+  const bool capturing = api_.capturing(stream);
+  captured_ = captured_ || capturing;
+  if (!capturing) api_.wait(stream, done_->get());
+  const IslandArgs args{
+      batch,           island, count, reserved_.capacity.env_rows, reserved_.capacity.env_nonzeros, plan_.graph_scratch,
+      plan_.graph_slot};
+  api_.launch(api_.kernels().plan.islands, graph_, &args, stream);
+  if (!capturing) api_.record(done_->get(), stream);
+}
+
+template void Engine::solve(const SolveRequest<float>&, bool);
+template void Engine::solve(const SolveRequest<double>&, bool);
+
+}  // namespace stiction::cuda

@@ -1,0 +1,109 @@
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "core/job/plan_view.hpp"
+#include "core/job/size_class.hpp"
+#include "core/machine/contact_machine.hpp"
+#include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/api/memory.hpp"
+#include "cuda/kernels/plan_args.hpp"
+#include "cuda/kernels/work_queue.hpp"
+#include "cuda/machine/stream_timer.hpp"
+#include "stiction/solver.hpp"
+
+namespace stiction::cuda {
+
+/// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
+/// launches and nothing else: it returns at once and can be captured into a graph. Everything about the batch but its
+/// largest extent is read on the device, so a graph may be replayed with other numbers, other contacts and other sizes
+/// of environments.
+class Engine {
+ public:
+  /// Dense environments go to `finest` or a class of larger ones, however small they are: for measuring, and for tests
+  /// that a class changes no bit.
+  explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::thread_small);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  /// Makes room, if there is not enough: for batches within `capacity`, solved by `solver`, in either precision or f32
+  /// alone. Waits for what is running. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is
+  /// has been captured into graphs, which would be left without it; the room there was is kept.
+  void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
+  /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
+  [[nodiscard]] bool captured() const noexcept { return captured_; }
+  [[nodiscard]] bool has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const;
+
+  /// One solve of a batch in device memory. `is_planned`: the batch has the structure of the one before, whose plan is
+  /// on the device already.
+  template <class Real>
+  void solve(const SolveRequest<Real>& request, bool is_planned = false);
+
+  /// Times what this engine queues, and what is queued around it.
+  [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
+
+  /// Finds the islands of a batch in device memory, of environments that there is room for.
+  void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream);
+
+  /// What the last plan left on the device, for tests that compare its integers.
+  [[nodiscard]] const PlanArrays& plan_arrays() const noexcept { return plan_; }
+
+ private:
+  static constexpr int kBranches = 3;
+
+  /// How a class of environments is launched.
+  struct ClassShape {
+    LaunchShape launch;
+    Offset slot_elements = 0;
+    bool shared = true;
+    std::size_t workspace_bytes = 0;  ///< in device memory, of all teams
+    std::byte* workspace = nullptr;
+  };
+
+  struct Reserved {
+    Capacity capacity;
+    Workspace method;
+    std::size_t scalar_bytes = 0;
+  };
+
+  [[nodiscard]] Workspace method_workspace(SolverKind solver) const;
+  [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
+  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved) const;
+  template <class Real>
+  [[nodiscard]] WorkQueue<Real> queue_of(SizeClass size_class) const;
+  template <class Real>
+  void queue_solve(const SolveRequest<Real>& request, bool is_planned);
+  template <class Real>
+  void queue_trivial(const SolveRequest<Real>& request, const SolveJob<Real>& job, int lane, StreamHandle stream);
+  template <class Real>
+  void queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                   SizeClass size_class, int lane, StreamHandle stream);
+  template <class Real>
+  void queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
+                     bool with_trivial);
+  template <class Real>
+  void queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job);
+  template <class Real>
+  void queue_plan(const SolveRequest<Real>& request);
+  void wait_for_all();
+  void finish(StreamHandle stream) noexcept;
+
+  DeviceApi& api_;
+  SizeClass finest_;
+  StreamTimer timer_;
+  Reserved reserved_;
+  bool captured_ = false;
+  DeviceMemory memory_;
+  PlanArrays plan_;
+  std::uint8_t* assigned_ = nullptr;  ///< fallback chain: the stage that each environment stands on
+  std::array<ClassShape, kSizeClasses> shapes_;
+  LaunchShape graph_;  ///< of programs that look at whole graphs
+  std::array<std::unique_ptr<Stream>, kBranches> branch_;
+  std::array<std::unique_ptr<Event>, kBranches> joined_;
+  std::unique_ptr<Event> forked_;
+  std::unique_ptr<Event> done_;
+};
+
+}  // namespace stiction::cuda

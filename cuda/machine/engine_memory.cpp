@@ -1,0 +1,206 @@
+#include "core/algorithm/plan/counting_sort.hpp"
+#include "core/algorithm/plan/islands.hpp"
+#include "core/algorithm/plan/plan_environment.hpp"
+#include "core/algorithm/system/dense_system.hpp"
+#include "core/algorithm/system/factor_system.hpp"
+#include "core/algorithm/system/sparse_system.hpp"
+#include "core/base/extents.hpp"
+#include "core/job/fallback_chain.hpp"
+#include "cuda/kernels/solve_thread_per_env.hpp"
+#include "cuda/machine/engine.hpp"
+#include "cuda/machine/engine_classes.hpp"
+#include "stiction/error.hpp"
+
+/// The engine's memory: what each size class, the plan and the fallback chain take for a capacity.
+namespace stiction::cuda {
+
+namespace {
+
+/// Most device memory that the systems of one class may take, unless a single one needs more.
+constexpr Offset kWorkspaceBytes = Offset{1} << 30;
+/// Smallest class of a method that factorises.
+constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
+
+Capacity joined(const Capacity& a, const Capacity& b) {
+  Capacity both;
+  both.envs = larger_of(a.envs, b.envs);
+  both.rows = larger_of(a.rows, b.rows);
+  both.cones = larger_of(a.cones, b.cones);
+  both.nonzeros = larger_of(a.nonzeros, b.nonzeros);
+  both.env_rows = larger_of(a.env_rows, b.env_rows);
+  both.env_nonzeros = larger_of(a.env_nonzeros, b.env_nonzeros);
+  both.env_dofs = larger_of(a.env_dofs, b.env_dofs);
+  return both;
+}
+
+bool within(const Capacity& a, const Capacity& b) {
+  return a.envs <= b.envs && a.rows <= b.rows && a.cones <= b.cones && a.nonzeros <= b.nonzeros &&
+         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros && a.env_dofs <= b.env_dofs;
+}
+
+int lanes_of(SizeClass size_class) {
+  switch (size_class) {
+    case SizeClass::dense_tile:
+      return 8;
+    case SizeClass::dense_warp:
+    case SizeClass::factor_warp:
+      return kWarp;
+    case SizeClass::thread_medium:
+    case SizeClass::thread_small:
+      return kBundle;
+    case SizeClass::trivial:
+      return 1;
+    default:
+      return kMostLanes;
+  }
+}
+
+/// Integers of scratch that colouring an environment or finding its islands takes.
+Offset graph_slot(const Capacity& capacity) {
+  return larger_of<Offset>(plan_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros),
+                           islands_scratch_elements(capacity.env_rows, capacity.env_rows, capacity.env_nonzeros));
+}
+
+/// Lanes of a team that looks at a whole environment's graph.
+int graph_lanes(const Capacity& capacity) {
+  return capacity.env_rows > 512 ? kMostLanes : kWarp;
+}
+
+}  // namespace
+
+Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserved) const {
+  const Capacity& capacity = reserved.capacity;
+  ClassShape shape;
+  shape.launch.lanes = lanes_of(size_class);
+  shape.launch.teams = capacity.envs;
+  if (size_class == SizeClass::trivial) return shape;
+
+  Offset elements = 0;
+  Offset per_processor = 2;
+  if (is_sparse(size_class)) {
+    if (!may_be_sparse(capacity)) return {};
+    if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
+    // A smaller environment may have matrices, and with them take more room than the largest.
+    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
+      elements = larger_of<Offset>(elements,
+                                   SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, reserved.method));
+    shape.launch.whole_device = size_class == SizeClass::sparse_device;
+    shape.shared = false;
+  } else if (size_class == SizeClass::factor_warp) {
+    if (capacity.env_dofs == 0) return {};
+    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
+      elements =
+          larger_of<Offset>(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, reserved.method));
+    per_processor = 16;
+  } else {
+    if (size_class > finest_) return {};
+    const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
+    // A method that factorises never takes a bundle: what would be one is a tile.
+    const bool is_finest = size_class == finest_ || (reserved.method.is_direct() && size_class == kFinestDirect);
+    if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
+    const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
+    // One row each: no cones take more room than cones of one row.
+    const Workspace method = is_thread_per_env(size_class) ? reserved.method.in_bundles() : reserved.method;
+    elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
+  }
+  // Even, so that doubles in it are aligned.
+  elements += elements % 2;
+  shape.slot_elements = elements;
+  std::size_t team_bytes = static_cast<std::size_t>(elements) * reserved.scalar_bytes;
+  std::size_t head_bytes = 0;
+  if (is_thread_per_env(size_class)) {
+    team_bytes *= kBundle;
+    head_bytes = sizeof(BundleHead<double>);
+    shape.launch.teams = (capacity.envs + kBundleIntake - 1) / kBundleIntake;
+    per_processor = 8;
+  }
+  shape.shared = shape.shared && head_bytes + team_bytes <= api_.facts().shared_bytes;
+  if (shape.shared) {
+    shape.launch.shared_bytes = head_bytes + team_bytes;
+    return shape;
+  }
+  shape.launch.shared_bytes = head_bytes;
+  const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / static_cast<Offset>(team_bytes));
+  shape.launch.teams =
+      shape.launch.whole_device
+          ? 1
+          : smaller_of(shape.launch.teams, smaller_of(fitting, per_processor * api_.facts().processors));
+  shape.workspace_bytes = static_cast<std::size_t>(shape.launch.teams) * team_bytes;
+  return shape;
+}
+
+Workspace Engine::method_workspace(SolverKind solver) const {
+  const auto& solvers = api_.kernels().solvers;
+  if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].workspace;
+  Workspace workspace;
+  for (int stage = 0; stage < kFallbackStages; ++stage)
+    workspace = workspace.joined(solvers[static_cast<std::size_t>(fallback_stage(stage).solver)].workspace);
+  return workspace;
+}
+
+/// Class of the smallest dense environments under a solver. The fallback chain's stages sort anew.
+SizeClass Engine::finest_for(SolverKind solver) const {
+  return solver != SolverKind::automatic && method_workspace(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
+                                                                                 : finest_;
+}
+
+bool Engine::has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const {
+  return within(capacity, reserved_.capacity) &&
+         method_workspace(solver).joined(reserved_.method) == reserved_.method &&
+         (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= reserved_.scalar_bytes;
+}
+
+void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
+  if (has_reserved(capacity, solver, precision)) return;
+  if (captured_)
+    throw Error(ErrorCode::invalid_argument,
+                "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
+                "Solver for this batch, or construct this one with the Capacity of all batches to come");
+  Reserved reserved;
+  std::uint8_t* assigned = nullptr;
+  reserved.capacity = joined(reserved_.capacity, capacity);
+  reserved.method = method_workspace(solver).joined(reserved_.method);
+  reserved.scalar_bytes =
+      larger_of(reserved_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
+
+  std::array<ClassShape, kSizeClasses> shapes;
+  for (int k = 0; k < kSizeClasses; ++k)
+    shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), reserved);
+  PlanArrays plan{};
+  const Offset envs = reserved.capacity.envs, cones = reserved.capacity.cones;
+  plan.graph_slot = graph_slot(reserved.capacity);
+  const Offset graph_teams = larger_of<Offset>(
+      1, smaller_of(smaller_of(envs, Offset{2} * api_.facts().processors),
+                    larger_of<Offset>(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))));
+  ArraySet arrays;
+  arrays.add(plan.path, envs);
+  arrays.add(plan.counts, envs);
+  arrays.add(plan.cone_order, cones);
+  arrays.add(plan.env_vertex_offsets, envs);
+  arrays.add(plan.vertex_offsets, cones + envs);
+  arrays.add(plan.color_offsets, cones + envs);
+  arrays.add(plan.color_count, envs);
+  arrays.add(plan.flags, envs);
+  arrays.add(plan.key, envs);
+  arrays.add(assigned, envs);
+  arrays.add(plan.order, envs);
+  arrays.add(plan.key_begin, kSortKeys + 1);
+  arrays.add(plan.class_begin, kSizeClasses + 1);
+  arrays.add(plan.work_counter, kSizeClasses);
+  arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
+  arrays.add(plan.graph_scratch, graph_teams * plan.graph_slot);
+  for (ClassShape& shape : shapes)
+    if (shape.workspace_bytes > 0) arrays.add(shape.workspace, static_cast<Offset>(shape.workspace_bytes));
+
+  wait_for_all();
+  DeviceMemory memory(api_, arrays.bytes());
+  arrays.place(memory.get());
+  memory_ = std::move(memory);
+  reserved_ = reserved;
+  plan_ = plan;
+  assigned_ = assigned;
+  shapes_ = shapes;
+  graph_ = {graph_teams, graph_lanes(reserved.capacity)};
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,206 @@
+#include "cuda/machine/jacobian_machine.hpp"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "core/base/extents.hpp"
+#include "cuda/kernels/jacobian_program.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+namespace cuda {
+
+namespace {
+
+/// Most fast memory that a team takes for itself: more would leave too few teams at work on a multiprocessor.
+constexpr std::size_t kSharedBytes = std::size_t{24} << 10;
+/// Most device memory for the scratch of all teams, unless a single one needs more.
+constexpr Offset kScratchBytes = Offset{1} << 29;
+constexpr Offset kTeamsPerProcessor = 16;
+
+/// Lanes for an environment of that size. They reach speed only.
+int team_lanes(const JacobianCapacity& capacity) {
+  const Index size = larger_of(capacity.env_rows, capacity.env_dofs);
+  return size <= 64 ? kWarp : size <= 256 ? 4 * kWarp : kMostLanes;
+}
+
+template <class Real>
+const JacobianKernels& kernels_of(const DeviceApi& api) {
+  return api.kernels().jacobian[sizeof(Real) == sizeof(float) ? 0 : 1];
+}
+
+}  // namespace
+
+template <class Real>
+DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity,
+                                                   FactorUse use, bool by_newton)
+    : api_(std::move(api)), done_(*api_) {
+  arrays_.env_rows = capacity.env_rows;
+  arrays_.env_dofs = capacity.env_dofs;
+  arrays_.matrix_room = capacity.matrix;
+  arrays_.factor_room = capacity.factor;
+  arrays_.use = use;
+  const Offset vectors = larger_of(capacity.env_rows, 2);
+  slot_ = capacity.env_dofs * (capacity.env_dofs + vectors);
+  const std::size_t slot_bytes = static_cast<std::size_t>(slot_) * sizeof(Real);
+  const bool shared = slot_bytes <= smaller_of(kSharedBytes, api_->facts().shared_bytes);
+  small_.teams = large_.teams = capacity.envs;
+  small_.lanes = kWarp;
+  large_.lanes = team_lanes(capacity);
+  if (shared) {
+    large_.shared_bytes = slot_bytes;
+  } else {
+    const Offset fitting = larger_of<Offset>(1, kScratchBytes / static_cast<Offset>(slot_bytes));
+    large_.teams = smaller_of(capacity.envs, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  }
+
+  set_.add(arrays_.flags, capacity.envs);
+  set_.add(arrays_.matrix, capacity.envs + 1);
+  set_.add(arrays_.factor, capacity.envs + 1);
+  set_.add(arrays_.parts, kScanParts);
+  set_.add(arrays_.row_offsets, capacity.rows + 1);
+  set_.add(arrays_.row_counts, capacity.rows);
+  set_.add(arrays_.column_offsets, capacity.rows);
+  set_.add(arrays_.column, capacity.env_rows);
+  set_.add(arrays_.A, capacity.matrix);
+  set_.add(arrays_.Y, capacity.factor);
+  set_.add(arrays_.b, capacity.rows);
+  if (!shared) set_.add(scratch_, large_.teams * slot_);
+  if (by_newton) reserve_newton(capacity);
+  memory_ = DeviceMemory(*api_, set_.bytes());
+  set_.place(memory_.get());
+  if (shared) scratch_ = nullptr;
+
+  std::vector<Index> columns(static_cast<std::size_t>(capacity.env_rows));
+  for (std::size_t i = 0; i < columns.size(); ++i) columns[i] = static_cast<Index>(i);
+  const Stream stream(*api_);
+  try {
+    // Row offsets too: of an environment whose rows overlap another's they may never be written, but they are read.
+    api_->fill_zero(memory_.get(), memory_.bytes(), stream.get());
+    if (!columns.empty())
+      api_->copy(arrays_.column, columns.data(), columns.size() * sizeof(Index), CopyKind::to_device, stream.get());
+  } catch (const Error&) {
+    finish(stream.get());
+    throw;
+  }
+  api_->synchronize(stream.get());
+}
+
+/// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
+/// addresses side by side.
+template <class Real>
+void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
+  const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
+  newton_.dofs = smaller_of(capacity.env_dofs, kMostVelocityDofs);
+  newton_.tree_entries = newton_.dofs * (newton_.dofs + 1) / 2;
+  newton_.largest = {rows, rows, Offset{rows} * newton_.dofs, rows};
+  newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real>::Types>::doubles(
+      newton_.largest, newton_.dofs, newton_.tree_entries);
+  newton_.lists_per_lane =
+      (PackLists<1>::bytes(rows) + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
+  newton_.islands_per_lane =
+      capacity.env_dofs > kMostVelocityDofs ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
+  const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
+                            static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
+  const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;
+  const Offset wanted = (capacity.envs + kWarp - 1) / kWarp, fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
+  newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  newton_shape_.lanes = kWarp;
+  set_.add(arrays_.env_row_counts, capacity.envs);
+  set_.add(arrays_.env_cone_counts, capacity.envs);
+  set_.add(arrays_.answered, capacity.envs);
+  set_.add(arrays_.status, capacity.envs);
+  set_.add(newton_.numbers, newton_shape_.teams * newton_.numbers_per_team);
+  set_.add(newton_.lists, newton_shape_.teams * kWarp * newton_.lists_per_lane);
+  set_.add(newton_.islands, newton_shape_.teams * kWarp * newton_.islands_per_lane);
+}
+
+template <class Real>
+void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, StreamHandle stream) {
+  VelocityArgs<Real> args = newton_;
+  args.job = job;
+  args.job.to.status = arrays_.status;
+  args.job.answered = arrays_.answered;
+  args.arrays = arrays_;
+  LaunchShape shape = newton_shape_;
+  shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  api_->launch(kernels_of<Real>(*api_).newton, shape, &args, stream);
+}
+
+template <class Real>
+DeviceJacobianMachine<Real>::~DeviceJacobianMachine() {
+  try {
+    api_->await(done_.get());
+  } catch (const Error&) {
+    return;  // the device is lost, and nothing runs on it
+  }
+}
+
+/// Waits after a failure; the device may be lost.
+template <class Real>
+void DeviceJacobianMachine<Real>::finish(StreamHandle stream) noexcept {
+  try {
+    api_->synchronize(stream);
+  } catch (const Error&) {
+    return;
+  }
+}
+
+template <class Real>
+void DeviceJacobianMachine<Real>::launch(const KernelRef& kernel, const LaunchShape& shape,
+                                         const JacobianBatchJob<Real>& job, StreamHandle stream) {
+  const JacobianArgs<Real> args{job, scratch_, slot_};
+  LaunchShape own = shape;
+  own.teams = smaller_of(shape.teams, job.batch.env_count);
+  api_->launch(kernel, own, &args, stream);
+}
+
+/// Queues work on the arrays behind whatever used them last. What is captured is ordered where the graph is launched.
+template <class Real>
+template <class Work>
+void DeviceJacobianMachine<Real>::queue(StreamHandle stream, const Work& work) {
+  const bool capturing = api_->capturing(stream);
+  try {
+    if (!capturing) api_->wait(stream, done_.get());
+    work();
+    if (!capturing) api_->record(done_.get(), stream);
+  } catch (const Error&) {
+    // Whatever was queued before the failure must not run on while the caller takes its memory back.
+    if (!capturing) finish(stream);
+    throw;
+  }
+}
+
+template <class Real>
+ContactBatchView<Real> DeviceJacobianMachine<Real>::assemble(const JacobianBatchView<Real>& batch,
+                                                             const VelocityJob<Real>* newton, StreamRef stream) {
+  const JacobianKernels& kernels = kernels_of<Real>(*api_);
+  const JacobianBatchJob<Real> job{batch, arrays_};
+  if (batch.env_count > 0)
+    queue(stream.handle(), [&] {
+      launch(kernels.count, small_, job, stream.handle());
+      if (newton != nullptr) launch_newton(*newton, stream.handle());
+      launch(kernels.place, {1, kMostLanes}, job, stream.handle());
+      launch(kernels.write, large_, job, stream.handle());
+    });
+  return contact_view(batch, arrays_);
+}
+
+template <class Real>
+void DeviceJacobianMachine<Real>::velocities(const JacobianBatchView<Real>& batch,
+                                             const JacobianSolutionView<Real>& solution, StreamRef stream) {
+  const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
+  queue(stream.handle(), [&] {
+    if (batch.env_count > 0 && (solution.velocity != nullptr || arrays_.answered != nullptr))
+      launch(kernels_of<Real>(*api_).move, large_, job, stream.handle());
+  });
+}
+
+template class DeviceJacobianMachine<float>;
+template class DeviceJacobianMachine<double>;
+
+}  // namespace cuda
+
+}  // namespace stiction

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <memory>
+
+#include "core/machine/jacobian_machine.hpp"
+#include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/api/memory.hpp"
+#include "cuda/kernels/velocity_program.hpp"
+
+namespace stiction::cuda {
+
+/// Makes contact batches of Jacobian batches on a device: three launches, and one for the velocities. Memory is taken
+/// when it is made.
+template <class Real>
+class DeviceJacobianMachine final : public JacobianMachine<Real> {
+ public:
+  /// `by_newton`: assemble() will be given a job for Newton's method in velocities.
+  DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use,
+                        bool by_newton);
+  ~DeviceJacobianMachine() override;
+
+  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
+                                  StreamRef stream) override;
+  void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+                  StreamRef stream) override;
+
+ private:
+  void launch(const KernelRef& kernel, const LaunchShape& shape, const JacobianBatchJob<Real>& job,
+              StreamHandle stream);
+  void reserve_newton(const JacobianCapacity& capacity);
+  void launch_newton(const VelocityJob<Real>& job, StreamHandle stream);
+  void finish(StreamHandle stream) noexcept;
+  template <class Work>
+  void queue(StreamHandle stream, const Work& work);
+
+  std::shared_ptr<DeviceApi> api_;
+  JacobianArrays<Real> arrays_{};
+  Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
+  Offset slot_ = 0;
+  LaunchShape small_, large_;  ///< of counting; of assembling and moving
+  LaunchShape newton_shape_;
+  VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
+  ArraySet set_;
+  DeviceMemory memory_;
+  Event done_;  ///< the arrays are free again
+};
+
+}  // namespace stiction::cuda

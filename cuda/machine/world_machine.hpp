@@ -1,0 +1,68 @@
+#pragma once
+
+#include <memory>
+
+#include "core/machine/world_machine.hpp"
+#include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/api/memory.hpp"
+
+namespace stiction::cuda {
+
+/// A world in device memory. A step brings to the host what planning reads, the contacts of each environment as numbers
+/// of bodies; everything else stays there until it is asked for.
+template <class Real>
+class DeviceWorldMachine final : public WorldMachine<Real> {
+ public:
+  DeviceWorldMachine(std::shared_ptr<DeviceApi> api, const WorldModelView<Real>& model, Offset env_count,
+                     const WorldOptions& options);
+  ~DeviceWorldMachine() override;
+
+  WorldSolve<Real> find_contacts() override;
+  void await_solve() override;
+  void integrate() override;
+  WorldArrays<Real>& observe(WorldPart part) override;
+  void restart(std::span<const std::uint8_t> mask) override;
+  std::span<Real> wrench() override;
+  void motion(std::span<WorldMotion> out) override;
+
+ private:
+  /// Contacts of a step on the device.
+  struct Contacts {
+    WorldContacts<Real> view{};
+    DeviceMemory memory;
+    Offset room = 0;  ///< contacts that fit
+  };
+
+  void place_bodies();
+  void scan_offsets();
+  void count_contacts();
+  void make_room(Contacts& contacts, Offset count);
+  void fetch_structure();
+  void fetch_contacts();
+  void launch(const KernelRef& kernel, Offset teams, int lanes, const void* arguments);
+
+  std::shared_ptr<DeviceApi> api_;
+  const WorldKernels& kernels_;
+  Stream stream_;
+  Offset env_count_;
+  Real keep_;
+  bool limited_;         ///< planning reads depths, too
+  bool pushed_ = false;  ///< wrenches may be written
+  WorldArrays<Real> host_;
+  bool state_here_ = true, status_here_ = true, contacts_here_ = true;  ///< what of host_ is of the last step
+  WorldJob<Real> job_{};
+  Real* inv_mass_ = nullptr;
+  Offset* body_offsets_ = nullptr;
+  WorldMotion* motion_ = nullptr;
+  DeviceMemory bodies_;  ///< what is there once per environment, and the model
+  std::byte* workspace_ = nullptr;
+  Offset workspace_bytes_ = 0;
+  Offset teams_ = 0;
+  Index* count_ = nullptr;
+  std::vector<Index> counts_;  ///< copy of count_
+  Index most_ = 0;             ///< contacts of an environment that found_ has room for
+  DeviceMemory found_;
+  Contacts now_, next_;
+};
+
+}  // namespace stiction::cuda

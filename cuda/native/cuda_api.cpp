@@ -1,0 +1,175 @@
+#include "cuda/native/cuda_api.hpp"
+
+#include <nvtx3/nvToolsExt.h>
+
+#include <algorithm>
+
+#include "core/base/extents.hpp"
+#include "cuda/native/cuda_check.hpp"
+#include "cuda/native/cuda_device.hpp"
+#include "cuda/native/cuda_kernels.hpp"
+#include "cuda/native/launch_grid.hpp"
+
+namespace stiction::cuda {
+
+namespace {
+
+cudaStream_t stream_of(StreamHandle stream) {
+  return static_cast<cudaStream_t>(stream);
+}
+cudaEvent_t event_of(EventHandle event) {
+  return static_cast<cudaEvent_t>(event);
+}
+
+cudaMemcpyKind kind_of(CopyKind kind) {
+  switch (kind) {
+    case CopyKind::to_device:
+      return cudaMemcpyHostToDevice;
+    case CopyKind::to_host:
+      return cudaMemcpyDeviceToHost;
+    case CopyKind::on_device:
+      return cudaMemcpyDeviceToDevice;
+  }
+  return cudaMemcpyDefault;
+}
+
+}  // namespace
+
+CudaApi::CudaApi(int ordinal) : ordinal_(ordinal) {
+  const DeviceGuard device(ordinal_);
+  cudaDeviceProp properties{};
+  STICTION_CUDA_TRY(cudaGetDeviceProperties(&properties, ordinal));
+  facts_ = {properties.name, properties.multiProcessorCount, properties.sharedMemPerBlockOptin - kTeamBytes,
+            properties.sharedMemPerMultiprocessor};
+  STICTION_CUDA_TRY(cudaMalloc(&grid_memory_, kGridBytes));
+}
+
+CudaApi::~CudaApi() {
+  release(grid_memory_);
+}
+
+const KernelCatalogue& CudaApi::kernels() const {
+  return cuda_kernels();
+}
+
+void* CudaApi::allocate(std::size_t bytes) {
+  const DeviceGuard device(ordinal_);
+  void* memory = nullptr;
+  STICTION_CUDA_TRY(cudaMalloc(&memory, bytes));
+  return memory;
+}
+void CudaApi::release(void* memory) noexcept {
+  cudaFree(memory);
+}
+void* CudaApi::allocate_pinned(std::size_t bytes) {
+  const DeviceGuard device(ordinal_);
+  void* memory = nullptr;
+  STICTION_CUDA_TRY(cudaMallocHost(&memory, bytes));
+  return memory;
+}
+void CudaApi::release_pinned(void* memory) noexcept {
+  cudaFreeHost(memory);
+}
+
+StreamHandle CudaApi::create_stream() {
+  const DeviceGuard device(ordinal_);
+  cudaStream_t stream = nullptr;
+  STICTION_CUDA_TRY(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+  return stream;
+}
+void CudaApi::destroy_stream(StreamHandle stream) noexcept {
+  cudaStreamDestroy(stream_of(stream));
+}
+EventHandle CudaApi::create_event(EventUse use) {
+  const DeviceGuard device(ordinal_);
+  cudaEvent_t event = nullptr;
+  STICTION_CUDA_TRY(
+      cudaEventCreateWithFlags(&event, use == EventUse::timing ? cudaEventDefault : cudaEventDisableTiming));
+  return event;
+}
+void CudaApi::destroy_event(EventHandle event) noexcept {
+  cudaEventDestroy(event_of(event));
+}
+
+void CudaApi::copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) {
+  const DeviceGuard device(ordinal_);
+  STICTION_CUDA_TRY(cudaMemcpyAsync(target, source, bytes, kind_of(kind), stream_of(stream)));
+}
+void CudaApi::fill_zero(void* target, std::size_t bytes, StreamHandle stream) {
+  const DeviceGuard device(ordinal_);
+  STICTION_CUDA_TRY(cudaMemsetAsync(target, 0, bytes, stream_of(stream)));
+}
+
+int CudaApi::resident_blocks(const CudaKernel& kernel, int block, std::size_t shared) {
+  const std::lock_guard lock(mutex_);
+  const auto [place, is_new] = resident_.try_emplace({kernel.function, block, shared}, 0);
+  if (is_new) {
+    STICTION_CUDA_TRY(cudaFuncSetAttribute(kernel.function, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                           static_cast<int>(facts_.shared_bytes + kTeamBytes)));
+    STICTION_CUDA_TRY(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&place->second, kernel.function, block, shared));
+  }
+  return place->second;
+}
+
+void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
+  if (shape.teams == 0) return;
+  const DeviceGuard device(ordinal_);
+  const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
+  LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
+  const Offset resident = Offset{facts_.processors} * resident_blocks(program, grid.block, grid.shared);
+  void* parameters[] = {const_cast<void*>(arguments), &grid.shape};
+  cudaLaunchAttribute cooperative{};
+  cooperative.id = cudaLaunchAttributeCooperative;
+  cooperative.val.cooperative = 1;
+  cudaLaunchConfig_t config{};
+  config.gridDim = dim3(static_cast<unsigned>(blocks_of(shape, grid, resident)));
+  config.blockDim = dim3(static_cast<unsigned>(grid.block));
+  config.dynamicSmemBytes = grid.shared;
+  config.stream = stream_of(stream);
+  config.attrs = &cooperative;
+  config.numAttrs = shape.whole_device ? 1 : 0;
+  STICTION_CUDA_TRY(cudaLaunchKernelExC(&config, program.function, parameters));
+}
+
+void CudaApi::record(EventHandle event, StreamHandle stream) {
+  const DeviceGuard device(ordinal_);
+  STICTION_CUDA_TRY(cudaEventRecord(event_of(event), stream_of(stream)));
+}
+void CudaApi::wait(StreamHandle stream, EventHandle event) {
+  const DeviceGuard device(ordinal_);
+  STICTION_CUDA_TRY(cudaStreamWaitEvent(stream_of(stream), event_of(event), 0));
+}
+bool CudaApi::capturing(StreamHandle stream) {
+  const DeviceGuard device(ordinal_);
+  cudaStreamCaptureStatus status = cudaStreamCaptureStatusNone;
+  STICTION_CUDA_TRY(cudaStreamIsCapturing(stream_of(stream), &status));
+  return status != cudaStreamCaptureStatusNone;
+}
+void CudaApi::synchronize(StreamHandle stream) {
+  const DeviceGuard device(ordinal_);
+  STICTION_CUDA_TRY(cudaStreamSynchronize(stream_of(stream)));
+}
+void CudaApi::await(EventHandle event) {
+  STICTION_CUDA_TRY(cudaEventSynchronize(event_of(event)));
+}
+
+std::optional<double> CudaApi::microseconds(EventHandle from, EventHandle to) {
+  const DeviceGuard device(ordinal_);
+  float milliseconds = 0;
+  const cudaError_t error = cudaEventElapsedTime(&milliseconds, event_of(from), event_of(to));
+  if (error == cudaErrorNotReady) {
+    cudaGetLastError();
+    return std::nullopt;
+  }
+  STICTION_CUDA_TRY(error);
+  return 1000.0 * static_cast<double>(milliseconds);
+}
+
+void CudaApi::push_range(const char* name) noexcept {
+  nvtxRangePushA(name);
+}
+void CudaApi::pop_range() noexcept {
+  nvtxRangePop();
+}
+
+}  // namespace stiction::cuda

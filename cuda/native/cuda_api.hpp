@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <map>
+#include <mutex>
+#include <tuple>
+
+#include "cuda/api/device_api.hpp"
+#include "cuda/native/cuda_kernel.hpp"
+
+namespace stiction::cuda {
+
+/// The CUDA runtime behind DeviceApi: one GPU.
+class CudaApi final : public DeviceApi {
+ public:
+  /// \throws Error(device_failure) if the device does not answer.
+  explicit CudaApi(int ordinal);
+  ~CudaApi() override;
+
+  [[nodiscard]] const DeviceFacts& facts() const override { return facts_; }
+  [[nodiscard]] const KernelCatalogue& kernels() const override;
+  void* allocate(std::size_t bytes) override;
+  void release(void* memory) noexcept override;
+  void* allocate_pinned(std::size_t bytes) override;
+  void release_pinned(void* memory) noexcept override;
+  StreamHandle create_stream() override;
+  void destroy_stream(StreamHandle stream) noexcept override;
+  EventHandle create_event(EventUse use) override;
+  void destroy_event(EventHandle event) noexcept override;
+  void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
+  void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
+  void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
+  void record(EventHandle event, StreamHandle stream) override;
+  void wait(StreamHandle stream, EventHandle event) override;
+  bool capturing(StreamHandle stream) override;
+  void synchronize(StreamHandle stream) override;
+  void await(EventHandle event) override;
+  std::optional<double> microseconds(EventHandle from, EventHandle to) override;
+  void push_range(const char* name) noexcept override;
+  void pop_range() noexcept override;
+
+ private:
+  /// Blocks of a kernel that one multiprocessor runs at once.
+  int resident_blocks(const CudaKernel& kernel, int block, std::size_t shared);
+
+  int ordinal_;
+  DeviceFacts facts_;
+  void* grid_memory_ = nullptr;
+  std::mutex mutex_;
+  std::map<std::tuple<const void*, int, std::size_t>, int> resident_;
+};
+
+}  // namespace stiction::cuda

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <array>
+
+#include "cuda/api/kernel_catalogue.hpp"
+#include "stiction/types.hpp"
+
+namespace stiction::cuda {
+
+/// Every kernel, compiled by nvcc.
+const KernelCatalogue& cuda_kernels();
+
+/// By SolverKind.
+std::array<SolverKernels, kSolverKindCount> cuda_solver_kernels();
+PlanKernels cuda_plan_kernels();
+KernelRef cuda_trivial_kernel(Precision precision);
+KernelRef cuda_choose_kernel(Precision precision);
+WarmStartKernels cuda_warm_start_kernels(Precision precision);
+BodyKernels cuda_body_kernels();
+NewtonBodyKernels cuda_newton_body_kernels();
+JacobianKernels cuda_jacobian_kernels(Precision precision);
+WorldKernels cuda_world_kernels(Precision precision);
+
+/// Whether this build has machine code or PTX that the current device can run.
+cudaError_t probe_kernel_image();
+
+}  // namespace stiction::cuda

@@ -1,0 +1,65 @@
+#pragma once
+
+#include "cuda/kernels/catalogue.hpp"
+#include "cuda/native/cuda_kernel.hpp"
+#include "cuda/native/cuda_team.cuh"
+
+/// Programs as kernels: each lane finds its team and runs the program.
+namespace stiction::inline STICTION_ISA {
+
+static_assert(sizeof(CudaTeamMemory) == cuda::kTeamBytes && sizeof(CudaGridMemory) == cuda::kGridBytes);
+
+/// One copy of the program in a kernel, whatever the team is.
+template <class Program>
+__device__ __noinline__ void run_as(CudaTeam& team, const cuda::TeamId& id, const typename Program::Args& args) {
+  Program::run(team, id, args);
+}
+
+/// Most threads of a block of this program. The fewer, the more registers a thread may have.
+template <class Program>
+constexpr int most_threads() {
+  if constexpr (requires { Program::kLanes; }) return Program::kLanes;
+  return cuda::kMostLanes;
+}
+
+template <class Program>
+__global__ void __launch_bounds__(most_threads<Program>())
+    run_teams(const __grid_constant__ typename Program::Args args, const __grid_constant__ cuda::CudaShape shape) {
+  if constexpr (Program::kSerial) {
+    SerialTeam team;
+    const Offset index = Offset{blockIdx.x} * blockDim.x + threadIdx.x;
+    const Offset count = Offset{gridDim.x} * blockDim.x;
+    Program::run(team, cuda::TeamId{index, count, nullptr}, args);
+  } else {
+    extern __shared__ __align__(16) unsigned char memory[];
+    if (shape.grid_memory != nullptr) {
+      CudaTeam team(static_cast<CudaGridMemory*>(shape.grid_memory));
+      run_as<Program>(team, cuda::TeamId{0, 1, nullptr}, args);
+      return;
+    }
+    const int teams_per_block = static_cast<int>(blockDim.x) / shape.lanes;
+    const int own = static_cast<int>(threadIdx.x) / shape.lanes;
+    CudaTeam team(reinterpret_cast<CudaTeamMemory*>(memory) + own, shape.lanes);
+    unsigned char* const shared =
+        memory + teams_per_block * sizeof(CudaTeamMemory) + own * static_cast<std::size_t>(shape.shared_bytes);
+    const Offset index = Offset{blockIdx.x} * teams_per_block + own;
+    const Offset running = Offset{gridDim.x} * teams_per_block;
+    // A team beyond those that have memory of their own has nothing to do; it never meets the others at a barrier.
+    if (index >= shape.teams) return;
+    run_as<Program>(team, cuda::TeamId{index, running < shape.teams ? running : shape.teams, shared}, args);
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA
+
+namespace stiction::cuda {
+
+struct MakeCudaKernel {
+  template <class Program>
+  static KernelRef kernel(const char* name) {
+    static const CudaKernel kernel{reinterpret_cast<const void*>(&run_teams<Program>), Program::kSerial};
+    return {name, &kernel, sizeof(typename Program::Args)};
+  }
+};
+
+}  // namespace stiction::cuda

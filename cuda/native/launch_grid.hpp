@@ -1,0 +1,48 @@
+#pragma once
+
+#include "core/base/extents.hpp"
+#include "cuda/api/device_api.hpp"
+#include "cuda/native/cuda_kernel.hpp"
+
+/// How many threads and how much fast memory the blocks of a launch have. Apart from CudaApi, because what executes the
+/// generated code on the CPU launches it in these shapes.
+namespace stiction::cuda {
+
+/// A launch in CUDA's terms, but for how many blocks there are.
+struct LaunchGrid {
+  int block = 0;            ///< threads of a block
+  std::size_t shared = 0;   ///< fast memory of a block [bytes]
+  Offset teams_per_block = 0;
+  CudaShape shape{};
+};
+
+/// Bytes of a team, in the alignment of what it holds.
+inline std::size_t round_up_to_16(std::size_t bytes) {
+  return (bytes + 15) / 16 * 16;
+}
+
+/// Blocks of a launch on a device with these facts. `grid_memory` is for launches of the whole device.
+inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const DeviceFacts& facts, void* grid_memory) {
+  const std::size_t own_bytes = round_up_to_16(shape.shared_bytes);
+  const auto shared_of = [&](int threads) {
+    return serial || shape.whole_device ? 0
+                                        : static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);
+  };
+  LaunchGrid grid;
+  grid.block = larger_of(shape.lanes, kTeamLanes);
+  // Two blocks at least on a multiprocessor, where teams are small enough for that.
+  while (grid.block > larger_of(shape.lanes, kWarp) && 2 * shared_of(grid.block) > facts.resident_shared_bytes)
+    grid.block /= 2;
+  grid.shared = shared_of(grid.block);
+  grid.teams_per_block = serial ? grid.block : grid.block / shape.lanes;
+  grid.shape = {shape.teams, shape.lanes, static_cast<unsigned>(own_bytes), shape.whole_device ? grid_memory : nullptr};
+  return grid;
+}
+
+/// Blocks that a launch asks for, if so many run at once.
+inline Offset blocks_of(const LaunchShape& shape, const LaunchGrid& grid, Offset resident) {
+  if (shape.whole_device) return resident;
+  return smaller_of(resident, (shape.teams + grid.teams_per_block - 1) / grid.teams_per_block);
+}
+
+}  // namespace stiction::cuda
