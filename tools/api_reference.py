@@ -218,7 +218,9 @@ class Reference:
         before = None
         for item in items:
             if item.name != before:  # overloads share a heading
-                parts.append(f"{'#' * level} {item.name} {{#{anchor_of(item.name)}}}")
+                short = item.name.rpartition("::")[2]  # in the list of a page, where the class stands above
+                label = f' data-toc-label="{short}"' if short != item.name else ""
+                parts.append(f"{'#' * level} {item.name} {{#{anchor_of(item.name)}{label}}}")
             before = item.name
             language = "c" if self.interface.language == "C" else "cpp"
             parts.append(f"```{language}\n{declaration(item)}\n```")

@@ -33,6 +33,7 @@ CODE = re.compile(r"^ {0,3}```.*?^ {0,3}```|^(?: {4}|\t)[^\n]*$|`(?:[^`\n]|\n(?!
 LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c", ".c": "c", ".py": "python",
              ".sh": "bash", ".cmake": "cmake", ".csv": "text", ".json": "json", ".txt": "text", ".toml": "toml"}
 HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
+FIRST = "---\nsearch:\n  boost: 8\n---\n\n"  # a name is looked for where it is described
 API = "docs/python_api.md"
 STYLE = ".md-typeset td:first-child code { word-break: normal; }\n"  # names of fields stay whole on a phone
 
@@ -210,8 +211,8 @@ def configuration(stage, site, references):
                                                                  "search.highlight", "toc.follow"],
                   "palette": [{"media": "(prefers-color-scheme: light)", "scheme": "default"},
                               {"media": "(prefers-color-scheme: dark)", "scheme": "slate"}]},
-        # Words end where C++ and Python end them: "solve" finds Solver::solve.
-        "plugins": [{"search": {"separator": r"[\s\-,:!=\[\]()\"`/.&;<>*]+|_"}}, {"mkdocstrings": {"handlers": {"python": {
+        # Words end where C++ and Python end names: "solve" finds Solver::solve.
+        "plugins": [{"search": {"separator": r"[\s\-,:!=\[\]()\"`/.&;<>*]+"}}, {"mkdocstrings": {"handlers": {"python": {
             "paths": [str(ROOT / "python")], "options": {"show_source": False, "docstring_style": "google",
                                                          "show_if_no_docstring": False, "members_order": "source"}}}}}],
         "extra_css": ["site.css"],
@@ -297,7 +298,7 @@ def main():
     stage.write("site.css", STYLE)
     references = api_reference.references()
     for path, text in ((path, text) for reference in references for path, text in reference.pages().items()):
-        stage.put(path, text)
+        stage.put(path, FIRST + text)
     config = folder / "mkdocs.yml"
     text = yaml.safe_dump(configuration(pages, site, references), sort_keys=False, allow_unicode=True)
     config.write_text(text.replace("SLUGIFY", "!!python/object/apply:pymdownx.slugs.slugify\n      kwds:\n        case: lower"), encoding="utf-8")

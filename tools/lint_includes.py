@@ -98,7 +98,9 @@ TABLE = [
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
         foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
-    Row("bench", [PUBLIC, IO_PUBLIC, "bench", "core/job/size_class.hpp"], foreign=("benchmark/", "Eigen/", "cuda_runtime")),
+    Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "bench/scenes", "core/job/size_class.hpp"],
+        foreign=("benchmark/", "Eigen/")),
+    Row("bench/programs", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
@@ -191,7 +193,7 @@ def check_include(root, path, included):
     row = row_of(path)
     target = resolve(root, path, included)
     if target is None and re.match(r"(cuda|cuda_runtime\w*|cuda_\w+|device_launch\w+)\.h$", included):
-        if not (inside(path, "cuda/native") or inside(path, "tests/twin") or path == "bench/bench_kernels.cu"):
+        if not (inside(path, "cuda/native") or inside(path, "tests/twin")):
             return f"includes <{included}>; only cuda/native may"
         return None
     if row is None:

@@ -42,7 +42,7 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import siconos  # noqa: E402
 from environments import FRICTION, UNILATERAL, read_environments, write_batch  # noqa: E402

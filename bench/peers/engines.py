@@ -39,7 +39,7 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import boxed  # noqa: E402
 import engine_programs as programs  # noqa: E402

@@ -34,7 +34,7 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import measure  # noqa: E402
 import mujoco  # noqa: E402

@@ -20,7 +20,7 @@ import tempfile
 import time
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import measure  # noqa: E402
 import summary  # noqa: E402
@@ -72,14 +72,14 @@ def parts(a):
         Part("fresh", "C1, C2 and C5 on scenes of a new seed", 160,
              [*script("fresh.py"), ours, "--bench-ratio", ratio, *judge, *results, *seed], files=(ours, ratio), judge=True),
         Part("profiles", "performance profiles at 1e-2, 1e-4, 1e-6 and 1e-8", 190,
-             [*script("../roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
+             [*script("../studies/roster.py"), ours, *robots, *contacts, *judge, *results, "--goals", goals, "--profiled", goals, "--name",
               "profiles", "--profiles", a.images / "peers_profiles.png", "--timeout", "2", "--max-iterations", "2000"],
              ("matplotlib",), (ours, *robots, *contacts), True),
         Part("gpu", "stiction on a GPU against MJX, MuJoCo Warp and PyTorch; the GPU against two threads (G1, G4, G5, X1)", 1800,
              [*script("gpu.py"), *robots[:3], "--envs", "1024,8192,32768", *judge, *results, *images], ("stiction", "torch", "matplotlib"),
              tuple(robots[:3]), gpu=True),
         Part("work_precision", "residual against time", 110,
-             [*script("../work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
+             [*script("../studies/work_precision.py"), ours, *data, *judge, *results, *images, "--name", "peers_work_precision", "--scenes",
               "humanoid,G1,LEAP hand", "--short", "--limit", "0.5"], ("matplotlib",), (ours,)),
     ]
 

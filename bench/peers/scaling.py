@@ -30,7 +30,7 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import measure  # noqa: E402
 import problems  # noqa: E402
@@ -227,7 +227,7 @@ def judged(path, environments, reactions, law, judge, machine):
 
 
 def write(arguments, rows, tail_rows, warm_rows):
-    comments = measure.header(arguments.stiction, pathlib.Path(__file__).name)[:-1] + [f"seed {arguments.seed}"]
+    comments = measure.header(arguments.stiction, "peers/scaling.py")[:-1] + [f"seed {arguments.seed}"]
 
     def text(value, digits):
         return f"{value:.{digits}g}" if isinstance(value, (float, np.floating)) else str(value)

@@ -11,7 +11,7 @@ import unittest
 from pathlib import Path
 
 BENCH = Path(__file__).resolve().parents[2] / "bench"
-sys.path[:0] = [str(BENCH / "peers"), str(BENCH)]
+sys.path[:0] = [str(BENCH / "peers"), str(BENCH / "studies")]
 
 try:
     import numpy as np

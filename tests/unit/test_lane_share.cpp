@@ -1,4 +1,4 @@
-#include "bench/lane_share.hpp"
+#include "bench/support/lane_share.hpp"
 
 #include <gtest/gtest.h>
 

@@ -18,7 +18,7 @@
 ///                 solver.reset_where(done_mask, stream);                // environments that start over
 namespace stiction {
 
-/// What all of them have: memory of the last step, and ways to reset it.
+/// What the stepping solvers share: memory of the last step, and ways to reset it.
 template <class Real>
 class StepMemory {
  public:
