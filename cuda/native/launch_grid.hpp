@@ -10,8 +10,8 @@ namespace stiction::cuda {
 
 /// A launch in CUDA's terms, but for how many blocks there are.
 struct LaunchGrid {
-  int block = 0;            ///< threads of a block
-  std::size_t shared = 0;   ///< fast memory of a block [bytes]
+  int block = 0;           ///< threads of a block
+  std::size_t shared = 0;  ///< fast memory of a block [bytes]
   Offset teams_per_block = 0;
   CudaShape shape{};
 };

@@ -19,7 +19,7 @@ constexpr std::size_t kPage = 4096;
 /// As an H200 has them; few multiprocessors, so that teams have several environments each.
 constexpr std::size_t kBlockBytes = std::size_t{227} << 10;
 constexpr int kProcessors = 3;
-/// Turns in a row without anything else: nobody will ever write what is waited for.
+/// Turns in a row without anything else: what is waited for is never written.
 constexpr u64 kMostTurns = 1U << 20;
 
 cuda::DeviceFacts facts() {
@@ -122,7 +122,7 @@ void Grid::run(const void* arguments) {
     resume(thread);
     if (!failure_.empty()) throw Error(ErrorCode::device_failure, failure_);
     turns_ = thread.wait.what == Waiting::turn ? turns_ + 1 : 0;
-    if (turns_ > kMostTurns) fail(thread.lane, "waits for what nobody writes");
+    if (turns_ > kMostTurns) fail(thread.lane, "waits for what no lane writes");
     left -= thread.wait.what == Waiting::end ? 1 : 0;
     release(thread);
   }
@@ -149,8 +149,8 @@ u32 Grid::wait(const Wait& wait) {
 }
 
 void Grid::fail(const Lane& lane, const std::string& what) {
-  const std::string where = std::string("PTX: ") + kernel_.name + ", block " + std::to_string(lane.block) + ", thread " +
-                            std::to_string(lane.thread) + " " + what;
+  const std::string where = std::string("PTX: ") + kernel_.name + ", block " + std::to_string(lane.block) +
+                            ", thread " + std::to_string(lane.thread) + " " + what;
   if (running_ == nullptr) throw Error(ErrorCode::device_failure, where);
   failure_ = where;
   for (;;) wait({Waiting::end, 0, 0, 0});
@@ -221,10 +221,9 @@ void Grid::release_warp(Thread& thread) {
 void Grid::report_deadlock() const {
   for (const Thread& thread : threads_)
     if (thread.wait.what != Waiting::end)
-      throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + ", block " +
-                                                 std::to_string(thread.lane.block) + ", thread " +
-                                                 std::to_string(thread.lane.thread) +
-                                                 " waits at a barrier that others never reach");
+      throw Error(ErrorCode::device_failure,
+                  std::string("PTX: ") + kernel_.name + ", block " + std::to_string(thread.lane.block) + ", thread " +
+                      std::to_string(thread.lane.thread) + " waits at a barrier that others never reach");
   throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " ended with lanes left");
 }
 

@@ -69,7 +69,7 @@ class Grid {
   cuda::LaunchGrid grid_;
   u32 blocks_ = 0;
   std::vector<Thread> threads_;
-  std::vector<u32> ready_;    ///< threads that need not wait
+  std::vector<u32> ready_;     ///< threads that need not wait
   std::vector<u32> at_block_;  ///< threads of each block at its barrier
   std::vector<u32> ended_;     ///< of each block
   std::vector<std::unique_ptr<unsigned char[]>> parameters_;

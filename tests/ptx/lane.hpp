@@ -81,9 +81,9 @@ struct Kernel {
   Counts counts;
 };
 
-/// Runs a launch as CudaApi would shape it. \throws Error(device_failure) that says what a lane did wrong: a barrier
-/// that its block or mask never reaches, a mask without the lane itself, a trap, more shared memory than there is. A
-/// misaligned address ends the process with a message, one outside of an allocation by a signal.
+/// Runs a launch as CudaApi would shape it. A misaligned address ends the process with a message, one outside of an
+/// allocation by a signal. \throws Error(device_failure) that names the lane and what it did wrong: a barrier that
+/// others never reach, a mask without the lane, a trap. So does a launch with more shared memory than there is.
 void launch(Kernel& kernel, const cuda::EmulatedLaunch& shape, const void* arguments);
 
 /// Every kernel that was translated.
