@@ -26,7 +26,7 @@ using b64 = u64;
 class Grid;
 
 /// What lanes have executed.
-struct Counts {
+struct LaneCounts {
   u64 instructions = 0;
   u64 generic = 0;  ///< loads and stores that may reach any memory
   u64 local = 0;    ///< loads and stores of a lane's own stack
@@ -41,7 +41,7 @@ struct Lane {
   u32 block_size = 0;
   u32 blocks = 0;
   unsigned char* shared = nullptr;  ///< fast memory of its block
-  Counts counts;
+  LaneCounts counts;
 
   void count(unsigned instructions, unsigned generic, unsigned local) {
     counts.instructions += instructions;
@@ -78,7 +78,7 @@ struct Kernel {
   std::vector<std::size_t> parameter_bytes;
   bool is_serial = false;  ///< each lane is a team
   u64 launches = 0;
-  Counts counts;
+  LaneCounts counts;
 };
 
 /// Runs a launch as CudaApi would shape it. A misaligned address ends the process with a message, one outside of an
