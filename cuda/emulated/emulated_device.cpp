@@ -24,8 +24,8 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;
 
-/// The kernels of this build, or those of the library that STICTION_EMULATED_KERNELS names: the GPU's own code, executed
-/// by the CPU (tests/ptx).
+/// The kernels of this build, or those of the library that STICTION_EMULATED_KERNELS names: the GPU's own code,
+/// executed by the CPU (tests/ptx).
 const KernelCatalogue& chosen_kernels() {
   static const KernelCatalogue& chosen = []() -> const KernelCatalogue& {
     const char* const path = std::getenv("STICTION_EMULATED_KERNELS");
