@@ -28,8 +28,6 @@ PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"b
 # A reader comes to a declaration by name, not from the one above it.
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
 MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
-# Folders whose comments have not been read for that yet.
-UNREAD = ("core/algorithm/velocity/", "core/job/", "core/machine/", "core/runtime/", "cpu_fallback/", "cuda/")
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")
@@ -76,7 +74,7 @@ def problems_of(path, text):
         for name in PYTHON_TEST.findall(text):
             if not PYTHON_NAME.match(name):
                 found.append(f"{path}: the test {name} is named test_sentence_in_snake_case")
-    if not GENERATED.match(path) and (suffix == ".md" or not path.startswith(UNREAD)):
+    if not GENERATED.match(path):
         found += [f"{path}:{number}: a sentence of {words} words, '{sentence[:60]}...'; it has at most {MAX_WORDS}"
                   for number, words, sentence in sentences.long_sentences(path, text, MAX_WORDS)]
     lines = text.count("\n")

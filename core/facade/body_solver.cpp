@@ -196,8 +196,8 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
   check_space(batch);
   check_arrays(batch);
   const BodyPlanData& data = plan.data();
-  // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
-  // at in this call.
+  // The caller may have written to any array since the plan was made. So nothing is read through one that was not
+  // looked at in this call.
   const bool is_looked_at = looks_at_numbers(options_, batch.space);
   std::vector<Defect> defects;
   if (is_looked_at) {

@@ -10,9 +10,9 @@
 
 namespace stiction {
 
-/// A batch for machines, which follow columns without asking: environments with a column out of range get columns that
-/// are in range, and the flag that keeps them from being solved. The offsets must be sound. Copies nothing where all
-/// columns are in range.
+/// A batch for machines, which follow columns without checking them. Environments with a column out of range get
+/// columns that are in range, and the flag that keeps them from being solved. The offsets must be sound. Copies nothing
+/// where all columns are in range.
 template <class Real>
 class BrokenColumns {
  public:

@@ -12,8 +12,8 @@
 #include "stiction/solver.hpp"
 
 /// Which memory a call reads and which it writes. A solve reads its inputs while other environments are written, and
-/// judges answers by the inputs at the end: an output that lies in an input would be answered wrongly and then be
-/// judged by itself.
+/// judges answers by the inputs at the end. An output that lies in an input would be answered wrongly, and then be
+/// judged by the input that it has overwritten.
 namespace stiction {
 
 /// An array of a call, under the name that the caller knows.

@@ -138,8 +138,8 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
     dispatch(&data, batch, solution, warm_start, stream, nullptr);
     return;
   }
-  // The caller may have written to any array since the plan was made: nothing is read through one that was not looked
-  // at in this call.
+  // The caller may have written to any array since the plan was made. So nothing is read through one that was not
+  // looked at in this call.
   const ParallelFor parallel_for = sharing(*machine_, options_);
   std::vector<FullRows> full_rows;
   std::vector<Defect> defects = options_.invalid == InvalidPolicy::reject

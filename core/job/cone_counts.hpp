@@ -16,16 +16,17 @@ enum class EnvPath : std::uint8_t {
   factor = 3,  ///< A as Y Y', cones in file order, through the velocity Y' x
 };
 
-/// The path of an environment of n rows and nnz stored entries: dense while a dense sweep costs no more than a
-/// gathered one (small, or at least a quarter full), and never so large that the square would not fit.
+/// The path of an environment of n rows and nnz stored entries. It is dense while a dense sweep costs no more than a
+/// gathered one: the matrix is small, or at least a quarter full. It is never dense where the matrix is so large that
+/// the square would not fit.
 STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz) {
   if (n == 0) return EnvPath::empty;
   if (n <= 64) return EnvPath::dense;
   return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
 }
 
-/// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count
-/// (free, unilateral, box, friction of 2, 3, ... 6 rows), stably, so these counts say where every cone begins.
+/// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count (free,
+/// unilateral, box, friction of 2, 3, ... 6 rows). The sort is stable, so these counts say where every cone begins.
 struct ConeCounts {
   Index free = 0;
   Index unilateral = 0;

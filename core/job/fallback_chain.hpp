@@ -13,8 +13,9 @@ struct FallbackStage {
 };
 
 /// The fallback chain, in the order in which it is tried. None is left out of the order for an environment that begins
-/// higher up. The last three are for what no other could: gradients and sweeps, slow, but without a matrix and without
-/// a region of convergence, and from where they came to rest Newton's method with patience.
+/// higher up. The last three are for what no other could solve. Gradients and sweeps are slow, but need neither a
+/// matrix nor a start within a region of convergence. Newton's method follows from where they ended, with three times
+/// the iterations.
 inline constexpr int kFallbackStages = 8;
 STICTION_HD constexpr FallbackStage fallback_stage(int stage) {
   constexpr FallbackStage kFallbackChain[kFallbackStages] = {{SolverKind::subspace, 512, 1.0},
@@ -36,9 +37,9 @@ static_assert(fallback_stage(kNewtonStage).solver == SolverKind::newton);
 static_assert(fallback_stage(kInteriorStage).solver == SolverKind::ipm);
 static_assert(fallback_stage(kPivotingStage).solver == SolverKind::lemke);
 
-/// Iterations of a stage in an environment of `rows` rows. Who may iterate less than that iterates less. Sweeps are the
-/// longer left to themselves the more rows there are, since what comes after them costs in the order of rows sweeps
-/// each iteration; where nothing that factorises comes after them there is no limit.
+/// Iterations of a stage in an environment of `rows` rows; no more than are allowed. The more rows there are, the
+/// longer sweeps go on, since each iteration of what comes after them costs in the order of rows sweeps. Where nothing
+/// that factorises comes after them there is no limit.
 STICTION_HD constexpr Index stage_iterations(int stage, Index rows, Index allowed) {
   constexpr Index kSweepsPerRow = 4;
   if (rows > kDirectRows) return allowed;

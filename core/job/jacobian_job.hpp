@@ -20,8 +20,8 @@ struct JacobianJob {
   Real* velocity = nullptr;        ///< out: v_free + M^-1 J' lambda                    (dof_count)
 };
 
-/// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of: rows of
-/// both are the same, room included, so that only what follows from J and M is stored anew.
+/// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of. The two
+/// have the same rows, room included, so only what follows from J and M is stored anew.
 template <class Real>
 struct JacobianArrays {
   std::uint32_t* flags;    ///< EnvFlag bits                                            (envs)

@@ -6,7 +6,7 @@
 
 namespace stiction {
 
-/// Shares [0, count) out: calls work(begin, end) for parts that cover it, in any order and perhaps at the same time,
+/// Shares [0, count) out. Calls work(begin, end) for parts that cover it, in any order and perhaps at the same time,
 /// and returns when all are done. What is computed of a part must not depend on how it was cut.
 using ParallelFor = std::function<void(Offset count, const std::function<void(Offset, Offset)>& work)>;
 

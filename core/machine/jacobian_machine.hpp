@@ -24,8 +24,8 @@ class JacobianMachine {
  public:
   virtual ~JacobianMachine() = default;
   /// The contact batch; it is there in the order of `stream`, until the next one. With `newton`, environments whose
-  /// shape Newton's method in velocities takes are solved by it first, and those that are have no rows in the batch; a
-  /// machine that knows at once that these are all returns one without environments.
+  /// shape Newton's method in velocities takes are solved by it first. Those that are solved have no rows in the batch.
+  /// A machine that knows at once that these are all returns one without environments.
   virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
                                           StreamRef stream) = 0;
   /// The velocities that the answer of that contact batch leads to, and the answers of Newton's method.

@@ -19,7 +19,7 @@
 namespace stiction {
 
 /// The structural defects alone: what validate() lists first. The arrays of numbers (A, b, R, mu, lo, hi) are not read
-/// and may be null, so that a structure copied from a device can be checked before it is planned.
+/// and may be null. So a structure copied from a device can be checked before it is planned.
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
                                        const ParallelFor& parallel_for = all_at_once,

@@ -7,8 +7,8 @@
 
 namespace stiction {
 
-/// One environment's A, with diag R where that is asked for, divided by a power of two that brings its largest number
-/// near 1, so that squares of entries neither overflow nor vanish. The batch's structure is sound.
+/// One environment's A, with diag R where that is asked for. It is divided by a power of two that brings its largest
+/// number near 1, so that squares of entries neither overflow nor vanish. The batch's structure is sound.
 class EnvironmentOperator {
  public:
   template <class Real>

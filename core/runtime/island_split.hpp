@@ -7,8 +7,8 @@
 
 namespace stiction {
 
-/// A host batch taken apart: every island of an environment is an environment of its own, a piece, with rows, cones and
-/// stored entries in the order they had (docs/islands.md). An environment without rows or kept as a factor is one
+/// A host batch taken apart (docs/islands.md). Every island of an environment becomes a separate environment, a piece,
+/// with rows, cones and stored entries in the order they had. An environment without rows or kept as a factor is one
 /// piece.
 template <class Real>
 class IslandSplit {

@@ -15,7 +15,7 @@ struct Trapezoid {
 };
 
 /// Working storage of one factorisation by Householder reflections. Inner loops run along rows, where numbers lie side
-/// by side; norms of columns are computed anew at each step, so that none is a difference of large ones.
+/// by side. Norms of columns are computed anew at each step, so that none is a difference of large ones.
 class PivotedReflections {
  public:
   PivotedReflections(std::vector<double> matrix, std::size_t rows, std::size_t columns)

@@ -14,9 +14,9 @@ struct Triangle {
   std::size_t size = 0;
 };
 
-/// The triangle with the singular values above `tolerance` of an n x n matrix, as many as its size: Householder QR with
-/// column pivoting until no remaining column is longer than the tolerance, and where that leaves a trapezoid, once
-/// more on its transpose.
+/// The triangle with the singular values above `tolerance` of an n x n matrix, as many as its size. Householder QR with
+/// column pivoting goes on until no remaining column is longer than the tolerance. Where that leaves a trapezoid, it is
+/// done once more on its transpose.
 Triangle range_triangle(std::vector<double> matrix, std::size_t n, double tolerance);
 
 /// The sign of x'Ax over all x, by Cholesky's factorisation of (A + A') / 2 with diagonal pivoting. What is not above

@@ -16,9 +16,9 @@
 
 namespace stiction {
 
-/// One look at a batch whose offsets are sound, by as many threads as there are: whether it has no defect at all, which
-/// is what nearly every batch has, and how each environment stores its columns. False tells nothing: finding out what
-/// is wrong, if anything is, and saying so takes longer.
+/// Looks once at a batch whose offsets are sound, by as many threads as there are. Finds whether the batch has no
+/// defect at all, which is so for nearly every batch, and how each environment stores its columns. False tells nothing:
+/// finding out what is wrong, if anything is, and saying so takes longer.
 template <class Real>
 class Survey {
  public:

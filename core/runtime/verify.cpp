@@ -8,7 +8,7 @@
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 
-// Written from docs/math/residual.md and from nothing else: no header of core/algorithm is included here, so that a
+// Written from docs/math/residual.md and from nothing else. No header of core/algorithm is included here, so that a
 // mistake in the solvers' residual cannot hide in the judge. Everything is computed in f64, rows in stored order.
 
 namespace stiction {
@@ -75,7 +75,7 @@ double clamp(double value, double lo, double hi) {
   return value;
 }
 
-/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm. P of a cone commutes with a > 0, so that r is
+/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm. P of a cone commutes with a > 0. So r is
 /// a x - P(a x - y), without a quotient that overflows where a is tiny.
 template <class Real>
 double friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu, std::size_t m,

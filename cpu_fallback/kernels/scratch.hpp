@@ -32,8 +32,8 @@ class GrowBuffer {
   std::size_t capacity_ = 0;
 };
 
-/// Scratch of one worker during one solve, one piece at a time. What is small is the thread's own and stays from solve
-/// to solve: an allocator that gives it back to the system in between makes every page of it fault again.
+/// Scratch of one worker during one solve, one piece at a time. What is small belongs to the thread and stays from
+/// solve to solve. An allocator that gives it back to the system in between makes every page of it fault again.
 class Scratch {
  public:
   template <class T>

@@ -11,7 +11,7 @@
 namespace stiction::cpu {
 
 /// What Newton's method in velocities takes of a batch: environments, and the parts of those that are too large for a
-/// lane; all of an environment, or nothing.
+/// lane. It takes all of an environment, or nothing.
 template <class Real>
 class VelocityParts {
  public:

@@ -72,8 +72,8 @@ void write_sides(const PackSides<Real, W>& sides, const BodyLane<Real> (&lanes)[
   }
 }
 
-/// As solve_pack(): environments enter and leave lanes between chunks, each with its own count of sweeps, so what one
-/// computes does not depend on its lane, its neighbours or the moment it entered.
+/// Like solve_pack(), lets environments enter and leave lanes between chunks, each with its own count of sweeps. So
+/// what one computes does not depend on its lane, its neighbours or the moment it entered.
 template <Law kLaw, class Real>
 class BodyPackRun {
   using Memory = BodyPackMemory<kLaw, Real>;
@@ -120,7 +120,7 @@ class BodyPackRun {
     run_sweeps(team_, env_, pack_, params_, count, momentum);
     end_chunks(count, momentum);
   }
-  /// Of two packs in turns.
+  /// Advances two packs, which alternate.
   static void advance(BodyPackRun& a, BodyPackRun& b) {
     a.compose();
     b.compose();
@@ -196,7 +196,7 @@ class BodyPackRun {
       put_twist(system.exact_row(body), free_twist(lane.env, system, params_, body));
   }
 
-  /// What is computed of the numbers that have entered. Who cannot be solved is answered.
+  /// Computes what follows from the numbers that have entered. An environment that cannot be solved is answered.
   void load_new() {
     measure();
     compose();
@@ -301,8 +301,8 @@ class BodyPackRun {
     return momentum;
   }
 
-  /// After so many sweeps: what follows a chunk in the lanes where one has ended, which of two packs in turns may be
-  /// none.
+  /// After so many sweeps: what follows a chunk in the lanes where one has ended. Of two packs that alternate, one may
+  /// have no such lane.
   void end_chunks(Index count, const SiMomentum<Packed>& momentum) {
     for (int l = 0; l < kWidth; ++l) {
       Lane& lane = lanes_[l];
@@ -330,8 +330,8 @@ class BodyPackRun {
   bool is_composed_ = false;  ///< none has entered since compose()
 };
 
-/// Whether environments of this room go through two packs in turns: as long as the second-level cache holds both. Only
-/// speed depends on it.
+/// Whether environments of this room go through two packs that alternate: as long as the second-level cache holds both.
+/// Only speed depends on it.
 template <Law kLaw, class Real>
 bool takes_body_pairs(const cpu::PackShape& shape, bool momentum) {
   constexpr Offset kMostBytes = Offset{320} << 10;

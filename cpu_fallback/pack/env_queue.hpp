@@ -16,8 +16,8 @@ struct EnvQueue {
   Offset take() { return envs[next++]; }
 };
 
-/// Runs shorter than so many times a pack's lanes go through one pack: lanes must come free and be filled again for two
-/// to be worth more than the idle lanes they end with.
+/// Runs shorter than so many times a pack's lanes go through one pack. Two are worth more than the idle lanes
+/// they end with only if lanes come free and are filled again.
 inline constexpr Offset kShortestForPairs = 2;
 
 /// A pack (PackRun) until no environment is left in it or in its queue.
@@ -25,7 +25,8 @@ template <class Run>
 void run_out(Run& pack) {
   while (pack.refill()) pack.advance();
 }
-/// Two that share a queue, in turns as long as both have one: what one does hides what the other waits for.
+/// Two packs that share a queue. They alternate as long as both have an environment: what one does hides what the other
+/// waits for.
 template <class Run>
 void run_out(Run& a, Run& b) {
   bool a_is_busy = a.refill();

@@ -98,7 +98,7 @@ Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
 
 /// Feeds a queue of environments through the lanes of one pack, or of several. They are loaded and released at chunk
 /// boundaries, so the vector stays nearly full until the queue ends. Each one starts at a chunk boundary with its own
-/// count of iterations, so what it computes does not depend on its lane, its neighbours or the moment it entered.
+/// count of iterations. So what it computes does not depend on its lane, its neighbours or the moment it entered.
 template <class Method, Law kLaw, class Real>
 class PackRun {
  public:
@@ -132,7 +132,7 @@ class PackRun {
 
   /// The next chunk of all lanes.
   void advance() { stiction::advance<Method, kLaw>(team_, params_, next()); }
-  /// Of two packs in turns.
+  /// The next chunk of all lanes of two packs, which alternate.
   static void advance(PackRun& a, PackRun& b) {
     stiction::advance<Method, kLaw>(a.team_, a.params_, a.next(), b.next());
   }
@@ -244,8 +244,9 @@ class PackRun {
 template <class Method>
 inline constexpr bool kIteratesOnPairs = requires { requires Method::kTakesPairs; };
 
-/// Whether environments of these slots go through two packs in turns: sweeps of a few cones wait for each cone's roots
-/// and quotients, those of more for what the first cache does not hold of two packs. Only speed depends on it.
+/// Whether environments of these slots go through two packs that alternate. Sweeps of a few cones wait for each cone's
+/// roots and quotients. Those of more cones wait for what the first cache does not hold of two packs. Only speed
+/// depends on it.
 template <class Method, class Real>
 bool takes_pairs(const ConeCounts& slots) {
   constexpr Offset kMostMatrixBytes = Offset{8} << 10;

@@ -32,13 +32,13 @@ struct WorkItemRules {
 std::vector<WorkItem<ConeCounts>> make_work_items(const PlanData& plan, const std::function<bool(Offset)>& takes,
                                                   const WorkItemRules<ConeCounts>& rules);
 
-/// Who solves which environments of bodies.
+/// Which environments of bodies are solved through lanes or one by one, and which by teams of threads.
 struct BodyWorkItems {
   std::vector<WorkItem<PackShape>> items;
   std::vector<Offset> large;  ///< environments that get a team of threads each
 };
 
-/// Environments of like size share packs; among equals those whose contacts are between the same bodies come together,
+/// Environments of like size share packs. Among equals those whose contacts are between the same bodies come together,
 /// since their lanes then find twists side by side. The two arrays are those of the batch.
 BodyWorkItems make_work_items(const BodyPlanData& plan, const Offset* env_body_offsets,
                               const Offset* env_contact_offsets, const WorkItemRules<PackShape>& rules);

@@ -12,16 +12,16 @@ int thread_count(int requested);
 /// work(item, worker): `worker` is in [0, threads) and no other thread's while the call lasts.
 using ItemWork = std::function<void(int item, int worker)>;
 
-/// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them, each
-/// taking the next item when it is free. Items are independent and an environment never crosses threads, so who takes
-/// what reaches no result. Every thread has the algorithms' floating-point environment. The first exception is rethrown
-/// when all stopped.
+/// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them. Each
+/// takes the next item when it is free. Items are independent and an environment never crosses threads, so which thread
+/// takes what reaches no result. Every thread has the algorithms' floating-point environment. The first exception is
+/// rethrown when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
 
 /// Work in parts: a ParallelFor for work on environments that takes some ten nanoseconds each.
 void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
 
-/// Who deals the items out: threads of our own that sleep between calls, or oneTBB's.
+/// What deals the items out: the library's own threads, which sleep between calls, or oneTBB's.
 enum class PoolKind : unsigned char { own, tbb };
 bool has_pool(PoolKind kind);
 /// Work by one of the two pools. \throws Error(unsupported) if the build has it not.

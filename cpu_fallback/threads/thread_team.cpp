@@ -13,8 +13,8 @@ namespace stiction::cpu {
 
 namespace {
 
-/// Looks at the phase before a waiter yields, some hundred microseconds: on a busy machine a yield costs whole turns of
-/// all others, at every barrier.
+/// How often a waiter looks at the phase before it yields, which takes some hundred microseconds. On a busy machine a
+/// yield costs whole turns of all others, at every barrier.
 constexpr int kSpins = 4000;
 
 void pause() {

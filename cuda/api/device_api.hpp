@@ -29,9 +29,9 @@ enum class EventUse : unsigned char { ordering, timing };
 
 enum class CopyKind : unsigned char { to_device, to_host, on_device };
 
-/// Everything the CUDA machine asks of a device: memory, streams, launches. There are two: the CUDA runtime, and a
-/// emulated device that runs the same launches on the CPU, in any order the streams and events allow, and can be told
-/// to fail. Every call either does its work or throws Error(out_of_memory) or Error(device_failure) and has done
+/// Everything the CUDA machine asks of a device: memory, streams, launches. There are two: the CUDA runtime, and an
+/// emulated device. The latter runs the same launches on the CPU, in any order the streams and events allow, and can be
+/// told to fail. Every call either does its work or throws Error(out_of_memory) or Error(device_failure) and has done
 /// nothing.
 ///
 /// Memory is allocated and freed outside of solves only, so neither is ordered by a stream: the caller waits first.

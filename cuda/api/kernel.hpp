@@ -27,16 +27,16 @@ inline constexpr int kMostLanes = 256;  ///< of a team within one block
 
 /// Which of the launch's teams this is. A program is a type
 ///
-///   struct P {
-///     using Args = ...;                                                  // trivially copyable, at most 4 kB
-///     static constexpr bool kSerial = ...;                               // lanes == 1 always
-///     static constexpr int kLanes = ...;                                 // if there: lanes of every team, one a block
-///     template <Team TeamT> static STICTION_HD void run(TeamT& team, const TeamId& id, const Args& args);
-///   };
+///     struct P {
+///       using Args = ...;                     // trivially copyable, at most 4 kB
+///       static constexpr bool kSerial = ...;  // lanes == 1 always
+///       static constexpr int kLanes = ...;    // if there: lanes of every team, one a block
+///       template <Team TeamT> static STICTION_HD void run(TeamT& team, const TeamId& id, const Args& args);
+///     };
 ///
-/// whose run() is called once by every lane of every team, `team` being a Team (core/team/team.hpp) that also has
-/// `fetch(counter, count = 1)`, the counter's value before it grew by count, and `total(integer)`, the sum over the
-/// lanes; both the same on every lane.
+/// whose run() is called once by every lane of every team. `team` is a Team (core/team/team.hpp) that also has two
+/// functions, whose result is the same on every lane. `fetch(counter, count = 1)` is the counter's value before it grew
+/// by count, and `total(integer)` is the sum over the lanes.
 struct TeamId {
   Offset index;  ///< this team, 0 <= index < count
   Offset count;  ///< teams that run

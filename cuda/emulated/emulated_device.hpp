@@ -22,14 +22,14 @@ inline constexpr int kDeviceCalls = 5;
 
 struct EmulatedDeviceOptions {
   int lanes = 2;           ///< threads of a team, at most; a team that asks for fewer lanes gets fewer
-  Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each; blocks of the
-                           ///< team that is the whole device, which do run at once
+  Offset teams = 3;        ///< teams that "run at once", so that programs must take several items each. Also blocks
+                           ///< of the team that is the whole device, which do run at once
   std::uint64_t seed = 0;  ///< order of streams and teams, speed of a whole device's lanes; 0: as queued, all alike
   std::size_t shared_bytes = std::size_t{227} << 10;  ///< fast memory of a team, at most
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
-/// before it is waited for, and then in any order that streams and events allow, drawn from a seed: a missing
+/// before it is waited for, and then in any order that streams and events allow, drawn from a seed. So a missing
 /// dependency shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be
 /// made to fail.
 class EmulatedDevice final : public DeviceApi {

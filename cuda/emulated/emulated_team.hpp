@@ -54,7 +54,7 @@ struct EmulatedGridMemory {
 };
 
 /// A team of the emulated device: threads that meet at a barrier and at nothing else. It offers what a Team promises
-/// and no more, one barrier an exchange as CudaTeam does, so a program with a missing sync races here too.
+/// and no more, one barrier an exchange as CudaTeam does. So a program with a missing sync races here too.
 class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;
@@ -130,8 +130,8 @@ class EmulatedTeam {
     return value;
   }
 
-  /// Joins the values of `count` members once all are in the slot, `own` among them, each member in an order that
-  /// begins with itself: an operation whose order shows would differ.
+  /// Joins the values of `count` members once all are in the slot, `own` among them. Each member's order begins with
+  /// its own value, so that an operation whose order shows would differ.
   template <class T, class F>
   static T join_slot(const std::byte* slot, int count, int own, T value, const F& join) {
     for (int step = 1; step < count; ++step) value = join(get<T>(slot, (own + step) % count), value);

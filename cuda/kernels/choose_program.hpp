@@ -57,7 +57,7 @@ struct ChooseEnvironments {
     } else if (stage == args.stage - 1 && falls_short(*env.status)) {
       stage = next_stage(stage, features(team, env));
     }
-    // Every lane has read who it was.
+    // Every lane has read the stage that was assigned.
     team.sync();
     single(team, [&] { assigned = static_cast<std::uint8_t>(stage); });
     return stage;

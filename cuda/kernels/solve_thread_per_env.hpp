@@ -32,7 +32,7 @@ struct BundleHead {
 };
 
 /// One lane per environment. Between chunks, once so many are finished that a warp could do without them, the
-/// unfinished move together and the lanes set free take new environments, so that no warp waits for a slow lane while
+/// unfinished move together. The lanes set free take new environments, so that no warp waits for a slow lane while
 /// there is work. What moves is the assignment of lanes to slots; an environment stays where it was loaded.
 template <class Method, Law kLaw, class Real>
 struct SolveThreadPerEnv {
@@ -120,7 +120,7 @@ struct SolveThreadPerEnv {
     return check_convergence<Method>(team, env, system, rule, slot.progress) ? 0 : 1;
   }
 
-  /// Moves the unfinished to the front if that frees a warp, or lanes for new environments; returns how many are to be
+  /// Moves the unfinished to the front if that frees a warp, or lanes for new environments. Returns how many are to be
   /// looked at from now on.
   template <Team TeamT>
   static STICTION_HD Index compact(TeamT& team, Head& head, Index active, bool more) {

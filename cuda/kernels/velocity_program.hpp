@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// What Newton's method in velocities takes beside the job: memory of each team, in which its lanes' numbers lie
+/// What Newton's method in velocities takes beside the job. It is memory of each team, in which its lanes' numbers lie
 /// side by side, laid out for the largest environment.
 template <class Real>
 struct VelocityArgs {

@@ -5,8 +5,8 @@
 
 namespace stiction::cuda {
 
-/// The environments that one launch answers: a class of them in the order of execution, as the scheduler leaves them on
-/// the device, and memory to solve them in.
+/// The environments that one launch answers, and memory to solve them in. They are a class in the order of execution,
+/// as the scheduler leaves them on the device.
 template <class Real>
 struct WorkQueue {
   const Offset* order;        ///< environments by sort key                                  (env_count)

@@ -11,7 +11,7 @@
 namespace stiction::cuda {
 
 /// Bodies on a device. The first solve with a plan (or with another precision, law or momentum) copies its integers
-/// there and makes room; later ones are launches and nothing else, so they can be captured. A batch in host memory is
+/// there and makes room. Later ones are launches and nothing else, so they can be captured. A batch in host memory is
 /// copied there and back.
 class DeviceBodyMachine final : public BodyMachine {
  public:

@@ -89,7 +89,7 @@ void DeviceContactMachine::run_on_device(const SolveRequest<Real>& request) {
     engine_.reserve(wanted, request.options.solver, kPrecisionOf<Real>);
   }
   // A plan that is not shared can change or vanish unseen. What is captured must plan for the data it will be replayed
-  // with, and a graph that is launched between two solves leaves its own plan behind.
+  // with. A graph that is launched between two solves leaves its own plan behind.
   const std::weak_ptr<const PlanData> owner =
       request.plan == nullptr ? std::weak_ptr<const PlanData>() : request.plan->weak_from_this();
   const bool is_planned = !engine_.captured() && !capturing && !owner.expired() && same_owner(owner, planned_);

@@ -157,7 +157,7 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   }
 }
 
-/// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Who they
+/// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Which they
 /// are is decided on the device.
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {

@@ -16,13 +16,13 @@
 namespace stiction::cuda {
 
 /// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
-/// launches and nothing else: it returns at once and can be captured into a graph. Everything about the batch but its
-/// largest extent is read on the device, so a graph may be replayed with other numbers, other contacts and other sizes
+/// launches and nothing else. It returns at once and can be captured into a graph. Everything about the batch but its
+/// largest extent is read on the device. So a graph may be replayed with other numbers, other contacts and other sizes
 /// of environments.
 class Engine {
  public:
-  /// Dense environments go to `finest` or a class of larger ones, however small they are: for measuring, and for tests
-  /// that a class changes no bit.
+  /// Dense environments go to `finest` or a class of larger ones, however small they are. That is for measuring, and
+  /// for tests that a class changes no bit.
   explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::thread_small);
   ~Engine();
   Engine(const Engine&) = delete;
@@ -30,7 +30,7 @@ class Engine {
 
   /// Makes room, if there is not enough: for batches within `capacity`, solved by `solver`, in either precision or f32
   /// alone. Waits for what is running. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is
-  /// has been captured into graphs, which would be left without it; the room there was is kept.
+  /// has been captured into graphs, which would be left without it. The room there was is then kept.
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
   /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
   [[nodiscard]] bool captured() const noexcept { return captured_; }

@@ -13,7 +13,7 @@ inline constexpr Offset kPieceBytes = Offset{8} << 20;
 /// Lanes of a trace behind those of the engine's streams.
 inline constexpr int kUploadLane = 8, kDownloadLane = 9;
 
-/// Solves batches of the host: cut into pieces that pass through two buffers, so that one piece is packed and uploaded
+/// Solves batches of the host. They are cut into pieces that pass through two buffers. One piece is packed and uploaded
 /// while another is solved and a third downloaded. The answer is handed over at the end, all at once: a failure on the
 /// way leaves the caller's arrays as they were.
 class Staging {

@@ -20,14 +20,14 @@ class ProfilerRange {
   DeviceApi& api_;
 };
 
-/// Times what is queued on a device's streams, by an event before and one behind, and hands the spans to a tracer once
-/// they are done. Without a tracer nothing is queued and nothing made.
+/// Times what is queued on a device's streams, by an event before and one behind. Hands the spans to a tracer once they
+/// are done. Without a tracer nothing is queued and nothing made.
 class StreamTimer {
  public:
   explicit StreamTimer(DeviceApi& api) : api_(api) {}
 
-  /// What is queued from now on is timed for `tracer`; not at all if that is null, or while a stream is captured: a
-  /// graph has no time of its own.
+  /// What is queued from now on is timed for `tracer`. It is not timed at all if that is null, or while a stream is
+  /// captured: a graph has no duration.
   void attach(Tracer* tracer, bool capturing);
 
   /// Calls `queue` inside a profiler's range and two events. Texts live as long as the program.

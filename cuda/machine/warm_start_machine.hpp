@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// A store's memory on a device. Its calls queue one launch each and wait for nothing, so they may be captured; only
+/// A store's memory on a device. Its calls queue one launch each and wait for nothing, so they may be captured. Only
 /// records() waits, and reset() of a list, for the list before it.
 template <class Real>
 class DeviceWarmStartMachine final : public WarmStartMachine<Real> {

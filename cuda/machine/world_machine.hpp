@@ -9,7 +9,7 @@
 namespace stiction::cuda {
 
 /// A world in device memory. A step brings to the host what planning reads, the contacts of each environment as numbers
-/// of bodies; everything else stays there until it is asked for.
+/// of bodies. Everything else stays on the device until it is asked for.
 template <class Real>
 class DeviceWorldMachine final : public WorldMachine<Real> {
  public:

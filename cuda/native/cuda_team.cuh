@@ -26,9 +26,8 @@ struct CudaGridMemory {
 /// CUDA threads that own one environment: a part of a warp, a block, or a whole cooperative grid. How many is known at
 /// run time only, so that one kernel serves every class; all branches on it are uniform.
 ///
-/// Whatever every lane is to know passes through one of two slots in turn. A lane that fills a slot for the next but
-/// one time has passed the barrier between, and so has every reader of the first, so one barrier for each exchange is
-/// enough.
+/// What every lane is to know passes through two slots, which alternate. A lane that fills a slot for the next but one
+/// time has passed the barrier between. So has every reader of the first, so one barrier for each exchange is enough.
 class CudaTeam {
  public:
   static constexpr Index kRowTile = 1;

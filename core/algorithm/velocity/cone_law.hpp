@@ -4,8 +4,8 @@
 #include "core/algorithm/velocity/lane_array.hpp"
 #include "stiction/types.hpp"
 
-/// Reactions as functions of the motion z of their cone's rows, and their slopes: lambda is the nearest point of the
-/// cone to -z / R in the metric R, which is minus the gradient of a convex potential of z
+/// Reactions as functions of the motion z of their cone's rows, and their slopes. The reaction lambda is the nearest
+/// point of the cone to -z / R in the metric R. It is minus the gradient of a convex potential of z
 /// (docs/math/velocity_newton.md, "Potentials of cones").
 namespace stiction::inline STICTION_ISA {
 

@@ -4,8 +4,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The parts of an environment that neither M nor a cone couples. Each is a problem of its own, so that environments of
-/// more degrees of freedom than a lane takes can be solved part by part: robots beside one another, or stones.
+/// The parts of an environment that neither M nor a cone couples. Each is a separate problem, so that environments of
+/// more degrees of freedom than a lane takes can be solved part by part. Examples are robots beside one another, or
+/// stones.
 template <class Real>
 class DofIslands {
  public:

@@ -4,8 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The elimination tree of M + J'DJ, leaves first: row k of the factor may have entries at k's ancestors only, and
-/// keeps one for each of them, the root first. A row is so contiguous, and eliminating k updates leading parts of its
+/// The elimination tree of M + J'DJ, leaves first. Row k of the factor may have entries at k's ancestors only, and
+/// keeps one for each of them, the root first. So a row is contiguous, and eliminating k updates leading parts of its
 /// ancestors' rows; no list of indices is needed. What is added to the true pattern holds exact zeros.
 ///
 /// J. W. H. Liu, The role of elimination trees in sparse factorization, SIAM J. Matrix Anal. Appl. 11 (1990); for
@@ -109,9 +109,9 @@ STICTION_HD void eliminate_all(const DofTree& tree, const Numbers& H, const unsi
   if (last == 0) eliminate<kRows, 1>(tree, H, path, last, rows, inverted);
 }
 
-/// H = L'DL in place, in the tree's envelope; `inverse` gets D^-1. Rows of L below, the diagonal keeps D. The lanes in
-/// which every pivot is positive. A row and its parent, where that is the next, are eliminated in one pass over their
-/// ancestors: half the loads and stores, and each entry is changed in the same order.
+/// H = L'DL in place, in the tree's envelope; `inverse` gets D^-1. Rows of L below, the diagonal keeps D. Returns the
+/// lanes in which every pivot is positive. A row and its parent, where that is the next, are eliminated in one pass
+/// over their ancestors. That halves the loads and stores, and each entry is changed in the same order.
 template <class Numbers>
 STICTION_HD_OUTLINE auto factor_tree(const DofTree& tree, const Numbers& H, const Numbers& inverse) {
   using Value = decltype(H[0]);

@@ -4,8 +4,9 @@
 #include "core/algorithm/velocity/load_pack.hpp"
 #include "core/algorithm/velocity/newton_progress.hpp"
 
-/// What decides about an answer, in double whatever the iteration's precision: v+ = v_free + M^-1 J' x, the motion of
-/// all rows and the natural map, of as many lanes as a vector of doubles has, from lane `first` on.
+/// Evaluates what decides about an answer, in double whatever the iteration's precision. These are
+/// v+ = v_free + M^-1 J' x, the motion of all rows and the natural map. They are evaluated for as many lanes as a
+/// vector of doubles has, from lane `first` on.
 namespace stiction::inline STICTION_ISA {
 
 /// The pack seen from lane `first` on, in double.

@@ -8,7 +8,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Element i of lane l is data[i * kStride + l]. `Wide` is a Pack of all lanes or of a part of them, which `data` then
-/// points into; or, for a lane of a GPU's warp, one number.
+/// points into. For a lane of a GPU's warp it is one number.
 template <class Wide, int kStride>
 struct LaneArray {
   Scalar<Wide>* data = nullptr;

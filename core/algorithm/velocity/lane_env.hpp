@@ -62,8 +62,8 @@ STICTION_HD bool cones_are_sound(const JacobianBatchView<Real>& batch, Offset en
 }
 
 /// Whether an environment is better solved so where that takes a sequence of problems (Coulomb's law, rows without
-/// compliance). Where rows are few beside the degrees of freedom, A is small and sweeps on it are faster; where they
-/// outnumber them, contacts are redundant, and sweeps slow (docs/math/auto.md).
+/// compliance). Where rows are few beside the degrees of freedom, A is small and sweeps on it are faster. Where rows
+/// outnumber them, contacts are redundant, and sweeps are slow (docs/math/auto.md).
 STICTION_HD bool pays_in_sequence(Index rows, Index dofs) {
   return 8 * rows > 9 * dofs;
 }
@@ -113,8 +113,9 @@ STICTION_HD void for_each_dof(DofSet set, F&& f) {
   for (; set != 0; set &= set - 1) f(lowest_bit(set));
 }
 
-/// So few degrees of freedom are taken for coupled all with all. Zeros are sooner multiplied with than looked for, and
-/// more cones lie side by side: 17 % of the time of the recorded car's 8, but 70 % more for Go1's 18.
+/// So few degrees of freedom are taken for coupled all with all. It is faster to multiply with zeros than to look for
+/// them, and more cones lie side by side. That is worth 17 % of the time of the recorded car's 8, but Go1's 18 would
+/// take 70 % more.
 inline constexpr Index kDenseDofs = 9;
 
 /// Degrees of freedom that a row of J touches, by its stored numbers.

@@ -79,7 +79,7 @@ struct NewtonPack {
         });
   }
 
-  /// The cones' potentials at z, whose reactions are x: R' |x|^2 / 2 of a cone, and of a row that is held at a bound
+  /// The cones' potentials at z, whose reactions are x. A cone's is R' |x|^2 / 2; a row that is held at a bound adds
   /// what is linear beyond it.
   STICTION_HD_OUTLINE Wide potential() const {
     Wide sum(0);
@@ -229,7 +229,7 @@ struct NewtonPack {
   }
 
   /// Slope and curvature at v + t p of the function that is minimised. What the quadratic model of the step foresaw of
-  /// either is known; what is summed is the rest, which is zero where a cone stays as it was.
+  /// either is known. What is summed is the rest, which is zero where a cone stays as it was.
   struct LineSlope {
     Wide slope;
     Wide curvature;

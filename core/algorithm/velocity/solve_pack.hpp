@@ -29,9 +29,8 @@ struct PackLists {
   static_assert(alignof(Slot<kLanes>) <= alignof(DofSet) && alignof(SlotItem) <= alignof(DofSet));
 };
 
-/// Solves up to kLanes environments, or parts of some, each of a size that the method takes, and says what became of
-/// them in their `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries) makes the
-/// workspace.
+/// Solves up to kLanes environments, or parts of some, each of a size that the method takes. What became of each is in
+/// its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries) makes the workspace.
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
                                     const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {

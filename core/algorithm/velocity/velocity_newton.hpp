@@ -197,7 +197,7 @@ class VelocityNewton {
     if (nothing != Real(0)) progress_[l].flags |= kFlagWarmStartRejected;
     return nothing == Real(0);
   }
-  /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free: what a small
+  /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. What a small
   /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).
   STICTION_HD_OUTLINE void start_at_velocities() {
     for (Index row = 0; row < counts_.rows; ++row) workspace_.z.put(row, workspace_.change[row]);
@@ -225,8 +225,8 @@ class VelocityNewton {
     for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
   }
 
-  /// To the velocity at which M (v - v_free) is J' of the guess's reactions and what they answer to the motion that v
-  /// has beyond theirs: one linear system, exact where no cone changes its state.
+  /// Steps to the velocity at which M (v - v_free) is J' x. There x is the guess's reactions and what they answer to
+  /// the motion that v has beyond theirs. This is one linear system, exact where no cone changes its state.
   STICTION_HD_OUTLINE void step_to_guess() {
     pack_.refresh_reactions();
     pack_.push_back();

@@ -6,8 +6,8 @@
 /// From what is known of an environment's parts to its status.
 namespace stiction::inline STICTION_ISA {
 
-/// Takes a part in. Residuals are relative to the largest |b| of the whole environment, of which no part's is larger,
-/// so parts that are solved make a whole that is.
+/// Takes a part in. Residuals are relative to the largest |b| of the whole environment, of which no part's is larger.
+/// So parts that are solved make a whole that is solved.
 STICTION_HD void join(VelocityResult& whole, const VelocityResult& part) {
   whole.absolute = max_(part.absolute, whole.absolute);
   whole.scale = max_(part.scale, whole.scale);
