@@ -81,7 +81,7 @@ TABLE = [
     Row("cuda/api", [PUBLIC, "core/base", "core/job", "cuda/api"]),
     Row("cuda/kernels", [*KERNEL, "cuda/api", "cuda/kernels"]),
     Row("cuda/machine", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine"]),
-    Row("cuda/emulated", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine", "cuda/emulated"], foreign=("dlfcn.h", "pthread.h")),
+    Row("cuda/emulated", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine", "cuda/emulated"], foreign=("dlfcn.h", "pthread.h", "sys/mman.h")),
     Row("cuda/native", [*MACHINE, "cuda/api", "cuda/kernels", "cuda/machine", "cuda/native"],
         foreign=("cuda_runtime", "cooperative_groups", "thrust/", "cub/", "nvtx3/")),
     Row("cuda", [PUBLIC]),

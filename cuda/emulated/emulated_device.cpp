@@ -12,6 +12,7 @@
 #include "core/base/extents.hpp"
 #include "cuda/emulated/emulated_kernels.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
+#include "cuda/emulated/guarded_memory.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cuda {
@@ -24,11 +25,20 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;
 
+std::size_t round_up(std::size_t bytes) {
+  return (bytes + kAlignment - 1) / kAlignment * kAlignment;
+}
+
+/// A library of kernels to take in place of this build's; null: none.
+const char* other_kernels() {
+  return std::getenv("STICTION_EMULATED_KERNELS");
+}
+
 /// The kernels of this build, or those of the library that STICTION_EMULATED_KERNELS names: the GPU's own code,
 /// executed by the CPU (tests/ptx).
 const KernelCatalogue& chosen_kernels() {
   static const KernelCatalogue& chosen = []() -> const KernelCatalogue& {
-    const char* const path = std::getenv("STICTION_EMULATED_KERNELS");
+    const char* const path = other_kernels();
     if (path == nullptr) return emulated_kernels();
     void* const library = dlopen(path, RTLD_NOW);
     if (library == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
@@ -88,8 +98,8 @@ void* EmulatedDevice::allocate(std::size_t bytes) {
   for (const auto& [handle, stream] : streams_)
     if (stream->capture != nullptr) fail("an allocation while a stream is captured");
   count(DeviceCall::allocate, "an allocation");
-  const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-  void* memory = std::aligned_alloc(kAlignment, rounded);
+  const std::size_t rounded = round_up(bytes);
+  void* memory = other_kernels() != nullptr ? allocate_guarded(rounded) : std::aligned_alloc(kAlignment, rounded);
   if (memory == nullptr)
     throw Error(ErrorCode::out_of_memory, "emulated device: " + std::to_string(bytes) + " bytes cannot be had");
   // What a program must not rely on, the same in every run.
@@ -100,7 +110,14 @@ void* EmulatedDevice::allocate(std::size_t bytes) {
 
 void EmulatedDevice::release(void* memory) noexcept {
   const std::lock_guard lock(mutex_);
-  if (memory_.erase(memory) > 0) std::free(memory);
+  const auto found = memory_.find(memory);
+  if (found == memory_.end()) return;
+  if (other_kernels() != nullptr) {
+    release_guarded(memory, round_up(found->second));
+  } else {
+    std::free(memory);
+  }
+  memory_.erase(found);
 }
 
 StreamHandle EmulatedDevice::create_stream() {

@@ -1,12 +1,11 @@
 #include "tests/ptx/grid.hpp"
 
-#include <sys/mman.h>
-
 #include <boost/context/protected_fixedsize_stack.hpp>
 
 #include <cstring>
 #include <mutex>
 
+#include "cuda/emulated/guarded_memory.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::ptx {
@@ -15,7 +14,6 @@ namespace {
 
 constexpr u32 kWarp = 32;
 constexpr std::size_t kStackBytes = std::size_t{1} << 20;
-constexpr std::size_t kPage = 4096;
 /// As an H200 has them; few multiprocessors, so that teams have several environments each.
 constexpr std::size_t kBlockBytes = std::size_t{227} << 10;
 constexpr int kProcessors = 3;
@@ -45,15 +43,11 @@ class Stacks {
   }
 };
 
-/// Bytes that end where a page begins that nothing may touch.
-std::size_t mapped(std::size_t bytes) {
-  return (bytes + kPage - 1) / kPage * kPage + kPage;
-}
-void* map_guarded(std::size_t bytes) {
-  void* const memory = mmap(nullptr, mapped(bytes), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (memory == MAP_FAILED) throw Error(ErrorCode::out_of_memory, "PTX: no memory for a block's shared memory");
-  mprotect(static_cast<unsigned char*>(memory) + mapped(bytes) - kPage, kPage, PROT_NONE);
-  std::memset(memory, 0x5a, mapped(bytes) - kPage);
+/// Fast memory of a block, filled with what no program may rely on.
+void* allocate_shared(std::size_t bytes) {
+  void* const memory = cuda::allocate_guarded(bytes);
+  if (memory == nullptr) throw Error(ErrorCode::out_of_memory, "PTX: no memory for a block's shared memory");
+  std::memset(memory, 0x5a, bytes);
   return memory;
 }
 
@@ -74,7 +68,7 @@ Grid::Grid(Kernel& kernel, const cuda::LaunchShape& shape)
 
 Grid::~Grid() {
   threads_.clear();
-  for (void* const memory : shared_) munmap(memory, mapped(grid_.shared));
+  for (void* const memory : shared_) cuda::release_guarded(memory, grid_.shared);
 }
 
 void Grid::start(const void* arguments) {
@@ -91,7 +85,7 @@ void Grid::start(const void* arguments) {
     throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " asks for " +
                                                std::to_string(grid_.shared) + " bytes of shared memory, of " +
                                                std::to_string(kBlockBytes));
-  for (u32 block = 0; block < blocks_; ++block) shared_.push_back(map_guarded(grid_.shared));
+  for (u32 block = 0; block < blocks_; ++block) shared_.push_back(allocate_shared(grid_.shared));
   const auto block_size = static_cast<u32>(grid_.block);
   at_block_.assign(blocks_, 0);
   ended_.assign(blocks_, 0);
@@ -99,8 +93,7 @@ void Grid::start(const void* arguments) {
   for (u32 i = 0; i < threads_.size(); ++i) {
     Thread& thread = threads_[i];
     const u32 block = i / block_size;
-    auto* const end = static_cast<unsigned char*>(shared_[block]) + mapped(grid_.shared) - kPage;
-    thread.lane = {this, i % block_size, block, block_size, blocks_, end - cuda::round_up_to_16(grid_.shared), {}};
+    thread.lane = {this, i % block_size, block, block_size, blocks_, static_cast<unsigned char*>(shared_[block]), {}};
     thread.fiber = boost::context::fiber(std::allocator_arg, Stacks(), [this, &thread](boost::context::fiber&& caller) {
       scheduler_ = std::move(caller);
       kernel_.enter(thread.lane, parameter_.data());

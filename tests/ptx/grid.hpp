@@ -74,7 +74,7 @@ class Grid {
   std::vector<u32> ended_;     ///< of each block
   std::vector<std::unique_ptr<unsigned char[]>> parameters_;
   std::vector<unsigned char*> parameter_;
-  std::vector<void*> shared_;  ///< of each block, with a page behind it that nothing may touch
+  std::vector<void*> shared_;  ///< fast memory of each block
   boost::context::fiber scheduler_;
   Thread* running_ = nullptr;
   std::string failure_;
