@@ -25,6 +25,18 @@ struct LaunchShape {
 inline constexpr int kWarp = 32;        ///< lanes that run in lock-step
 inline constexpr int kMostLanes = 256;  ///< of a team within one block
 
+/// Fast memory that a team keeps for itself, beside what a launch gives it [bytes].
+inline constexpr std::size_t kTeamBytes = 768;
+/// Bytes of fast memory in the alignment of what lies in it.
+inline constexpr std::size_t in_shared(std::size_t bytes) {
+  return (bytes + 15) / 16 * 16;
+}
+/// Fast memory of the smallest block of a launch whose teams have so much each. No block is smaller than a warp, whose
+/// teams share it.
+inline constexpr std::size_t least_block_bytes(int lanes, std::size_t shared_bytes) {
+  return static_cast<std::size_t>(lanes < kWarp ? kWarp / lanes : 1) * (kTeamBytes + in_shared(shared_bytes));
+}
+
 /// Which of the launch's teams this is. A program is a type
 ///
 ///     struct P {

@@ -189,7 +189,9 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, c
   const std::lock_guard lock(mutex_);
   const bool lanes_fit =
       shape.lanes >= 1 && shape.lanes <= kMostLanes && (shape.lanes % kWarp == 0 || kWarp % shape.lanes == 0);
-  if (!lanes_fit || shape.teams < 0 || shape.shared_bytes > facts_.shared_bytes || kernel.argument_bytes > 4096)
+  const bool does_not_fit =
+      lanes_fit && shape.shared_bytes > 0 && least_block_bytes(shape.lanes, shape.shared_bytes) > facts_.shared_bytes;
+  if (!lanes_fit || shape.teams < 0 || does_not_fit || kernel.argument_bytes > 4096)
     fail(std::string("kernel ") + kernel.name + " cannot be launched with " + std::to_string(shape.lanes) + " lanes, " +
          std::to_string(shape.teams) + " teams and " + std::to_string(shape.shared_bytes) + " bytes of shared memory");
   count(DeviceCall::launch, kernel.name);

@@ -65,7 +65,7 @@ class BodyClassifier {
       const auto bytes = [&](Offset bodies) {
         return static_cast<Offset>(bundle_bytes<Real>(need_of<Real, kWarp>(options, rule.most_contacts, bodies)));
       };
-      const Offset room = smaller_of(static_cast<Offset>(facts.shared_bytes),
+      const Offset room = smaller_of(static_cast<Offset>(facts.shared_bytes) - static_cast<Offset>(kTeamBytes),
                                      static_cast<Offset>(facts.resident_shared_bytes) / rule.per_processor - kOverhead);
       // With the most contacts and the most bodies at once: lanes lie side by side, so the greatest of each counts.
       most_bodies_[k] = room < bytes(0) ? -1 : (room - bytes(0)) / (bytes(1) - bytes(0));

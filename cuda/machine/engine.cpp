@@ -97,7 +97,7 @@ WorkQueue<Real> Engine::queue_of(SizeClass size_class) const {
           plan_.work_counter,
           size_class,
           shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
-          shape.slot_elements};
+          shape.slot_elements[static_cast<std::size_t>(kPrecisionOf<Real>)]};
 }
 
 template <class Real>

@@ -56,7 +56,7 @@ class Engine {
   /// How a class of environments is launched.
   struct ClassShape {
     LaunchShape launch;
-    Offset slot_elements = 0;
+    Offset slot_elements[2] = {};  ///< numbers that an environment takes, by Precision
     bool shared = true;
     std::size_t workspace_bytes = 0;  ///< in device memory, of all teams
     std::byte* workspace = nullptr;
@@ -65,11 +65,13 @@ class Engine {
   struct Reserved {
     Capacity capacity;
     Workspace method;
-    std::size_t scalar_bytes = 0;
+    bool has_doubles = false;  ///< room for solves in double precision, too
   };
 
   [[nodiscard]] Workspace method_workspace(SolverKind solver) const;
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
+  template <class Real>
+  [[nodiscard]] Offset slot_elements(SizeClass size_class, const Reserved& reserved) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved) const;
   template <class Real>
   [[nodiscard]] WorkQueue<Real> queue_of(SizeClass size_class) const;

@@ -68,6 +68,38 @@ int graph_lanes(const Capacity& capacity) {
 
 }  // namespace
 
+/// Numbers of Real that an environment of a class takes at most; 0: the capacity has none of the class.
+template <class Real>
+Offset Engine::slot_elements(SizeClass size_class, const Reserved& reserved) const {
+  const Capacity& capacity = reserved.capacity;
+  Offset elements = 0;
+  if (is_sparse(size_class)) {
+    if (!may_be_sparse(capacity)) return 0;
+    if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return 0;
+    // A smaller environment may have matrices, and with them take more room than the largest.
+    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
+      elements =
+          larger_of<Offset>(elements, SparseSystem<Real>::elements(rows, rows, capacity.env_nonzeros, reserved.method));
+  } else if (size_class == SizeClass::factor_warp) {
+    if (capacity.env_dofs == 0) return 0;
+    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
+      elements =
+          larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, reserved.method));
+  } else {
+    if (size_class > finest_) return 0;
+    const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
+    // A method that factorises never takes a bundle: what would be one is a tile.
+    const bool is_finest = size_class == finest_ || (reserved.method.is_direct() && size_class == kFinestDirect);
+    if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return 0;
+    const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
+    // One row each: no cones take more room than cones of one row.
+    const Workspace method = is_thread_per_env(size_class) ? reserved.method.in_bundles() : reserved.method;
+    elements = SystemArrays<Real, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
+  }
+  // Even, so that doubles in it are aligned.
+  return elements + elements % 2;
+}
+
 Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserved) const {
   const Capacity& capacity = reserved.capacity;
   ClassShape shape;
@@ -75,38 +107,16 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
   shape.launch.teams = capacity.envs;
   if (size_class == SizeClass::trivial) return shape;
 
-  Offset elements = 0;
-  Offset per_processor = 2;
+  shape.slot_elements[0] = slot_elements<float>(size_class, reserved);
+  if (shape.slot_elements[0] == 0) return {};
+  if (reserved.has_doubles) shape.slot_elements[1] = slot_elements<double>(size_class, reserved);
+  auto team_bytes = static_cast<std::size_t>(
+      larger_of(Offset{sizeof(float)} * shape.slot_elements[0], Offset{sizeof(double)} * shape.slot_elements[1]));
+  Offset per_processor = size_class == SizeClass::factor_warp ? 16 : 2;
   if (is_sparse(size_class)) {
-    if (!may_be_sparse(capacity)) return {};
-    if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return {};
-    // A smaller environment may have matrices, and with them take more room than the largest.
-    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements = larger_of<Offset>(elements,
-                                   SparseSystem<float>::elements(rows, rows, capacity.env_nonzeros, reserved.method));
     shape.launch.whole_device = size_class == SizeClass::sparse_device;
     shape.shared = false;
-  } else if (size_class == SizeClass::factor_warp) {
-    if (capacity.env_dofs == 0) return {};
-    for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements =
-          larger_of<Offset>(elements, FactorSystem<float>::elements(rows, rows, capacity.env_dofs, reserved.method));
-    per_processor = 16;
-  } else {
-    if (size_class > finest_) return {};
-    const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
-    // A method that factorises never takes a bundle: what would be one is a tile.
-    const bool is_finest = size_class == finest_ || (reserved.method.is_direct() && size_class == kFinestDirect);
-    if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return {};
-    const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
-    // One row each: no cones take more room than cones of one row.
-    const Workspace method = is_thread_per_env(size_class) ? reserved.method.in_bundles() : reserved.method;
-    elements = SystemArrays<float, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
   }
-  // Even, so that doubles in it are aligned.
-  elements += elements % 2;
-  shape.slot_elements = elements;
-  std::size_t team_bytes = static_cast<std::size_t>(elements) * reserved.scalar_bytes;
   std::size_t head_bytes = 0;
   if (is_thread_per_env(size_class)) {
     team_bytes *= kBundle;
@@ -114,7 +124,8 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
     shape.launch.teams = (capacity.envs + kBundleIntake - 1) / kBundleIntake;
     per_processor = 8;
   }
-  shape.shared = shape.shared && head_bytes + team_bytes <= api_.facts().shared_bytes;
+  shape.shared =
+      shape.shared && least_block_bytes(shape.launch.lanes, head_bytes + team_bytes) <= api_.facts().shared_bytes;
   if (shape.shared) {
     shape.launch.shared_bytes = head_bytes + team_bytes;
     return shape;
@@ -147,7 +158,7 @@ SizeClass Engine::finest_for(SolverKind solver) const {
 bool Engine::has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const {
   return within(capacity, reserved_.capacity) &&
          method_workspace(solver).joined(reserved_.method) == reserved_.method &&
-         (precision == Precision::f64 ? sizeof(double) : sizeof(float)) <= reserved_.scalar_bytes;
+         (precision == Precision::f32 || reserved_.has_doubles);
 }
 
 void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
@@ -160,8 +171,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   std::uint8_t* assigned = nullptr;
   reserved.capacity = joined(reserved_.capacity, capacity);
   reserved.method = method_workspace(solver).joined(reserved_.method);
-  reserved.scalar_bytes =
-      larger_of(reserved_.scalar_bytes, precision == Precision::f64 ? sizeof(double) : sizeof(float));
+  reserved.has_doubles = reserved_.has_doubles || precision == Precision::f64;
 
   std::array<ClassShape, kSizeClasses> shapes;
   for (int k = 0; k < kSizeClasses; ++k)

@@ -45,7 +45,8 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   const Offset vectors = larger_of(capacity.env_rows, 2);
   slot_ = capacity.env_dofs * (capacity.env_dofs + vectors);
   const std::size_t slot_bytes = static_cast<std::size_t>(slot_) * sizeof(Real);
-  const bool shared = slot_bytes <= smaller_of(kSharedBytes, api_->facts().shared_bytes);
+  const bool shared =
+      slot_bytes <= kSharedBytes && least_block_bytes(team_lanes(capacity), slot_bytes) <= api_->facts().shared_bytes;
   small_.teams = large_.teams = capacity.envs;
   small_.lanes = kWarp;
   large_.lanes = team_lanes(capacity);

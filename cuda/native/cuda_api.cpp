@@ -39,7 +39,7 @@ CudaApi::CudaApi(int ordinal) : ordinal_(ordinal) {
   const DeviceGuard device(ordinal_);
   cudaDeviceProp properties{};
   STICTION_CUDA_TRY(cudaGetDeviceProperties(&properties, ordinal));
-  facts_ = {properties.name, properties.multiProcessorCount, properties.sharedMemPerBlockOptin - kTeamBytes,
+  facts_ = {properties.name, properties.multiProcessorCount, properties.sharedMemPerBlockOptin,
             properties.sharedMemPerMultiprocessor};
   STICTION_CUDA_TRY(cudaMalloc(&grid_memory_, kGridBytes));
 }
@@ -105,7 +105,7 @@ int CudaApi::resident_blocks(const CudaKernel& kernel, int block, std::size_t sh
   const auto [place, is_new] = resident_.try_emplace({kernel.function, block, shared}, 0);
   if (is_new) {
     STICTION_CUDA_TRY(cudaFuncSetAttribute(kernel.function, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                           static_cast<int>(facts_.shared_bytes + kTeamBytes)));
+                                           static_cast<int>(facts_.shared_bytes)));
     STICTION_CUDA_TRY(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&place->second, kernel.function, block, shared));
   }
   return place->second;

@@ -18,8 +18,7 @@ struct CudaShape {
   void* grid_memory;      ///< CudaGridMemory if the whole grid is one team, else null
 };
 
-/// Bytes of shared memory that a team keeps for itself.
-inline constexpr std::size_t kTeamBytes = 768;
+/// Bytes of what a grid that is one team keeps in global memory.
 inline constexpr std::size_t kGridBytes = 262912;
 
 /// Threads of a block whose teams are smaller.

@@ -16,14 +16,9 @@ struct LaunchGrid {
   CudaShape shape{};
 };
 
-/// Bytes of a team, in the alignment of what it holds.
-inline std::size_t round_up_to_16(std::size_t bytes) {
-  return (bytes + 15) / 16 * 16;
-}
-
 /// Blocks of a launch on a device with these facts. `grid_memory` is for launches of the whole device.
 inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const DeviceFacts& facts, void* grid_memory) {
-  const std::size_t own_bytes = round_up_to_16(shape.shared_bytes);
+  const std::size_t own_bytes = in_shared(shape.shared_bytes);
   const auto shared_of = [&](int threads) {
     return serial || shape.whole_device ? 0
                                         : static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);

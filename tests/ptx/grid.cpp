@@ -21,7 +21,7 @@ constexpr int kProcessors = 3;
 constexpr u64 kMostTurns = 1U << 20;
 
 cuda::DeviceFacts facts() {
-  return {"PTX on the CPU", kProcessors, kBlockBytes - cuda::kTeamBytes, std::size_t{228} << 10};
+  return {"PTX on the CPU", kProcessors, kBlockBytes, std::size_t{228} << 10};
 }
 
 /// Stacks that are used again, each with a page before it that nothing may touch.

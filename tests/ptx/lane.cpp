@@ -52,7 +52,7 @@ void Lane::trap() {
 }
 
 std::vector<Kernel*>& kernels() {
-  static std::vector<Kernel*> all;
+  static auto& all = *new std::vector<Kernel*>;  // also while the process ends
   return all;
 }
 

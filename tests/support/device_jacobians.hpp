@@ -110,7 +110,7 @@ struct Machine {
                     options.solver);
   }
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
-    const VelocityJob<Real> newton = newton_job<Real>(batch, options, solution, nullptr);
+    const VelocityJob<Real> newton = newton_job<Real>(batch, options, solution, {});
     const ContactBatchView<Real> contact = jacobian.assemble(batch, takes_newton(options) ? &newton : nullptr, stream);
     machine.solve(SolveRequest<Real>{
         nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, stream});

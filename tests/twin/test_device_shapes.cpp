@@ -1,0 +1,98 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/engine.hpp"
+#include "cuda/native/launch_grid.hpp"
+#include "stiction/error.hpp"
+#include "tests/support/device_batch.hpp"
+#include "tests/support/every_solver.hpp"
+
+/// What launches of the engine ask for, against what GPUs have: one that asks for more fails on the device, whatever the
+/// batch, since every class of the capacity is launched.
+namespace stiction::test {
+namespace {
+
+/// Fast memory of a block and of a multiprocessor [KiB]: of an H200, an A100, an RTX 4090.
+struct Gpu {
+  const char* name;
+  std::size_t block, processor;
+};
+constexpr Gpu kGpus[] = {{"H200", 227, 228}, {"A100", 163, 164}, {"RTX 4090", 99, 100}};
+
+/// Queues nothing, and looks at what it is to launch.
+class CountingDevice final : public cuda::DeviceApi {
+ public:
+  explicit CountingDevice(const Gpu& gpu) : gpu_(gpu) {
+    facts_ = {gpu.name, 132, gpu.block << 10U, gpu.processor << 10U};
+  }
+  [[nodiscard]] const cuda::DeviceFacts& facts() const override { return facts_; }
+  [[nodiscard]] const cuda::KernelCatalogue& kernels() const override { return emulated_.kernels(); }
+  void* allocate(std::size_t) override { return this; }
+  void release(void*) noexcept override {}
+  void* allocate_pinned(std::size_t) override { return this; }
+  void release_pinned(void*) noexcept override {}
+  cuda::StreamHandle create_stream() override { return this; }
+  void destroy_stream(cuda::StreamHandle) noexcept override {}
+  cuda::EventHandle create_event(cuda::EventUse) override { return this; }
+  void destroy_event(cuda::EventHandle) noexcept override {}
+  void copy(void*, const void*, std::size_t, cuda::CopyKind, cuda::StreamHandle) override {}
+  void fill_zero(void*, std::size_t, cuda::StreamHandle) override {}
+  void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
+    ++launches;
+    const cuda::LaunchGrid grid = cuda::launch_grid(shape, shape.lanes == 1, facts_, nullptr);
+    EXPECT_LE(grid.shared, facts_.shared_bytes) << kernel.name << ", " << shape.lanes << " lanes, " << gpu_.name;
+    EXPECT_EQ(grid.block % cuda::kWarp, 0);
+    EXPECT_LE(grid.block, cuda::kMostLanes);
+  }
+  void record(cuda::EventHandle, cuda::StreamHandle) override {}
+  void wait(cuda::StreamHandle, cuda::EventHandle) override {}
+  bool capturing(cuda::StreamHandle) override { return false; }
+  void synchronize(cuda::StreamHandle) override {}
+  void await(cuda::EventHandle) override {}
+  std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
+
+  int launches = 0;
+
+ private:
+  Gpu gpu_;
+  cuda::DeviceFacts facts_;
+  cuda::EmulatedDevice emulated_;  ///< has a catalogue of kernels
+};
+
+template <class Real>
+void expect_that_all_fits(const Gpu& gpu, SolverKind solver, Index rows, Index dofs) {
+  CountingDevice device(gpu);
+  Capacity capacity;
+  capacity.envs = 8192;
+  capacity.rows = capacity.cones = capacity.envs * rows;
+  capacity.env_rows = rows;
+  capacity.env_nonzeros = Offset{rows} * rows;
+  capacity.nonzeros = capacity.envs * capacity.env_nonzeros;
+  capacity.env_dofs = dofs;
+  cuda::Engine engine(device);
+  engine.reserve(capacity, solver, sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64);
+  ContactBatchView<Real> batch;
+  batch.env_count = capacity.envs;
+  SolverOptions options;
+  options.solver = solver;
+  for (const Law law : kBothLaws)
+    engine.solve(SolveRequest<Real>{nullptr, batch, {}, nullptr, law, options, StreamRef::default_stream()});
+  EXPECT_GT(device.launches, 2);
+}
+
+TEST(DeviceShapes, NoLaunchAsksForMoreSharedMemoryThanThereIs) {
+  for (const Gpu& gpu : kGpus)
+    for (const SolverKind solver : kEveryChoice)
+      for (Index rows = 1; rows <= 1024; rows += rows < 80 ? 1 : 59)
+        for (const Index dofs : {0, 35}) {
+          SCOPED_TRACE(std::string(gpu.name) + ", " + label(solver, Law::convex) + ", " + std::to_string(rows) + " rows");
+          expect_that_all_fits<float>(gpu, solver, rows, dofs);
+          expect_that_all_fits<double>(gpu, solver, rows, dofs);
+          if (HasFailure()) return;
+        }
+}
+
+}  // namespace
+}  // namespace stiction::test
