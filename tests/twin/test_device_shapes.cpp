@@ -9,8 +9,8 @@
 #include "tests/support/device_batch.hpp"
 #include "tests/support/every_solver.hpp"
 
-/// What launches of the engine ask for, against what GPUs have: one that asks for more fails on the device, whatever the
-/// batch, since every class of the capacity is launched.
+/// What launches of the engine ask for, against what GPUs have: one that asks for more fails on the device, whatever
+/// the batch, since every class of the capacity is launched.
 namespace stiction::test {
 namespace {
 
@@ -87,7 +87,8 @@ TEST(DeviceShapes, NoLaunchAsksForMoreSharedMemoryThanThereIs) {
     for (const SolverKind solver : kEveryChoice)
       for (Index rows = 1; rows <= 1024; rows += rows < 80 ? 1 : 59)
         for (const Index dofs : {0, 35}) {
-          SCOPED_TRACE(std::string(gpu.name) + ", " + label(solver, Law::convex) + ", " + std::to_string(rows) + " rows");
+          SCOPED_TRACE(std::string(gpu.name) + ", " + label(solver, Law::convex) + ", " + std::to_string(rows) +
+                       " rows");
           expect_that_all_fits<float>(gpu, solver, rows, dofs);
           expect_that_all_fits<double>(gpu, solver, rows, dofs);
           if (HasFailure()) return;
