@@ -41,9 +41,9 @@ fi
 
 say "fuzzers: build"
 # Undefined behaviour traps, and addresses are checked by calls: a kernel compiles in two thirds of the time. A trap cannot
-# compare types of functions by name, as it has to across shared libraries.
+# compare types of functions by name, as it has to across shared libraries. Scratch holds other numbers every time.
 flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize=function -fsanitize-trap=undefined
-  -mllvm -asan-instrumentation-with-call-threshold=0"
+  -mllvm -asan-instrumentation-with-call-threshold=0 -DSTICTION_NOISY_SCRATCH"
 flags=${flags//$'\n'/}
 options=(-S "$root" -B "$build" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
   "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_EMULATED_DEVICE=OFF -DSTICTION_ENABLE_AVX2=OFF

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <memory>
 #include <new>
 
@@ -20,11 +23,30 @@ class GrowBuffer {
       memory_.reset(::operator new(bytes, std::align_val_t{kAlignment}));
       capacity_ = bytes;
     }
+#ifdef STICTION_NOISY_SCRATCH
+    make_noise(bytes);
+#endif
     return static_cast<T*>(memory_.get());
   }
 
  private:
   static constexpr std::size_t kAlignment = 64;
+#ifdef STICTION_NOISY_SCRATCH
+  /// Numbers that are others every time: what is read before it is written shows as different bits of equal solves.
+  void make_noise(std::size_t bytes) {
+    static std::atomic<std::uint64_t> state{1};
+    auto* const memory = static_cast<unsigned char*>(memory_.get());
+    std::uint64_t own = state.fetch_add(0x9e3779b97f4a7c15U);
+    for (std::size_t i = 0; i + sizeof(own) <= bytes; i += sizeof(own)) {
+      own ^= own << 13U;
+      own ^= own >> 7U;
+      own ^= own << 17U;
+      // Of a size that sums of a few thousand stay finite with, in either precision.
+      const std::uint64_t number = (own & 0x8fffffff8fffffffU) | 0x3000000030000000U;
+      std::memcpy(memory + i, &number, sizeof(number));
+    }
+  }
+#endif
   struct Free {
     void operator()(void* memory) const { ::operator delete(memory, std::align_val_t{kAlignment}); }
   };

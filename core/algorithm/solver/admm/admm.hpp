@@ -65,6 +65,8 @@ struct Admm {
       for (int k = 0; k < kRows; ++k) {
         a.g[row + k] = div_(static_cast<double>(s.x[row + k]), a.scale[row + k]);
         if constexpr (decltype(shape)::kKind != ConeKind::free) a.g[row + k] = a.g[row + k] - div_(y[k], rho);
+        // Where a first step that is not a number is taken back to.
+        a.image_before[row + k] = a.g[row + k];
       }
       project(s, a, shape, cone, row);
     });
