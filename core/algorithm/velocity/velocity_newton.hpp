@@ -143,7 +143,7 @@ class VelocityNewton {
     if (!any(not_(is_finite))) return;
     for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, select(is_finite, workspace_.x[row], Wide(0)));
     for (int l = 0; l < kLanes; ++l)
-      if (!is_set(is_finite, l)) progress_[l].flags |= kFlagWarmStartRejected;
+      if (!is_set(is_finite, l) && !progress_[l].starts_at_velocity) progress_[l].flags |= kFlagWarmStartRejected;
   }
 
   /// The first velocity: v_free, or what the warm start says. Where both velocities and reactions are given, a sequence
