@@ -9,8 +9,8 @@
 #include "tests/support/device_batch.hpp"
 #include "tests/support/every_solver.hpp"
 
-/// What launches of the engine ask for, against what GPUs have: one that asks for more fails on the device, whatever
-/// the batch, since every class of the capacity is launched.
+/// What launches of the engine ask for, against what GPUs have. One that asks for more fails there whatever the batch,
+/// since every class of the capacity is launched.
 namespace stiction::test {
 namespace {
 
