@@ -43,6 +43,7 @@ MISTAKES = {
     "not a batch": lambda: Solver().solve(A),
     "an output of another shape": lambda: solve_into(np.zeros((2, 5))),
     "a read-only output": lambda: solve_into(frozen(np.zeros((2, 6)))),
+    "`warm_velocities` for a batch without J and M": lambda: Solver().solve(batch(), warm_velocities=np.zeros((2, 6))),
     "a warm start of another shape": lambda: Solver().solve(batch(), warm_start=np.zeros((2, 3))),
     'NaN, with invalid="reject"': lambda: Solver(invalid="reject").solve(batch(A * np.nan)),
     'friction below 0, with invalid="reject"': lambda: Solver(invalid="reject").solve(batch(mu=-0.5)),

@@ -7,6 +7,7 @@
 #include "tests/c_api/c_views.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_systems.hpp"
+#include "tests/support/velocity_cases.hpp"
 
 #ifdef STICTION_TEST_HAS_IO
 #include "stiction/io.hpp"
@@ -93,19 +94,38 @@ TEST(CSameBits, JacobianBatches) {
   EXPECT_TRUE(same_bits(expected.contact, found));
   EXPECT_TRUE(same_bits(std::span<const double>(expected.velocity), std::span<const double>(velocity)));
 
-  // From velocities, those of the answer itself.
-  Solution<double> from = room_for<double>(batch.row_count(), batch.env_count());
-  std::vector<double> start(velocity);
-  for (double& one : start) one *= 1.25;
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
+}
+
+TEST(CSameBits, JacobianBatchesFromVelocities) {
+  JacobianBatch<double> batch;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) batch.add(random_chain({seed, 12}));
+  std::vector<double> start(static_cast<std::size_t>(batch.dof_count()), 0.5);
+  const auto cold = solve(batch);
+  Solution<double> expected = room_for<double>(batch.row_count(), batch.env_count());
   std::vector<double> reached(start);
-  JacobianSolver<double> same(Device::cpu(), SolverOptions{}, {}, FactorUse::always);
-  same.solve(batch.view(), {from.lambda.data(), from.w.data(), reached.data(), from.status.data()},
+  JacobianSolver<double> same(Device::cpu(), SolverOptions{}, {});
+  same.solve(batch.view(), {expected.lambda.data(), expected.w.data(), reached.data(), expected.status.data()},
              JacobianStart<double>{nullptr, start.data()});
+  EXPECT_NE(cold.contact.lambda, expected.lambda) << "the start was not read";
+
+  // From the answer's own array.
+  const stiction_jacobian_view view = c_view(batch.view());
+  stiction_jacobian_capacity capacity;
+  stiction_jacobian_capacity_init(&capacity, sizeof capacity);
+  STICTION_OK_OR_SAY(stiction_jacobian_capacity_of(&view, &capacity));
+  stiction_jacobian_solver* solver = nullptr;
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_create("cpu", nullptr, &capacity, &solver));
+  Solution<double> found = room_for<double>(batch.row_count(), batch.env_count());
+  stiction_jacobian_solution answer;
+  stiction_jacobian_solution_init(&answer, sizeof answer);
+  answer.lambda = found.lambda.data();
+  answer.w = found.w.data();
   answer.velocity = start.data();
+  answer.status = records(found.status);
   STICTION_OK_OR_SAY(stiction_jacobian_solver_solve_from(solver, &view, &answer, nullptr, start.data(), nullptr));
-  EXPECT_TRUE(same_bits(from, found));
+  EXPECT_TRUE(same_bits(expected, found));
   EXPECT_TRUE(same_bits(std::span<const double>(reached), std::span<const double>(start)));
-  EXPECT_NE(expected.contact.lambda, from.lambda) << "the start was not read";
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 
