@@ -100,11 +100,14 @@ TEST(CSameBits, JacobianBatches) {
 TEST(CSameBits, JacobianBatchesFromVelocities) {
   JacobianBatch<double> batch;
   for (std::uint64_t seed = 1; seed <= 4; ++seed) batch.add(random_chain({seed, 12}));
-  std::vector<double> start(static_cast<std::size_t>(batch.dof_count()), 0.5);
-  const auto cold = solve(batch);
+  SolverOptions options;
+  options.solver = SolverKind::automatic;
+  const auto cold = solve(batch, options);
+  std::vector<double> start(cold.velocity);
+  for (double& one : start) one *= 1.001;
   Solution<double> expected = room_for<double>(batch.row_count(), batch.env_count());
   std::vector<double> reached(start);
-  JacobianSolver<double> same(Device::cpu(), SolverOptions{}, {});
+  JacobianSolver<double> same(Device::cpu(), options, {});
   same.solve(batch.view(), {expected.lambda.data(), expected.w.data(), reached.data(), expected.status.data()},
              JacobianStart<double>{nullptr, start.data()});
   EXPECT_NE(cold.contact.lambda, expected.lambda) << "the start was not read";
@@ -114,8 +117,11 @@ TEST(CSameBits, JacobianBatchesFromVelocities) {
   stiction_jacobian_capacity capacity;
   stiction_jacobian_capacity_init(&capacity, sizeof capacity);
   STICTION_OK_OR_SAY(stiction_jacobian_capacity_of(&view, &capacity));
+  stiction_solver_options chosen;
+  stiction_solver_options_init(&chosen, sizeof chosen);
+  chosen.solver = static_cast<std::int32_t>(SolverKind::automatic);
   stiction_jacobian_solver* solver = nullptr;
-  STICTION_OK_OR_SAY(stiction_jacobian_solver_create("cpu", nullptr, &capacity, &solver));
+  STICTION_OK_OR_SAY(stiction_jacobian_solver_create("cpu", &chosen, &capacity, &solver));
   Solution<double> found = room_for<double>(batch.row_count(), batch.env_count());
   stiction_jacobian_solution answer;
   stiction_jacobian_solution_init(&answer, sizeof answer);
