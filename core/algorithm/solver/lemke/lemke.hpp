@@ -200,7 +200,11 @@ struct Lemke {
     const Index pair = entering < t.n ? entering : entering - t.n;
     const double direction = t.side[pair];
     const Index c = t.column_of(entering);
-    const Blocking next = first_blocking(team, t, entering, direction, false);
+    // Elimination leaves a pair basic twice, and another not at all, where what is left after a pivot off the diagonal
+    // is rounding. No path leads on from there, and none has ended on a ray.
+    const bool is_broken = t.is_basic(entering);
+    const Blocking next =
+        is_broken ? Blocking{Blocking::kNothing, 0.0} : first_blocking(team, t, entering, direction, false);
     if (next.row == t.n) {
       // x has crossed from one bound to the other before anything else blocked.
       for_each(team, t.n, [&](Index i) { t.value(i) = fma_(t.T(i, c), direction * next.step, t.value(i)); });
@@ -233,7 +237,7 @@ struct Lemke {
       t.ratio[j] = wanted ? 1.0 : 0.0;
     });
     single(team, [&] {
-      if (anew) t.state[kRaysMet] = rays + 1.0;
+      if (anew && !is_broken) t.state[kRaysMet] = rays + 1.0;
     });
     begin_path(team, s, t, anew);
   }

@@ -63,7 +63,8 @@ STICTION_HD_OUTLINE Blocking first_blocking(TeamT& team, const Tableau& t, Index
   if (!(shortest < infinite)) return {Blocking::kNothing, infinite};
 
   const auto is_tied = [&](Index i) {
-    if (i == n) return (workspace - shortest) <= kTie * size;
+    // Where numbers overflow the size is infinite, too; that ties nothing with a bound that is not there.
+    if (i == n) return workspace < infinite && (workspace - shortest) <= kTie * size;
     return t.ratio[i] < infinite && (t.ratio[i] - shortest) * abs_(t.T(i, c)) <= kTie * size;
   };
   double lowest = infinite;
