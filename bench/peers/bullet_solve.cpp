@@ -160,7 +160,7 @@ class Impulses : public btSequentialImpulseConstraintSolver {
 int main(int count, char** words) {
   if (count != 6) engines::fail("usage: bullet_solve SOLVER ITERATIONS SECONDS IN OUT");
   const std::string name = words[1];
-  const int iterations = std::atoi(words[2]);
+  const int iterations = engines::number<int>(words[2]);
   if (name == "si") {
     Impulses impulses;
     return engines::serve<Scene>(words, [&](const Scene& scene) { return impulses.solve(scene, iterations); });

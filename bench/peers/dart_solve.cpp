@@ -81,7 +81,7 @@ int main(int count, char** words) {
   if (name == "dantzig" || mixed) solver = std::make_unique<dart::constraint::DantzigBoxedLcpSolver>();
   if (name == "pgs") {
     auto sweeps = std::make_unique<dart::constraint::PgsBoxedLcpSolver>();
-    sweeps->setOption({std::atoi(words[2]), 1e-12, 1e-10});
+    sweeps->setOption({engines::number<int>(words[2]), 1e-12, 1e-10});
     solver = std::move(sweeps);
   }
   if (!solver) engines::fail("no such solver");

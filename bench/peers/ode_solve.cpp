@@ -78,7 +78,7 @@ int main(int count, char** words) {
   if (count != 6) engines::fail("usage: ode_solve SOLVER ITERATIONS SECONDS IN OUT");
   const std::string name = words[1];
   if (name != "step" && name != "quick") engines::fail("no such solver");
-  const int iterations = std::atoi(words[2]);
+  const int iterations = engines::number<int>(words[2]);
   dInitODE2(0);
   const dWorldID memory = dWorldCreate();  // its buffers serve all the others: none is allocated in a timed call
   const int result = engines::serve<Scene>(

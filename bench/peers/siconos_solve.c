@@ -221,6 +221,14 @@ static void solve_apart(const Problem* p, int d, const Solver* solver, double to
   munmap(answer, size);
 }
 
+/* The number that an argument says. */
+static double number(const char* text) {
+  char* end;
+  double value = strtod(text, &end);
+  if (end == text || *end) fail("an argument is no number");
+  return value;
+}
+
 int main(int count, char** words) {
   if (count != 7) fail("usage: siconos_solve SOLVER TOLERANCE MAX_ITERATIONS SECONDS IN OUT");
   const Solver* solver = NULL;
@@ -236,7 +244,7 @@ int main(int count, char** words) {
     fail("this solver does not treat such contacts");
   for (int64_t e = 0; e < head[1]; ++e) {
     Problem p = read_problem(in, d);
-    solve_apart(&p, d, solver, atof(words[2]), atoi(words[3]), atof(words[4]), out);
+    solve_apart(&p, d, solver, number(words[2]), (int)number(words[3]), number(words[4]), out);
     free(p.offsets), free(p.columns), free(p.values), free(p.q), free(p.mu);
   }
   return fclose(out) ? 2 : 0;

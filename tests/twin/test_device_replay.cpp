@@ -20,7 +20,7 @@ namespace {
 
 int number_from(const char* variable, int otherwise) {
   const char* text = std::getenv(variable);
-  return text == nullptr ? otherwise : std::atoi(text);
+  return text == nullptr ? otherwise : std::stoi(text);
 }
 
 /// What environments are drawn from: the mixed scene, and every recorded robot that is there.
