@@ -88,6 +88,25 @@ TEST(ResidualBody, AnOpenContactObeysCoulombsLawHoweverFastItSlides) {
   EXPECT_EQ(natural_map_square<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, x, y, 1.0, 0.0, 0.0), 0.0);
 }
 
+TEST(ResidualBody, ANormThatVanishesIsNotZero) {
+  // The squares of the sliding vanish. The convex law forbids it without lifting off, so a norm of 0 would pass.
+  const auto env = contact({1, 1, 1}, {1e-226, 1e-225, 0}, 1);
+  EXPECT_GT(body_residual<Law::convex>(env, {0, 0, 0}), 1e-225);
+  EXPECT_LT(body_residual<Law::coulomb>(env, {0, 0, 0}), 1e-159) << "an open contact may slide";
+  EXPECT_GT(body_residual<Law::coulomb>(contact({1, 1, 1}, {-1e-225, 1e-225, 0}, 1), {0, 0, 0}), 1e-225);
+  const auto lifting = contact({1, 1, 1}, {1e-160, 1e-225, 0}, 1);
+  EXPECT_LT(body_residual<Law::convex>(lifting, {0, 0, 0}), 1e-159);
+  ContactBatch<double> batch(Law::convex);
+  batch.add(env);
+  for (const SolverKind solver : kEverySolver) {
+    if (solver == SolverKind::lemke) continue;
+    SCOPED_TRACE(to_string(solver));
+    const auto solution = solve(batch, options(solver, 0.0, 5));
+    const double judged = verify(batch.view(), std::span<const double>(solution.lambda))[0].absolute;
+    EXPECT_TRUE(solution.status[0].code != EnvCode::solved || judged == 0.0) << judged;
+  }
+}
+
 TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   EXPECT_EQ(reported_residual({0.0, kInfinite}, kInfinite), kInfinite);

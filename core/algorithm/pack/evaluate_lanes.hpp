@@ -52,8 +52,7 @@ void evaluate_lanes_from(int first, const ConeCounts& slots, const PackWorkspace
                          FinalResidual* evaluated) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   const auto wide = [first](const Pack<Real, W>& lanes) { return widened(lanes, first); };
-  Wide largest(0.0);
-  Wide rounding_floor(0.0);
+  LargestResidual<Wide> largest;
   for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
@@ -71,13 +70,11 @@ void evaluate_lanes_from(int first, const ConeCounts& slots, const PackWorkspace
       }
       Wide a;
       load_lanes(workspace.weight + Offset{cone} * W + first, a);
-      largest =
-          max_(natural_map_square<kLaw>(shape, x, y, a, wide(workspace.lo[cone]), wide(workspace.hi[cone])), largest);
-      rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), rounding_floor);
+      largest.template add<kLaw>(shape, x, y, a, wide(workspace.lo[cone]), wide(workspace.hi[cone]));
     }
   });
-  largest = sqrt_(largest);
-  for (int l = 0; l < kWideLanes<Real, W>; ++l) evaluated[first + l] = {largest.v[l], rounding_floor.v[l]};
+  const Wide residual = sqrt_(largest.square);
+  for (int l = 0; l < kWideLanes<Real, W>; ++l) evaluated[first + l] = {residual.v[l], largest.rounding_floor.v[l]};
 }
 
 /// Writes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and evaluates them.

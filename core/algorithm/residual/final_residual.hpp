@@ -127,6 +127,24 @@ STICTION_HD Real rounding_floor_of(const Real (&x)[M], const Real (&y)[M], Real 
   return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
 }
 
+/// The largest square of a natural map so far, and the largest rounding floor.
+template <class Real>
+struct LargestResidual {
+  Real square{0};
+  Real rounding_floor{0};
+
+  /// Adds a cone's, of (x, y). Where all of its numbers are so small that squares hide them, norms inside the map
+  /// vanish, too, and it may come out as zero. It counts as 2^-532 then, more than such norms can be off by.
+  template <Law kLaw, class Shape, int M>
+  STICTION_HD void add(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+    const Real own_floor = rounding_floor_of<kLaw>(x, y, a);
+    const Real own_square = natural_map_square<kLaw>(shape, x, y, a, lo, hi);
+    square = max_(own_square, square);
+    square = select(own_floor == Real(kHiddenBySquares), max_(Real(0x1p-1064), square), square);
+    rounding_floor = max_(own_floor, rounding_floor);
+  }
+};
+
 /// A reaction in the coordinates of the unit cone; an axis without friction carries none.
 template <class Real>
 STICTION_HD Real unit_reaction(Real lambda, Real mu) {
@@ -147,8 +165,7 @@ STICTION_HD double reported_residual(const FinalResidual& evaluated, double allo
 /// batch's own numbers (docs/math/residual.md). Writes env.w.
 template <Team TeamT, class Real, class Rows>
 STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
-  double largest = 0.0;
-  double rounding_floor = 0.0;
+  LargestResidual<double> largest;
   for_each(team, env.cone_count, [&](Index cone) {
     const ConeKind kind = env.kind[cone];
     const Index first = env.cone_row(cone);
@@ -171,19 +188,15 @@ STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>
       const double a = residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
       const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
-      const auto evaluate = [&]<Law kLaw>() {
-        largest = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), largest);
-        rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), rounding_floor);
-      };
       if (env.law == Law::coulomb) {
-        evaluate.template operator()<Law::coulomb>();
+        largest.template add<Law::coulomb>(shape, x, y, a, lo, hi);
       } else {
-        evaluate.template operator()<Law::convex>();
+        largest.template add<Law::convex>(shape, x, y, a, lo, hi);
       }
     });
   });
-  largest = sqrt_(team.max(largest));
-  return {largest, team.max(rounding_floor)};
+  const double residual = sqrt_(team.max(largest.square));
+  return {residual, team.max(largest.rounding_floor)};
 }
 template <Team TeamT, class Real>
 STICTION_HD FinalResidual final_residual(TeamT& team, const EnvView<Real>& env) {

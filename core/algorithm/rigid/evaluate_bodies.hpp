@@ -41,19 +41,12 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
   return {static_cast<double>(env.inv_mass[side]), load6<double>(env.inv_inertia + 6 * static_cast<Offset>(side))};
 }
 
-/// The largest natural map so far (squared) and what roundings hide.
-template <class T>
-struct BodyJudgement {
-  T largest{0};
-  T rounding_floor{0};
-};
-
 /// Judges a contact's reaction `lambda`; `r` is R. Finds its motion. twist(side) is the twist of a body under all
 /// reactions, 0 for a and 1 for b. mass(side) is its inverse mass and bias() the contact's bias. They are called when
 /// they are needed, for no machine has registers for all of them.
 template <Law kLaw, class T, class TwistOf, class MassOf, class Bias>
 STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu,
-                                  T r, const T (&lambda)[3], T (&motion)[3], BodyJudgement<T>& evaluated) {
+                                  T r, const T (&lambda)[3], T (&motion)[3], LargestResidual<T>& evaluated) {
   const Vector3<T> u = relative_velocity(twist(0), contact.arm_a, twist(1), contact.arm_b);
   const T along[3] = {dot(u, contact.frame.n) + bias(), dot(u, contact.frame.t1), dot(u, contact.frame.t2)};
   ContactBlock<T> block{T(0), T(0), T(0), T(0), T(0), T(0)};
@@ -67,9 +60,7 @@ STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twi
     y[k] = k == 0 ? motion[k] : mu * motion[k];
   }
   const T weight = div_(block.nn + block.t11 + block.t22 + T(3) * r, T(3));
-  evaluated.largest =
-      max_(natural_map_square<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0)), evaluated.largest);
-  evaluated.rounding_floor = max_(rounding_floor_of<kLaw>(reaction, y, weight), evaluated.rounding_floor);
+  evaluated.template add<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0));
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
@@ -80,7 +71,7 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
                                               bool is_answer) {
   gather_exact(team, env, s, x, params);
   const double r = div_(params.cfm, params.step);
-  BodyJudgement<double> evaluated;
+  LargestResidual<double> evaluated;
   for_each_tiled(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     double lambda[3];
@@ -94,7 +85,7 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
     for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
       env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });
-  const double largest = sqrt_(team.max(evaluated.largest));
+  const double largest = sqrt_(team.max(evaluated.square));
   return {largest, team.max(evaluated.rounding_floor)};
 }
 

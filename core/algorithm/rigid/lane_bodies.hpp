@@ -214,9 +214,9 @@ struct LaneJudge {
   }
 
   /// The largest natural map of each lane and what roundings hide; motion goes to the batch.
-  [[nodiscard]] BodyJudgement<Wide> evaluate() const {
+  [[nodiscard]] LargestResidual<Wide> evaluate() const {
     const Wide r(div_(params.cfm, params.step));
-    BodyJudgement<Wide> evaluated;
+    LargestResidual<Wide> evaluated;
     for (Index p = 0; p < asked.contacts; ++p) {
       const auto a = slot(p, 0);
       const auto b = slot(p, 1);
@@ -228,13 +228,13 @@ struct LaneJudge {
       Wide lambda[3];
       impulses(p, lambda);
       Wide motion[3];
-      BodyJudgement<Wide> with_this = evaluated;
+      LargestResidual<Wide> with_this = evaluated;
       evaluate_contact<kLaw, Wide>(
           contact, [&](int side) { return lanes.twist(workspace.twists, side == 0 ? a : b); },
           [&](int side) { return lanes.mass(side == 0 ? a : b); }, bias, lanes.number(s.field.at(kFieldMu, p)), r,
           lambda, motion, with_this);
       const auto is_here = exists(p);
-      evaluated = {select(is_here, with_this.largest, evaluated.largest),
+      evaluated = {select(is_here, with_this.square, evaluated.square),
                    select(is_here, with_this.rounding_floor, evaluated.rounding_floor)};
       write_solution(p, motion);
     }
@@ -279,7 +279,7 @@ void evaluate_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s
     const Judge evaluate{env, s, params, workspace, asked, {s, first}};
     evaluate.gather();
     const auto found = evaluate.evaluate();
-    const auto largest = sqrt_(found.largest);
+    const auto largest = sqrt_(found.square);
     for (int l = 0; l < kLanes; ++l) evaluated[first + l] = {largest.v[l], found.rounding_floor.v[l]};
   }
 }

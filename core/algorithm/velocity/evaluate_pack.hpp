@@ -217,11 +217,7 @@ struct DoublePack {
     return max_(largest, Double(1e-300));
   }
 
-  /// Largest square of a cone's natural map, and what roundings hide of it.
-  struct Evaluated {
-    Double square;
-    Double rounding_floor;
-  };
+  using Evaluated = LargestResidual<Double>;
 
   template <Law kLaw, class Shape>
   STICTION_HD void evaluate_slot(Shape shape, Index index, Evaluated& evaluated) const {
@@ -249,14 +245,13 @@ struct DoublePack {
       lo = number(workspace.law, 3 * index + 1);
       hi = number(workspace.law, 3 * index + 2);
     }
-    evaluated.square = max_(natural_map_square<kLaw>(shape, x, y, a, lo, hi), evaluated.square);
-    evaluated.rounding_floor = max_(rounding_floor_of<kLaw>(x, y, a), evaluated.rounding_floor);
+    evaluated.template add<kLaw>(shape, x, y, a, lo, hi);
   }
 
   /// Rows between bounds are boxes, whatever their kind: a free row has infinite ones.
   STICTION_HD_OUTLINE Evaluated evaluate(Law law) const {
     move();
-    Evaluated evaluated{Double(0), Double(0)};
+    Evaluated evaluated;
     for (Index s = 0; s < counts.slots; ++s) {
       if (slots[s].rows == 1) {
         evaluate_slot<Law::convex>(ConeShape<ConeKind::box, 1>{}, s, evaluated);
