@@ -267,7 +267,8 @@ TYPED_TEST(LanesOf, GetTheSameBitsWhenTwoPacksTakeTurns) {
             EXPECT_TRUE(same_bits(got.y[i], want.y[i])) << "y " << i;
             EXPECT_TRUE(same_bits(got.best[i], want.best[i])) << "best " << i;
           }
-          for (const int k : {kBestResidual, kLastResidual, kTheta, kBeta, kProgress})
+          for (const Index k : {Index{kBestResidual}, Index{kLastResidual}, Index{Npgs::kTheta}, Index{Npgs::kBeta},
+                                Index{Npgs::kProgress}})
             EXPECT_TRUE(same_bits(got.scalar[k], want.scalar[k])) << "scalar " << k;
         }
     }

@@ -39,7 +39,7 @@ struct Iterated {
   double absolute = 0.0;
 
   [[nodiscard]] bool is_finished() { return prepared.system().scalar[kOutcome] == double(kFinished); }
-  [[nodiscard]] bool is_primal() { return prepared.system().scalar[kLipschitz] == 0.0; }
+  [[nodiscard]] bool is_primal() { return prepared.system().scalar[kProximalWeight] == 0.0; }
   [[nodiscard]] Index iterations_to(double tolerance) const {
     for (std::size_t k = 0; k < residuals.size(); ++k)
       if (residuals[k] <= tolerance) return static_cast<Index>(k) + 1;

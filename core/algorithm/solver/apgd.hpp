@@ -23,6 +23,12 @@ struct Apgd {
   static constexpr float kDecay = 0.97F;
   static constexpr float kSmallestLipschitz = 1.0F / 16;
 
+  /// What is remembered between iterations.
+  enum State : Index {
+    kTheta = kMethodScalars,  ///< Nesterov's
+    kLipschitz,               ///< current estimate of the preconditioned operator's norm
+  };
+
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void start(TeamT& team, System& s) {
     const auto x_before = s.vector(0);

@@ -18,6 +18,14 @@ struct Npgs {
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
+  /// What is remembered between sweeps.
+  enum State : Index {
+    kTheta = kMethodScalars,  ///< Nesterov's theta of the next sweep
+    kBeta,                    ///< what the last change is extrapolated by
+    kProgress,                ///< size of the last change, in units of w
+    kStateEnd
+  };
+
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void start(TeamT& team, System& s) {
     using Real = typename System::Real;

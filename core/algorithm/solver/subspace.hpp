@@ -91,9 +91,14 @@ struct Subspace {
   /// Largest environment that takes such steps. A factorisation costs what rows / 6 sweeps do, if not more
   /// (docs/math/subspace.md).
   static constexpr Index kMostRows = 40;
-  // Scalars that have other names elsewhere.
-  static constexpr Index kOwnRows = kPenaltyLevel;  ///< rows of the environment, without a pack's padding
-  static constexpr Index kWait = kSwitches;         ///< chunks from step to step: doubled by each that was not taken
+  /// What is remembered besides what npgs does.
+  enum State : Index {
+    kOwnRows = static_cast<Index>(Npgs::kStateEnd),  ///< rows of the environment, without a pack's padding
+    kWait,                                           ///< chunks from step to step: doubled by each that was not taken
+    kAge,                                            ///< chunks since the last step
+    kStateEnd
+  };
+  static_assert(kStateEnd <= static_cast<Index>(kStateScalars));
   /// Of a pivot, relative to the matrix's own diagonal.
   static constexpr float kLeastPivot = 0x1p-20F;
 

@@ -14,17 +14,9 @@ enum StateScalar : Index {
   kNormB,             ///< max|b| in the solver's units
   kScaleA,            ///< power of two that A was multiplied by
   kScaleB,            ///< power of two that b was multiplied by
-  kTheta,             ///< momentum: Nesterov's theta, or that of the next iteration
-  kBeta,              ///< momentum: what the last change is extrapolated by
-  kProgress,          ///< momentum: size of the last change, in units of w
-  kLipschitz,         ///< step control: current estimate of the preconditioned operator's norm
-  kPenaltyLevel,      ///< level of the penalty
-  kSwitches,          ///< how often it has changed
-  kAge,               ///< iterations since it was last checked
-  kHistory,           ///< steps that an acceleration remembers
-  kAsymmetry,         ///< largest difference between an entry of A and its mirror image
   kOutcome,           ///< Outcome of a method that decides when it ends, and what it must remember of how
-  kStateScalars
+  kMethodScalars,     ///< the first of those that the method names in its own file
+  kStateScalars = kMethodScalars + 7
 };
 
 /// How far a method that decides when it ends has come; kept in kOutcome.

@@ -27,6 +27,19 @@ struct Admm {
   static_assert(kCheckInterval % kChunk == 0);
   static constexpr Index kMostSwitches = 4;
   static constexpr Index kPenaltyLevels = 6;
+
+  /// What is remembered between iterations.
+  enum State : Index {
+    kLargestEigenvalue = kMethodScalars,  ///< of the scaled A + R
+    kSkewness,                            ///< largest difference between an entry of A and its mirror image, scaled
+    kPenaltyLevel,                        ///< level of the penalty
+    kSwitches,                            ///< how often it has changed
+    kAge,                                 ///< iterations since it was last looked at
+    kHistory,                             ///< steps that the acceleration remembers; -1: not even where it began
+    kLength,                              ///< of the last plain step
+    kStateEnd
+  };
+  static_assert(kStateEnd <= static_cast<Index>(kStateScalars));
   static constexpr Index kFirstPenaltyLevel = 2;
   static STICTION_HD double penalty_share(Index k) {
     constexpr double kShare[kPenaltyLevels] = {1.0, 0.3, 0.1, 0.03, 0.01, 0.003};
@@ -47,8 +60,8 @@ struct Admm {
     const double skewness = fill_scaled(team, s, a);
     const double largest = largest_eigenvalue(team, s, a);
     single(team, [&] {
-      s.scalar[kLipschitz] = static_cast<Real>(largest);
-      s.scalar[kAsymmetry] = static_cast<Real>(skewness);
+      s.scalar[kLargestEigenvalue] = static_cast<Real>(largest);
+      s.scalar[kSkewness] = static_cast<Real>(skewness);
       s.scalar[kPenaltyLevel] = Real(kFirstPenaltyLevel);
       s.scalar[kSwitches] = s.scalar[kAge] = Real(0);
     });
@@ -80,7 +93,7 @@ struct Admm {
     const AdmmState a = AdmmState::of(s);
     const double rho = penalty(s);
     const Index age = static_cast<Index>(s.scalar[kAge]);
-    const bool is_skew = s.scalar[kAsymmetry] > Real(0);
+    const bool is_skew = s.scalar[kSkewness] > Real(0);
     if (is_skew && age % kChunk == 0) find_skew(team, s, a, rho);
     s.for_each_cone(team, [&](auto shape, Index, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
@@ -133,7 +146,8 @@ struct Admm {
  private:
   template <class System>
   static STICTION_HD double penalty(const System& s) {
-    return penalty_share(static_cast<Index>(s.scalar[kPenaltyLevel])) * static_cast<double>(s.scalar[kLipschitz]);
+    return penalty_share(static_cast<Index>(s.scalar[kPenaltyLevel])) *
+           static_cast<double>(s.scalar[kLargestEigenvalue]);
   }
   /// z of one cone from its g, and x.
   template <class System, class Shape>
@@ -166,7 +180,7 @@ struct Admm {
     using Real = typename System::Real;
     single(team, [&] {
       s.scalar[kHistory] = Real(-1);
-      s.scalar[kProgress] = static_cast<Real>(__builtin_huge_valf());
+      s.scalar[kLength] = static_cast<Real>(__builtin_huge_valf());
     });
   }
 
@@ -183,7 +197,7 @@ struct Admm {
     const double length = sqrt_(square);
     const Index known = static_cast<Index>(s.scalar[kHistory]);
     // Not "longer than": a guess that led to NaN is taken back as well.
-    const bool is_accepted = length <= kGrowth * static_cast<double>(s.scalar[kProgress]);
+    const bool is_accepted = length <= kGrowth * static_cast<double>(s.scalar[kLength]);
     team.sync();
     if (!is_accepted) {
       for_each(team, a.n, [&](Index i) { a.g[i] = a.image_before[i]; });
@@ -209,7 +223,7 @@ struct Admm {
     });
     single(team, [&] {
       s.scalar[kHistory] = static_cast<Real>(known + 1 < 2 * kAndersonMemory ? known + 1 : known + 1 - kAndersonMemory);
-      s.scalar[kProgress] = static_cast<Real>(length);
+      s.scalar[kLength] = static_cast<Real>(length);
       if (length == 0.0) s.scalar[kOutcome] = Real(kFinished);
     });
   }

@@ -29,22 +29,29 @@ struct Ipm {
   /// Complementarity kept for every unit of what the shift moved.
   static constexpr double kShiftGuard = 0.1;
 
+  /// What is remembered between iterations.
+  enum State : Index {
+    kTerms = kMethodScalars,  ///< terms of the barrier
+    kWaited,                  ///< iterations since the residual fell by a tenth; -1: none has been recorded
+    kSmallest,                ///< the residual then
+  };
+
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     using Real = typename System::Real;
     const IpmSpace p(s);
     const double terms = start_interior(team, s, p);
     single(team, [&] {
-      s.scalar[kTheta] = static_cast<Real>(terms);
-      s.scalar[kProgress] = -1;
-      s.scalar[kLipschitz] = static_cast<Real>(__builtin_huge_valf());
+      s.scalar[kTerms] = static_cast<Real>(terms);
+      s.scalar[kWaited] = -1;
+      s.scalar[kSmallest] = static_cast<Real>(__builtin_huge_valf());
     });
   }
 
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>&) {
     const IpmSpace p(s);
-    const auto terms = static_cast<double>(s.scalar[kTheta]);
+    const auto terms = static_cast<double>(s.scalar[kTerms]);
     const double drift = refresh_motion_wide<kLaw>(team, s, p);
     scale_cones(team, s, p);
     const double gap = complementarity(team, s, p);
@@ -114,8 +121,8 @@ struct Ipm {
   static STICTION_HD_OUTLINE void watch(TeamT& team, System& s) {
     using Real = typename System::Real;
     single(team, [&] {
-      Real& smallest = s.scalar[kLipschitz];
-      Real& waited = s.scalar[kProgress];
+      Real& smallest = s.scalar[kSmallest];
+      Real& waited = s.scalar[kWaited];
       const Real last = s.scalar[kLastResidual];
       const bool is_first = waited < Real(0);
       const bool improved = !is_first && last < Real(0.9F) * smallest;

@@ -47,8 +47,8 @@ struct Newton {
     using Real = typename System::Real;
     if (kLaw == Law::convex && is_compliant(team, s)) {
       single(team, [&] {
-        s.scalar[kLipschitz] = Real(0);
-        s.scalar[kTheta] = Real(0);
+        s.scalar[kProximalWeight] = Real(0);
+        s.scalar[kWasExhausted] = Real(0);
       });
       start_primal(team, s);
     } else {
@@ -60,14 +60,14 @@ struct Newton {
   static STICTION_HD_OUTLINE void iterate(TeamT& team, System& s,
                                           const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
-    const bool is_primal = s.scalar[kLipschitz] == Real(0);
+    const bool is_primal = s.scalar[kProximalWeight] == Real(0);
     team.sync();
     bool is_exhausted = false;
     if (kLaw == Law::convex && is_primal) {
       // Twice in a row: the last step may still have gained half the digits.
-      const bool was_exhausted = s.scalar[kTheta] == Real(1);
+      const bool was_exhausted = s.scalar[kWasExhausted] == Real(1);
       is_exhausted = iterate_primal(team, s);
-      single(team, [&] { s.scalar[kTheta] = is_exhausted ? Real(1) : Real(0); });
+      single(team, [&] { s.scalar[kWasExhausted] = is_exhausted ? Real(1) : Real(0); });
       is_exhausted = is_exhausted && was_exhausted;
     } else {
       is_exhausted = iterate_proximal<kLaw>(team, s, params);

@@ -12,6 +12,14 @@ namespace stiction::inline STICTION_ISA {
 
 inline constexpr int kSweepsBefore = 10;  ///< sweeps at the beginning and when Newton's method is of no use
 inline constexpr int kBacktracks = 6;
+/// What is remembered between iterations, behind what the sweeps do.
+enum NewtonState : Index {
+  kProximalWeight = static_cast<Index>(Npgs::kStateEnd),  ///< 0: the primal method; negative: sweeps come first
+  kWasExhausted,  ///< primal: 1 if the last step could gain nothing but rounding
+  kNewtonStateEnd
+};
+static_assert(kNewtonStateEnd <= static_cast<Index>(kStateScalars));
+
 inline constexpr float kProximalStart = 1e-2F;  ///< weight of the proximal term over the mean diagonal
 inline constexpr float kProximalMost = 1.0F;    ///< the same at most
 inline constexpr float kProximalFall = 0.3F;    ///< its factor once the problem with it is solved, and where no step
@@ -169,8 +177,8 @@ STICTION_HD_OUTLINE void start_proximal(TeamT& team, System& s) {
   }
   const Real mean = mean_diagonal<Real>(team, workspace);
   single(team, [&] {
-    s.scalar[kTheta] = Real(0);
-    s.scalar[kLipschitz] = Real(0) - Real(kProximalStart) * mean;
+    s.scalar[Npgs::kTheta] = Real(0);
+    s.scalar[kProximalWeight] = Real(0) - Real(kProximalStart) * mean;
   });
 }
 
@@ -181,7 +189,7 @@ STICTION_HD_OUTLINE void sweep_closer(TeamT& team, System& s,
                                       const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
   const NewtonWorkspace workspace = newton_room(s);
-  const bool afresh = s.scalar[kTheta] == Real(0);
+  const bool afresh = s.scalar[Npgs::kTheta] == Real(0);
   team.sync();
   if (afresh) {
     refresh_motion(team, s);
@@ -232,7 +240,7 @@ STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
                                           const MethodParams<Scalar<typename System::Real>>& params) {
   using Real = typename System::Real;
   const NewtonWorkspace workspace = newton_room(s);
-  const Real weight = s.scalar[kLipschitz];
+  const Real weight = s.scalar[kProximalWeight];
   team.sync();
   if (weight < Real(0)) sweep_closer<kLaw>(team, s, params);
   const auto prox_weight = static_cast<double>(abs_(weight));
@@ -266,8 +274,8 @@ STICTION_HD_OUTLINE bool iterate_proximal(TeamT& team, System& s,
     next = max_(next, min_(next * Real(kProximalRise), most));
   }
   single(team, [&] {
-    if (is_better) s.scalar[kTheta] = Real(0);
-    s.scalar[kLipschitz] = next;
+    if (is_better) s.scalar[Npgs::kTheta] = Real(0);
+    s.scalar[kProximalWeight] = next;
   });
   if (!is_better) sweep_closer<kLaw>(team, s, params);
   return !is_better && here.natural <= noise;
