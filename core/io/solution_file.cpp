@@ -42,6 +42,18 @@ void check_codes(const InputFile& file, const std::string& path, const std::vect
   }
 }
 
+/// Refuses the number of a solver that this library does not know, or of none that answers.
+void check_solvers(const InputFile& file, const std::vector<std::uint8_t>& solvers) {
+  for (std::size_t env = 0; env < solvers.size(); ++env) {
+    const auto solver = static_cast<SolverKind>(solvers[env]);
+    const bool answers =
+        solver < SolverKind::end || solver == SolverKind::velocity_newton || solver == SolverKind::multigrid;
+    if (!answers)
+      file.refuse_dataset("answered_by", "holds " + std::to_string(solvers[env]) + " at position " +
+                                             std::to_string(env) + ", which is no solver that answers");
+  }
+}
+
 std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
   const auto codes = file.integers<std::uint8_t>("status", envs);
   check_codes(file, "status", codes, kEnvCodeCount);
@@ -59,7 +71,7 @@ std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
   }
   if (file.has("answered_by")) {
     const auto solvers = file.integers<std::uint8_t>("answered_by", envs);
-    check_codes(file, "answered_by", solvers, kSolverKindCount);
+    check_solvers(file, solvers);
     fill(solvers, &EnvStatus::solver);
   }
   return status;

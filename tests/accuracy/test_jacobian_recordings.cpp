@@ -6,9 +6,9 @@
 #include <cmath>
 #include <filesystem>
 
+#include "stiction/io.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/jacobian_systems.hpp"
-#include "tests/support/recorded_jacobian.hpp"
 
 namespace {
 
@@ -29,7 +29,7 @@ double largest_of(std::span<const double> values) {
 }
 
 TEST_P(JacobianRecordings, AssemblyGivesTheRecordedSystem) {
-  const auto assembled = assemble(recorded_jacobian(recording_).view(), FactorUse::never);
+  const auto assembled = assemble(io::jacobian_batch<double>(recording_).view(), FactorUse::never);
   const auto ours = assembled.view(), theirs = recording_.batch.view();
   ASSERT_EQ(ours.env_count, theirs.env_count);
   for (Offset env = 0; env < ours.env_count; ++env) {
@@ -52,7 +52,7 @@ TEST_P(JacobianRecordings, AssemblyGivesTheRecordedSystem) {
 }
 
 TEST_P(JacobianRecordings, VelocitiesOfTheRecordedForcesAreTheRecordedOnes) {
-  const auto jacobian = recorded_jacobian(recording_);
+  const auto jacobian = io::jacobian_batch<double>(recording_);
   const auto velocity = velocities(jacobian.view(), std::span<const double>(recording_.lambda_ref));
   for (std::size_t e = 0; e + 1 < recording_.env_dof_offsets.size(); ++e) {
     const auto first = static_cast<std::size_t>(recording_.env_dof_offsets[e]);
@@ -65,7 +65,7 @@ TEST_P(JacobianRecordings, VelocitiesOfTheRecordedForcesAreTheRecordedOnes) {
 }
 
 TEST_P(JacobianRecordings, MatrixAndFactorReachTheToleranceByTheJudge) {
-  const auto jacobian = recorded_jacobian(recording_);
+  const auto jacobian = io::jacobian_batch<double>(recording_);
   SolverOptions o = options(SolverKind::apgd, 1e-6, 20000);
   o.threads = 0;
   for (const FactorUse use : {FactorUse::never, FactorUse::always}) {

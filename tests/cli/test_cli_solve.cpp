@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -251,6 +252,38 @@ TEST(SolveIslands, ApartIsSaidAndIsAnotherIteration) {
   EXPECT_EQ(Json::parse(run_stiction({"inspect", batch, "--json"}).out)["islands"]["min"], 2);
   EXPECT_EQ(solve({"--islands", "adrift"}).status, 2);
   EXPECT_NE(solve({"--islands", "adrift"}).err.find("together, apart"), std::string::npos);
+}
+
+TEST_F(Solve, JAndMOfTheFileAreSolvedWithoutA) {
+  const std::string robot = STICTION_EXAMPLES_DIR "/data/humanoid.h5";
+  const std::string solution = folder_ / "solution.h5";
+  const auto report_of = [&](Words more) {
+    more.insert(more.begin(), {"solve", robot, "--form", "jacobian", "--tolerance", "1e-6", "--json", "-"});
+    return Json::parse(run_stiction(more).out);
+  };
+  const Json json = report_of({"-o", solution});
+  EXPECT_EQ(json["form"], "jacobian");
+  EXPECT_EQ(json["solver"], "auto");
+  EXPECT_EQ(json["answered"], (Json{{"velocity_newton", json["environments"]}}));
+  EXPECT_EQ(json["unconverged"], 0);
+  // The judge has the file's A, not ours.
+  EXPECT_EQ(run_stiction({"verify", robot, solution, "--tolerance", "2e-6"}).status, 0);
+  EXPECT_EQ(report_of({"--permute", "3"})["hash"], json["hash"]);
+  EXPECT_EQ(report_of({"--device", "emulated"})["hash"], json["hash"]);
+  EXPECT_LT(report_of({"--warm-start", solution})["iterations"]["max"], json["iterations"]["max"]);
+  const Json sweeps = report_of({"--solver", "npgs", "--max-iterations", "20000"});
+  EXPECT_EQ(sweeps["answered"], (Json{{"npgs", json["environments"]}}));
+}
+
+TEST_F(Solve, WhatHasNoJAndMOrIsOfAIsRefusedInThatForm) {
+  EXPECT_THAT(solve({"--form", "jacobian"}).err, testing::HasSubstr("has no J and M: leave --form out"));
+  EXPECT_THAT(solve({"--form", "dense"}).err, testing::HasSubstr("--form dense: expected matrix or jacobian"));
+  for (const Words& other :
+       {Words{"--pyramid", "4"}, Words{"--record", folder_ / "r.h5"}, Words{"--convergence", folder_ / "c.csv"}}) {
+    const Finished refused = solve({"--form", "jacobian", other[0], other[1]});
+    EXPECT_EQ(refused.status, 2);
+    EXPECT_THAT(refused.err, testing::HasSubstr("--form jacobian and " + other[0] + " exclude one another"));
+  }
 }
 
 TEST_F(Solve, PyramidsAreSolvedByPivotingAndWrittenInTheRowsOfTheCones) {

@@ -67,6 +67,26 @@ TEST(Step, QualityFallsWithTheResidual) {
   EXPECT_EQ(quality("4000"), 1);
 }
 
+TEST(Step, NewtonsMethodReachesWhatSweepsDoNot) {
+  const std::vector<std::string> base{"stack", "--envs",       "2", "--steps", "30", "--iterations",
+                                      "60",    "--warm-start", "0"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), base.begin(), base.end());
+    return report_of(more);
+  };
+  const Json sweeps = with({}), multigrid = with({"--solver", "multigrid"});
+  EXPECT_EQ(sweeps["solver"], "si");
+  EXPECT_EQ(multigrid["solver"], "multigrid");
+  EXPECT_LT(sweeps["quality"], multigrid["quality"]);
+  EXPECT_EQ(multigrid["quality"], 1);
+  const Json named = with({"--solver", "newton", "--preconditioner", "multigrid"});
+  EXPECT_EQ(named["preconditioner"], "multigrid");
+  EXPECT_EQ(named["hash"], multigrid["hash"]);
+  EXPECT_EQ(with({"--solver", "newton"})["preconditioner"], "block_diagonal");
+  EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--solver", "nonsense"}).status, 2);
+  EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--preconditioner", "factor"}).status, 2);
+}
+
 TEST(Step, WritesStatesAsCsv) {
   const Folder folder;
   const std::string path = folder / "states.csv";

@@ -37,6 +37,59 @@ TEST_F(IoBatch, TheSameRecordingGivesTheSameBytes) {
   EXPECT_EQ(bytes_of(at("a.h5")), bytes_of(at("b.h5")));
 }
 
+/// The numbers of M that the batch keeps.
+Offset mass_count(const Recording& recording) {
+  return jacobian_batch<double>(recording).view().mass_count;
+}
+
+TEST_F(IoBatch, JAndMBecomeAJacobianBatch) {
+  const Recording recording = small_recording();
+  const auto batch = jacobian_batch<double>(recording);
+  const auto view = batch.view();
+  ASSERT_EQ(view.env_count, 2);
+  EXPECT_EQ(view.law, Law::coulomb);
+  EXPECT_EQ(std::vector<Index>(view.column, view.column + view.entry_count), recording.J.col);
+  EXPECT_EQ(std::vector<double>(view.J, view.J + view.entry_count), recording.J.val);
+  EXPECT_EQ(std::vector<double>(view.M, view.M + view.mass_count), (std::vector<double>{2.0, 0.5, 0.5, 3.0, 1.0}));
+  EXPECT_EQ(std::vector<double>(view.v_free, view.v_free + 3), recording.v_free);
+  EXPECT_EQ(std::vector<double>(view.target, view.target + 6), recording.row_target);
+  EXPECT_EQ(std::vector<double>(view.mu, view.mu + 6), recording.batch.arrays().mu);
+  const std::vector<Offset> backward{1, 0};
+  const auto turned = jacobian_batch<float>(recording, backward);
+  EXPECT_EQ(turned.view().env_rows(0), 1);
+  EXPECT_EQ(turned.view().v_free[0], -9.81F);
+  EXPECT_EQ(turned.view().J[0], 1.0F);
+}
+
+TEST_F(IoBatch, MOfBlocksIsKeptAsBlocks) {
+  Recording recording = small_recording();
+  EXPECT_EQ(mass_count(recording), 2 * 2 + 1) << "dense";
+  recording.M = {{0, 1, 2, 3}, {0, 1, 0}, {2.0, 3.0, 1.0}};
+  EXPECT_EQ(mass_count(recording), 3) << "diagonal";
+}
+
+TEST_F(IoBatch, WhatIsNoJacobianFormIsRefused) {
+  const auto refusal = [](auto&& edit, std::vector<Offset> order = {}) -> std::string {
+    Recording recording = small_recording();
+    edit(recording);
+    try {
+      jacobian_batch<double>(recording, order);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal([](Recording&) {}), "");
+  EXPECT_THAT(refusal([](Recording& r) { r.J = {}; }), HasSubstr("no J and M"));
+  EXPECT_THAT(refusal([](Recording& r) { r.v_free.clear(); }), HasSubstr("no J and M"));
+  EXPECT_THAT(refusal([](Recording& r) { r.J.ptr.pop_back(); }), HasSubstr("J.ptr has 6 elements, expected 7"));
+  EXPECT_THAT(refusal([](Recording& r) { r.M.val.pop_back(); }), HasSubstr("M.val has 4 elements, expected 5"));
+  EXPECT_THAT(refusal([](Recording& r) { r.v_free.pop_back(); }), HasSubstr("v_free has 2 elements, expected 3"));
+  EXPECT_THAT(refusal([](Recording& r) { r.row_target.pop_back(); }), HasSubstr("row_target has 5"));
+  EXPECT_THAT(refusal([](Recording&) {}, {2}), HasSubstr("order names environment 2: there are 2"));
+}
+
 TEST_F(IoBatch, SymmetricBoxesAreWrittenAsTheirBoundAlone) {
   Environment<double> environment;
   environment.cones = {{ConeKind::box, 1, -1}};

@@ -73,6 +73,16 @@ TEST_F(IoSolution, AStatusWithoutItsDetailsIsReadAsZeros) {
   EXPECT_EQ(solution.status[0].iterations, 0);
 }
 
+TEST_F(IoSolution, SolversThatTakeNoContactBatchComeBack) {
+  SolutionFile written = sample(Precision::f64);
+  written.status[0].solver = SolverKind::velocity_newton;
+  written.status[1].solver = SolverKind::multigrid;
+  write_solution(at("s.h5"), written);
+  const SolutionFile solution = read_solution(at("s.h5"));
+  EXPECT_EQ(solution.status[0].solver, SolverKind::velocity_newton);
+  EXPECT_EQ(solution.status[1].solver, SolverKind::multigrid);
+}
+
 TEST_F(IoSolution, MalformedSolutionsAreRefusedInOneSentence) {
   const auto refusal = [&](const std::function<void(Spoiler&)>& spoil) {
     write_solution(at("s.h5"), sample(Precision::f64));
@@ -93,6 +103,8 @@ TEST_F(IoSolution, MalformedSolutionsAreRefusedInOneSentence) {
               HasSubstr("dataset 'status' holds 300 at position 1, which does not fit 8 bits"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("answered_by", std::vector<std::int32_t>{0, 77}); }),
               HasSubstr("dataset 'answered_by' holds 77"));
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("answered_by", std::vector<std::int32_t>{0, 255}); }),
+              HasSubstr("dataset 'answered_by' holds 255 at position 1, which is no solver that answers"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.remove("env_row_ptr"); }),
               HasSubstr("dataset 'env_row_ptr' is missing, 'status' needs it"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("env_row_ptr", std::vector<std::int64_t>{0, 3, 5}); }),

@@ -42,10 +42,11 @@ struct InspectArguments {
 
 struct SolveArguments {
   std::filesystem::path batch;
-  std::optional<std::string> solver, preset;  ///< without either: npgs
+  std::optional<std::string> solver, preset;  ///< without either: npgs, or auto of J and M
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
+  std::string form = "matrix";  ///< what is solved of the file: matrix (A), or jacobian (J and M)
   std::string islands = "together";
   std::optional<double> tolerance;
   std::optional<Index> max_iterations;
@@ -99,6 +100,8 @@ struct StepArguments {
   std::optional<double> dt;  ///< without it: the scene's
   std::string device = "auto";
   std::string precision = "f64";
+  std::string solver = "si";                  ///< si, newton or multigrid
+  std::optional<std::string> preconditioner;  ///< of newton; without it: block_diagonal
   Index iterations = 50;
   double tolerance = 1e-3;
   double warm_start = 0.95;

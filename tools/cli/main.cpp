@@ -58,6 +58,7 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
+  app.add_option("--form", a.form, "matrix: A; jacobian: J and M of the file")->capture_default_str();
   app.add_option("--islands", a.islands, "together, or apart: every island iterates and stops by itself")
       ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
@@ -126,8 +127,10 @@ void declare_step(CLI::App& app, StepArguments& a) {
   app.add_option("--device", a.device, "auto, cpu, cuda, cuda:I or emulated: where reactions are solved")
       ->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
-  app.add_option("--iterations", a.iterations, "Sweeps of a step at most")->capture_default_str();
-  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all sweeps")->capture_default_str();
+  app.add_option("--solver", a.solver, "si, newton or multigrid")->capture_default_str();
+  app.add_option("--preconditioner", a.preconditioner, "Of newton's linear systems [block_diagonal]");
+  app.add_option("--iterations", a.iterations, "Sweeps, or Newton steps, of a step at most")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
   app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
   app.add_option("--max-contacts", a.max_contacts, "The deepest of an environment that are solved; 0: all")
       ->capture_default_str();

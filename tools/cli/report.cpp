@@ -38,10 +38,7 @@ std::string flags_text(const SolveReport& report) {
 
 std::string answered_text(const SolveReport& report) {
   std::vector<std::string> counts;
-  for (std::size_t kind = 0; kind < report.answered.size(); ++kind) {
-    if (report.answered[kind] != 0)
-      counts.push_back(fmt::format("{} {}", report.answered[kind], to_string(static_cast<SolverKind>(kind))));
-  }
+  for (const auto& [solver, count] : report.answered) counts.push_back(fmt::format("{} {}", count, to_string(solver)));
   return counts_text("-", counts);
 }
 
@@ -62,7 +59,7 @@ void SolveReport::count(std::span<const EnvStatus> status) {
     residuals.push_back(env.residual);
     ++codes[static_cast<std::size_t>(env.code)];
     for (std::size_t bit = 0; bit < flags.size(); ++bit) flags[bit] += (env.flags & flag_of(bit)) != 0 ? 1 : 0;
-    ++answered[static_cast<std::size_t>(env.solver)];
+    ++answered[env.solver];
     unconverged += env.code != EnvCode::solved ? 1 : 0;
   }
   iterations = quantiles(std::move(iteration_counts));
@@ -73,8 +70,7 @@ std::string to_json(const SolveReport& report) {
   Json flags = Json::object();
   for (std::size_t bit = 0; bit < report.flags.size(); ++bit) flags[flag_name(flag_of(bit))] = report.flags[bit];
   Json answered = Json::object();
-  for (std::size_t kind = 0; kind < report.answered.size(); ++kind)
-    if (report.answered[kind] != 0) answered[to_string(static_cast<SolverKind>(kind))] = report.answered[kind];
+  for (const auto& [solver, count] : report.answered) answered[to_string(solver)] = count;
   Json json = {
       {"schema_version", kReportSchemaVersion},
       {"device", report.device},
@@ -95,6 +91,7 @@ std::string to_json(const SolveReport& report) {
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
   if (report.options.direct_rows != SolverOptions{}.direct_rows) json["direct_rows"] = report.options.direct_rows;
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
+  if (report.is_jacobian) json["form"] = "jacobian";
   return dump(json);
 }
 
@@ -105,6 +102,7 @@ std::string to_text(const SolveReport& report) {
   line("environments", fmt::format("{}", report.environments));
   line("rows", fmt::format("{}", report.rows));
   line("cones", fmt::format("{}", report.cones));
+  if (report.is_jacobian) line("form", "jacobian: J and M of the file");
   line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", to_string(report.options.solver),
                              report.options.tolerance, report.options.max_iterations));
   if (report.options.islands != IslandMode::together) line("islands", to_string(report.options.islands));

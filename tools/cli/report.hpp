@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -22,15 +23,16 @@ struct SolveReport {
   SolverOptions options;
   Law law = Law::convex;
   Precision precision = Precision::f64;
-  int threads = 0;  ///< 0: not a matter of CPU threads
-  int pyramid = 0;  ///< sides of the pyramids that were solved; 0: the cones themselves
+  int threads = 0;           ///< 0: not a matter of CPU threads
+  bool is_jacobian = false;  ///< whether J and M were solved
+  int pyramid = 0;           ///< sides of the pyramids that were solved; 0: the cones themselves
   Offset environments = 0, rows = 0, cones = 0;
   Seconds seconds;
   std::optional<Quantiles<std::int32_t>> iterations;
   std::optional<Quantiles<double>> residual;
   std::array<Offset, kEnvCodeCount> codes{};
   std::array<Offset, kEnvFlagCount> flags{};
-  std::array<Offset, kSolverKindCount> answered{};  ///< by SolverKind
+  std::map<SolverKind, Offset> answered;  ///< environments by the solver that answered
   Offset unconverged = 0;
   std::uint64_t hash = 0;
 

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <numeric>
@@ -23,22 +22,24 @@
 #include "tools/cli/permute.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/report.hpp"
+#include "tools/cli/solve_jacobian.hpp"
+#include "tools/cli/stopwatch.hpp"
 
 namespace stiction::cli {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// Environments that --record keeps at most.
 constexpr Offset kMostRecorded = 1024;
 
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
+bool is_jacobian(const SolveArguments& arguments) {
+  if (arguments.form == "matrix" || arguments.form == "jacobian") return arguments.form == "jacobian";
+  throw Error(ErrorCode::invalid_argument, fmt::format("--form {}: expected matrix or jacobian", arguments.form));
 }
 
 SolverOptions solver_options(const SolveArguments& arguments) {
   SolverOptions options = arguments.preset ? options_for(preset_from_string(*arguments.preset)) : SolverOptions{};
+  if (is_jacobian(arguments)) options.solver = SolverKind::automatic;
   if (arguments.solver) options.solver = solver_from_string(*arguments.solver);
   options.tolerance = arguments.tolerance.value_or(options.tolerance);
   options.max_iterations = arguments.max_iterations.value_or(options.max_iterations);
@@ -68,6 +69,16 @@ void check_outputs(const SolveArguments& arguments) {
     require_different(arguments.batch, *text);
     require_writable(*text);
   }
+}
+
+/// Pyramids, recordings and curves are of A.
+void check_form(const SolveArguments& arguments) {
+  if (!is_jacobian(arguments)) return;
+  const char* other = arguments.pyramid > 0 ? "--pyramid" : arguments.record ? "--record" : nullptr;
+  if (arguments.convergence) other = "--convergence";
+  if (other != nullptr)
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--form jacobian and {} exclude one another: leave one of them out", other));
 }
 
 /// Reactions of a cone are many sums of its pyramid's edges, so a warm start of cones has no single one of edges. And
@@ -221,6 +232,11 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::vector<Offset> order;
   if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
   const Work<Real> work = prepare<Real>(batch, warm_start, order);
+  if (report.is_jacobian && loaded.recording.J.ptr.empty())
+    throw Error(ErrorCode::bad_file, fmt::format("{}: has no J and M: leave --form out", report.file));
+  const JacobianBatch<Real> jacobians = report.is_jacobian
+                                            ? io::jacobian_batch<Real>(loaded.recording, std::span<const Offset>(order))
+                                            : JacobianBatch<Real>();
   report.environments = batch.env_count();
   report.rows = file_batch.row_count();
   report.cones = file_batch.view().cone_count;
@@ -228,18 +244,18 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   report.seconds.load = seconds_since(start);
   loading.reset();
 
-  stage->relabel("planning");
-  start = Clock::now();
-  const Plan plan = solver.plan(work.batch.view());
-  report.seconds.plan = seconds_since(start);
-
-  stage->relabel("solving");
   Solution<Real> solution;
-  for (int turn = 0; turn < arguments.repeat; ++turn) {
+  if (report.is_jacobian) {
+    stage->relabel("solving");
+    solution = solve_jacobians(jacobians, solver.device(), solver.options(), work.warm_start, arguments.repeat,
+                               report.seconds);
+  } else {
+    stage->relabel("planning");
     start = Clock::now();
-    solution = solve_work(solver, plan, work);
-    const double seconds = seconds_since(start);
-    report.seconds.solve = turn == 0 ? seconds : std::min(seconds, report.seconds.solve);
+    const Plan plan = solver.plan(work.batch.view());
+    report.seconds.plan = seconds_since(start);
+    stage->relabel("solving");
+    report.seconds.solve = shortest_of(arguments.repeat, [&] { solution = solve_work(solver, plan, work); });
   }
 
   if (!order.empty()) solution = to_file_order(solution, batch.arrays().env_row_offsets, order);
@@ -277,9 +293,11 @@ int run_solve(const SolveArguments& arguments) {
   report.file = arguments.batch.string();
   report.options = solver_options(arguments);
   report.pyramid = arguments.pyramid;
+  report.is_jacobian = is_jacobian(arguments);
   report.precision = precision_from_option(arguments.precision);
   record_when(arguments.record_when);
   check_pyramid(arguments);
+  check_form(arguments);
   check_outputs(arguments);
   const Device device = Device::from_string(arguments.device);
   std::optional<Tracer> tracer;

@@ -24,10 +24,11 @@ std::string to_json(const StepReport& report) {
   Json codes = Json::object();
   for (std::size_t code = 0; code < report.codes.size(); ++code)
     codes[to_string(static_cast<EnvCode>(code))] = report.codes[code];
-  const Json json = {
+  Json json = {
       {"schema_version", kReportSchemaVersion},
       {"scene", report.scene},
       {"device", report.device},
+      {"solver", report.solver},
       {"precision", to_string(report.precision)},
       {"environments", report.environments},
       {"steps", report.steps},
@@ -58,6 +59,7 @@ std::string to_json(const StepReport& report) {
       {"deepest", report.deepest},
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
+  if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
   return dump(json);
 }
 
@@ -68,7 +70,10 @@ std::string to_text(const StepReport& report) {
   line("scene", fmt::format("{}, {} bodies, seed {}", report.scene, report.bodies, report.seed));
   line("environments", fmt::format("{}", report.environments));
   line("steps", fmt::format("{} of {:g} s", report.steps, report.dt));
-  line("solver", fmt::format("at most {} sweeps, tolerance {:g}", report.iterations, report.tolerance));
+  line("solver",
+       fmt::format("{}, at most {} {}, tolerance {:g}",
+                   report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,
+                   report.iterations, report.solver == "si" ? "sweeps" : "steps", report.tolerance));
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", fmt::format("{}", report.threads));

@@ -13,6 +13,7 @@ namespace stiction::cli {
 /// Everything `stiction step` reports, gathered once and printed as text and as JSON.
 struct StepReport {
   std::string scene, device, device_name;
+  std::string solver, preconditioner;  ///< the latter of newton alone
   Precision precision = Precision::f64;
   std::int64_t environments = 0, steps = 0, bodies = 0;
   std::uint64_t seed = 0;

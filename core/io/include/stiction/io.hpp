@@ -3,10 +3,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "stiction/batch.hpp"
+#include "stiction/jacobian.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
 
@@ -64,6 +66,13 @@ FileKind detect(const std::filesystem::path& path);
 /// of A and numerical values are not (that is stiction::validate). FCLIB global problems are condensed to
 /// W = H' M^-1 H and keep J = H', M, v_free, row_target. \throws Error
 Recording read_batch(const std::filesystem::path& path);
+
+/// The Jacobian batch of a recording that has J and M. J has the stored entries. M is in blocks of 1, 3 or 6 where all
+/// of it lies in such, else dense. With an `order`, environment k of the batch is the recording's number order[k].
+/// \throws Error(invalid_argument) if the recording lacks J, M or v_free, or an array does not fit the batch. Also if
+/// `order` names an environment that is not there.
+template <class Real>
+JacobianBatch<Real> jacobian_batch(const Recording& recording, std::span<const Offset> order = {});
 
 /// Writes a contact batch: to a temporary file beside `path` that is renamed when complete.
 /// \throws Error(invalid_argument) if an optional part's length does not fit the batch, Error(io)
