@@ -55,16 +55,6 @@ struct Workspace {
   }
   /// Whether the method factorises.
   [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return f64_vectors > 0 || dense_matrices > 0; }
-  /// What is enough for either of two methods.
-  [[nodiscard]] STICTION_HD constexpr Workspace joined(const Workspace& other) const {
-    return {vectors > other.vectors ? vectors : other.vectors,
-            f64_vectors > other.f64_vectors ? f64_vectors : other.f64_vectors,
-            dense_matrices > other.dense_matrices ? dense_matrices : other.dense_matrices,
-            matrix_free_vectors > other.matrix_free_vectors ? matrix_free_vectors : other.matrix_free_vectors,
-            direct_rows > other.direct_rows ? direct_rows : other.direct_rows,
-            real_matrices > other.real_matrices ? real_matrices : other.real_matrices};
-  }
-  friend constexpr bool operator==(const Workspace&, const Workspace&) = default;
 };
 
 }  // namespace stiction

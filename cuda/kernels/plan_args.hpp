@@ -23,7 +23,7 @@ struct PlanArrays {
   Offset* key_begin;           ///< place in `order` where each key begins                         (kSortKeys + 1)
   Offset* class_begin;         ///< the same of each class                                         (kSizeClasses + 1)
   Offset* work_counter;        ///< per class, pieces of work taken                                (kSizeClasses)
-  Offset* sort_scratch;        ///<                                             (count_sort_scratch)
+  Index* sort_scratch;         ///< null: in fast memory                        (count_sort_scratch)
   Index* graph_scratch;        ///< of each team that colours or finds islands                     (teams * slot)
   Offset graph_slot;           ///< integers of it for one team
 

@@ -87,7 +87,7 @@ struct SortEnvironments {
     const cuda::PlanArrays& plan = args.plan;
     count_sort(
         team, args.batch.env_count, kSortKeys, [&](Offset env) { return plan.key[env]; }, plan.order, plan.key_begin,
-        plan.sort_scratch);
+        plan.sort_scratch != nullptr ? plan.sort_scratch : static_cast<Index*>(id.shared));
     for_each(team, kSizeClasses + 1, [&](Index k) { plan.class_begin[k] = plan.key_begin[k * kBucketsPerClass]; });
   }
 };

@@ -103,7 +103,7 @@ void DeviceContactMachine::islands(const ContactBatchView<float>& batch, Index* 
                                    StreamRef stream) {
   const std::lock_guard lock(mutex_);
   const Capacity need{batch.env_count, 0, 0, 0, 0, 0, 0, Precision::f32};
-  if (!engine_.has_reserved(need, SolverKind::pgs, Precision::f32))
+  if (!engine_.has_room(need))
     throw Error(ErrorCode::invalid_argument,
                 "batch has " + std::to_string(batch.env_count) +
                     " environments, more than the solver has room for: construct the Solver with that Capacity");

@@ -85,19 +85,8 @@ void Engine::queue_plan(const SolveRequest<Real>& request) {
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
-  api_.launch(kernels.sort, {1, kSortLanes}, &args, stream);
+  api_.launch(kernels.sort, sort_, &args, stream);
   if (may_be_sparse(reserved_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
-}
-
-template <class Real>
-WorkQueue<Real> Engine::queue_of(SizeClass size_class) const {
-  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
-  return {plan_.order,
-          plan_.class_begin,
-          plan_.work_counter,
-          size_class,
-          shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace),
-          shape.slot_elements[static_cast<std::size_t>(kPrecisionOf<Real>)]};
 }
 
 template <class Real>
@@ -106,9 +95,10 @@ void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Rea
   // An environment without anything to solve is answered in the name of the first stage.
   const SolverKind solver =
       request.options.solver == SolverKind::automatic ? fallback_stage(0).solver : request.options.solver;
-  const TrivialArgs<Real> args{job, queue_of<Real>(SizeClass::trivial), plan_.flags, solver};
+  const WorkQueue<Real> queue{plan_.order, plan_.class_begin, plan_.work_counter, SizeClass::trivial, nullptr, 0};
+  const TrivialArgs<Real> args{job, queue, plan_.flags, solver};
   const KernelRef& kernel = api_.kernels().trivial[static_cast<std::size_t>(kPrecisionOf<Real>)];
-  const LaunchShape& shape = shapes_[static_cast<std::size_t>(SizeClass::trivial)].launch;
+  const LaunchShape& shape = shapes_of(solver)[static_cast<std::size_t>(SizeClass::trivial)].launch;
   timer_.time(name_of(SizeClass::trivial), kernel.name, lane, stream,
               [&] { api_.launch(kernel, shape, &args, stream); });
 }
@@ -116,7 +106,7 @@ void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Rea
 template <class Real>
 void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                          SizeClass size_class, int lane, StreamHandle stream) {
-  const ClassShape& shape = shapes_[static_cast<std::size_t>(size_class)];
+  const ClassShape& shape = shapes_of(solver)[static_cast<std::size_t>(size_class)];
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
   const SolveKernels& kernels = api_.kernels()
                                     .solvers[static_cast<std::size_t>(solver)]
@@ -125,7 +115,10 @@ void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>
                             : is_sparse(size_class)                ? kernels.sparse
                             : size_class == SizeClass::factor_warp ? kernels.factor
                                                                    : kernels.dense;
-  const QueuedJob<Real> args{job, queue_of<Real>(size_class)};
+  const QueuedJob<Real> args{
+      job,
+      {plan_.order, plan_.class_begin, plan_.work_counter, size_class,
+       shape.shared ? nullptr : reinterpret_cast<Real*>(shape.workspace), shape.slot_elements[precision]}};
   timer_.time(name_of(size_class), kernel.name, lane, stream,
               [&] { api_.launch(kernel, shape.launch, &args, stream); });
 }
@@ -140,7 +133,7 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   int next = 0;
   for (int k = 0; k < kSizeClasses; ++k) {
     const auto size_class = static_cast<SizeClass>(k);
-    if (shapes_[static_cast<std::size_t>(k)].launch.teams == 0) continue;
+    if (shapes_of(solver)[static_cast<std::size_t>(k)].launch.teams == 0) continue;
     if (is_thread_per_env(size_class) && size_class > finest_for(solver)) continue;
     if (size_class == SizeClass::trivial && !with_trivial) continue;
     const int lane = next++ % (kBranches + 1);
@@ -172,7 +165,7 @@ void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> j
     const ChooseArgs<Real> args{job, plan_, assigned_, stage, finest_for(solver)};
     timer_.time("choose", to_string(solver), 0, stream, [&] {
       api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
-      api_.launch(api_.kernels().plan.sort, {1, kSortLanes}, &plan, stream);
+      api_.launch(api_.kernels().plan.sort, sort_, &plan, stream);
       api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
     });
     job.warm_start = job.lambda;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <bitset>
 #include <memory>
 
 #include "core/job/plan_view.hpp"
@@ -34,6 +35,8 @@ class Engine {
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
   /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
   [[nodiscard]] bool captured() const noexcept { return captured_; }
+  /// Whether there is room for batches within `capacity`, and for solving them so.
+  [[nodiscard]] bool has_room(const Capacity& capacity) const;
   [[nodiscard]] bool has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const;
 
   /// One solve of a batch in device memory. `is_planned`: the batch has the structure of the one before, whose plan is
@@ -62,19 +65,21 @@ class Engine {
     std::byte* workspace = nullptr;
   };
 
+  using Shapes = std::array<ClassShape, kSizeClasses>;
+
   struct Reserved {
     Capacity capacity;
-    Workspace method;
-    bool has_doubles = false;  ///< room for solves in double precision, too
+    std::bitset<kSolverKindCount> solvers;  ///< those that there is room for
+    bool has_doubles = false;               ///< room for solves in double precision, too
   };
 
-  [[nodiscard]] Workspace method_workspace(SolverKind solver) const;
+  [[nodiscard]] static std::bitset<kSolverKindCount> stages_of(SolverKind solver);
+  [[nodiscard]] const Workspace& method_workspace(SolverKind solver) const;
   [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
   template <class Real>
-  [[nodiscard]] Offset slot_elements(SizeClass size_class, const Reserved& reserved) const;
-  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved) const;
-  template <class Real>
-  [[nodiscard]] WorkQueue<Real> queue_of(SizeClass size_class) const;
+  [[nodiscard]] Offset slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const;
+  [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const;
+  [[nodiscard]] const Shapes& shapes_of(SolverKind solver) const { return shapes_[static_cast<std::size_t>(solver)]; }
   template <class Real>
   void queue_solve(const SolveRequest<Real>& request, bool is_planned);
   template <class Real>
@@ -99,9 +104,10 @@ class Engine {
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
-  std::uint8_t* assigned_ = nullptr;  ///< fallback chain: the stage that each environment stands on
-  std::array<ClassShape, kSizeClasses> shapes_;
-  LaunchShape graph_;  ///< of programs that look at whole graphs
+  std::uint8_t* assigned_ = nullptr;             ///< fallback chain: the stage that each environment stands on
+  std::array<Shapes, kSolverKindCount> shapes_;  ///< of each solver there is room for: a stage takes what it needs
+  LaunchShape sort_;                             ///< of the program that sorts environments into classes
+  LaunchShape graph_;                            ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;
   std::array<std::unique_ptr<Event>, kBranches> joined_;
   std::unique_ptr<Event> forked_;

@@ -70,46 +70,43 @@ int graph_lanes(const Capacity& capacity) {
 
 /// Numbers of Real that an environment of a class takes at most; 0: the capacity has none of the class.
 template <class Real>
-Offset Engine::slot_elements(SizeClass size_class, const Reserved& reserved) const {
-  const Capacity& capacity = reserved.capacity;
+Offset Engine::slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const {
   Offset elements = 0;
   if (is_sparse(size_class)) {
     if (!may_be_sparse(capacity)) return 0;
     if (size_class == SizeClass::sparse_device && capacity.env_rows < kWholeDeviceRows) return 0;
     // A smaller environment may have matrices, and with them take more room than the largest.
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements =
-          larger_of<Offset>(elements, SparseSystem<Real>::elements(rows, rows, capacity.env_nonzeros, reserved.method));
+      elements = larger_of<Offset>(elements, SparseSystem<Real>::elements(rows, rows, capacity.env_nonzeros, method));
   } else if (size_class == SizeClass::factor_warp) {
     if (capacity.env_dofs == 0) return 0;
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
-      elements =
-          larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, reserved.method));
+      elements = larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, method));
   } else {
     if (size_class > finest_) return 0;
     const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
     // A method that factorises never takes a bundle: what would be one is a tile.
-    const bool is_finest = size_class == finest_ || (reserved.method.is_direct() && size_class == kFinestDirect);
+    const bool is_finest = size_class == finest_ || (method.is_direct() && size_class == kFinestDirect);
     if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return 0;
     const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
-    const Workspace method = is_thread_per_env(size_class) ? reserved.method.in_bundles() : reserved.method;
-    elements = SystemArrays<Real, 1>::elements(rows, rows, method) + rows * rows + method.square_elements(rows);
+    const Workspace own = is_thread_per_env(size_class) ? method.in_bundles() : method;
+    elements = SystemArrays<Real, 1>::elements(rows, rows, own) + rows * rows + own.square_elements(rows);
   }
   // Even, so that doubles in it are aligned.
   return elements + elements % 2;
 }
 
-Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserved) const {
+Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const {
   const Capacity& capacity = reserved.capacity;
   ClassShape shape;
   shape.launch.lanes = lanes_of(size_class);
   shape.launch.teams = capacity.envs;
   if (size_class == SizeClass::trivial) return shape;
 
-  shape.slot_elements[0] = slot_elements<float>(size_class, reserved);
+  shape.slot_elements[0] = slot_elements<float>(size_class, capacity, method);
   if (shape.slot_elements[0] == 0) return {};
-  if (reserved.has_doubles) shape.slot_elements[1] = slot_elements<double>(size_class, reserved);
+  if (reserved.has_doubles) shape.slot_elements[1] = slot_elements<double>(size_class, capacity, method);
   auto team_bytes = static_cast<std::size_t>(
       larger_of(Offset{sizeof(float)} * shape.slot_elements[0], Offset{sizeof(double)} * shape.slot_elements[1]));
   Offset per_processor = size_class == SizeClass::factor_warp ? 16 : 2;
@@ -140,13 +137,17 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
   return shape;
 }
 
-Workspace Engine::method_workspace(SolverKind solver) const {
-  const auto& solvers = api_.kernels().solvers;
-  if (solver != SolverKind::automatic) return solvers[static_cast<std::size_t>(solver)].workspace;
-  Workspace workspace;
+/// The solvers that one of this name may come to.
+std::bitset<kSolverKindCount> Engine::stages_of(SolverKind solver) {
+  std::bitset<kSolverKindCount> solvers;
+  if (solver != SolverKind::automatic) return solvers.set(static_cast<std::size_t>(solver));
   for (int stage = 0; stage < kFallbackStages; ++stage)
-    workspace = workspace.joined(solvers[static_cast<std::size_t>(fallback_stage(stage).solver)].workspace);
-  return workspace;
+    solvers.set(static_cast<std::size_t>(fallback_stage(stage).solver));
+  return solvers;
+}
+
+const Workspace& Engine::method_workspace(SolverKind solver) const {
+  return api_.kernels().solvers[static_cast<std::size_t>(solver)].workspace;
 }
 
 /// Class of the smallest dense environments under a solver. The fallback chain's stages sort anew.
@@ -155,9 +156,12 @@ SizeClass Engine::finest_for(SolverKind solver) const {
                                                                                  : finest_;
 }
 
+bool Engine::has_room(const Capacity& capacity) const {
+  return within(capacity, reserved_.capacity);
+}
+
 bool Engine::has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const {
-  return within(capacity, reserved_.capacity) &&
-         method_workspace(solver).joined(reserved_.method) == reserved_.method &&
+  return has_room(capacity) && (stages_of(solver) & ~reserved_.solvers).none() &&
          (precision == Precision::f32 || reserved_.has_doubles);
 }
 
@@ -170,12 +174,20 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   Reserved reserved;
   std::uint8_t* assigned = nullptr;
   reserved.capacity = joined(reserved_.capacity, capacity);
-  reserved.method = method_workspace(solver).joined(reserved_.method);
+  reserved.solvers = reserved_.solvers | stages_of(solver);
   reserved.has_doubles = reserved_.has_doubles || precision == Precision::f64;
 
-  std::array<ClassShape, kSizeClasses> shapes;
-  for (int k = 0; k < kSizeClasses; ++k)
-    shapes[static_cast<std::size_t>(k)] = shape_of(static_cast<SizeClass>(k), reserved);
+  // Stages follow one another, so those of a class share its device memory. Fast memory is asked for by each launch.
+  std::array<Shapes, kSolverKindCount> shapes;
+  std::array<std::size_t, kSizeClasses> workspace_bytes{};
+  std::array<std::byte*, kSizeClasses> workspace{};
+  for (std::size_t kind = 0; kind < shapes.size(); ++kind) {
+    if (!reserved.solvers.test(kind)) continue;
+    for (std::size_t k = 0; k < workspace_bytes.size(); ++k) {
+      shapes[kind][k] = shape_of(static_cast<SizeClass>(k), reserved, method_workspace(static_cast<SolverKind>(kind)));
+      workspace_bytes[k] = larger_of(workspace_bytes[k], shapes[kind][k].workspace_bytes);
+    }
+  }
   PlanArrays plan{};
   const Offset envs = reserved.capacity.envs, cones = reserved.capacity.cones;
   plan.graph_slot = graph_slot(reserved.capacity);
@@ -197,10 +209,14 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   arrays.add(plan.key_begin, kSortKeys + 1);
   arrays.add(plan.class_begin, kSizeClasses + 1);
   arrays.add(plan.work_counter, kSizeClasses);
-  arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
+  LaunchShape sort{1, kSortLanes, sizeof(Index) * static_cast<std::size_t>(count_sort_scratch(kSortLanes, kSortKeys))};
+  if (least_block_bytes(sort.lanes, sort.shared_bytes) > api_.facts().shared_bytes) {
+    sort.shared_bytes = 0;
+    arrays.add(plan.sort_scratch, count_sort_scratch(kSortLanes, kSortKeys));
+  }
   arrays.add(plan.graph_scratch, graph_teams * plan.graph_slot);
-  for (ClassShape& shape : shapes)
-    if (shape.workspace_bytes > 0) arrays.add(shape.workspace, static_cast<Offset>(shape.workspace_bytes));
+  for (std::size_t k = 0; k < workspace.size(); ++k)
+    if (workspace_bytes[k] > 0) arrays.add(workspace[k], static_cast<Offset>(workspace_bytes[k]));
 
   wait_for_all();
   DeviceMemory memory(api_, arrays.bytes());
@@ -210,6 +226,9 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   plan_ = plan;
   assigned_ = assigned;
   shapes_ = shapes;
+  for (Shapes& of_solver : shapes_)
+    for (std::size_t k = 0; k < of_solver.size(); ++k) of_solver[k].workspace = workspace[k];
+  sort_ = sort;
   graph_ = {graph_teams, graph_lanes(reserved.capacity)};
 }
 

@@ -20,8 +20,8 @@ TYPED_TEST(Threads, TheNumberOfThreadsReachesNoBitOfAnyEnvironment) {
     SCOPED_TRACE(to_string(solver));
     // Methods that factorise take a second an iteration on the largest of these.
     const bool factorises = solver == SolverKind::admm || solver == SolverKind::newton || solver == SolverKind::ipm;
-    const Index iterations = kThreadSanitizer ? 2 : 40;
-    SolverOptions o = options(solver, 1e-3, factorises ? (kThreadSanitizer ? 1 : 4) : iterations);
+    const Index iterations = kSanitizer ? 2 : 40;
+    SolverOptions o = options(solver, 1e-3, factorises ? (kSanitizer ? 1 : 4) : iterations);
     const auto alone = solve_hashes(batch, o);
     for (const int threads : {2, 7}) {
       o.threads = threads;
@@ -35,7 +35,7 @@ TYPED_TEST(Threads, ManyRunsOnManyThreadsAgree) {
   SolverOptions o = options(SolverKind::npgs, 1e-4, 60);
   o.threads = 7;
   const auto first = solve_hashes(batch, o);
-  for (int run = 0; run < (kThreadSanitizer ? 3 : 8); ++run) EXPECT_EQ(solve_hashes(batch, o), first) << "run " << run;
+  for (int run = 0; run < (kSanitizer ? 3 : 8); ++run) EXPECT_EQ(solve_hashes(batch, o), first) << "run " << run;
 }
 
 }  // namespace

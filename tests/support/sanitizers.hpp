@@ -12,4 +12,12 @@ inline constexpr bool kThreadSanitizer = true;
 inline constexpr bool kThreadSanitizer = false;
 #endif
 
+/// Whether a sanitizer of any kind watches. What whole devices and many threads do to memory shows in the first
+/// iteration, too. What later iterations do is watched in tests of one team.
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr bool kSanitizer = true;
+#else
+inline constexpr bool kSanitizer = kThreadSanitizer;
+#endif
+
 }  // namespace stiction::test

@@ -118,7 +118,7 @@ SolverOptions brief(SolverKind solver, Law law) {
   options.solver = solver;
   options.law = law;
   // Without a matrix an iteration of these is a whole inner iteration.
-  options.max_iterations = is_costly(solver) || kThreadSanitizer ? 1 : 4;
+  options.max_iterations = is_costly(solver) || kSanitizer ? 1 : 4;
   options.invalid = InvalidPolicy::isolate;
   options.threads = 1;
   return options;

@@ -111,6 +111,17 @@ TEST(DevicePlan, IntegersAreTheHostsOnEveryScene) {
   plan_on(device, scene_batch("pile", 3, 3, 500), "pile");
 }
 
+/// Lanes of several groups, whose counters are added up in two steps; and no room for counters in fast memory.
+TEST(DevicePlan, IntegersAreTheHostsWhateverTheTeamAndItsFastMemory) {
+  std::mt19937 random(7);
+  for (int k = 0; k < 20; ++k)
+    for (const std::size_t shared : {std::size_t{227} << 10U, std::size_t{16} << 10U}) {
+      cuda::EmulatedDevice device({15 + k, 1 + k % 3, static_cast<std::uint64_t>(k), shared});
+      plan_on(device, k % 2 == 0 ? random_structures(random) : scene_batch("mixed", 40, 3),
+              (std::to_string(15 + k) + " lanes, " + std::to_string(shared) + " bytes").c_str());
+    }
+}
+
 TEST(DevicePlan, IslandsAreTheHosts) {
   std::mt19937 random(6);
   for (int k = 0; k < 200; ++k) {

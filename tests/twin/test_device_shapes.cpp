@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <string>
 
 #include "cuda/emulated/emulated_device.hpp"
@@ -41,6 +43,8 @@ class CountingDevice final : public cuda::DeviceApi {
   void fill_zero(void*, std::size_t, cuda::StreamHandle) override {}
   void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
     ++launches;
+    std::size_t& most = shared[kernel.entry];
+    most = std::max(most, shape.shared_bytes);
     const cuda::LaunchGrid grid = cuda::launch_grid(shape, shape.lanes == 1, facts_, nullptr);
     EXPECT_LE(grid.shared, facts_.shared_bytes) << kernel.name << ", " << shape.lanes << " lanes, " << gpu_.name;
     EXPECT_EQ(grid.block % cuda::kWarp, 0);
@@ -54,6 +58,7 @@ class CountingDevice final : public cuda::DeviceApi {
   std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
 
   int launches = 0;
+  std::map<const void*, std::size_t> shared;  ///< most fast memory that teams of a kernel asked for [byte]
 
  private:
   Gpu gpu_;
@@ -61,9 +66,9 @@ class CountingDevice final : public cuda::DeviceApi {
   cuda::EmulatedDevice emulated_;  ///< has a catalogue of kernels
 };
 
+/// Queues a solve of 8192 environments under each law.
 template <class Real>
-void expect_that_all_fits(const Gpu& gpu, SolverKind solver, Index rows, Index dofs) {
-  CountingDevice device(gpu);
+void queue_solves(CountingDevice& device, SolverKind solver, Index rows, Index dofs) {
   Capacity capacity;
   capacity.envs = 8192;
   capacity.rows = capacity.cones = capacity.envs * rows;
@@ -79,6 +84,12 @@ void expect_that_all_fits(const Gpu& gpu, SolverKind solver, Index rows, Index d
   options.solver = solver;
   for (const Law law : kBothLaws)
     engine.solve(SolveRequest<Real>{nullptr, batch, {}, nullptr, law, options, StreamRef::default_stream()});
+}
+
+template <class Real>
+void expect_that_all_fits(const Gpu& gpu, SolverKind solver, Index rows, Index dofs) {
+  CountingDevice device(gpu);
+  queue_solves<Real>(device, solver, rows, dofs);
   EXPECT_GT(device.launches, 2);
 }
 
@@ -93,6 +104,26 @@ TEST(DeviceShapes, NoLaunchAsksForMoreSharedMemoryThanThereIs) {
           expect_that_all_fits<double>(gpu, solver, rows, dofs);
           if (HasFailure()) return;
         }
+}
+
+/// A stage needs less than the largest of all. Asking for as much would leave room for fewer teams at once.
+TEST(DeviceShapes, AStageOfTheFallbackChainAsksForNoMoreThanItsSolverDoesAlone) {
+  for (const Index rows : {12, 25, 42, 56, 72, 160}) {
+    SCOPED_TRACE(std::to_string(rows) + " rows");
+    CountingDevice chain(kGpus[0]);
+    queue_solves<float>(chain, SolverKind::automatic, rows, 0);
+    int kernels = 0;
+    for (const SolverKind solver : kEverySolver) {
+      CountingDevice alone(kGpus[0]);
+      queue_solves<float>(alone, solver, rows, 0);
+      for (const auto& [kernel, bytes] : alone.shared) {
+        if (chain.shared.count(kernel) == 0) continue;
+        ++kernels;
+        EXPECT_EQ(chain.shared.at(kernel), bytes) << to_string(solver);
+      }
+    }
+    EXPECT_GT(kernels, 4);
+  }
 }
 
 }  // namespace

@@ -11,9 +11,8 @@ Solution<Real> solve_jacobians(const JacobianBatch<Real>& batch, Device device, 
   const JacobianBatchView<Real> view = batch.view();
   Solution<Real> solution;
   if (device.kind != DeviceKind::cpu) {  // a solver there reads the device's memory; this call takes the host's
-    seconds.solve = shortest_of(repeat, [&] {
-      solution = solve(view, options, device, std::span<const Real>(warm_start)).contact;
-    });
+    seconds.solve = shortest_of(
+        repeat, [&] { solution = solve(view, options, device, std::span<const Real>(warm_start)).contact; });
     return solution;
   }
   const Clock::time_point start = Clock::now();
