@@ -1,4 +1,4 @@
-#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <numeric>
 #include <string>
@@ -72,6 +72,34 @@ std::vector<Real> part(const std::vector<double>& of, Offset begin, Offset end) 
   return numbers;
 }
 
+/// Degrees of freedom of the largest M that is written out as a dense matrix, of 512 MB.
+constexpr Offset kMostDenseDofs = 8192;
+
+/// M of an environment, block by block, whose lower triangle a solver reads. So it refuses one whose halves differ by
+/// more than rounding, as some of FCLIB's do: it would solve another problem.
+std::vector<double> mass_of(const Recording& recording, std::size_t number, Index block) {
+  const Offset dof = recording.env_dof_offsets[number], count = recording.env_dof_offsets[number + 1] - dof;
+  const Offset width = block == 0 ? count : block;
+  if (block == 0 && count > kMostDenseDofs)
+    refuse("M of environment " + std::to_string(number) + " has " + std::to_string(count) +
+           " degrees of freedom and is not in blocks of 1, 3 or 6, at most " + std::to_string(kMostDenseDofs) +
+           " are written out: solve it by its matrix A");
+  std::vector<double> M(at(count * width), 0.0);
+  for (Offset i = 0; i < count; ++i)
+    for (Offset k = recording.M.ptr[at(dof + i)]; k < recording.M.ptr[at(dof + i) + 1]; ++k)
+      M[at(i * width + recording.M.col[at(k)] % width)] += recording.M.val[at(k)];
+  constexpr double kRounding = 1e-6;
+  for (Offset i = 0; i < count; ++i)
+    for (Offset column = 0; column < i % width; ++column) {
+      const Offset j = i - i % width + column;
+      const double scale = std::sqrt(std::abs(M[at(i * width + i % width)] * M[at(j * width + column)]));
+      if (std::abs(M[at(i * width + column)] - M[at(j * width + i % width)]) > kRounding * scale)
+        refuse("M of environment " + std::to_string(number) + " is not symmetric at (" + std::to_string(i) + ", " +
+               std::to_string(j) + "): solve it by its matrix A");
+    }
+  return M;
+}
+
 template <class Real>
 JacobianEnvironment<Real> environment(const Recording& recording, std::size_t number, Index block) {
   const auto& arrays = recording.batch.arrays();
@@ -87,11 +115,7 @@ JacobianEnvironment<Real> environment(const Recording& recording, std::size_t nu
     env.row_offsets.push_back(static_cast<Index>(recording.J.ptr[at(i)] - first_entry));
   for (Offset k = first_entry; k < recording.J.ptr[at(row_end)]; ++k) env.column.push_back(recording.J.col[at(k)]);
   env.J = part<Real>(recording.J.val, first_entry, recording.J.ptr[at(row_end)]);
-  const Offset width = block == 0 ? dof_end - dof : block;
-  env.M.assign(at((dof_end - dof) * width), Real(0));
-  for (Offset i = dof; i < dof_end; ++i)
-    for (Offset k = recording.M.ptr[at(i)]; k < recording.M.ptr[at(i) + 1]; ++k)
-      env.M[at((i - dof) * width + recording.M.col[at(k)] % width)] += static_cast<Real>(recording.M.val[at(k)]);
+  for (const double entry : mass_of(recording, number, block)) env.M.push_back(static_cast<Real>(entry));
   env.v_free = part<Real>(recording.v_free, dof, dof_end);
   env.target = part<Real>(recording.row_target, row, row_end);
   env.R = part<Real>(arrays.R, row, row_end);

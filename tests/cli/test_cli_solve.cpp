@@ -276,7 +276,8 @@ TEST_F(Solve, JAndMOfTheFileAreSolvedWithoutA) {
 }
 
 TEST_F(Solve, WhatHasNoJAndMOrIsOfAIsRefusedInThatForm) {
-  EXPECT_THAT(solve({"--form", "jacobian"}).err, testing::HasSubstr("has no J and M: leave --form out"));
+  EXPECT_THAT(solve({"--form", "jacobian"}).err,
+              testing::HasSubstr("batch.h5: the recording has no J and M with v_free: solve it by its matrix A"));
   EXPECT_THAT(solve({"--form", "dense"}).err, testing::HasSubstr("--form dense: expected matrix or jacobian"));
   for (const Words& other :
        {Words{"--pyramid", "4"}, Words{"--record", folder_ / "r.h5"}, Words{"--convergence", folder_ / "c.csv"}}) {

@@ -25,6 +25,12 @@ void read_batch(const io::InputFile& file) {
   const io::Recording recording = io::read_any(file);
   const auto view = recording.batch.view();
   if (stiction::validate(view).empty()) stiction::asymmetry(view);
+  try {
+    io::jacobian_batch<float>(recording);
+  } catch (const stiction::Error& error) {
+    stiction::fuzz::require(error.code() == stiction::ErrorCode::invalid_argument,
+                            "what is no Jacobian form is an invalid argument");
+  }
 }
 
 }  // namespace

@@ -87,7 +87,37 @@ TEST_F(IoBatch, WhatIsNoJacobianFormIsRefused) {
   EXPECT_THAT(refusal([](Recording& r) { r.M.val.pop_back(); }), HasSubstr("M.val has 4 elements, expected 5"));
   EXPECT_THAT(refusal([](Recording& r) { r.v_free.pop_back(); }), HasSubstr("v_free has 2 elements, expected 3"));
   EXPECT_THAT(refusal([](Recording& r) { r.row_target.pop_back(); }), HasSubstr("row_target has 5"));
+  EXPECT_EQ(refusal([](Recording& r) { r.M.val[1] = 0.5000001; }), "") << "rounded";
+  EXPECT_THAT(refusal([](Recording& r) { r.M.val[1] = 0.501; }),
+              HasSubstr("M of environment 0 is not symmetric at (1, 0): solve it by its matrix A"));
   EXPECT_THAT(refusal([](Recording&) {}, {2}), HasSubstr("order names environment 2: there are 2"));
+}
+
+TEST_F(IoBatch, AMassMatrixTooLargeToBeDenseIsRefused) {
+  Environment<double> environment;
+  environment.cones = {{ConeKind::unilateral, 1, -1}};
+  environment.set_dense(std::vector<double>{1.0}, 1);
+  environment.b = {1.0};
+  Recording recording;
+  recording.batch.add(environment);
+  const auto chain_of = [&](Offset dofs) {
+    recording.env_dof_offsets = {0, dofs};
+    recording.J = {{0, 1}, {0}, {1.0}};
+    recording.M = {{0}, {}, {}};
+    for (Offset i = 0; i < dofs; ++i) {
+      for (const Offset j : {i - 1, i, i + 1}) {
+        if (j < 0 || j >= dofs) continue;
+        recording.M.col.push_back(static_cast<Index>(j));
+        recording.M.val.push_back(i == j ? 2.0 : -0.5);
+      }
+      recording.M.ptr.push_back(static_cast<Offset>(recording.M.col.size()));
+    }
+    recording.v_free.assign(static_cast<std::size_t>(dofs), 0.0);
+  };
+  chain_of(100);
+  EXPECT_EQ(mass_count(recording), 100 * 100);
+  chain_of(8193);
+  EXPECT_THROW(jacobian_batch<float>(recording), Error);
 }
 
 TEST_F(IoBatch, SymmetricBoxesAreWrittenAsTheirBoundAlone) {

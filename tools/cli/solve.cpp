@@ -218,6 +218,16 @@ void record(const std::filesystem::path& file, const SolveArguments& arguments, 
 }
 
 template <class Real>
+JacobianBatch<Real> jacobians_of(const std::string& file, const io::Recording& recording,
+                                 const std::vector<Offset>& order) {
+  try {
+    return io::jacobian_batch<Real>(recording, order);
+  } catch (const Error& error) {
+    throw Error(ErrorCode::bad_file, fmt::format("{}: {}", file, error.what()));
+  }
+}
+
+template <class Real>
 int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport& report, Clock::time_point start) {
   std::optional<Progress> stage(std::in_place, "loading", 0, arguments.quiet);
   std::optional<ScopedSpan> loading(std::in_place, report.options.tracer, "load");
@@ -232,11 +242,8 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::vector<Offset> order;
   if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
   const Work<Real> work = prepare<Real>(batch, warm_start, order);
-  if (report.is_jacobian && loaded.recording.J.ptr.empty())
-    throw Error(ErrorCode::bad_file, fmt::format("{}: has no J and M: leave --form out", report.file));
-  const JacobianBatch<Real> jacobians = report.is_jacobian
-                                            ? io::jacobian_batch<Real>(loaded.recording, std::span<const Offset>(order))
-                                            : JacobianBatch<Real>();
+  const JacobianBatch<Real> jacobians =
+      report.is_jacobian ? jacobians_of<Real>(report.file, loaded.recording, order) : JacobianBatch<Real>();
   report.environments = batch.env_count();
   report.rows = file_batch.row_count();
   report.cones = file_batch.view().cone_count;

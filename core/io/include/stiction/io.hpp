@@ -70,7 +70,8 @@ Recording read_batch(const std::filesystem::path& path);
 /// The Jacobian batch of a recording that has J and M. J has the stored entries. M is in blocks of 1, 3 or 6 where all
 /// of it lies in such, else dense. With an `order`, environment k of the batch is the recording's number order[k].
 /// \throws Error(invalid_argument) if the recording lacks J, M or v_free, or an array does not fit the batch. Also if
-/// `order` names an environment that is not there.
+/// an M is not symmetric, or is dense and has more than 8192 degrees of freedom. Also if `order` names an environment
+/// that is not there.
 template <class Real>
 JacobianBatch<Real> jacobian_batch(const Recording& recording, std::span<const Offset> order = {});
 
