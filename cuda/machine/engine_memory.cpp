@@ -1,3 +1,6 @@
+#include <limits>
+#include <string>
+
 #include "core/algorithm/plan/counting_sort.hpp"
 #include "core/algorithm/plan/islands.hpp"
 #include "core/algorithm/plan/plan_environment.hpp"
@@ -18,6 +21,8 @@ namespace {
 
 /// Most device memory that the systems of one class may take, unless a single one needs more.
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
+/// Most environments of a batch: the sort counts them in integers of 32 bits.
+constexpr Offset kMostEnvs = std::numeric_limits<Index>::max();
 /// Smallest class of a method that factorises.
 constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
 
@@ -167,6 +172,10 @@ bool Engine::has_reserved(const Capacity& capacity, SolverKind solver, Precision
 
 void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision precision) {
   if (has_reserved(capacity, solver, precision)) return;
+  if (capacity.envs > kMostEnvs)
+    throw Error(ErrorCode::invalid_argument, "capacity.envs = " + std::to_string(capacity.envs) +
+                                                 ", expected at most " + std::to_string(kMostEnvs) +
+                                                 ": solve the batch in parts");
   if (captured_)
     throw Error(ErrorCode::invalid_argument,
                 "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "

@@ -106,6 +106,17 @@ TEST(DeviceShapes, NoLaunchAsksForMoreSharedMemoryThanThereIs) {
         }
 }
 
+TEST(DeviceShapes, MoreEnvironmentsThanTheSortCountsAreRefused) {
+  CountingDevice device(kGpus[0]);
+  cuda::Engine engine(device);
+  Capacity capacity;
+  capacity.envs = (Offset{1} << 31) - 1;
+  capacity.env_rows = 3;
+  engine.reserve(capacity, SolverKind::npgs, Precision::f32);
+  ++capacity.envs;
+  EXPECT_THROW(engine.reserve(capacity, SolverKind::npgs, Precision::f32), Error);
+}
+
 /// A stage needs less than the largest of all. Asking for as much would leave room for fewer teams at once.
 TEST(DeviceShapes, AStageOfTheFallbackChainAsksForNoMoreThanItsSolverDoesAlone) {
   for (const Index rows : {12, 25, 42, 56, 72, 160}) {
