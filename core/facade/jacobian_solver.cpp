@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <ranges>
 #include <string>
 
 #include "core/base/extents.hpp"
@@ -30,18 +31,18 @@ JacobianCapacity checked(const JacobianCapacity& capacity) {
   return capacity;
 }
 
-/// Most rows of an environment that keeps its matrix.
+/// Most rows of an environment that keeps its matrix. With more rows than those, each is kept as a factor.
 Offset matrix_rows(Index env_rows, Index env_dofs, FactorUse use) {
-  Offset rows = env_rows;
-  while (keeps_factor(use, rows, env_dofs)) --rows;
-  return rows;
+  const auto rows = std::views::iota(Offset{1}, Offset{env_rows} + 1);
+  return std::ranges::partition_point(rows, [&](Offset n) { return !keeps_factor(use, n, env_dofs); }) - rows.begin();
 }
 
-/// Most columns of a factor.
+/// Most columns of a factor. With more columns than those, each is kept as a matrix.
 Index factor_dofs(Index env_rows, Index env_dofs, FactorUse use) {
-  Index dofs = env_dofs;
-  while (dofs > 0 && !keeps_factor(use, env_rows, dofs)) --dofs;
-  return dofs;
+  const auto columns = std::views::iota(Offset{1}, Offset{env_dofs} + 1);
+  const auto first_matrix =
+      std::ranges::partition_point(columns, [&](Offset dofs) { return keeps_factor(use, env_rows, dofs); });
+  return static_cast<Index>(first_matrix - columns.begin());
 }
 
 template <class Real>
