@@ -149,6 +149,7 @@ TEST_P(Giants, HaveTheCpusBitsInSinglePrecision) {
 }
 
 TEST_P(Giants, HaveTheCpusBitsInDoublePrecision) {
+  if (kThreadSanitizer) GTEST_SKIP() << "the thread sanitizer sees the same accesses in single precision";
   expect_the_cpus_bits_of_a_giant<double>(GetParam(), Law::coulomb);
 }
 
@@ -188,6 +189,7 @@ TEST(DeviceGrid, ImpulsesOfOneLargeSceneHaveTheCpusBits) {
     options.substeps = momentum ? 2 : 1;
     options.law = momentum ? Law::coulomb : Law::convex;
     expect_the_cpus_bits_of_a_pile<float>(options);
+    if (kThreadSanitizer) continue;  // the same accesses
     options.law = momentum ? Law::convex : Law::coulomb;
     expect_the_cpus_bits_of_a_pile<double>(options);
   }
