@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <exception>
-#include <ranges>
 #include <string>
 
 #include "core/base/extents.hpp"
@@ -31,18 +30,29 @@ JacobianCapacity checked(const JacobianCapacity& capacity) {
   return capacity;
 }
 
+/// The first of 1 to `most` for which `holds`, which then holds for all after it, or most + 1. By bisection: a capacity
+/// may be billions.
+template <class Predicate>
+Offset first_that(Offset most, Predicate holds) {
+  Offset first = 1;
+  for (Offset end = most + 1; first < end;) {
+    const Offset middle = first + (end - first) / 2;
+    if (holds(middle))
+      end = middle;
+    else
+      first = middle + 1;
+  }
+  return first;
+}
+
 /// Most rows of an environment that keeps its matrix. With more rows than those, each is kept as a factor.
 Offset matrix_rows(Index env_rows, Index env_dofs, FactorUse use) {
-  const auto rows = std::views::iota(Offset{1}, Offset{env_rows} + 1);
-  return std::ranges::partition_point(rows, [&](Offset n) { return !keeps_factor(use, n, env_dofs); }) - rows.begin();
+  return first_that(env_rows, [&](Offset rows) { return keeps_factor(use, rows, env_dofs); }) - 1;
 }
 
 /// Most columns of a factor. With more columns than those, each is kept as a matrix.
 Index factor_dofs(Index env_rows, Index env_dofs, FactorUse use) {
-  const auto columns = std::views::iota(Offset{1}, Offset{env_dofs} + 1);
-  const auto first_matrix =
-      std::ranges::partition_point(columns, [&](Offset dofs) { return keeps_factor(use, env_rows, dofs); });
-  return static_cast<Index>(first_matrix - columns.begin());
+  return static_cast<Index>(first_that(env_dofs, [&](Offset dofs) { return !keeps_factor(use, env_rows, dofs); }) - 1);
 }
 
 template <class Real>
