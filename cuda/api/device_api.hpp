@@ -60,6 +60,10 @@ class DeviceApi {
   /// What follows is queued on a stream and done in its order.
   virtual void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) = 0;
   virtual void fill_zero(void* target, std::size_t bytes, StreamHandle stream) = 0;
+  /// Loads a kernel, and looks up how many of its blocks run at once, for launches of this shape with any number of
+  /// teams. launch() then queues and does nothing else. A kernel's first launch of a shape does the same, but must not
+  /// be captured: to load code a device may have to wait.
+  virtual void prepare(const KernelRef& kernel, const LaunchShape& shape) = 0;
   /// `arguments` are copied; they are kernel.argument_bytes long.
   virtual void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,
                       StreamHandle stream) = 0;

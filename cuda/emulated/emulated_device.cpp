@@ -184,6 +184,13 @@ void EmulatedDevice::fill_zero(void* target, std::size_t bytes, StreamHandle str
   queue(stream, {[=] { std::memset(target, 0, bytes); }});
 }
 
+void EmulatedDevice::prepare(const KernelRef& kernel, const LaunchShape& shape) {
+  const std::lock_guard lock(mutex_);
+  if (kernel.entry == nullptr) fail(std::string("kernel ") + kernel.name + " is not in this library");
+  if (!captures_.empty()) fail(std::string("kernel ") + kernel.name + " is prepared while a stream is captured");
+  prepared_.insert(prepared(kernel, shape));
+}
+
 void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,
                             StreamHandle stream) {
   const std::lock_guard lock(mutex_);
@@ -212,6 +219,8 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, c
   std::memcpy(bytes.data(), arguments, bytes.size());
   const auto* entry = static_cast<const EmulatedKernel*>(kernel.entry);
   if (entry == nullptr) fail(std::string("kernel ") + kernel.name + " is not in this library");
+  if (prepared_.insert(prepared(kernel, shape)).second && stream_of(stream).capture != nullptr)
+    fail(std::string("kernel ") + kernel.name + " is launched for the first time while its stream is captured");
   queue(stream, {[entry, launch = std::move(launch), bytes = std::move(bytes)] { entry->run(launch, bytes.data()); }});
 }
 

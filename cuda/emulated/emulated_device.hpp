@@ -10,6 +10,7 @@
 #include <optional>
 #include <random>
 #include <set>
+#include <tuple>
 #include <vector>
 
 #include "cuda/api/device_api.hpp"
@@ -49,6 +50,7 @@ class EmulatedDevice final : public DeviceApi {
   void destroy_event(EventHandle event) noexcept override;
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
+  void prepare(const KernelRef& kernel, const LaunchShape& shape) override;
   void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
   void record(EventHandle event, StreamHandle stream) override;
   void wait(StreamHandle stream, EventHandle event) override;
@@ -96,6 +98,12 @@ class EmulatedDevice final : public DeviceApi {
     std::shared_ptr<Stamp> stamp = nullptr;  ///< of the last time it was recorded
   };
 
+  /// What a kernel is prepared for: all of a shape but the number of teams.
+  using Prepared = std::tuple<const void*, int, std::size_t, bool>;
+  static Prepared prepared(const KernelRef& kernel, const LaunchShape& shape) {
+    return {kernel.entry, shape.lanes, shape.shared_bytes, shape.whole_device};
+  }
+
   EmulatedStream& stream_of(StreamHandle stream);
   EmulatedEvent& event_of(EventHandle event);
   void queue(StreamHandle stream, Step step);
@@ -115,6 +123,7 @@ class EmulatedDevice final : public DeviceApi {
   std::map<EventHandle, std::unique_ptr<EmulatedEvent>> events_;
   std::map<Graph*, std::unique_ptr<Graph>> captures_;  ///< under way
   std::set<std::uint64_t> marks_;                      ///< set so far
+  std::set<Prepared> prepared_;
   std::uint64_t last_mark_ = 0;
   int calls_[kDeviceCalls] = {};
   int fail_at_[kDeviceCalls] = {-1, -1, -1, -1, -1};

@@ -13,8 +13,6 @@ namespace stiction::cuda {
 
 namespace {
 
-constexpr int kPlanLanes = 32;
-
 const char* name_of(SizeClass size_class) {
   switch (size_class) {
     case SizeClass::sparse_device:
@@ -103,18 +101,28 @@ void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Rea
               [&] { api_.launch(kernel, shape, &args, stream); });
 }
 
+/// Whether environments of a class can come to a solver.
+bool Engine::has_class(SolverKind solver, SizeClass size_class) const {
+  return shapes_of(solver)[static_cast<std::size_t>(size_class)].launch.teams > 0 &&
+         (!is_thread_per_env(size_class) || size_class <= finest_for(solver));
+}
+
+/// The kernel that solves a class of environments, of which no trivial one is.
+const KernelRef& Engine::kernel_of(SolverKind solver, SizeClass size_class, Precision precision, Law law) const {
+  const SolveKernels& kernels =
+      api_.kernels().solvers[static_cast<std::size_t>(solver)].by_precision_and_law[static_cast<std::size_t>(precision)]
+                                                                                   [static_cast<std::size_t>(law)];
+  if (is_thread_per_env(size_class)) return kernels.bundles;
+  if (is_sparse(size_class)) return kernels.sparse;
+  return size_class == SizeClass::factor_warp ? kernels.factor : kernels.dense;
+}
+
 template <class Real>
 void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
                          SizeClass size_class, int lane, StreamHandle stream) {
   const ClassShape& shape = shapes_of(solver)[static_cast<std::size_t>(size_class)];
   const auto precision = static_cast<std::size_t>(kPrecisionOf<Real>);
-  const SolveKernels& kernels = api_.kernels()
-                                    .solvers[static_cast<std::size_t>(solver)]
-                                    .by_precision_and_law[precision][static_cast<std::size_t>(request.law)];
-  const KernelRef& kernel = is_thread_per_env(size_class)          ? kernels.bundles
-                            : is_sparse(size_class)                ? kernels.sparse
-                            : size_class == SizeClass::factor_warp ? kernels.factor
-                                                                   : kernels.dense;
+  const KernelRef& kernel = kernel_of(solver, size_class, kPrecisionOf<Real>, request.law);
   const QueuedJob<Real> args{
       job,
       {plan_.order, plan_.class_begin, plan_.work_counter, size_class,
@@ -133,9 +141,7 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   int next = 0;
   for (int k = 0; k < kSizeClasses; ++k) {
     const auto size_class = static_cast<SizeClass>(k);
-    if (shapes_of(solver)[static_cast<std::size_t>(k)].launch.teams == 0) continue;
-    if (is_thread_per_env(size_class) && size_class > finest_for(solver)) continue;
-    if (size_class == SizeClass::trivial && !with_trivial) continue;
+    if (!has_class(solver, size_class) || (size_class == SizeClass::trivial && !with_trivial)) continue;
     const int lane = next++ % (kBranches + 1);
     const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
     if (size_class == SizeClass::trivial)

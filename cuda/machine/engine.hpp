@@ -80,6 +80,9 @@ class Engine {
   [[nodiscard]] Offset slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const;
   [[nodiscard]] const Shapes& shapes_of(SolverKind solver) const { return shapes_[static_cast<std::size_t>(solver)]; }
+  [[nodiscard]] bool has_class(SolverKind solver, SizeClass size_class) const;
+  [[nodiscard]] const KernelRef& kernel_of(SolverKind solver, SizeClass size_class, Precision precision, Law law) const;
+  void prepare_launches(Precision precision);
   template <class Real>
   void queue_solve(const SolveRequest<Real>& request, bool is_planned);
   template <class Real>

@@ -7,6 +7,8 @@
 /// What the engine knows of size classes when it makes room for them and when it launches them.
 namespace stiction::cuda {
 
+/// Lanes of a team that looks at one environment's structure.
+constexpr int kPlanLanes = 32;
 /// Lanes of the team that sorts environments into classes.
 constexpr int kSortLanes = 256;
 

@@ -161,6 +161,32 @@ SizeClass Engine::finest_for(SolverKind solver) const {
                                                                                  : finest_;
 }
 
+/// Prepares every kernel that a solve may launch, under either law: the very first solve can be captured.
+void Engine::prepare_launches(Precision precision) {
+  const KernelCatalogue& kernels = api_.kernels();
+  const auto p = static_cast<std::size_t>(precision);
+  api_.prepare(kernels.plan.inspect, {1, kPlanLanes});
+  api_.prepare(kernels.plan.sort, sort_);
+  api_.prepare(kernels.plan.islands, graph_);
+  if (may_be_sparse(reserved_.capacity)) api_.prepare(kernels.plan.color, graph_);
+  api_.prepare(kernels.choose[p], {1, kPlanLanes});
+  for (std::size_t kind = 0; kind < shapes_.size(); ++kind) {
+    if (!reserved_.solvers.test(kind)) continue;
+    const auto solver = static_cast<SolverKind>(kind);
+    for (int k = 0; k < kSizeClasses; ++k) {
+      const auto size_class = static_cast<SizeClass>(k);
+      if (!has_class(solver, size_class)) continue;
+      const LaunchShape& shape = shapes_[kind][static_cast<std::size_t>(k)].launch;
+      if (size_class == SizeClass::trivial) {
+        api_.prepare(kernels.trivial[p], shape);
+        continue;
+      }
+      for (const Law law : {Law::convex, Law::coulomb})
+        api_.prepare(kernel_of(solver, size_class, precision, law), shape);
+    }
+  }
+}
+
 bool Engine::has_room(const Capacity& capacity) const {
   return within(capacity, reserved_.capacity);
 }
@@ -239,6 +265,8 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
     for (std::size_t k = 0; k < of_solver.size(); ++k) of_solver[k].workspace = workspace[k];
   sort_ = sort;
   graph_ = {graph_teams, graph_lanes(reserved.capacity)};
+  prepare_launches(Precision::f32);
+  if (reserved_.has_doubles) prepare_launches(Precision::f64);
 }
 
 }  // namespace stiction::cuda

@@ -31,6 +31,9 @@ const JacobianKernels& kernels_of(const DeviceApi& api) {
   return api.kernels().jacobian[sizeof(Real) == sizeof(float) ? 0 : 1];
 }
 
+/// The one team that decides where each environment begins.
+constexpr LaunchShape kPlacing{1, kMostLanes};
+
 }  // namespace
 
 template <class Real>
@@ -87,6 +90,12 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
     throw;
   }
   api_->synchronize(stream.get());
+  const JacobianKernels& kernels = kernels_of<Real>(*api_);
+  api_->prepare(kernels.count, small_);
+  api_->prepare(kernels.place, kPlacing);
+  api_->prepare(kernels.write, large_);
+  api_->prepare(kernels.move, large_);
+  if (by_newton) api_->prepare(kernels.newton, newton_shape_);
 }
 
 /// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
@@ -183,7 +192,7 @@ ContactBatchView<Real> DeviceJacobianMachine<Real>::assemble(const JacobianBatch
     queue(stream.handle(), [&] {
       launch(kernels.count, small_, job, stream.handle());
       if (newton != nullptr) launch_newton(*newton, stream.handle());
-      launch(kernels.place, {1, kMostLanes}, job, stream.handle());
+      launch(kernels.place, kPlacing, job, stream.handle());
       launch(kernels.write, large_, job, stream.handle());
     });
   return contact_view(batch, arrays_);

@@ -19,6 +19,11 @@ int team_lanes(const WarmStartCapacity& capacity) {
   return lanes;
 }
 
+template <class Real>
+const WarmStartKernels& kernels_of(const DeviceApi& api) {
+  return api.kernels().warm_start[sizeof(Real) == sizeof(float) ? 0 : 1];
+}
+
 }  // namespace
 
 template <class Real>
@@ -41,6 +46,10 @@ DeviceWarmStartMachine<Real>::DeviceWarmStartMachine(std::shared_ptr<DeviceApi> 
   // A slot of zeros holds nothing.
   if (memory_.bytes() > 0) api_->fill_zero(memory_.get(), memory_.bytes(), stream.get());
   api_->synchronize(stream.get());
+  const WarmStartKernels& kernels = kernels_of<Real>(*api_);
+  api_->prepare(kernels.load, {1, lanes_});
+  api_->prepare(kernels.store, {1, lanes_});
+  api_->prepare(kernels.reset, {1, 1});
 }
 
 template <class Real>
@@ -62,11 +71,6 @@ void DeviceWarmStartMachine<Real>::queue(const KernelRef& kernel, Offset teams, 
   shape.lanes = lanes;
   api_->launch(kernel, shape, &job, stream.handle());
   if (eager_) api_->synchronize(stream.handle());
-}
-
-template <class Real>
-const WarmStartKernels& kernels_of(const DeviceApi& api) {
-  return api.kernels().warm_start[sizeof(Real) == sizeof(float) ? 0 : 1];
 }
 
 template <class Real>

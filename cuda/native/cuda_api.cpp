@@ -102,13 +102,21 @@ void CudaApi::fill_zero(void* target, std::size_t bytes, StreamHandle stream) {
 
 int CudaApi::resident_blocks(const CudaKernel& kernel, int block, std::size_t shared) {
   const std::lock_guard lock(mutex_);
-  const auto [place, is_new] = resident_.try_emplace({kernel.function, block, shared}, 0);
-  if (is_new) {
-    STICTION_CUDA_TRY(cudaFuncSetAttribute(kernel.function, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                           static_cast<int>(facts_.shared_bytes)));
-    STICTION_CUDA_TRY(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&place->second, kernel.function, block, shared));
-  }
-  return place->second;
+  const auto known = resident_.find({kernel.function, block, shared});
+  if (known != resident_.end()) return known->second;
+  int blocks = 0;
+  STICTION_CUDA_TRY(cudaFuncSetAttribute(kernel.function, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                         static_cast<int>(facts_.shared_bytes)));
+  STICTION_CUDA_TRY(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel.function, block, shared));
+  resident_.emplace(std::tuple{kernel.function, block, shared}, blocks);
+  return blocks;
+}
+
+void CudaApi::prepare(const KernelRef& kernel, const LaunchShape& shape) {
+  const DeviceGuard device(ordinal_);
+  const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
+  const LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
+  resident_blocks(program, grid.block, grid.shared);
 }
 
 void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {

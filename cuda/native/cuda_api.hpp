@@ -30,6 +30,7 @@ class CudaApi final : public DeviceApi {
   void destroy_event(EventHandle event) noexcept override;
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
+  void prepare(const KernelRef& kernel, const LaunchShape& shape) override;
   void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
   void record(EventHandle event, StreamHandle stream) override;
   void wait(StreamHandle stream, EventHandle event) override;

@@ -189,6 +189,30 @@ TEST(DeviceJacobian, WhatDoesNotFitIsFlaggedAndLeavesTheOthersAlone) {
   EXPECT_EQ(flagged(batch, capacity), (std::vector<Offset>{2, 5}));
 }
 
+TEST(DeviceJacobian, TheVeryFirstSolveCanBeCaptured) {
+  for (const SolverKind solver : {SolverKind::automatic, SolverKind::npgs}) {
+    const auto batch = random_batch<double>(5, {});
+    const auto packed = batch.view();
+    const SolverOptions chosen = some_iterations<double>(solver);
+    const auto expected = solve(packed, chosen);
+    const RoomyJacobians<double> arrays(packed, 0, 5);
+    const auto view = arrays.view(MemorySpace::cuda);
+    const auto device = std::make_shared<cuda::EmulatedDevice>();
+    const cuda::Stream stream(*device);
+    JacobianCapacity capacity = JacobianCapacity::of(packed);
+    capacity.rows = view.row_count;
+    capacity.cones = view.cone_count;
+    Machine<double> machine(device, capacity, FactorUse::by_size, chosen);
+    Answer<double> answer(view);
+    device->begin_capture(stream.get());
+    machine.solve(view, answer.view(), StreamRef(stream.get()));
+    const auto graph = device->end_capture(stream.get());
+    for (int again = 0; again < 2; ++again) device->launch(graph, stream.get());
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
+}
+
 // The rows of one and the degrees of freedom of another are no environment of the batch.
 TEST(DeviceJacobian, ManyRowsWithoutDegreesOfFreedomFitBesideOthers) {
   JacobianBatch<double> batch(Law::convex);

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <string>
+#include <tuple>
 
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/engine.hpp"
@@ -41,8 +43,13 @@ class CountingDevice final : public cuda::DeviceApi {
   void destroy_event(cuda::EventHandle) noexcept override {}
   void copy(void*, const void*, std::size_t, cuda::CopyKind, cuda::StreamHandle) override {}
   void fill_zero(void*, std::size_t, cuda::StreamHandle) override {}
+  void prepare(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape) override {
+    ASSERT_NE(kernel.entry, nullptr) << kernel.name;
+    prepared.insert(what_counts(kernel, shape));
+  }
   void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
     ++launches;
+    EXPECT_EQ(prepared.count(what_counts(kernel, shape)), 1U) << kernel.name << " could not be captured";
     std::size_t& most = shared[kernel.entry];
     most = std::max(most, shape.shared_bytes);
     const cuda::LaunchGrid grid = cuda::launch_grid(shape, shape.lanes == 1, facts_, nullptr);
@@ -58,9 +65,15 @@ class CountingDevice final : public cuda::DeviceApi {
   std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
 
   int launches = 0;
+  std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
   std::map<const void*, std::size_t> shared;  ///< most fast memory that teams of a kernel asked for [byte]
 
  private:
+  static std::tuple<const void*, int, std::size_t, bool> what_counts(const cuda::KernelRef& kernel,
+                                                                     const cuda::LaunchShape& shape) {
+    return {kernel.entry, shape.lanes, shape.shared_bytes, shape.whole_device};
+  }
+
   Gpu gpu_;
   cuda::DeviceFacts facts_;
   cuda::EmulatedDevice emulated_;  ///< has a catalogue of kernels
