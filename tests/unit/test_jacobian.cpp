@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "stiction/error.hpp"
-#include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_systems.hpp"
@@ -388,34 +387,6 @@ TEST(Jacobian, EnvironmentsWithoutRowsOrDegreesOfFreedomAreFine) {
   const auto solution = solve(batch_of({empty, still}));
   EXPECT_EQ(solution.velocity, (std::vector<double>{1, 2}));
   EXPECT_EQ(solution.contact.status[1].code, EnvCode::solved);
-}
-
-// docs/jacobian.md: a factor above 72 rows that are more than four times the degrees of freedom, each going through all
-// environments of at most so many rows and columns.
-TEST(Jacobian, CapacityOfTheLargestHoldsWhateverIsSmaller) {
-  for (const FactorUse use : {FactorUse::never, FactorUse::by_size, FactorUse::always})
-    for (const Index rows : {0, 1, 72, 73, 77, 120})
-      for (const Index dofs : {0, 1, 17, 18, 19, 30, 40}) {
-        Offset matrix = 0, factor = 0;
-        for (Offset n = 0; n <= rows; ++n) {
-          const bool is_factor =
-              n > 0 && dofs > 0 && (use == FactorUse::always || (n > 72 && 4 * dofs < n && use != FactorUse::never));
-          if (!is_factor) matrix = std::max(matrix, n * n);
-        }
-        for (Offset k = 1; k <= dofs; ++k)
-          if (rows > 0 && (use == FactorUse::always || (rows > 72 && 4 * k < rows && use != FactorUse::never)))
-            factor = std::max(factor, rows * k);
-        const auto capacity = JacobianCapacity::of_largest(3, rows, 1, dofs, use);
-        EXPECT_EQ(capacity.matrix, 3 * matrix) << rows << " rows, " << dofs << " dofs";
-        EXPECT_EQ(capacity.factor, 3 * factor) << rows << " rows, " << dofs << " dofs";
-      }
-}
-
-// Found by fuzz_c_api: it took a minute of counting down.
-TEST(Jacobian, CapacityOfBillionsOfRowsIsKnownAtOnce) {
-  constexpr Index kMost = std::numeric_limits<Index>::max();
-  EXPECT_EQ(JacobianCapacity::of_largest(1, kMost, 1, 20).matrix, 80 * 80);
-  EXPECT_EQ(JacobianCapacity::of_largest(1, 100, 1, kMost).factor, 100 * 24);
 }
 
 }  // namespace
