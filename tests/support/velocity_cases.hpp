@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -111,6 +112,39 @@ inline Together together(const std::vector<JacobianEnvironment<double>>& parts, 
     }
   }
   return all;
+}
+
+/// Degrees of freedom in the opposite order, links before what they hang on. M's Cholesky factor then has no entries
+/// but between a link and its ancestors. Dense J and M.
+inline JacobianEnvironment<double> reversed(JacobianEnvironment<double> env) {
+  const auto dofs = static_cast<std::ptrdiff_t>(env.v_free.size());
+  std::reverse(env.M.begin(), env.M.end());
+  std::reverse(env.v_free.begin(), env.v_free.end());
+  for (auto row = env.J.begin(); row != env.J.end(); row += dofs) std::reverse(row, row + dofs);
+  return env;
+}
+
+/// The factor of M in the place of M, block by block. Above the diagonal is what must not be read.
+inline JacobianEnvironment<double> with_factor(JacobianEnvironment<double> env, Index mass_block = 0) {
+  const std::size_t dofs = env.v_free.size(), block = mass_block == 0 ? dofs : static_cast<std::size_t>(mass_block);
+  for (std::size_t first = 0; first < dofs; first += block) {
+    double* const L = env.M.data() + first * block;
+    for (std::size_t i = 0; i < block; ++i)
+      for (std::size_t j = 0; j < block; ++j) {
+        double sum = L[i * block + j];
+        for (std::size_t k = 0; k < j && j <= i; ++k) sum -= L[i * block + k] * L[j * block + k];
+        L[i * block + j] = j > i    ? std::numeric_limits<double>::quiet_NaN()
+                           : i == j ? std::sqrt(sum)
+                                    : sum / L[j * block + j];
+      }
+  }
+  return env;
+}
+
+/// The environment in the form that a batch has M in.
+inline JacobianEnvironment<double> in_form(const JacobianEnvironment<double>& env, MassForm form,
+                                           Index mass_block = 0) {
+  return form == MassForm::factor ? with_factor(env, mass_block) : env;
 }
 
 /// What of J is not zero, in stored entries.

@@ -141,6 +141,39 @@ STICTION_HD_OUTLINE auto factor_tree(const DofTree& tree, const Numbers& H, cons
   return definite;
 }
 
+/// L becomes L'L in place, L in the tree's envelope: what factor_tree does, undone from the root on.
+template <class Numbers>
+STICTION_HD_OUTLINE void multiply_tree(const DofTree& tree, const Numbers& L) {
+  for (Index k = 0; k < tree.dofs; ++k) {
+    const Numbers row = L.from(tree.begin[k]);
+    const unsigned char* const path = tree.path(k);
+    for (Index t = 0; t <= tree.depth[k]; ++t) {
+      const Numbers target = L.from(tree.begin[path[t]]);
+      const auto factor = row[t];
+      const bool is_own = t == tree.depth[k];
+      for (Index d = 0; d <= t; ++d) target.put(d, is_own ? factor * row[d] : fma_(factor, row[d], target[d]));
+    }
+  }
+}
+
+/// L with a diagonal becomes that of L'DL, as factor_tree leaves it. The lanes in which the diagonal is positive.
+template <class Numbers>
+STICTION_HD_OUTLINE auto split_pivots(const DofTree& tree, const Numbers& L, const Numbers& inverse) {
+  using Value = decltype(L[0]);
+  Mask<Value> definite = Value(0) == Value(0);
+  for (Index k = 0; k < tree.dofs; ++k) {
+    const Numbers row = L.from(tree.begin[k]);
+    const Value diagonal = row[tree.depth[k]];
+    const auto is_positive = diagonal > Value(0);
+    const Value divided = div_(Value(1), select(is_positive, diagonal, Value(1)));
+    for (Index d = 0; d < tree.depth[k]; ++d) row.put(d, row[d] * divided);
+    row.put(tree.depth[k], diagonal * diagonal);
+    definite = and_(definite, is_positive);
+    invert_pivot(tree, L, inverse, k, definite);
+  }
+  return definite;
+}
+
 /// x becomes (L'DL)^-1 x  (dofs).
 template <class Numbers>
 STICTION_HD_OUTLINE void solve_tree(const DofTree& tree, const Numbers& L, const Numbers& inverse, const Numbers& x) {

@@ -19,17 +19,28 @@ struct DoublePack {
   const Slot<Types::kLanes>* slots;
   const SlotCounts& counts;
   int first;
+  MassForm mass;
 
   [[nodiscard]] STICTION_HD Doubles array(double* data) const { return {data + first}; }
   [[nodiscard]] STICTION_HD Double number(const typename Types::Numbers& numbers, Offset i) const {
     return doubles<Double>(numbers, i, first);
   }
 
-  /// M = L'DL; the lanes in which M is positive definite.
+  /// M = L'DL; the lanes in which M is positive definite. From a factor that came as M, M is made here: its sums are
+  /// rounded once, and no evaluation uses them.
   STICTION_HD_OUTLINE Mask<Double> factor_mass() const {
     const Doubles factor = array(workspace.factor);
-    for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
-    return factor_tree(tree, factor, array(workspace.pivot));
+    const auto load = [&] {
+      for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
+    };
+    load();
+    if (mass == MassForm::matrix) return factor_tree(tree, factor, array(workspace.pivot));
+    multiply_tree(tree, factor);
+    for (Index e = 0; e < tree.entries; ++e) put(workspace.H, e, factor[e]);
+    load();
+    const auto definite = split_pivots(tree, factor, array(workspace.pivot));
+    for (Index e = 0; e < tree.entries; ++e) put(workspace.M, e, number(workspace.H, e));
+    return definite;
   }
 
   STICTION_HD void put(const typename Types::Numbers& numbers, Offset i, Double value) const {
@@ -87,20 +98,40 @@ struct DoublePack {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
     const auto change = [&](Index k) { return v[k] - number(workspace.v_free, k); };
     for (Index k = 0; k < tree.dofs; ++k) sum.put(k, Double(0));
-    for (Index k = 0; k < tree.dofs; ++k) {
-      const Index row = tree.begin[k];
-      const unsigned char* const path = tree.path(k);
-      const Double own = change(k);
-      Double force = number(workspace.M, row + tree.depth[k]) * own;
-      for (Index d = 0; d < tree.depth[k]; ++d) {
-        const Double entry = number(workspace.M, row + d);
-        force = fma_(entry, change(path[d]), force);
-        sum.put(path[d], fma_(entry, own, sum[path[d]]));
+    if (mass == MassForm::factor) {
+      push_change(sum, change);
+    } else {
+      for (Index k = 0; k < tree.dofs; ++k) {
+        const Index row = tree.begin[k];
+        const unsigned char* const path = tree.path(k);
+        const Double own = change(k);
+        Double force = number(workspace.M, row + tree.depth[k]) * own;
+        for (Index d = 0; d < tree.depth[k]; ++d) {
+          const Double entry = number(workspace.M, row + d);
+          force = fma_(entry, change(path[d]), force);
+          sum.put(path[d], fma_(entry, own, sum[path[d]]));
+        }
+        sum.put(k, sum[k] + force);
       }
-      sum.put(k, sum[k] + force);
     }
     for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
     for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+  }
+
+  /// sum += L'DL change, by the factor that evaluations move v with: where the gradient is zero, they find v. It takes
+  /// as many multiplications as M does, and M as rounded would be another problem.
+  template <class F>
+  STICTION_HD void push_change(const Doubles& sum, F&& change) const {
+    const Doubles factor = array(workspace.factor);
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Doubles row = factor.from(tree.begin[k]);
+      const unsigned char* const path = tree.path(k);
+      Double force = change(k);
+      for (Index d = 0; d < tree.depth[k]; ++d) force = fma_(row[d], change(path[d]), force);
+      force = row[tree.depth[k]] * force;
+      for (Index d = 0; d < tree.depth[k]; ++d) sum.put(path[d], fma_(row[d], force, sum[path[d]]));
+      sum.put(k, sum[k] + force);
+    }
   }
 
   /// The diagonal of A = J M^-1 J'.

@@ -16,28 +16,36 @@ inline constexpr Index kMostVelocityRows = 1024;
 /// A set of degrees of freedom of one environment.
 using DofSet = std::uint64_t;
 
-/// The environment's degree of freedom that is number k here, and back.
+/// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and what
+/// is factored here with number 0. So a factor's are numbered from the last to the first, and L has the tree's zeros.
 template <class Real>
 STICTION_HD Index dof_of(const LaneEnv<Real>& env, Index k) {
-  return env.dof == nullptr ? k : env.dof[k];
+  if (env.dof != nullptr) return env.dof[k];
+  return env.is_reversed ? env.dofs - 1 - k : k;
 }
 template <class Real>
 STICTION_HD Index local_of(const LaneEnv<Real>& env, Index of_env) {
-  return env.local == nullptr ? of_env : env.local[of_env];
+  if (env.local != nullptr) return env.local[of_env];
+  return env.is_reversed ? env.dofs - 1 - of_env : of_env;
 }
 template <class Real>
 STICTION_HD Index cone_of(const LaneEnv<Real>& env, Index i) {
   return env.cone == nullptr ? i : env.cone[i];
 }
-/// Where row k of M has the entry of number 0, where is_one_block.
+/// The first of the environment's that is in a part.
+template <class Real>
+STICTION_HD Index lowest_dof(const LaneEnv<Real>& env) {
+  return dof_of(env, env.is_reversed ? env.dofs - 1 : 0);
+}
+/// Where the row of number k in M has the entry of number 0, where is_one_block.
 template <class Real>
 STICTION_HD Offset mass_row(const LaneEnv<Real>& env, Index k) {
   return static_cast<Offset>(dof_of(env, k)) * env.block + dof_of(env, 0) % env.block;
 }
-/// M between number k and one before it.
+/// M, or its factor, between number k and one that is not after it.
 template <class Real>
 STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index k, Index before) {
-  const Index row = dof_of(env, k), column = dof_of(env, before);
+  const Index a = dof_of(env, k), b = dof_of(env, before), row = a > b ? a : b, column = a > b ? b : a;
   return column / env.block == row / env.block ? env.M[static_cast<Offset>(row) * env.block + column % env.block]
                                                : Real(0);
 }
@@ -73,7 +81,7 @@ template <class Real>
 STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
   const bool is_whole =
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
-  return is_whole && batch.mass_form == MassForm::matrix && cones_are_sound(batch, env);
+  return is_whole && cones_are_sound(batch, env);
 }
 /// Whether it takes an environment, or a part of one, of that size.
 template <class Real>
@@ -95,6 +103,7 @@ STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset 
   e.M = batch.M + batch.env_mass_offsets[env];
   e.v_free = batch.v_free + batch.env_dof_offsets[env];
   e.is_one_block = e.block == e.dofs;
+  e.is_reversed = batch.mass_form == MassForm::factor;
   return e;
 }
 
@@ -123,11 +132,14 @@ template <class Real>
 STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
   if (env.dofs <= kDenseDofs) return below(env.dofs);
   const Offset begin = batch.row_offsets[env.first_row + row];
-  if (batch.column == nullptr && env.is_consecutive) return nonzero_of(batch.J + begin + dof_of(env, 0), env.dofs);
+  if (batch.column == nullptr && env.is_consecutive) {
+    const DofSet set = nonzero_of(batch.J + begin + lowest_dof(env), env.dofs);
+    return env.is_reversed ? reversed_bits(set) >> (kMostVelocityDofs - env.dofs) : set;
+  }
   DofSet set = 0;
   if (batch.column == nullptr) {
     for (Index k = 0; k < env.dofs; ++k)
-      if (batch.J[begin + env.dof[k]] != Real(0)) set |= only(k);
+      if (batch.J[begin + dof_of(env, k)] != Real(0)) set |= only(k);
     return set;
   }
   const Offset end = batch.row_offsets[env.first_row + row + 1];
@@ -136,19 +148,31 @@ STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<
   return set;
 }
 
-/// Degrees of freedom before `dof` that M couples it with.
+/// Of the row of M, or of its factor, that belongs to number `dof`: entries that are not zero, but for the diagonal.
+/// Bit i is the i-th in the environment's order, of a part's degrees of freedom that follow one another.
 template <class Real>
-STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
-  if (env.dofs <= kDenseDofs) return below(dof);
-  if (env.is_consecutive) {
-    const Index base = dof_of(env, 0), row = base + dof, block = row - row % env.block;
-    const Index first = block > base ? block : base;
-    return nonzero_of(env.M + static_cast<Offset>(row) * env.block + (first - block), row - first) << (first - base);
+STICTION_HD DofSet mass_row_set(const LaneEnv<Real>& env, Index dof) {
+  const Index base = lowest_dof(env), row = dof_of(env, dof), block = row - row % env.block;
+  const Index first = block > base ? block : base;
+  return nonzero_of(env.M + static_cast<Offset>(row) * env.block + (first - block), row - first) << (first - base);
+}
+
+/// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, which
+/// is what the tree makes of entries between number k and others.
+template <class Real>
+STICTION_HD void add_mass_dofs(const LaneEnv<Real>& env, DofSet* coupled) {
+  for (Index k = 0; k < env.dofs; ++k) {
+    if (env.dofs <= kDenseDofs) {
+      coupled[k] |= below(k);
+    } else if (env.is_consecutive && !env.is_reversed) {
+      coupled[k] |= mass_row_set(env, k);
+    } else if (env.is_consecutive) {
+      for_each_dof(mass_row_set(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only(k); });
+    } else {
+      for (Index before = 0; before < k; ++before)
+        if (mass_entry(env, k, before) != Real(0)) coupled[k] |= only(before);
+    }
   }
-  DofSet set = 0;
-  for (Index k = 0; k < dof; ++k)
-    if (mass_entry(env, dof, k) != Real(0)) set |= only(k);
-  return set;
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -55,7 +55,7 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
     list_items(job.batch, envs[l], next);
     items[l] = next;
     next += cones[l];
-    for (Index k = 0; k < envs[l].dofs; ++k) coupled[k] |= mass_dofs(envs[l], k);
+    add_mass_dofs(envs[l], coupled);
   }
   const SlotCounts counts = merge_items<kLanes>(items, cones, lists.slots, lists.columns);
   build_tree<kLanes>(lists.tree, dofs, coupled, lists.slots, counts.slots);

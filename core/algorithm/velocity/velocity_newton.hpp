@@ -44,7 +44,7 @@ class VelocityNewton {
 
  private:
   [[nodiscard]] STICTION_HD DoublePack<Types> in_double(int first) const {
-    return {workspace_, tree_, slots_, counts_, first};
+    return {workspace_, tree_, slots_, counts_, first, job_.batch.mass_form};
   }
   [[nodiscard]] STICTION_HD ShiftTerms<Types> shift() const { return {workspace_, slots_, counts_, job_.law}; }
   /// f(DoublePack) for all lanes.
@@ -74,7 +74,7 @@ class VelocityNewton {
 
   STICTION_HD_OUTLINE void load() {
     const Real zeros[kTileReach<Real>] = {};
-    load_mass(workspace_, job_.batch, tree_, envs_, zeros);
+    load_motion(workspace_, job_.batch, tree_, envs_, zeros);
     for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros);
     const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (int l = 0; l < kLanes; ++l) {
