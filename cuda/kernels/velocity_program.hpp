@@ -35,26 +35,33 @@ template <class Real>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
   using Types = LaneTypes<Real, cuda::kWarp>;
+  using Large = LaneTypes<Real, cuda::kWarp, LargeDofSet>;
   static constexpr bool kSerial = false;
   static constexpr int kLanes = cuda::kWarp;
 
-  struct Memory {
+  template <class Lane>
+  struct LaneMemory {
     const Args& args;
     Offset team;
     Index lane;
     STICTION_HD void* lists(Offset) const { return args.lists + (team * cuda::kWarp + lane) * args.lists_per_lane; }
     STICTION_HD Index* islands() const { return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane; }
-    STICTION_HD VelocityWorkspace<Types> numbers(const SlotCounts&, Index, Index) const {
-      return VelocityWorkspace<Types>(args.numbers + team * args.numbers_per_team, args.largest, args.dofs,
-                                      args.tree_entries, lane);
+    STICTION_HD VelocityWorkspace<Lane> numbers(const SlotCounts&, Index, Index) const {
+      return VelocityWorkspace<Lane>(args.numbers + team * args.numbers_per_team, args.largest, args.dofs,
+                                     args.tree_entries, lane);
     }
   };
+  using Memory = LaneMemory<Types>;
 
   /// Solves an environment, or a part of one.
   static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Memory& memory) {
     VelocityResult result;
     part.result = &result;
-    solve_pack<Types>(memory.args.job, &part, 1, memory);
+    if (part.dofs <= kMostVelocityDofs) {
+      solve_pack<Types>(memory.args.job, &part, 1, memory);
+    } else {
+      solve_pack<Large>(memory.args.job, &part, 1, LaneMemory<Large>{memory.args, memory.team, memory.lane});
+    }
     return result;
   }
 

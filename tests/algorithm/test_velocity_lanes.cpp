@@ -43,11 +43,11 @@ struct Answers {
 };
 
 /// Environments of a batch in the lanes of packs, in that order.
-template <class Wide>
+template <class Wide, class Set = DofSet>
 auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance,
                     const JacobianStart<Scalar<Wide>>& start = {}) {
   using Real = Scalar<Wide>;
-  using Types = LaneTypes<Wide>;
+  using Types = LaneTypes<Wide, RealTraits<Wide>::kLanes, Set>;
   Answers<Real> answers;
   const JacobianBatchView<Real> view = batch.view();
   answers.lambda.assign(static_cast<std::size_t>(view.row_count), Real(-7));
@@ -173,6 +173,37 @@ TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
     }
 }
 
+// Rows of a large tree begin where they have entries: what is left out are exact zeros.
+TEST(VelocityLanes, LargeSetsHaveTheBitsOfWords) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const auto batch = unlike_chains<double>(Law::convex, form);
+    const auto order = shuffled(batch.env_count());
+    const auto expected = solve_in_packs<double>(batch, order, 1e-8);
+    expect_the_same(expected, solve_in_packs<double, LargeDofSet>(batch, order, 1e-8));
+    expect_the_same(expected, solve_in_packs<Pack<double, 4>, LargeDofSet>(batch, order, 1e-8));
+  }
+}
+
+TEST(VelocityLanes, ALargeTreeKeepsToItsRoom) {
+  const auto tree = std::make_unique<DofTree<LargeDofSet>>();
+  Slot<1, LargeDofSet>* const no_slots = nullptr;
+  const auto fits = [&](Index dofs, const auto& coupled_of) {
+    std::vector<LargeDofSet> coupled(static_cast<std::size_t>(dofs));
+    for (Index k = 0; k < dofs; ++k) coupled[static_cast<std::size_t>(k)] = coupled_of(k);
+    return build_tree(*tree, dofs, coupled.data(), no_slots, 0);
+  };
+  const auto dense = [](Index k) { return below<LargeDofSet>(k); };
+  EXPECT_TRUE(fits(180, dense)) << "16290 entries";
+  EXPECT_FALSE(fits(181, dense)) << "16471";
+  // A path of 256 and leaves at its end: each has a list of 257, the first one goes on with the path's.
+  const auto comb = [](Index k) { return k == 0 ? LargeDofSet{} : only<LargeDofSet>(k < 256 ? k - 1 : 255); };
+  EXPECT_TRUE(fits(256 + 63, comb));
+  EXPECT_EQ(tree->entries, 1 + 2 * (255 + 63));
+  EXPECT_EQ(tree->path(300)[255], 255);
+  EXPECT_EQ(tree->path(300)[256], 300);
+  EXPECT_FALSE(fits(256 + 64, comb));
+}
+
 // Environments of one size and one pattern go through tiles, the last one's rows up to the end of the arrays.
 TEST(VelocityLanes, EnvironmentsOfOneSizeHaveThemToo) {
   for (const MassForm form : {MassForm::matrix, MassForm::factor})
@@ -193,8 +224,9 @@ Index tree_entries(const JacobianEnvironment<double>& env, MassForm form) {
   batch.add(in_form(env, form));
   DofSet coupled[kMostVelocityDofs] = {};
   add_mass_dofs(lane_env(batch.view(), 0), coupled);
-  const auto tree = std::make_unique<DofTree>();
-  build_tree<1>(*tree, static_cast<Index>(env.v_free.size()), coupled, nullptr, 0);
+  const auto tree = std::make_unique<DofTree<DofSet>>();
+  Slot<1, DofSet>* const no_slots = nullptr;
+  EXPECT_TRUE(build_tree(*tree, static_cast<Index>(env.v_free.size()), coupled, no_slots, 0));
   return tree->entries;
 }
 

@@ -64,6 +64,52 @@ inline std::vector<Cone> cones_of_every_kind() {
   return {friction(3), free_row(), friction(6), box(), friction(2), unilateral(), friction(4), friction(5), box()};
 }
 
+struct BodiesRecipe {
+  std::uint64_t seed = 1;
+  std::size_t bodies = 20;
+  std::size_t points = 3;    ///< friction cones of three rows between bodies that touch
+  std::size_t branch = 0;    ///< every so many bodies touch one of all before them; 0: each touches the one before
+  double compliance = 0.01;  ///< R is one to three times this, the same along a cone once scaled by mu^2
+};
+
+/// Bodies of six degrees of freedom, each of which touches one before it. M is in one matrix.
+inline JacobianEnvironment<double> bodies_in_contact(const BodiesRecipe& recipe) {
+  scenes::Rng rng(recipe.seed);
+  const std::size_t dofs = 6 * recipe.bodies;
+  JacobianEnvironment<double> env;
+  env.M.assign(dofs * dofs, 0.0);
+  for (std::size_t body = 0; body < recipe.bodies; ++body) {
+    double root[6][6];
+    for (auto& row : root)
+      for (double& entry : row) entry = rng.symmetric(0.3);
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t j = 0; j < 6; ++j) {
+        double sum = i == j ? 0.5 : 0.0;
+        for (std::size_t k = 0; k < 6; ++k) sum += root[i][k] * root[j][k];
+        env.M[(6 * body + i) * dofs + 6 * body + j] = sum;
+      }
+    for (int k = 0; k < 6; ++k) env.v_free.push_back(rng.symmetric(1.0));
+    const bool jumps = recipe.branch > 0 && body % recipe.branch == 0;
+    const auto any = static_cast<std::size_t>(rng.uniform(0.0, 0.999) * static_cast<double>(body));
+    const std::size_t other = body == 0 ? 0 : jumps ? any : body - 1;
+    for (std::size_t point = 0; point < recipe.points; ++point) {
+      const double R = recipe.compliance * rng.uniform(1.0, 3.0), mu = rng.uniform(0.2, 1.0);
+      env.cones.push_back(friction(3));
+      for (int row = 0; row < 3; ++row) {
+        env.mu.push_back(row > 0 ? mu : 0.0);
+        env.R.push_back(row > 0 ? R / (mu * mu) : R);
+        env.target.push_back(rng.symmetric(0.1));
+        std::vector<double> J(dofs, 0.0);
+        for (const std::size_t of : {body, other})
+          for (std::size_t k = 0; k < 6; ++k) J[6 * of + k] = rng.symmetric(1.0);
+        env.J.insert(env.J.end(), J.begin(), J.end());
+      }
+    }
+  }
+  env.lo = env.hi = std::vector<double>(env.R.size(), 0.0);
+  return env;
+}
+
 /// Environments beside one another as one, and where each one's degrees of freedom and rows are in it.
 struct Together {
   JacobianEnvironment<double> env;

@@ -98,6 +98,33 @@ TEST(DeviceJacobian, HasTheCpusBitsOfPartsOfLargeEnvironments) {
   }
 }
 
+TEST(DeviceJacobian, HasTheCpusBitsWhereManyDegreesOfFreedomAreCoupled) {
+  for (const MassForm mass : {MassForm::matrix, MassForm::factor}) {
+    JacobianBatch<float> batch(Law::convex, mass);
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      const auto bodies = bodies_in_contact({seed, 9 + 4 * seed, 3, 3 * seed});
+      batch.add(cast<float>(in_form(mass == MassForm::factor ? reversed(bodies) : bodies, mass)));
+      batch.add(cast<float>(in_form(random_chain({seed, 17}), mass)));
+    }
+    const SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+    const auto packed = batch.view();
+    const auto expected = solve(packed, chosen);
+    for (const EnvStatus& status : expected.contact.status) EXPECT_EQ(status.solver, SolverKind::velocity_newton);
+    const RoomyJacobians<float> arrays(packed, 0, 5);
+    const auto view = arrays.view(MemorySpace::cuda);
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
+    const cuda::Stream stream(*device);
+    JacobianCapacity capacity = JacobianCapacity::of(packed);
+    capacity.rows = view.row_count;
+    capacity.cones = view.cone_count;
+    Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
+    Answer<float> answer(view);
+    machine.solve(view, answer.view(), StreamRef(stream.get()));
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
+}
+
 TEST(DeviceJacobian, HasTheCpusBitsOnAnyLanesAndTeams) {
   for (const int lanes : {1, 3, 5})
     for (const std::uint64_t seed : {0, 1, 2}) {

@@ -126,7 +126,7 @@ TEST(VelocityIslands, BlocksOfMassAreAsGoodAsOneMatrix) {
   }
 }
 
-TEST(VelocityIslands, APartThatIsTooLargeLeavesTheEnvironmentToA) {
+TEST(VelocityIslands, ALargePartThatDoesNotPayLeavesTheEnvironmentToA) {
   auto parts = chains();
   parts.push_back(random_chain({9, 70, cones_of_every_kind(), 0.0, 0.01}));
   const JacobianSolution<double> whole = solved<double>(together(parts, false).env, Law::convex, 1e-6);

@@ -72,10 +72,10 @@ class DofIslands {
   /// f(i) for all i < count with numbers[i] != 0.
   template <class F>
   static STICTION_HD void for_each_nonzero(const Real* numbers, Index count, F&& f) {
-    for (Index from = 0; from < count; from += kMostVelocityDofs) {
+    constexpr Index kWord = SetTraits<DofSet>::kMost;
+    for (Index from = 0; from < count; from += kWord) {
       const Index rest = count - from;
-      for_each_dof(nonzero_of(numbers + from, rest < kMostVelocityDofs ? rest : kMostVelocityDofs),
-                   [&](Index i) { f(from + i); });
+      for_each_dof(nonzero_of(numbers + from, rest < kWord ? rest : kWord), [&](Index i) { f(from + i); });
     }
   }
 

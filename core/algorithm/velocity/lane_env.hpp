@@ -4,7 +4,7 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
-#include "core/base/words.hpp"
+#include "core/algorithm/velocity/dof_set.hpp"
 #include "core/job/velocity_job.hpp"
 
 /// One environment, or a part of one that nothing couples with the rest, as a lane of Newton's method in velocities
@@ -13,8 +13,12 @@ namespace stiction::inline STICTION_ISA {
 
 /// Most rows: what a lane of a GPU keeps for an environment has room for the largest.
 inline constexpr Index kMostVelocityRows = 1024;
-/// A set of degrees of freedom of one environment.
-using DofSet = std::uint64_t;
+/// A coupled part of more than 64 degrees of freedom is large. Limits are on them, on entries of its factor
+/// and of J, and on the lists of its tree.
+inline constexpr Index kMostLargeDofs = SetTraits<LargeDofSet>::kMost;
+inline constexpr Index kMostLargeEntries = 16384;
+inline constexpr Index kMostLargeColumns = kMostVelocityRows * kMostVelocityDofs;
+inline constexpr Index kMostLargePaths = 16384;
 
 /// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and what
 /// is factored here with number 0. So a factor's are numbered from the last to the first, and L has the tree's zeros.
@@ -86,7 +90,7 @@ STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
 /// Whether it takes an environment, or a part of one, of that size.
 template <class Real>
 STICTION_HD bool takes_size(const LaneEnv<Real>& env, Law law) {
-  return env.dofs > 0 && env.dofs <= kMostVelocityDofs && env.rows >= 0 && env.rows <= kMostVelocityRows &&
+  return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows >= 0 && env.rows <= kMostVelocityRows &&
          (law == Law::convex || env.rows == 0 || pays_in_sequence(env.rows, env.dofs));
 }
 
@@ -107,70 +111,56 @@ STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset 
   return e;
 }
 
-STICTION_HD DofSet only(Index dof) {
-  return DofSet{1} << dof;
-}
-/// Those before `dof`.
-STICTION_HD DofSet below(Index dof) {
-  return (DofSet{1} << dof) - 1;
-}
-STICTION_HD Index size_of(DofSet set) {
-  return bit_count(set);
-}
-template <class F>
-STICTION_HD void for_each_dof(DofSet set, F&& f) {
-  for (; set != 0; set &= set - 1) f(lowest_bit(set));
-}
-
 /// So few degrees of freedom are taken for coupled all with all. It is faster to multiply with zeros than to look for
 /// them, and more cones lie side by side. That is worth 17 % of the time of the recorded car's 8, but Go1's 18 would
 /// take 70 % more.
 inline constexpr Index kDenseDofs = 9;
 
 /// Degrees of freedom that a row of J touches, by its stored numbers.
-template <class Real>
-STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
-  if (env.dofs <= kDenseDofs) return below(env.dofs);
+template <class Set, class Real>
+STICTION_HD Set row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
+  if (env.dofs <= kDenseDofs) return below<Set>(env.dofs);
   const Offset begin = batch.row_offsets[env.first_row + row];
   if (batch.column == nullptr && env.is_consecutive) {
-    const DofSet set = nonzero_of(batch.J + begin + lowest_dof(env), env.dofs);
-    return env.is_reversed ? reversed_bits(set) >> (kMostVelocityDofs - env.dofs) : set;
+    const Set set = nonzero_set<Set>(batch.J + begin + lowest_dof(env), env.dofs, 0);
+    return env.is_reversed ? mirrored(set, env.dofs) : set;
   }
-  DofSet set = 0;
+  Set set{};
   if (batch.column == nullptr) {
     for (Index k = 0; k < env.dofs; ++k)
-      if (batch.J[begin + dof_of(env, k)] != Real(0)) set |= only(k);
+      if (batch.J[begin + dof_of(env, k)] != Real(0)) set |= only<Set>(k);
     return set;
   }
   const Offset end = batch.row_offsets[env.first_row + row + 1];
   for (Offset k = begin; k < end; ++k)
-    if (batch.J[k] != Real(0)) set |= only(local_of(env, batch.column[k]));
+    if (batch.J[k] != Real(0)) set |= only<Set>(local_of(env, batch.column[k]));
   return set;
 }
 
 /// Of the row of M, or of its factor, that belongs to number `dof`: entries that are not zero, but for the diagonal.
 /// Bit i is the i-th in the environment's order, of a part's degrees of freedom that follow one another.
-template <class Real>
-STICTION_HD DofSet mass_row_set(const LaneEnv<Real>& env, Index dof) {
+template <class Set, class Real>
+STICTION_HD Set mass_row_set(const LaneEnv<Real>& env, Index dof) {
   const Index base = lowest_dof(env), row = dof_of(env, dof), block = row - row % env.block;
   const Index first = block > base ? block : base;
-  return nonzero_of(env.M + static_cast<Offset>(row) * env.block + (first - block), row - first) << (first - base);
+  const Real* const entries = env.M + static_cast<Offset>(row) * env.block + (first - block);
+  return nonzero_set<Set>(entries, row - first, first - base);
 }
 
 /// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, which
 /// is what the tree makes of entries between number k and others.
-template <class Real>
-STICTION_HD void add_mass_dofs(const LaneEnv<Real>& env, DofSet* coupled) {
+template <class Set, class Real>
+STICTION_HD void add_mass_dofs(const LaneEnv<Real>& env, Set* coupled) {
   for (Index k = 0; k < env.dofs; ++k) {
     if (env.dofs <= kDenseDofs) {
-      coupled[k] |= below(k);
+      coupled[k] |= below<Set>(k);
     } else if (env.is_consecutive && !env.is_reversed) {
-      coupled[k] |= mass_row_set(env, k);
+      coupled[k] |= mass_row_set<Set>(env, k);
     } else if (env.is_consecutive) {
-      for_each_dof(mass_row_set(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only(k); });
+      for_each_dof(mass_row_set<Set>(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only<Set>(k); });
     } else {
       for (Index before = 0; before < k; ++before)
-        if (mass_entry(env, k, before) != Real(0)) coupled[k] |= only(before);
+        if (mass_entry(env, k, before) != Real(0)) coupled[k] |= only<Set>(before);
     }
   }
 }

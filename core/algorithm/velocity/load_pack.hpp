@@ -46,7 +46,7 @@ STICTION_HD void with_step(MassForm mass, F&& f) {
 /// Column columns[c] of every lane's row to to(c), its first lane's number; `count` columns in ascending order, tile by
 /// tile where they lie close.
 template <class Types, Index kStep, class To>
-STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const unsigned char* columns, Index count,
+STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<Types>* columns, Index count,
                               const To& to) {
   using Real = typename Types::Real;
   constexpr Index kEdge = kTileEdge<Real>;
@@ -111,17 +111,19 @@ STICTION_HD bool set_mass_rows(LaneRows<Types, kStep>& from, const JacobianBatch
 /// M's lower triangle in the tree's envelope. Degrees of freedom that a lane does not have get a 1 on the diagonal.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                                   const DofTree& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                   const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                    const Real (&zeros)[kTileReach<Real>]) {
   for (Index k = 0; k < tree.dofs; ++k) {
-    const unsigned char* const path = tree.path(k);
+    const SmallOf<Types>* const path = tree.path(k);
     const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
     LaneRows<Types, 1> from;
     if (set_mass_rows(from, batch, tree.dofs, envs, k, zeros)) {
-      load_columns<Types>(from, path, tree.depth[k] + 1, [&](Index c) { return &row.at(c, 0); });
+      const Index first = tree.first(k);
+      load_columns<Types>(from, path + first, tree.depth[k] + 1 - first,
+                          [&](Index c) { return &row.at(first + c, 0); });
     } else {
       for (int l = 0; l < Types::kLanes; ++l)
-        for (Index d = 0; d <= tree.depth[k]; ++d)
+        for (Index d = tree.first(k); d <= tree.depth[k]; ++d)
           row.at(d, l) = k < envs[l].dofs ? mass_entry(envs[l], k, path[d]) : Real(0);
     }
     for (int l = 0; l < Types::kLanes; ++l)
@@ -133,14 +135,14 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
 /// k in the tree. Degrees of freedom that a lane does not have get a 1 on the diagonal.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                                     const DofTree& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                     const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                      const Real (&zeros)[kTileReach<Real>]) {
   for (Index k = 0; k < tree.dofs; ++k) {
     const Index depth = tree.depth[k];
-    unsigned char below[kMostVelocityDofs];
+    SmallOf<Types> below[TreeOf<Types>::kMostDofs];
     Index count = 0;
     for (Index i = k; i < tree.dofs; ++i)
-      if (tree.depth[i] >= depth && tree.path(i)[depth] == k) below[count++] = static_cast<unsigned char>(i);
+      if (tree.has(i, depth) && tree.path(i)[depth] == k) below[count++] = static_cast<SmallOf<Types>>(i);
     const auto entry = [&](Index c) { return &workspace.M.at(tree.begin[below[c]] + depth, 0); };
     LaneRows<Types, -1> from;
     if (set_mass_rows(from, batch, tree.dofs, envs, k, zeros)) {
@@ -158,7 +160,7 @@ STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, 
 /// M, or its factor, and v_free.
 template <class Types, class Real>
 STICTION_HD void load_motion(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                             const DofTree& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                             const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                              const Real (&zeros)[kTileReach<Real>]) {
   if (batch.mass_form == MassForm::matrix) load_mass(workspace, batch, tree, envs, zeros);
   if (batch.mass_form == MassForm::factor) load_factor(workspace, batch, tree, envs, zeros);
@@ -168,14 +170,14 @@ STICTION_HD void load_motion(const VelocityWorkspace<Types>& workspace, const Ja
 }
 
 /// A row of J by its stored entries; such as name a column twice add up.
-template <class Numbers, class Real>
-STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row, DofSet dofs,
-                             const Numbers& to, int lane) {
+template <class Set, class Numbers, class Real>
+STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row,
+                             const Set& dofs, const Numbers& to, int lane) {
   const Index columns = size_of(dofs);
   for (Index c = 0; c < columns; ++c) to.at(c, lane) = Real(0);
   for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
     if (batch.J[k] == Real(0)) continue;
-    Real& entry = to.at(size_of(dofs & below(local_of(env, batch.column[k]))), lane);
+    Real& entry = to.at(size_of(dofs & below<Set>(local_of(env, batch.column[k]))), lane);
     entry = entry + batch.J[k];
   }
 }
@@ -183,7 +185,7 @@ STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv
 /// Row k of a slot in every lane.
 template <class Types, class Real>
 STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                          const Slot<Types::kLanes>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
+                          const SlotOf<Types>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
                           const Real (&zeros)[kTileReach<Real>]) {
   const typename Types::Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
   bool is_consecutive = batch.column == nullptr;
@@ -213,8 +215,8 @@ STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const Jacob
 
 /// A slot's numbers of an array by row, `otherwise` in lanes without its cone, or where there is no array.
 template <class Types, class Real>
-STICTION_HD void load_by_row(const Slot<Types::kLanes>& slot, const LaneEnv<Real> (&envs)[Types::kLanes],
-                             const Real* array, Real otherwise, const typename Types::Numbers& to) {
+STICTION_HD void load_by_row(const SlotOf<Types>& slot, const LaneEnv<Real> (&envs)[Types::kLanes], const Real* array,
+                             Real otherwise, const typename Types::Numbers& to) {
   if (array == nullptr) {
     for (Index k = 0; k < slot.rows; ++k) to.put(slot.row + k, typename Types::Wide(otherwise));
     return;
@@ -244,8 +246,8 @@ STICTION_HD Bounds<Real> bounds_of(const JacobianBatchView<Real>& batch, ConeKin
 /// J and everything by row. Lanes without a cone in a slot get zeros, and a row between bounds 0 and 0.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                                   const Slot<Types::kLanes>& slot, Index index,
-                                   const LaneEnv<Real> (&envs)[Types::kLanes], const Real (&zeros)[kTileReach<Real>]) {
+                                   const SlotOf<Types>& slot, Index index, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                   const Real (&zeros)[kTileReach<Real>]) {
   using Wide = typename Types::Wide;
   for (Index k = 0; k < slot.rows; ++k) load_row(workspace, batch, slot, k, envs, zeros);
   load_by_row<Types, Real>(slot, envs, batch.target, Real(0), workspace.target);
@@ -271,7 +273,7 @@ STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, co
 /// The lanes all of whose numbers may be computed with: finite, friction and compliance not negative, bounds in order.
 template <class Types>
 STICTION_HD_OUTLINE Mask<typename Types::Wide> sound_lanes(const VelocityWorkspace<Types>& workspace,
-                                                           const DofTree& tree, const Slot<Types::kLanes>* slots,
+                                                           const TreeOf<Types>& tree, const SlotOf<Types>* slots,
                                                            const SlotCounts& counts) {
   using Wide = typename Types::Wide;
   Wide nothing(0);  // NaN where anything is not finite

@@ -19,8 +19,8 @@ class VelocityNewton {
   /// Share of its error to which steps in this precision can take an environment before z is computed in double again.
   static constexpr double kAccurateTo = sizeof(Real) == sizeof(float) ? 1e-4 : 0.0;
 
-  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes], const DofTree& tree,
-                             const Slot<kLanes>* slots, const SlotCounts& counts,
+  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
+                             const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
                              const VelocityWorkspace<Types>& workspace)
       : job_(job),
         envs_(envs),
@@ -377,9 +377,9 @@ class VelocityNewton {
 
   const VelocityJob<Real>& job_;
   const LaneEnv<Real> (&envs_)[kLanes];
-  const Slot<kLanes>* slots_;
+  const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
-  const DofTree& tree_;
+  const TreeOf<Types>& tree_;
   const VelocityWorkspace<Types>& workspace_;
   NewtonPack<Types> pack_;
   LaneProgress progress_[kLanes];
