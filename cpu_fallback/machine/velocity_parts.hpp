@@ -24,7 +24,7 @@ class VelocityParts {
       const LaneEnv<Real> whole = lane_env(job.batch, env);
       if (whole.dofs > kMostVelocityDofs) {
         large_.push_back(env);
-      } else if (takes_size(whole, job.law)) {
+      } else if (takes_size(job.batch, whole, job.law)) {
         parts_.push_back(whole);
       }
     }
@@ -67,7 +67,7 @@ class VelocityParts {
       bool takes_all = true;
       for (Index i = 0; i < islands.count(); ++i) {
         parts_.push_back(islands.part(i));
-        takes_all = takes_all && takes_size(parts_.back(), job.law);
+        takes_all = takes_all && takes_size(job.batch, parts_.back(), job.law);
       }
       if (!takes_all) parts_.resize(before);
     }

@@ -69,13 +69,13 @@ struct SolveVelocities {
     const Args& args = memory.args;
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
-      if (takes_size(whole, args.job.law)) finish(args.job, env, solve(whole, memory));
+      if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, memory));
       return;
     }
     DofIslands<Real> islands(args.job.batch, env, memory.islands());
     islands.find();
     for (Index i = 0; i < islands.count(); ++i)
-      if (!takes_size(islands.part(i), args.job.law)) return;
+      if (!takes_size(args.job.batch, islands.part(i), args.job.law)) return;
     VelocityResult result;
     for (Index i = 0; i < islands.count() && result.is_solved; ++i) join(result, solve(islands.part(i), memory));
     finish(args.job, env, result);

@@ -44,8 +44,7 @@ JacobianBatch<Real> batch_of(const std::vector<JacobianEnvironment<double>>& env
 template <class Real>
 void expect_solved(const BodiesRecipe& recipe, Law law, const Given& given, double tolerance) {
   const auto env = bodies_for(given, recipe);
-  const auto solution =
-      solve(batch_of<Real>({env}, law, given), options(SolverKind::automatic, tolerance, 2000));
+  const auto solution = solve(batch_of<Real>({env}, law, given), options(SolverKind::automatic, tolerance, 2000));
   const EnvStatus& status = solution.contact.status[0];
   EXPECT_EQ(status.solver, SolverKind::velocity_newton) << 6 * recipe.bodies;
   EXPECT_EQ(status.code, EnvCode::solved);
@@ -105,8 +104,8 @@ TEST(VelocityLarge, ThreadsAndNeighboursReachNoBit) {
 
 // Few rows make a small A; many that are coupled all with all, or do not fit, make a step that is too large.
 TEST(VelocityLarge, WhatDoesNotPayIsSolvedByA) {
-  for (const auto& env : {random_jacobian({1, 10, 5, 200}), bodies_in_contact({1, 12, 1}),
-                          bodies_in_contact({1, 86, 1})}) {
+  for (const auto& env :
+       {random_jacobian({1, 10, 5, 200}), bodies_in_contact({1, 12, 1}), bodies_in_contact({1, 86, 1})}) {
     const auto solution = solve(batch_of<double>({env}, Law::convex, {}), options(SolverKind::automatic, 1e-6, 2000));
     EXPECT_EQ(solution.contact.status[0].code, EnvCode::solved);
     EXPECT_NE(solution.contact.status[0].solver, SolverKind::velocity_newton);

@@ -87,11 +87,19 @@ STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
   return is_whole && cones_are_sound(batch, env);
 }
-/// Whether it takes an environment, or a part of one, of that size.
+/// Whether any cone has a normal row without compliance. Its proximal term makes a sequence of problems.
 template <class Real>
-STICTION_HD bool takes_size(const LaneEnv<Real>& env, Law law) {
-  return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows >= 0 && env.rows <= kMostVelocityRows &&
-         (law == Law::convex || env.rows == 0 || pays_in_sequence(env.rows, env.dofs));
+STICTION_HD bool has_rigid_cone(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env) {
+  for (Index i = 0; i < env.cones; ++i)
+    if (batch.R[batch.cone_row_offsets[env.first_cone + cone_of(env, i)]] == Real(0)) return true;
+  return false;
+}
+/// Whether it takes an environment, or a part of one, of that size. Others that take a sequence of problems and do not
+/// pay are found when their numbers are known.
+template <class Real>
+STICTION_HD bool takes_size(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Law law) {
+  if (env.dofs <= 0 || env.dofs > kMostLargeDofs || env.rows < 0 || env.rows > kMostVelocityRows) return false;
+  return env.rows == 0 || pays_in_sequence(env.rows, env.dofs) || (law == Law::convex && !has_rigid_cone(batch, env));
 }
 
 template <class Real>
