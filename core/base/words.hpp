@@ -31,6 +31,14 @@ STICTION_HD Index bit_count(std::uint64_t word) {
 #endif
 }
 
+/// Bit k as bit 63 - k.
+STICTION_HD std::uint64_t reversed_bits(std::uint64_t word) {
+  constexpr std::uint64_t kMasks[] = {0x5555555555555555U, 0x3333333333333333U, 0x0F0F0F0F0F0F0F0FU,
+                                      0x00FF00FF00FF00FFU, 0x0000FFFF0000FFFFU, 0x00000000FFFFFFFFU};
+  for (int i = 0; i < 6; ++i) word = (word >> (1 << i) & kMasks[i]) | (word & kMasks[i]) << (1 << i);
+  return word;
+}
+
 /// Bit k: the k-th of `count` <= 64 numbers is not zero. NaN is not zero.
 template <class Real>
 STICTION_HD std::uint64_t nonzero_of(const Real* numbers, Index count) {

@@ -26,11 +26,12 @@ struct LaneEnv {
   Offset first_cone = 0;
   const Real* M = nullptr;
   const Real* v_free = nullptr;
-  const Index* dof = nullptr;    ///< of the environment, in ascending order       (dofs)
+  const Index* dof = nullptr;    ///< of the environment, in the order of numbers  (dofs)
   const Index* local = nullptr;  ///< of each of the environment's, its number in its part
   const Index* cone = nullptr;   ///< of the environment, in ascending order       (cones)
   bool is_consecutive = true;    ///< its degrees of freedom follow one another
   bool is_one_block = true;      ///< and are in one block of M
+  bool is_reversed = false;      ///< they are numbered from the last to the first: M is given as a factor
   VelocityResult* result = nullptr;
 };
 

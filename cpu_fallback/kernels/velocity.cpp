@@ -28,15 +28,19 @@ template <class Real>
 void solve_all(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch) {
   constexpr int kWidth = kWidthHere<Real>;
   using Single = LaneTypes<Real>;
+  using Large = LaneTypes<Real, 1, LargeDofSet>;
+  Offset small = 0;  // they come first
+  while (small < count && envs[small].dofs <= kMostVelocityDofs) ++small;
   Offset done = 0;
   if constexpr (kWidth > 1) {
     using Packed = LaneTypes<Pack<Real, kWidth>>;
-    for (; count - done >= kFewest; done += kWidth) {
-      const auto members = static_cast<Index>(count - done < kWidth ? count - done : kWidth);
+    for (; small - done >= kFewest; done += kWidth) {
+      const auto members = static_cast<Index>(small - done < kWidth ? small - done : kWidth);
       solve_pack<Packed>(job, envs + done, members, PackMemory<Packed>{scratch});
     }
   }
-  for (; done < count; ++done) solve_pack<Single>(job, envs + done, 1, PackMemory<Single>{scratch});
+  for (; done < small; ++done) solve_pack<Single>(job, envs + done, 1, PackMemory<Single>{scratch});
+  for (done = small; done < count; ++done) solve_pack<Large>(job, envs + done, 1, PackMemory<Large>{scratch});
 }
 
 }  // namespace

@@ -135,9 +135,13 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     if (newton_scratch_.size() < static_cast<std::size_t>(threads))
       newton_scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));
     const auto count = static_cast<Offset>(parts.size()), run = Offset{kPacksPerRun} * kernels.width;
-    cpu::parallel_for(threads, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
-      const Offset begin = index * run;
-      kernels.solve(job, parts.data() + begin, smaller_of(run, count - begin),
+    // Small parts come first, in packs; a large one is work enough by itself.
+    const auto is_small = [](const LaneEnv<Real>& part) { return part.dofs <= kMostVelocityDofs; };
+    const Offset small = std::partition_point(parts.begin(), parts.end(), is_small) - parts.begin();
+    const Offset runs = (small + run - 1) / run;
+    cpu::parallel_for(threads, static_cast<int>(runs + count - small), [&](int index, int worker) {
+      const Offset begin = index < runs ? index * run : small + index - runs;
+      kernels.solve(job, parts.data() + begin, index < runs ? smaller_of(run, small - begin) : 1,
                     newton_scratch_[static_cast<std::size_t>(worker)]);
     });
     newton_parts_.finish(job);

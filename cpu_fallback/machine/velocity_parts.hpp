@@ -22,8 +22,11 @@ class VelocityParts {
     for (Offset env = 0; env < job.batch.env_count; ++env) {
       if ((flags[env] & kNotAssembled) != 0 || !takes_form(job.batch, env)) continue;
       const LaneEnv<Real> whole = lane_env(job.batch, env);
-      if (takes_size(whole, job.law)) parts_.push_back(whole);
-      if (whole.dofs > kMostVelocityDofs) large_.push_back(env);
+      if (whole.dofs > kMostVelocityDofs) {
+        large_.push_back(env);
+      } else if (takes_size(job.batch, whole, job.law)) {
+        parts_.push_back(whole);
+      }
     }
     list_large(job);
     results_.assign(parts_.size(), VelocityResult{});
@@ -64,7 +67,7 @@ class VelocityParts {
       bool takes_all = true;
       for (Index i = 0; i < islands.count(); ++i) {
         parts_.push_back(islands.part(i));
-        takes_all = takes_all && takes_size(parts_.back(), job.law);
+        takes_all = takes_all && takes_size(job.batch, parts_.back(), job.law);
       }
       if (!takes_all) parts_.resize(before);
     }

@@ -35,26 +35,33 @@ template <class Real>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
   using Types = LaneTypes<Real, cuda::kWarp>;
+  using Large = LaneTypes<Real, cuda::kWarp, LargeDofSet>;
   static constexpr bool kSerial = false;
   static constexpr int kLanes = cuda::kWarp;
 
-  struct Memory {
+  template <class Lane>
+  struct LaneMemory {
     const Args& args;
     Offset team;
     Index lane;
     STICTION_HD void* lists(Offset) const { return args.lists + (team * cuda::kWarp + lane) * args.lists_per_lane; }
     STICTION_HD Index* islands() const { return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane; }
-    STICTION_HD VelocityWorkspace<Types> numbers(const SlotCounts&, Index, Index) const {
-      return VelocityWorkspace<Types>(args.numbers + team * args.numbers_per_team, args.largest, args.dofs,
-                                      args.tree_entries, lane);
+    STICTION_HD VelocityWorkspace<Lane> numbers(const SlotCounts&, Index, Index) const {
+      return VelocityWorkspace<Lane>(args.numbers + team * args.numbers_per_team, args.largest, args.dofs,
+                                     args.tree_entries, lane);
     }
   };
+  using Memory = LaneMemory<Types>;
 
   /// Solves an environment, or a part of one.
   static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Memory& memory) {
     VelocityResult result;
     part.result = &result;
-    solve_pack<Types>(memory.args.job, &part, 1, memory);
+    if (part.dofs <= kMostVelocityDofs) {
+      solve_pack<Types>(memory.args.job, &part, 1, memory);
+    } else {
+      solve_pack<Large>(memory.args.job, &part, 1, LaneMemory<Large>{memory.args, memory.team, memory.lane});
+    }
     return result;
   }
 
@@ -62,13 +69,13 @@ struct SolveVelocities {
     const Args& args = memory.args;
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
-      if (takes_size(whole, args.job.law)) finish(args.job, env, solve(whole, memory));
+      if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, memory));
       return;
     }
     DofIslands<Real> islands(args.job.batch, env, memory.islands());
     islands.find();
     for (Index i = 0; i < islands.count(); ++i)
-      if (!takes_size(islands.part(i), args.job.law)) return;
+      if (!takes_size(args.job.batch, islands.part(i), args.job.law)) return;
     VelocityResult result;
     for (Index i = 0; i < islands.count() && result.is_solved; ++i) join(result, solve(islands.part(i), memory));
     finish(args.job, env, result);

@@ -103,15 +103,16 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
-  newton_.dofs = smaller_of(capacity.env_dofs, kMostVelocityDofs);
-  newton_.tree_entries = newton_.dofs * (newton_.dofs + 1) / 2;
-  newton_.largest = {rows, rows, Offset{rows} * newton_.dofs, rows};
+  const bool has_large = capacity.env_dofs > kMostVelocityDofs;
+  newton_.dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
+  newton_.tree_entries = smaller_of(newton_.dofs * (newton_.dofs + 1) / 2, kMostLargeEntries);
+  newton_.largest = {rows, rows, smaller_of(Offset{rows} * newton_.dofs, Offset{kMostLargeColumns}), rows};
   newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real>::Types>::doubles(
       newton_.largest, newton_.dofs, newton_.tree_entries);
-  newton_.lists_per_lane =
-      (PackLists<1>::bytes(rows) + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
-  newton_.islands_per_lane =
-      capacity.env_dofs > kMostVelocityDofs ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
+  const Offset list_bytes =
+      larger_of(PackLists<1, DofSet>::bytes(rows), has_large ? PackLists<1, LargeDofSet>::bytes(rows) : Offset{0});
+  newton_.lists_per_lane = (list_bytes + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
+  newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
   const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;

@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/algorithm/velocity/solve_pack.hpp"
@@ -42,11 +43,11 @@ struct Answers {
 };
 
 /// Environments of a batch in the lanes of packs, in that order.
-template <class Wide>
+template <class Wide, class Set = DofSet>
 auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance,
                     const JacobianStart<Scalar<Wide>>& start = {}) {
   using Real = Scalar<Wide>;
-  using Types = LaneTypes<Wide>;
+  using Types = LaneTypes<Wide, RealTraits<Wide>::kLanes, Set>;
   Answers<Real> answers;
   const JacobianBatchView<Real> view = batch.view();
   answers.lambda.assign(static_cast<std::size_t>(view.row_count), Real(-7));
@@ -81,14 +82,16 @@ auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<
 
 /// Chains of unlike length, cones and stiffness: none fits its neighbours' slots or tree.
 template <class Real>
-JacobianBatch<Real> unlike_chains(Law law) {
-  JacobianBatch<Real> batch(law);
+JacobianBatch<Real> unlike_chains(Law law, MassForm form = MassForm::matrix) {
+  JacobianBatch<Real> batch(law, form);
   const std::vector<std::vector<Cone>> cones = {
       {friction(3), unilateral(), friction(3)}, cones_of_every_kind(), {unilateral()}, {box(), box(), free_row()}};
   for (std::uint64_t seed = 0; seed < 24; ++seed) {
     const ChainRecipe recipe{seed + 1, static_cast<Index>(3 + 5 * (seed % 7)), cones[seed % cones.size()], 0.0,
                              seed % 6 == 5 ? 0.0 : 0.01};
-    batch.add(cast<Real>(random_chain(recipe)));
+    const JacobianEnvironment<double> chain = random_chain(recipe);
+    // The factor of every other one has the zeros of its tree.
+    batch.add(cast<Real>(in_form(form == MassForm::factor && seed % 2 == 1 ? reversed(chain) : chain, form)));
   }
   return batch;
 }
@@ -132,9 +135,9 @@ struct Guess {
 };
 
 template <class Wide>
-void expect_the_bits_of_single_environments(Law law, double tolerance) {
+void expect_the_bits_of_single_environments(Law law, MassForm form, double tolerance) {
   using Real = Scalar<Wide>;
-  const auto batch = unlike_chains<Real>(law);
+  const auto batch = unlike_chains<Real>(law, form);
   const auto upward = upwards(batch.env_count());
   const auto cold = solve_in_packs<Real>(batch, upward, tolerance);
   EXPECT_GE(std::count(cold.answered.begin(), cold.answered.end(), 1), law == Law::convex ? 21 : 15)
@@ -158,14 +161,83 @@ void expect_the_bits_of_single_environments(Law law, double tolerance) {
 }
 
 TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
-  for (const Law law : {Law::convex, Law::coulomb}) {
-    SCOPED_TRACE(to_string(law));
-    expect_the_bits_of_single_environments<Pack<double, 2>>(law, 1e-8);
-    expect_the_bits_of_single_environments<Pack<double, 4>>(law, 1e-8);
-    expect_the_bits_of_single_environments<Pack<double, 8>>(law, 1e-8);
-    expect_the_bits_of_single_environments<Pack<float, 4>>(law, 1e-4);
-    expect_the_bits_of_single_environments<Pack<float, 8>>(law, 1e-4);
-    expect_the_bits_of_single_environments<Pack<float, 16>>(law, 1e-4);
+  for (const MassForm form : {MassForm::matrix, MassForm::factor})
+    for (const Law law : {Law::convex, Law::coulomb}) {
+      SCOPED_TRACE(std::string(to_string(law)) + (form == MassForm::matrix ? ", M" : ", its factor"));
+      expect_the_bits_of_single_environments<Pack<double, 2>>(law, form, 1e-8);
+      expect_the_bits_of_single_environments<Pack<double, 4>>(law, form, 1e-8);
+      expect_the_bits_of_single_environments<Pack<double, 8>>(law, form, 1e-8);
+      expect_the_bits_of_single_environments<Pack<float, 4>>(law, form, 1e-4);
+      expect_the_bits_of_single_environments<Pack<float, 8>>(law, form, 1e-4);
+      expect_the_bits_of_single_environments<Pack<float, 16>>(law, form, 1e-4);
+    }
+}
+
+// Rows of a large tree begin where they have entries: what is left out are exact zeros.
+TEST(VelocityLanes, LargeSetsHaveTheBitsOfWords) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const auto batch = unlike_chains<double>(Law::convex, form);
+    const auto order = shuffled(batch.env_count());
+    const auto expected = solve_in_packs<double>(batch, order, 1e-8);
+    expect_the_same(expected, solve_in_packs<double, LargeDofSet>(batch, order, 1e-8));
+    expect_the_same(expected, solve_in_packs<Pack<double, 4>, LargeDofSet>(batch, order, 1e-8));
+  }
+}
+
+TEST(VelocityLanes, ALargeTreeKeepsToItsRoom) {
+  const auto tree = std::make_unique<DofTree<LargeDofSet>>();
+  Slot<1, LargeDofSet>* const no_slots = nullptr;
+  const auto fits = [&](Index dofs, const auto& coupled_of) {
+    std::vector<LargeDofSet> coupled(static_cast<std::size_t>(dofs));
+    for (Index k = 0; k < dofs; ++k) coupled[static_cast<std::size_t>(k)] = coupled_of(k);
+    return build_tree(*tree, dofs, coupled.data(), no_slots, 0);
+  };
+  const auto dense = [](Index k) { return below<LargeDofSet>(k); };
+  EXPECT_TRUE(fits(180, dense)) << "16290 entries";
+  EXPECT_FALSE(fits(181, dense)) << "16471";
+  // A path of 256 and leaves at its end: each has a list of 257, the first one goes on with the path's.
+  const auto comb = [](Index k) { return k == 0 ? LargeDofSet{} : only<LargeDofSet>(k < 256 ? k - 1 : 255); };
+  EXPECT_TRUE(fits(256 + 63, comb));
+  EXPECT_EQ(tree->entries, 1 + 2 * (255 + 63));
+  EXPECT_EQ(tree->path(300)[255], 255);
+  EXPECT_EQ(tree->path(300)[256], 300);
+  EXPECT_FALSE(fits(256 + 64, comb));
+}
+
+// Environments of one size and one pattern go through tiles, the last one's rows up to the end of the arrays.
+TEST(VelocityLanes, EnvironmentsOfOneSizeHaveThemToo) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor})
+    for (const Index dofs : {6, 21}) {
+      JacobianBatch<float> batch(Law::convex, form);
+      for (std::uint64_t seed = 0; seed < 8; ++seed)
+        batch.add(cast<float>(in_form(reversed(random_chain({1, dofs, cones_of_every_kind()})), form)));
+      const auto order = upwards(batch.env_count());
+      const auto expected = solve_in_packs<float>(batch, order, 1e-4);
+      EXPECT_EQ(std::count(expected.answered.begin(), expected.answered.end(), 1), 8);
+      expect_the_same(expected, solve_in_packs<Pack<float, 8>>(batch, order, 1e-4));
+    }
+}
+
+/// Entries of the tree of an environment without cones.
+Index tree_entries(const JacobianEnvironment<double>& env, MassForm form) {
+  JacobianBatch<double> batch(Law::convex, form);
+  batch.add(in_form(env, form));
+  DofSet coupled[kMostVelocityDofs] = {};
+  add_mass_dofs(lane_env(batch.view(), 0), coupled);
+  const auto tree = std::make_unique<DofTree<DofSet>>();
+  Slot<1, DofSet>* const no_slots = nullptr;
+  EXPECT_TRUE(build_tree(*tree, static_cast<Index>(env.v_free.size()), coupled, no_slots, 0));
+  return tree->entries;
+}
+
+TEST(VelocityLanes, AFactorHasTheTreeOfItsMatrix) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    auto chain = random_chain({seed, 40});
+    chain.cones.clear();
+    for (auto* array : {&chain.J, &chain.mu, &chain.R, &chain.target, &chain.lo, &chain.hi}) array->clear();
+    const Index entries = tree_entries(chain, MassForm::matrix);
+    EXPECT_LT(entries, 40 * 41 / 2);
+    EXPECT_EQ(tree_entries(reversed(chain), MassForm::factor), entries);
   }
 }
 
@@ -174,12 +246,16 @@ TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
   const auto order = shuffled(clean.env_count());
   const auto expected = solve_in_packs<Pack<double, 8>>(clean, order, 1e-8);
   const double infinite = std::numeric_limits<double>::infinity();
-  for (int fault = 0; fault < 8; ++fault) {
+  for (int fault = 0; fault < 10; ++fault) {
     SCOPED_TRACE(fault);
-    JacobianBatch<double> batch(Law::convex);
+    // The last faults are those of a factor.
+    const MassForm form = fault < 8 ? MassForm::matrix : MassForm::factor;
+    JacobianBatch<double> batch(Law::convex, form);
     for (std::uint64_t seed = 0; seed < 24; ++seed) {
-      JacobianEnvironment<double> env = random_chain({seed + 1, 9});
+      JacobianEnvironment<double> env = in_form(random_chain({seed + 1, 9}), form);
       if (seed == 11) {
+        if (fault == 8) env.M[4 * 9 + 4] = -env.M[4 * 9 + 4];
+        if (fault == 9) env.M[4 * 9 + 1] = infinite;
         if (fault == 0) env.J[env.J.size() - 2] = std::numeric_limits<double>::quiet_NaN();
         if (fault == 1) env.M[0] = infinite;
         if (fault == 2) env.M[0] = -1.0;
@@ -191,8 +267,8 @@ TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
       }
       batch.add(env);
     }
-    JacobianBatch<double> sound(Law::convex);
-    for (std::uint64_t seed = 0; seed < 24; ++seed) sound.add(random_chain({seed + 1, 9}));
+    JacobianBatch<double> sound(Law::convex, form);
+    for (std::uint64_t seed = 0; seed < 24; ++seed) sound.add(in_form(random_chain({seed + 1, 9}), form));
     auto with_fault = solve_in_packs<Pack<double, 8>>(batch, order, 1e-8);
     auto without = solve_in_packs<Pack<double, 8>>(sound, order, 1e-8);
     EXPECT_EQ(with_fault.answered[11], 0);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -63,6 +64,52 @@ inline std::vector<Cone> cones_of_every_kind() {
   return {friction(3), free_row(), friction(6), box(), friction(2), unilateral(), friction(4), friction(5), box()};
 }
 
+struct BodiesRecipe {
+  std::uint64_t seed = 1;
+  std::size_t bodies = 20;
+  std::size_t points = 3;    ///< friction cones of three rows between bodies that touch
+  std::size_t branch = 0;    ///< every so many bodies touch one of all before them; 0: each touches the one before
+  double compliance = 0.01;  ///< R is one to three times this, the same along a cone once scaled by mu^2
+};
+
+/// Bodies of six degrees of freedom, each of which touches one before it. M is in one matrix.
+inline JacobianEnvironment<double> bodies_in_contact(const BodiesRecipe& recipe) {
+  scenes::Rng rng(recipe.seed);
+  const std::size_t dofs = 6 * recipe.bodies;
+  JacobianEnvironment<double> env;
+  env.M.assign(dofs * dofs, 0.0);
+  for (std::size_t body = 0; body < recipe.bodies; ++body) {
+    double root[6][6];
+    for (auto& row : root)
+      for (double& entry : row) entry = rng.symmetric(0.3);
+    for (std::size_t i = 0; i < 6; ++i)
+      for (std::size_t j = 0; j < 6; ++j) {
+        double sum = i == j ? 0.5 : 0.0;
+        for (std::size_t k = 0; k < 6; ++k) sum += root[i][k] * root[j][k];
+        env.M[(6 * body + i) * dofs + 6 * body + j] = sum;
+      }
+    for (int k = 0; k < 6; ++k) env.v_free.push_back(rng.symmetric(1.0));
+    const bool jumps = recipe.branch > 0 && body % recipe.branch == 0;
+    const auto any = static_cast<std::size_t>(rng.uniform(0.0, 0.999) * static_cast<double>(body));
+    const std::size_t other = body == 0 ? 0 : jumps ? any : body - 1;
+    for (std::size_t point = 0; point < recipe.points; ++point) {
+      const double R = recipe.compliance * rng.uniform(1.0, 3.0), mu = rng.uniform(0.2, 1.0);
+      env.cones.push_back(friction(3));
+      for (int row = 0; row < 3; ++row) {
+        env.mu.push_back(row > 0 ? mu : 0.0);
+        env.R.push_back(row > 0 ? R / (mu * mu) : R);
+        env.target.push_back(rng.symmetric(0.1));
+        std::vector<double> J(dofs, 0.0);
+        for (const std::size_t of : {body, other})
+          for (std::size_t k = 0; k < 6; ++k) J[6 * of + k] = rng.symmetric(1.0);
+        env.J.insert(env.J.end(), J.begin(), J.end());
+      }
+    }
+  }
+  env.lo = env.hi = std::vector<double>(env.R.size(), 0.0);
+  return env;
+}
+
 /// Environments beside one another as one, and where each one's degrees of freedom and rows are in it.
 struct Together {
   JacobianEnvironment<double> env;
@@ -111,6 +158,39 @@ inline Together together(const std::vector<JacobianEnvironment<double>>& parts, 
     }
   }
   return all;
+}
+
+/// Degrees of freedom in the opposite order, links before what they hang on. M's Cholesky factor then has no entries
+/// but between a link and its ancestors. Dense J and M.
+inline JacobianEnvironment<double> reversed(JacobianEnvironment<double> env) {
+  const auto dofs = static_cast<std::ptrdiff_t>(env.v_free.size());
+  std::reverse(env.M.begin(), env.M.end());
+  std::reverse(env.v_free.begin(), env.v_free.end());
+  for (auto row = env.J.begin(); row != env.J.end(); row += dofs) std::reverse(row, row + dofs);
+  return env;
+}
+
+/// The factor of M in the place of M, block by block. Above the diagonal is what must not be read.
+inline JacobianEnvironment<double> with_factor(JacobianEnvironment<double> env, Index mass_block = 0) {
+  const std::size_t dofs = env.v_free.size(), block = mass_block == 0 ? dofs : static_cast<std::size_t>(mass_block);
+  for (std::size_t first = 0; first < dofs; first += block) {
+    double* const L = env.M.data() + first * block;
+    for (std::size_t i = 0; i < block; ++i)
+      for (std::size_t j = 0; j < block; ++j) {
+        double sum = L[i * block + j];
+        for (std::size_t k = 0; k < j && j <= i; ++k) sum -= L[i * block + k] * L[j * block + k];
+        L[i * block + j] = j > i    ? std::numeric_limits<double>::quiet_NaN()
+                           : i == j ? std::sqrt(sum)
+                                    : sum / L[j * block + j];
+      }
+  }
+  return env;
+}
+
+/// The environment in the form that a batch has M in.
+inline JacobianEnvironment<double> in_form(const JacobianEnvironment<double>& env, MassForm form,
+                                           Index mass_block = 0) {
+  return form == MassForm::factor ? with_factor(env, mass_block) : env;
 }
 
 /// What of J is not zero, in stored entries.

@@ -53,27 +53,58 @@ TEST(DeviceJacobian, HasTheCpusBitsInEveryForm) {
 }
 
 TEST(DeviceJacobian, HasTheCpusBitsWhereNewtonInVelocitiesGoesFirst) {
-  for (const bool sparse : {false, true})
-    for (const Index block : {0, 6, 1}) {
-      SCOPED_TRACE("sparse " + std::to_string(sparse) + ", block " + std::to_string(block));
-      const Form form{MassForm::matrix, block, sparse, FactorUse::by_size, SolverKind::automatic};
-      expect_the_cpus_bits<double>(form, {3, 1 + block % 2, static_cast<std::uint64_t>(block)});
-      expect_the_cpus_bits<float>(form, {2, 1, static_cast<std::uint64_t>(block) + 1});
-    }
+  for (const MassForm mass : {MassForm::matrix, MassForm::factor})
+    for (const bool sparse : {false, true})
+      for (const Index block : {0, 6, 1}) {
+        SCOPED_TRACE("form " + std::to_string(static_cast<int>(mass)) + ", sparse " + std::to_string(sparse) +
+                     ", block " + std::to_string(block));
+        const Form form{mass, block, sparse, FactorUse::by_size, SolverKind::automatic};
+        expect_the_cpus_bits<double>(form, {3, 1 + block % 2, static_cast<std::uint64_t>(block)});
+        expect_the_cpus_bits<float>(form, {2, 1, static_cast<std::uint64_t>(block) + 1});
+      }
 }
 
 TEST(DeviceJacobian, HasTheCpusBitsOfPartsOfLargeEnvironments) {
-  for (const bool sparse : {false, true}) {
+  for (const int form : {0, 1, 2, 3}) {
+    const bool sparse = form % 2 == 1;
+    const MassForm mass = form < 2 ? MassForm::matrix : MassForm::factor;
     std::vector<JacobianEnvironment<double>> chains;
     for (std::uint64_t seed = 1; seed <= 6; ++seed)
       chains.push_back(random_chain({seed, static_cast<Index>(9 + 2 * seed), cones_of_every_kind(), 0.0, 0.01}));
-    JacobianBatch<float> batch(Law::convex);
+    JacobianBatch<float> batch(Law::convex, mass);
     for (const bool interleaved : {false, true}) {
       JacobianEnvironment<double> large = together(chains, interleaved).env, small = chains[0];
       if (sparse) store_nonzeros(large);
       if (sparse) store_nonzeros(small);
-      batch.add(cast<float>(large));
-      batch.add(cast<float>(small));
+      batch.add(cast<float>(in_form(large, mass)));
+      batch.add(cast<float>(in_form(small, mass)));
+    }
+    const SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+    const auto packed = batch.view();
+    const auto expected = solve(packed, chosen);
+    for (const EnvStatus& status : expected.contact.status) EXPECT_EQ(status.solver, SolverKind::velocity_newton);
+    const RoomyJacobians<float> arrays(packed, 0, 5);
+    const auto view = arrays.view(MemorySpace::cuda);
+    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
+    const cuda::Stream stream(*device);
+    JacobianCapacity capacity = JacobianCapacity::of(packed);
+    capacity.rows = view.row_count;
+    capacity.cones = view.cone_count;
+    Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
+    Answer<float> answer(view);
+    machine.solve(view, answer.view(), StreamRef(stream.get()));
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
+}
+
+TEST(DeviceJacobian, HasTheCpusBitsWhereManyDegreesOfFreedomAreCoupled) {
+  for (const MassForm mass : {MassForm::matrix, MassForm::factor}) {
+    JacobianBatch<float> batch(Law::convex, mass);
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      const auto bodies = bodies_in_contact({seed, 9 + 4 * seed, 3, 3 * seed});
+      batch.add(cast<float>(in_form(mass == MassForm::factor ? reversed(bodies) : bodies, mass)));
+      batch.add(cast<float>(in_form(random_chain({seed, 17}), mass)));
     }
     const SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
     const auto packed = batch.view();

@@ -29,9 +29,10 @@ std::vector<JacobianEnvironment<double>> chains() {
 }
 
 template <class Real>
-JacobianSolution<Real> solved(const JacobianEnvironment<double>& env, Law law, double tolerance) {
-  JacobianBatch<Real> batch(law);
-  batch.add(cast<Real>(env));
+JacobianSolution<Real> solved(const JacobianEnvironment<double>& env, Law law, double tolerance,
+                              MassForm form = MassForm::matrix) {
+  JacobianBatch<Real> batch(law, form);
+  batch.add(cast<Real>(in_form(env, form)));
   return solve(batch, options(SolverKind::automatic, tolerance, 2000));
 }
 
@@ -48,12 +49,12 @@ testing::AssertionResult same(const std::vector<Real>& a, const std::vector<Real
 
 /// The whole has the bits of its parts alone, and a status that is true of all of them.
 template <class Real>
-void expect_the_bits_of_parts_alone(Law law, bool interleaved, Entries entries) {
+void expect_the_bits_of_parts_alone(Law law, MassForm form, bool interleaved, Entries entries) {
   const auto parts = chains();
   Together all = together(parts, interleaved);
   if (entries == Entries::stored) store_nonzeros(all.env);
   const double tolerance = sizeof(Real) == sizeof(float) ? 1e-4 : 1e-8;
-  const JacobianSolution<Real> whole = solved<Real>(all.env, law, tolerance);
+  const JacobianSolution<Real> whole = solved<Real>(all.env, law, tolerance, form);
   const EnvStatus& status = whole.contact.status[0];
   ASSERT_EQ(status.solver, SolverKind::velocity_newton);
   EXPECT_EQ(status.code, EnvCode::solved);
@@ -61,7 +62,7 @@ void expect_the_bits_of_parts_alone(Law law, bool interleaved, Entries entries) 
   Index iterations = 0;
   for (std::size_t p = 0; p < parts.size(); ++p) {
     SCOPED_TRACE("part " + std::to_string(p));
-    const JacobianSolution<Real> alone = solved<Real>(parts[p], law, tolerance);
+    const JacobianSolution<Real> alone = solved<Real>(parts[p], law, tolerance, form);
     const EnvStatus& own = alone.contact.status[0];
     EXPECT_TRUE(same(alone.contact.lambda, taken(whole.contact.lambda, all.rows[p])));
     EXPECT_TRUE(same(alone.contact.w, taken(whole.contact.w, all.rows[p])));
@@ -76,15 +77,17 @@ void expect_the_bits_of_parts_alone(Law law, bool interleaved, Entries entries) 
 }
 
 TEST(VelocityIslands, PartsHaveTheBitsThatTheyHaveAlone) {
-  for (const Law law : {Law::convex, Law::coulomb})
-    for (const bool interleaved : {false, true})
-      for (const Entries entries : {Entries::dense, Entries::stored}) {
-        SCOPED_TRACE(std::string(law == Law::convex ? "convex" : "coulomb") +
-                     (interleaved ? ", interleaved" : ", consecutive") +
-                     (entries == Entries::dense ? ", dense" : ", stored"));
-        expect_the_bits_of_parts_alone<double>(law, interleaved, entries);
-        expect_the_bits_of_parts_alone<float>(law, interleaved, entries);
-      }
+  for (const MassForm form : {MassForm::matrix, MassForm::factor})
+    for (const Law law : {Law::convex, Law::coulomb})
+      for (const bool interleaved : {false, true})
+        for (const Entries entries : {Entries::dense, Entries::stored}) {
+          SCOPED_TRACE(std::string(law == Law::convex ? "convex" : "coulomb") +
+                       (form == MassForm::matrix ? ", M" : ", its factor") +
+                       (interleaved ? ", interleaved" : ", consecutive") +
+                       (entries == Entries::dense ? ", dense" : ", stored"));
+          expect_the_bits_of_parts_alone<double>(law, form, interleaved, entries);
+          expect_the_bits_of_parts_alone<float>(law, form, interleaved, entries);
+        }
 }
 
 TEST(VelocityIslands, TheWholeIsSolvedByAJudgeThatKnowsNothingOfParts) {
@@ -112,16 +115,18 @@ TEST(VelocityIslands, BlocksOfMassAreAsGoodAsOneMatrix) {
   JacobianEnvironment<double> in_blocks = all.env;
   in_blocks.M.clear();
   for (const auto& part : parts) in_blocks.M.insert(in_blocks.M.end(), part.M.begin(), part.M.end());
-  JacobianBatch<double> batch(Law::convex, MassForm::matrix, 6);
-  batch.add(in_blocks);
-  const JacobianSolution<double> expected = solved<double>(all.env, Law::convex, 1e-9);
-  const JacobianSolution<double> blocks = solve(batch, options(SolverKind::automatic, 1e-9, 2000));
-  EXPECT_EQ(blocks.contact.status[0].solver, SolverKind::velocity_newton);
-  EXPECT_TRUE(same(expected.contact.lambda, blocks.contact.lambda));
-  EXPECT_TRUE(same(expected.velocity, blocks.velocity));
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    JacobianBatch<double> batch(Law::convex, form, 6);
+    batch.add(in_form(in_blocks, form, 6));
+    const JacobianSolution<double> expected = solved<double>(all.env, Law::convex, 1e-9, form);
+    const JacobianSolution<double> blocks = solve(batch, options(SolverKind::automatic, 1e-9, 2000));
+    EXPECT_EQ(blocks.contact.status[0].solver, SolverKind::velocity_newton);
+    EXPECT_TRUE(same(expected.contact.lambda, blocks.contact.lambda));
+    EXPECT_TRUE(same(expected.velocity, blocks.velocity));
+  }
 }
 
-TEST(VelocityIslands, APartThatIsTooLargeLeavesTheEnvironmentToA) {
+TEST(VelocityIslands, ALargePartThatDoesNotPayLeavesTheEnvironmentToA) {
   auto parts = chains();
   parts.push_back(random_chain({9, 70, cones_of_every_kind(), 0.0, 0.01}));
   const JacobianSolution<double> whole = solved<double>(together(parts, false).env, Law::convex, 1e-6);

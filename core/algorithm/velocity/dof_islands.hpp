@@ -52,7 +52,7 @@ class DofIslands {
       const Offset* const begin = batch_.cone_row_offsets + whole_.first_cone + part.cone[c];
       part.rows += static_cast<Index>(begin[1] - begin[0]);
     }
-    const Index first = part.dof[0], last = part.dof[part.dofs - 1];
+    const Index first = lowest_dof(part), last = dof_of(part, part.is_reversed ? 0 : part.dofs - 1);
     part.is_consecutive = last - first + 1 == part.dofs;
     part.is_one_block = part.is_consecutive && first / part.block == last / part.block;
     return part;
@@ -72,10 +72,10 @@ class DofIslands {
   /// f(i) for all i < count with numbers[i] != 0.
   template <class F>
   static STICTION_HD void for_each_nonzero(const Real* numbers, Index count, F&& f) {
-    for (Index from = 0; from < count; from += kMostVelocityDofs) {
+    constexpr Index kWord = SetTraits<DofSet>::kMost;
+    for (Index from = 0; from < count; from += kWord) {
       const Index rest = count - from;
-      for_each_dof(nonzero_of(numbers + from, rest < kMostVelocityDofs ? rest : kMostVelocityDofs),
-                   [&](Index i) { f(from + i); });
+      for_each_dof(nonzero_of(numbers + from, rest < kWord ? rest : kWord), [&](Index i) { f(from + i); });
     }
   }
 
@@ -112,8 +112,8 @@ class DofIslands {
     for (Index i = 0; i < count_; ++i) dof_begin_[i + 1] += dof_begin_[i];
     for (Index k = 0; k < whole_.dofs; ++k) parent_[k] = local_[k];
     for (Index i = 0; i < count_; ++i) cone_begin_[i] = dof_begin_[i];
-    for (Index k = 0; k < whole_.dofs; ++k) {
-      const Index part = parent_[k];
+    for (Index i = 0; i < whole_.dofs; ++i) {
+      const Index k = whole_.is_reversed ? whole_.dofs - 1 - i : i, part = parent_[k];
       local_[k] = cone_begin_[part] - dof_begin_[part];
       dof_[cone_begin_[part]++] = k;
     }

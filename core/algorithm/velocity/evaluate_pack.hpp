@@ -15,21 +15,32 @@ struct DoublePack {
   using Double = typename Types::Double;
   using Doubles = typename Types::Doubles;
   const VelocityWorkspace<Types>& workspace;
-  const DofTree& tree;
-  const Slot<Types::kLanes>* slots;
+  const TreeOf<Types>& tree;
+  const SlotOf<Types>* slots;
   const SlotCounts& counts;
   int first;
+  MassForm mass;
 
   [[nodiscard]] STICTION_HD Doubles array(double* data) const { return {data + first}; }
   [[nodiscard]] STICTION_HD Double number(const typename Types::Numbers& numbers, Offset i) const {
     return doubles<Double>(numbers, i, first);
   }
 
-  /// M = L'DL; the lanes in which M is positive definite.
+  /// M = L'DL; the lanes in which M is positive definite. From a factor that came as M, M is made here: its sums are
+  /// rounded once, and no evaluation uses them.
   STICTION_HD_OUTLINE Mask<Double> factor_mass() const {
     const Doubles factor = array(workspace.factor);
-    for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
-    return factor_tree(tree, factor, array(workspace.pivot));
+    const auto load = [&] {
+      for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
+    };
+    load();
+    if (mass == MassForm::matrix) return factor_tree(tree, factor, array(workspace.pivot));
+    multiply_tree(tree, factor);
+    for (Index e = 0; e < tree.entries; ++e) put(workspace.H, e, factor[e]);
+    load();
+    const auto definite = split_pivots(tree, factor, array(workspace.pivot));
+    for (Index e = 0; e < tree.entries; ++e) put(workspace.M, e, number(workspace.H, e));
+    return definite;
   }
 
   STICTION_HD void put(const typename Types::Numbers& numbers, Offset i, Double value) const {
@@ -37,7 +48,7 @@ struct DoublePack {
   }
 
   /// sum += sign J' x of one slot.
-  STICTION_HD void push(const Slot<Types::kLanes>& slot, const Doubles& sum, Double sign) const {
+  STICTION_HD void push(const SlotOf<Types>& slot, const Doubles& sum, Double sign) const {
     for (Index k = 0; k < slot.rows; ++k) {
       const Double x = sign * number(workspace.x, slot.row + k);
       const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
@@ -57,7 +68,7 @@ struct DoublePack {
   }
 
   /// J velocity - target of a row.
-  STICTION_HD Double row_motion(const Slot<Types::kLanes>& slot, Index k, const Doubles& velocity) const {
+  STICTION_HD Double row_motion(const SlotOf<Types>& slot, Index k, const Doubles& velocity) const {
     Double sum = Double(0) - number(workspace.target, slot.row + k);
     const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
     for (Index c = 0; c < slot.columns; ++c) sum = fma_(number(workspace.J, entry + c), velocity[slot.dof[c]], sum);
@@ -87,20 +98,40 @@ struct DoublePack {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
     const auto change = [&](Index k) { return v[k] - number(workspace.v_free, k); };
     for (Index k = 0; k < tree.dofs; ++k) sum.put(k, Double(0));
-    for (Index k = 0; k < tree.dofs; ++k) {
-      const Index row = tree.begin[k];
-      const unsigned char* const path = tree.path(k);
-      const Double own = change(k);
-      Double force = number(workspace.M, row + tree.depth[k]) * own;
-      for (Index d = 0; d < tree.depth[k]; ++d) {
-        const Double entry = number(workspace.M, row + d);
-        force = fma_(entry, change(path[d]), force);
-        sum.put(path[d], fma_(entry, own, sum[path[d]]));
+    if (mass == MassForm::factor) {
+      push_change(sum, change);
+    } else {
+      for (Index k = 0; k < tree.dofs; ++k) {
+        const Index row = tree.begin[k];
+        const SmallOf<Types>* const path = tree.path(k);
+        const Double own = change(k);
+        Double force = number(workspace.M, row + tree.depth[k]) * own;
+        for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
+          const Double entry = number(workspace.M, row + d);
+          force = fma_(entry, change(path[d]), force);
+          sum.put(path[d], fma_(entry, own, sum[path[d]]));
+        }
+        sum.put(k, sum[k] + force);
       }
-      sum.put(k, sum[k] + force);
     }
     for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
     for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+  }
+
+  /// sum += L'DL change, by the factor that evaluations move v with: where the gradient is zero, they find v. It takes
+  /// as many multiplications as M does, and M as rounded would be another problem.
+  template <class F>
+  STICTION_HD void push_change(const Doubles& sum, F&& change) const {
+    const Doubles factor = array(workspace.factor);
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Doubles row = factor.from(tree.begin[k]);
+      const SmallOf<Types>* const path = tree.path(k);
+      Double force = change(k);
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], change(path[d]), force);
+      force = row[tree.depth[k]] * force;
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) sum.put(path[d], fma_(row[d], force, sum[path[d]]));
+      sum.put(k, sum[k] + force);
+    }
   }
 
   /// The diagonal of A = J M^-1 J'.
@@ -117,10 +148,10 @@ struct DoublePack {
 
   /// Of kRows rows of a slot from row `from` on: sum of (L^-T j)^2 / D, each element in turn along the root path.
   template <int kRows>
-  STICTION_HD void find_diagonal_of(const Slot<Types::kLanes>& slot, Index from) const {
+  STICTION_HD void find_diagonal_of(const SlotOf<Types>& slot, Index from) const {
     const Doubles L = array(workspace.factor), pivot = array(workspace.pivot), x = array(workspace.wide_rows);
     const Index last = slot.columns == 0 ? 0 : slot.dof[slot.columns - 1];
-    const unsigned char* const path = tree.path(last);
+    const SmallOf<Types>* const path = tree.path(last);
     for (Index d = 0; d < kRows * (tree.depth[last] + 1); ++d) x.put(d, Double(0));
     for (int r = 0; r < kRows; ++r) {
       const Offset entry = slot.entry + static_cast<Offset>(from + r) * slot.columns;
@@ -135,13 +166,22 @@ struct DoublePack {
         sum[r] = fma_(value * value, pivot[path[e]], sum[r]);
         minus[r] = Double(0) - value;
       }
+      if constexpr (!TreeOf<Types>::kIsWhole)
+        if (!any_nonzero(minus)) continue;
       const Doubles row = L.from(tree.begin[path[e]]);
-      for (Index d = 0; d < e; ++d) {
+      for (Index d = tree.first(path[e]); d < e; ++d) {
         const Double entry = row[d];
         for (int r = 0; r < kRows; ++r) x.put(kRows * d + r, fma_(minus[r], entry, x[kRows * d + r]));
       }
     }
     for (int r = 0; r < kRows; ++r) array(workspace.diagonal).put(slot.row + from + r, sum[r]);
+  }
+
+  template <int kRows>
+  static STICTION_HD bool any_nonzero(const Double (&numbers)[kRows]) {
+    bool found = false;
+    for (int r = 0; r < kRows; ++r) found = found || any(numbers[r] != Double(0));
+    return found;
   }
 
   /// Lanes whose row of A has a diagonal that is not positive, and those to which a proximal term was given.

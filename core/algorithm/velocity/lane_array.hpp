@@ -2,6 +2,7 @@
 
 #include <type_traits>
 
+#include "core/algorithm/velocity/dof_set.hpp"
 #include "core/base/pack.hpp"
 
 /// Arrays of numbers of which every lane has its own, side by side.
@@ -37,9 +38,10 @@ struct DoubleLanes<Pack<T, W>> {
 };
 
 /// What Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by.
-template <class WideT, int kStrideT = RealTraits<WideT>::kLanes>
+template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet>
 struct LaneTypes {
   using Wide = WideT;
+  using Set = SetT;  ///< of degrees of freedom
   using Real = Scalar<WideT>;
   using Double = typename DoubleLanes<WideT>::Type;
   static constexpr int kLanes = RealTraits<WideT>::kLanes;

@@ -4,7 +4,7 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
-#include "core/base/words.hpp"
+#include "core/algorithm/velocity/dof_set.hpp"
 #include "core/job/velocity_job.hpp"
 
 /// One environment, or a part of one that nothing couples with the rest, as a lane of Newton's method in velocities
@@ -13,31 +13,43 @@ namespace stiction::inline STICTION_ISA {
 
 /// Most rows: what a lane of a GPU keeps for an environment has room for the largest.
 inline constexpr Index kMostVelocityRows = 1024;
-/// A set of degrees of freedom of one environment.
-using DofSet = std::uint64_t;
+/// A coupled part of more than 64 degrees of freedom is large. Limits are on them, on entries of its factor
+/// and of J, and on the lists of its tree.
+inline constexpr Index kMostLargeDofs = SetTraits<LargeDofSet>::kMost;
+inline constexpr Index kMostLargeEntries = 16384;
+inline constexpr Index kMostLargeColumns = kMostVelocityRows * kMostVelocityDofs;
+inline constexpr Index kMostLargePaths = 16384;
 
-/// The environment's degree of freedom that is number k here, and back.
+/// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and what
+/// is factored here with number 0. So a factor's are numbered from the last to the first, and L has the tree's zeros.
 template <class Real>
 STICTION_HD Index dof_of(const LaneEnv<Real>& env, Index k) {
-  return env.dof == nullptr ? k : env.dof[k];
+  if (env.dof != nullptr) return env.dof[k];
+  return env.is_reversed ? env.dofs - 1 - k : k;
 }
 template <class Real>
 STICTION_HD Index local_of(const LaneEnv<Real>& env, Index of_env) {
-  return env.local == nullptr ? of_env : env.local[of_env];
+  if (env.local != nullptr) return env.local[of_env];
+  return env.is_reversed ? env.dofs - 1 - of_env : of_env;
 }
 template <class Real>
 STICTION_HD Index cone_of(const LaneEnv<Real>& env, Index i) {
   return env.cone == nullptr ? i : env.cone[i];
 }
-/// Where row k of M has the entry of number 0, where is_one_block.
+/// The first of the environment's that is in a part.
+template <class Real>
+STICTION_HD Index lowest_dof(const LaneEnv<Real>& env) {
+  return dof_of(env, env.is_reversed ? env.dofs - 1 : 0);
+}
+/// Where the row of number k in M has the entry of number 0, where is_one_block.
 template <class Real>
 STICTION_HD Offset mass_row(const LaneEnv<Real>& env, Index k) {
   return static_cast<Offset>(dof_of(env, k)) * env.block + dof_of(env, 0) % env.block;
 }
-/// M between number k and one before it.
+/// M, or its factor, between number k and one that is not after it.
 template <class Real>
 STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index k, Index before) {
-  const Index row = dof_of(env, k), column = dof_of(env, before);
+  const Index a = dof_of(env, k), b = dof_of(env, before), row = a > b ? a : b, column = a > b ? b : a;
   return column / env.block == row / env.block ? env.M[static_cast<Offset>(row) * env.block + column % env.block]
                                                : Real(0);
 }
@@ -73,13 +85,21 @@ template <class Real>
 STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
   const bool is_whole =
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
-  return is_whole && batch.mass_form == MassForm::matrix && cones_are_sound(batch, env);
+  return is_whole && cones_are_sound(batch, env);
 }
-/// Whether it takes an environment, or a part of one, of that size.
+/// Whether any cone has a normal row without compliance. Its proximal term makes a sequence of problems.
 template <class Real>
-STICTION_HD bool takes_size(const LaneEnv<Real>& env, Law law) {
-  return env.dofs > 0 && env.dofs <= kMostVelocityDofs && env.rows >= 0 && env.rows <= kMostVelocityRows &&
-         (law == Law::convex || env.rows == 0 || pays_in_sequence(env.rows, env.dofs));
+STICTION_HD bool has_rigid_cone(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env) {
+  for (Index i = 0; i < env.cones; ++i)
+    if (batch.R[batch.cone_row_offsets[env.first_cone + cone_of(env, i)]] == Real(0)) return true;
+  return false;
+}
+/// Whether it takes an environment, or a part of one, of that size. Others that take a sequence of problems and do not
+/// pay are found when their numbers are known.
+template <class Real>
+STICTION_HD bool takes_size(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Law law) {
+  if (env.dofs <= 0 || env.dofs > kMostLargeDofs || env.rows < 0 || env.rows > kMostVelocityRows) return false;
+  return env.rows == 0 || pays_in_sequence(env.rows, env.dofs) || (law == Law::convex && !has_rigid_cone(batch, env));
 }
 
 template <class Real>
@@ -95,22 +115,8 @@ STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset 
   e.M = batch.M + batch.env_mass_offsets[env];
   e.v_free = batch.v_free + batch.env_dof_offsets[env];
   e.is_one_block = e.block == e.dofs;
+  e.is_reversed = batch.mass_form == MassForm::factor;
   return e;
-}
-
-STICTION_HD DofSet only(Index dof) {
-  return DofSet{1} << dof;
-}
-/// Those before `dof`.
-STICTION_HD DofSet below(Index dof) {
-  return (DofSet{1} << dof) - 1;
-}
-STICTION_HD Index size_of(DofSet set) {
-  return bit_count(set);
-}
-template <class F>
-STICTION_HD void for_each_dof(DofSet set, F&& f) {
-  for (; set != 0; set &= set - 1) f(lowest_bit(set));
 }
 
 /// So few degrees of freedom are taken for coupled all with all. It is faster to multiply with zeros than to look for
@@ -119,36 +125,52 @@ STICTION_HD void for_each_dof(DofSet set, F&& f) {
 inline constexpr Index kDenseDofs = 9;
 
 /// Degrees of freedom that a row of J touches, by its stored numbers.
-template <class Real>
-STICTION_HD DofSet row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
-  if (env.dofs <= kDenseDofs) return below(env.dofs);
+template <class Set, class Real>
+STICTION_HD Set row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Index row) {
+  if (env.dofs <= kDenseDofs) return below<Set>(env.dofs);
   const Offset begin = batch.row_offsets[env.first_row + row];
-  if (batch.column == nullptr && env.is_consecutive) return nonzero_of(batch.J + begin + dof_of(env, 0), env.dofs);
-  DofSet set = 0;
+  if (batch.column == nullptr && env.is_consecutive) {
+    const Set set = nonzero_set<Set>(batch.J + begin + lowest_dof(env), env.dofs, 0);
+    return env.is_reversed ? mirrored(set, env.dofs) : set;
+  }
+  Set set{};
   if (batch.column == nullptr) {
     for (Index k = 0; k < env.dofs; ++k)
-      if (batch.J[begin + env.dof[k]] != Real(0)) set |= only(k);
+      if (batch.J[begin + dof_of(env, k)] != Real(0)) set |= only<Set>(k);
     return set;
   }
   const Offset end = batch.row_offsets[env.first_row + row + 1];
   for (Offset k = begin; k < end; ++k)
-    if (batch.J[k] != Real(0)) set |= only(local_of(env, batch.column[k]));
+    if (batch.J[k] != Real(0)) set |= only<Set>(local_of(env, batch.column[k]));
   return set;
 }
 
-/// Degrees of freedom before `dof` that M couples it with.
-template <class Real>
-STICTION_HD DofSet mass_dofs(const LaneEnv<Real>& env, Index dof) {
-  if (env.dofs <= kDenseDofs) return below(dof);
-  if (env.is_consecutive) {
-    const Index base = dof_of(env, 0), row = base + dof, block = row - row % env.block;
-    const Index first = block > base ? block : base;
-    return nonzero_of(env.M + static_cast<Offset>(row) * env.block + (first - block), row - first) << (first - base);
+/// Of the row of M, or of its factor, that belongs to number `dof`: entries that are not zero, but for the diagonal.
+/// Bit i is the i-th in the environment's order, of a part's degrees of freedom that follow one another.
+template <class Set, class Real>
+STICTION_HD Set mass_row_set(const LaneEnv<Real>& env, Index dof) {
+  const Index base = lowest_dof(env), row = dof_of(env, dof), block = row - row % env.block;
+  const Index first = block > base ? block : base;
+  const Real* const entries = env.M + static_cast<Offset>(row) * env.block + (first - block);
+  return nonzero_set<Set>(entries, row - first, first - base);
+}
+
+/// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, which
+/// is what the tree makes of entries between number k and others.
+template <class Set, class Real>
+STICTION_HD void add_mass_dofs(const LaneEnv<Real>& env, Set* coupled) {
+  for (Index k = 0; k < env.dofs; ++k) {
+    if (env.dofs <= kDenseDofs) {
+      coupled[k] |= below<Set>(k);
+    } else if (env.is_consecutive && !env.is_reversed) {
+      coupled[k] |= mass_row_set<Set>(env, k);
+    } else if (env.is_consecutive) {
+      for_each_dof(mass_row_set<Set>(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only<Set>(k); });
+    } else {
+      for (Index before = 0; before < k; ++before)
+        if (mass_entry(env, k, before) != Real(0)) coupled[k] |= only<Set>(before);
+    }
   }
-  DofSet set = 0;
-  for (Index k = 0; k < dof; ++k)
-    if (mass_entry(env, dof, k) != Real(0)) set |= only(k);
-  return set;
 }
 
 }  // namespace stiction::inline STICTION_ISA

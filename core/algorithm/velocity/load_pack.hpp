@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/algorithm/velocity/velocity_workspace.hpp"
 #include "core/base/transpose.hpp"
 
@@ -11,38 +13,46 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 inline constexpr Index kTileReach = kMostVelocityDofs + kTileEdge<Real>;
 
-/// A row of every lane, and how many numbers the array has from there on.
-template <class Types>
+/// A row of every lane, and how many numbers the array has from there on. Column c is kStep c numbers further on: with
+/// -1 the columns of a row lie from its last number to its first.
+template <class Types, Index kStep>
 struct LaneRows {
   using Real = typename Types::Real;
   const Real* row[Types::kLanes];
   Offset rest[Types::kLanes];
 
-  /// The row at `offset` of an array of that size.
+  /// The row whose column 0 is at `offset` of an array of that size.
   STICTION_HD void set(int lane, const Real* array, Offset offset, Offset size) {
     row[lane] = array + offset;
-    rest[lane] = size - offset;
-  }
-  STICTION_HD void skip(int lane, Index columns) {
-    row[lane] += columns;
-    rest[lane] -= columns;
+    rest[lane] = kStep > 0 ? size - offset : offset + 1;
   }
   /// Numbers in the place of an array's: kTileReach of them.
   STICTION_HD void set(int lane, const Real* numbers) {
-    row[lane] = numbers;
+    row[lane] = kStep > 0 ? numbers : numbers + (kTileReach<Real> - 1);
     rest[lane] = kTileReach<Real>;
   }
 };
 
-/// Numbers row[lane][column] to `to`, for `count` columns in ascending order, tile by tile where they lie close.
-template <class Types>
-STICTION_HD void load_columns(const LaneRows<Types>& from, const unsigned char* columns, Index count,
-                              const typename Types::Numbers& to) {
+/// f(kStep) of a batch's rows, as an integral constant.
+template <class F>
+STICTION_HD void with_step(MassForm mass, F&& f) {
+  if (mass == MassForm::factor) {
+    f(std::integral_constant<Index, -1>{});
+  } else {
+    f(std::integral_constant<Index, 1>{});
+  }
+}
+
+/// Column columns[c] of every lane's row to to(c), its first lane's number; `count` columns in ascending order, tile by
+/// tile where they lie close.
+template <class Types, Index kStep, class To>
+STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<Types>* columns, Index count,
+                              const To& to) {
   using Real = typename Types::Real;
   constexpr Index kEdge = kTileEdge<Real>;
   constexpr int kLanes = Types::kLanes;
   const auto load_one = [&](Index c) {
-    for (int l = 0; l < kLanes; ++l) to.at(c, l) = from.row[l][columns[c]];
+    for (int l = 0; l < kLanes; ++l) to(c)[l] = from.row[l][kStep * Index{columns[c]}];
   };
   if constexpr (kEdge == 1 || kLanes % kEdge != 0) {
     for (Index c = 0; c < count; ++c) load_one(c);
@@ -55,8 +65,9 @@ STICTION_HD void load_columns(const LaneRows<Types>& from, const unsigned char* 
     for (int l = 0; l < kLanes; ++l) {
       rows[l] = from.row[l];
       if (from.rest[l] >= reach) continue;
-      for (Index i = 0; i < reach; ++i) copies[l][i] = i < from.rest[l] ? rows[l][i] : Real(0);
-      rows[l] = copies[l];
+      Real* const copy = kStep > 0 ? copies[l] : copies[l] + (reach - 1);
+      for (Index i = 0; i < reach; ++i) copy[kStep * i] = i < from.rest[l] ? rows[l][kStep * i] : Real(0);
+      rows[l] = copy;
     }
     for (Index c = 0; c < count;) {
       const Index first = columns[c];
@@ -66,12 +77,13 @@ STICTION_HD void load_columns(const LaneRows<Types>& from, const unsigned char* 
       for (int lane = 0; inside > 1 && lane < kLanes; lane += kEdge) {
         const Real* tile[kEdge];
         Real turned[kEdge][kEdge];
-        for (Index i = 0; i < kEdge; ++i) tile[i] = rows[lane + i] + first;
+        constexpr Index kFirst = kStep > 0 ? 0 : kEdge - 1;  // where the tile has its first column
+        for (Index i = 0; i < kEdge; ++i) tile[i] = rows[lane + i] + (kStep * first - kFirst);
         transpose_tile(tile, turned);
         for (Index k = 0; k < inside; ++k) {
           Pack<Real, kEdge> column;
-          load_lanes(turned[columns[c + k] - first], column);
-          store_lanes(&to.at(c + k, lane), column);
+          load_lanes(turned[kFirst + kStep * (columns[c + k] - first)], column);
+          store_lanes(to(c + k) + lane, column);
         }
       }
       c += inside;
@@ -79,29 +91,39 @@ STICTION_HD void load_columns(const LaneRows<Types>& from, const unsigned char* 
   }
 }
 
+/// The rows of number k in M, or in its factor. Whether every lane that has it has M in one block, and all columns of a
+/// factor: nothing is read before an array's first number.
+template <class Types, Index kStep, class Real>
+STICTION_HD bool set_mass_rows(LaneRows<Types, kStep>& from, const JacobianBatchView<Real>& batch, Index dofs,
+                               const LaneEnv<Real> (&envs)[Types::kLanes], Index k,
+                               const Real (&zeros)[kTileReach<Real>]) {
+  bool is_dense = true;
+  for (int l = 0; l < Types::kLanes; ++l) {
+    const bool has = k < envs[l].dofs;
+    from.set(l, zeros);
+    is_dense = is_dense && (!has || (envs[l].is_one_block && (kStep > 0 || envs[l].dofs == dofs)));
+    if (has && envs[l].is_one_block)
+      from.set(l, batch.M, (envs[l].M - batch.M) + mass_row(envs[l], k), batch.mass_count);
+  }
+  return is_dense;
+}
+
 /// M's lower triangle in the tree's envelope. Degrees of freedom that a lane does not have get a 1 on the diagonal.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                                   const DofTree& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                   const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                    const Real (&zeros)[kTileReach<Real>]) {
   for (Index k = 0; k < tree.dofs; ++k) {
-    const unsigned char* const path = tree.path(k);
+    const SmallOf<Types>* const path = tree.path(k);
     const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
-    LaneRows<Types> from;
-    bool is_dense = true;
-    for (int l = 0; l < Types::kLanes; ++l) {
-      const bool has = k < envs[l].dofs;
-      from.set(l, zeros);
-      is_dense = is_dense && (!has || envs[l].is_one_block);
-      if (has && envs[l].is_one_block)
-        from.set(l, batch.M, (envs[l].M - batch.M) + mass_row(envs[l], k), batch.mass_count);
-      workspace.v_free.at(k, l) = has ? envs[l].v_free[dof_of(envs[l], k)] : Real(0);
-    }
-    if (is_dense) {
-      load_columns<Types>(from, path, tree.depth[k] + 1, row);
+    LaneRows<Types, 1> from;
+    if (set_mass_rows(from, batch, tree.dofs, envs, k, zeros)) {
+      const Index first = tree.first(k);
+      load_columns<Types>(from, path + first, tree.depth[k] + 1 - first,
+                          [&](Index c) { return &row.at(first + c, 0); });
     } else {
       for (int l = 0; l < Types::kLanes; ++l)
-        for (Index d = 0; d <= tree.depth[k]; ++d)
+        for (Index d = tree.first(k); d <= tree.depth[k]; ++d)
           row.at(d, l) = k < envs[l].dofs ? mass_entry(envs[l], k, path[d]) : Real(0);
     }
     for (int l = 0; l < Types::kLanes; ++l)
@@ -109,15 +131,53 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
   }
 }
 
+/// A factor in the tree's envelope. Its row of number k is a column here: it has the entries of k and of what is below
+/// k in the tree. Degrees of freedom that a lane does not have get a 1 on the diagonal.
+template <class Types, class Real>
+STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
+                                     const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                     const Real (&zeros)[kTileReach<Real>]) {
+  for (Index k = 0; k < tree.dofs; ++k) {
+    const Index depth = tree.depth[k];
+    SmallOf<Types> below[TreeOf<Types>::kMostDofs];
+    Index count = 0;
+    for (Index i = k; i < tree.dofs; ++i)
+      if (tree.has(i, depth) && tree.path(i)[depth] == k) below[count++] = static_cast<SmallOf<Types>>(i);
+    const auto entry = [&](Index c) { return &workspace.M.at(tree.begin[below[c]] + depth, 0); };
+    LaneRows<Types, -1> from;
+    if (set_mass_rows(from, batch, tree.dofs, envs, k, zeros)) {
+      load_columns<Types>(from, below, count, entry);
+    } else {
+      for (int l = 0; l < Types::kLanes; ++l)
+        for (Index c = 0; c < count; ++c)
+          entry(c)[l] = below[c] < envs[l].dofs ? mass_entry(envs[l], Index{below[c]}, k) : Real(0);
+    }
+  }
+  for (int l = 0; l < Types::kLanes; ++l)
+    for (Index k = envs[l].dofs; k < tree.dofs; ++k) workspace.M.at(tree.diagonal(k), l) = Real(1);
+}
+
+/// M, or its factor, and v_free.
+template <class Types, class Real>
+STICTION_HD void load_motion(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
+                             const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
+                             const Real (&zeros)[kTileReach<Real>]) {
+  if (batch.mass_form == MassForm::matrix) load_mass(workspace, batch, tree, envs, zeros);
+  if (batch.mass_form == MassForm::factor) load_factor(workspace, batch, tree, envs, zeros);
+  for (int l = 0; l < Types::kLanes; ++l)
+    for (Index k = 0; k < tree.dofs; ++k)
+      workspace.v_free.at(k, l) = k < envs[l].dofs ? envs[l].v_free[dof_of(envs[l], k)] : Real(0);
+}
+
 /// A row of J by its stored entries; such as name a column twice add up.
-template <class Numbers, class Real>
-STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row, DofSet dofs,
-                             const Numbers& to, int lane) {
+template <class Set, class Numbers, class Real>
+STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row,
+                             const Set& dofs, const Numbers& to, int lane) {
   const Index columns = size_of(dofs);
   for (Index c = 0; c < columns; ++c) to.at(c, lane) = Real(0);
   for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
     if (batch.J[k] == Real(0)) continue;
-    Real& entry = to.at(size_of(dofs & below(local_of(env, batch.column[k]))), lane);
+    Real& entry = to.at(size_of(dofs & below<Set>(local_of(env, batch.column[k]))), lane);
     entry = entry + batch.J[k];
   }
 }
@@ -125,20 +185,22 @@ STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv
 /// Row k of a slot in every lane.
 template <class Types, class Real>
 STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                          const Slot<Types::kLanes>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
+                          const SlotOf<Types>& slot, Index k, const LaneEnv<Real> (&envs)[Types::kLanes],
                           const Real (&zeros)[kTileReach<Real>]) {
   const typename Types::Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
-  LaneRows<Types> from;
   bool is_consecutive = batch.column == nullptr;
-  for (int l = 0; l < Types::kLanes; ++l) {
-    const bool has = slot.row_of[l] >= 0;
-    from.set(l, zeros);
-    if (has) from.set(l, batch.J, batch.row_offsets[envs[l].first_row + slot.row_of[l] + k], batch.entry_count);
-    if (has && envs[l].dof != nullptr && envs[l].is_consecutive) from.skip(l, envs[l].dof[0]);
-    is_consecutive = is_consecutive && (!has || envs[l].is_consecutive);
-  }
+  for (int l = 0; l < Types::kLanes; ++l)
+    is_consecutive = is_consecutive && (slot.row_of[l] < 0 || envs[l].is_consecutive);
+  const auto begin = [&](int l) { return batch.row_offsets[envs[l].first_row + slot.row_of[l] + k]; };
   if (is_consecutive) {
-    load_columns<Types>(from, slot.dof, slot.columns, entries);
+    with_step(batch.mass_form, [&](auto step) {
+      LaneRows<Types, decltype(step)::value> from;
+      for (int l = 0; l < Types::kLanes; ++l) {
+        from.set(l, zeros);
+        if (slot.row_of[l] >= 0) from.set(l, batch.J, begin(l) + dof_of(envs[l], 0), batch.entry_count);
+      }
+      load_columns<Types>(from, slot.dof, slot.columns, [&](Index c) { return &entries.at(c, 0); });
+    });
     return;
   }
   for (int l = 0; l < Types::kLanes; ++l) {
@@ -146,16 +208,15 @@ STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const Jacob
       load_stored(batch, envs[l], envs[l].first_row + slot.row_of[l] + k, slot.dofs, entries, l);
       continue;
     }
-    const bool is_listed = slot.row_of[l] >= 0 && !envs[l].is_consecutive;
     for (Index c = 0; c < slot.columns; ++c)
-      entries.at(c, l) = slot.row_of[l] < 0 ? Real(0) : from.row[l][is_listed ? envs[l].dof[slot.dof[c]] : slot.dof[c]];
+      entries.at(c, l) = slot.row_of[l] < 0 ? Real(0) : batch.J[begin(l) + dof_of(envs[l], slot.dof[c])];
   }
 }
 
 /// A slot's numbers of an array by row, `otherwise` in lanes without its cone, or where there is no array.
 template <class Types, class Real>
-STICTION_HD void load_by_row(const Slot<Types::kLanes>& slot, const LaneEnv<Real> (&envs)[Types::kLanes],
-                             const Real* array, Real otherwise, const typename Types::Numbers& to) {
+STICTION_HD void load_by_row(const SlotOf<Types>& slot, const LaneEnv<Real> (&envs)[Types::kLanes], const Real* array,
+                             Real otherwise, const typename Types::Numbers& to) {
   if (array == nullptr) {
     for (Index k = 0; k < slot.rows; ++k) to.put(slot.row + k, typename Types::Wide(otherwise));
     return;
@@ -185,8 +246,8 @@ STICTION_HD Bounds<Real> bounds_of(const JacobianBatchView<Real>& batch, ConeKin
 /// J and everything by row. Lanes without a cone in a slot get zeros, and a row between bounds 0 and 0.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
-                                   const Slot<Types::kLanes>& slot, Index index,
-                                   const LaneEnv<Real> (&envs)[Types::kLanes], const Real (&zeros)[kTileReach<Real>]) {
+                                   const SlotOf<Types>& slot, Index index, const LaneEnv<Real> (&envs)[Types::kLanes],
+                                   const Real (&zeros)[kTileReach<Real>]) {
   using Wide = typename Types::Wide;
   for (Index k = 0; k < slot.rows; ++k) load_row(workspace, batch, slot, k, envs, zeros);
   load_by_row<Types, Real>(slot, envs, batch.target, Real(0), workspace.target);
@@ -212,7 +273,7 @@ STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, co
 /// The lanes all of whose numbers may be computed with: finite, friction and compliance not negative, bounds in order.
 template <class Types>
 STICTION_HD_OUTLINE Mask<typename Types::Wide> sound_lanes(const VelocityWorkspace<Types>& workspace,
-                                                           const DofTree& tree, const Slot<Types::kLanes>* slots,
+                                                           const TreeOf<Types>& tree, const SlotOf<Types>* slots,
                                                            const SlotCounts& counts) {
   using Wide = typename Types::Wide;
   Wide nothing(0);  // NaN where anything is not finite

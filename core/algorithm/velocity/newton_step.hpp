@@ -14,8 +14,8 @@ struct NewtonPack {
   using Real = typename Types::Real;
   using Numbers = typename Types::Numbers;
   const VelocityWorkspace<Types>& workspace;
-  const DofTree& tree;
-  const Slot<Types::kLanes>* slots;
+  const TreeOf<Types>& tree;
+  const SlotOf<Types>* slots;
   const SlotCounts& counts;
 
   [[nodiscard]] STICTION_HD RowLaw<Wide> row_law(Index s) const {
@@ -40,13 +40,13 @@ struct NewtonPack {
   }
 
   /// Row k of a slot times a vector by degree of freedom.
-  STICTION_HD Wide times_row(const Slot<Types::kLanes>& slot, Index k, const Numbers& vector, Wide sum) const {
+  STICTION_HD Wide times_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide sum) const {
     const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
     for (Index c = 0; c < slot.columns; ++c) sum = fma_(entries[c], vector[slot.dof[c]], sum);
     return sum;
   }
   /// vector -= row k' times amount.
-  STICTION_HD void subtract_row(const Slot<Types::kLanes>& slot, Index k, const Numbers& vector, Wide amount) const {
+  STICTION_HD void subtract_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide amount) const {
     const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
     const Wide minus = Wide(0) - amount;
     for (Index c = 0; c < slot.columns; ++c) vector.put(slot.dof[c], fma_(entries[c], minus, vector[slot.dof[c]]));
@@ -94,9 +94,9 @@ struct NewtonPack {
     Wide sum(0);
     for (Index k = 0; k < tree.dofs; ++k) {
       const Numbers row = workspace.M.from(tree.begin[k]);
-      const unsigned char* const path = tree.path(k);
+      const SmallOf<Types>* const path = tree.path(k);
       Wide force = Wide(static_cast<Real>(0.5)) * row[tree.depth[k]] * workspace.step[k];
-      for (Index d = 0; d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
       sum = fma_(force, workspace.step[k], sum);
     }
     return sum;
@@ -104,8 +104,7 @@ struct NewtonPack {
 
   /// out = G in for the rows of a cone, in the batch's coordinates.
   template <int kRows>
-  STICTION_HD void times_slope(const Slot<Types::kLanes>& slot, Index s, const Wide (&in)[kRows],
-                               Wide (&out)[kRows]) const {
+  STICTION_HD void times_slope(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows], Wide (&out)[kRows]) const {
     const Wide across = workspace.slope[3 * s];
     const Wide slide = workspace.slope[3 * s + 1];
     const Wide bend = workspace.slope[3 * s + 2];
@@ -123,7 +122,7 @@ struct NewtonPack {
 
   /// out = G in for rows of a slot, or of kRows slots of one row each that touch the same degrees of freedom.
   template <bool kCone, int kRows>
-  STICTION_HD void times_slopes(const Slot<Types::kLanes>& slot, Index s, Index from, const Wide (&in)[kRows],
+  STICTION_HD void times_slopes(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
                                 Wide (&out)[kRows]) const {
     if constexpr (kCone) {
       times_slope<kRows>(slot, s, in, out);
@@ -134,7 +133,7 @@ struct NewtonPack {
 
   /// H += J'GJ of rows `from` and on of a slot, in the rows of kColumns degrees of freedom from column `first` on.
   template <bool kCone, int kRows, int kColumns>
-  STICTION_HD void add_columns(const Slot<Types::kLanes>& slot, Index s, Index from, Index first) const {
+  STICTION_HD void add_columns(const SlotOf<Types>& slot, Index s, Index from, Index first) const {
     const Numbers J = workspace.J.from(slot.entry + static_cast<Offset>(from) * slot.columns);
     Wide out[kColumns][kRows];
     Numbers row[kColumns];
@@ -160,7 +159,7 @@ struct NewtonPack {
 
   /// H += J'GJ of rows `from` and on of a slot.
   template <bool kCone, int kRows>
-  STICTION_HD void add_slot(const Slot<Types::kLanes>& slot, Index s, Index from) const {
+  STICTION_HD void add_slot(const SlotOf<Types>& slot, Index s, Index from) const {
     Index first = 0;
     for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
     if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);

@@ -11,12 +11,12 @@ template <class Types>
 struct ShiftTerms {
   using Real = typename Types::Real;
   const VelocityWorkspace<Types>& workspace;
-  const Slot<Types::kLanes>* slots;
+  const SlotOf<Types>* slots;
   const SlotCounts& counts;
   Law law;
 
   /// ||mu w_t|| of a slot.
-  [[nodiscard]] STICTION_HD double slip_of(const Slot<Types::kLanes>& slot, int l) const {
+  [[nodiscard]] STICTION_HD double slip_of(const SlotOf<Types>& slot, int l) const {
     double square = 0.0;
     for (Index k = 1; k < slot.rows; ++k) {
       const double slip = static_cast<double>(workspace.mu.at(slot.row + k, l)) *
@@ -34,7 +34,7 @@ struct ShiftTerms {
     if (slips) {
       mixing.age();
       for (Index s = 0; s < counts.slots; ++s) {
-        const Slot<Types::kLanes>& slot = slots[s];
+        const SlotOf<Types>& slot = slots[s];
         const double used =
             slot.rows == 1 ? 0.0 : static_cast<double>(workspace.shift.at(slot.row, l)) + held(slot.row, l);
         mixing.image(0, s) = slip_of(slot, l);
@@ -44,7 +44,7 @@ struct ShiftTerms {
       lane.mixed = lane.mixed < 2 ? lane.mixed + 1 : 2;
     }
     for (Index s = 0; s < counts.slots; ++s) {
-      const Slot<Types::kLanes>& slot = slots[s];
+      const SlotOf<Types>& slot = slots[s];
       for (Index k = 0; k < slot.rows; ++k) {
         const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s) : 0.0;
         workspace.held.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);

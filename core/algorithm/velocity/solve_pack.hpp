@@ -6,31 +6,49 @@
 namespace stiction::inline STICTION_ISA {
 
 /// What is known of a pack before its numbers are looked at: which cones lie side by side, and how its arrays do.
-template <int kLanes>
+template <int kLanes, class Set>
 struct PackLists {
-  DofTree tree;
-  SlotItem* items;         ///< of all lanes, one lane after the other       (cones)
-  Slot<kLanes>* slots;     ///< room for                                     (cones)
-  unsigned char* columns;  ///< room for the slots'                       (kColumnBytes cones)
+  using Small = typename SetTraits<Set>::Small;
+  using Item = SlotItem<Set>;
+  using OneSlot = Slot<kLanes, Set>;
+  DofTree<Set> tree;
+  Set coupled[SetTraits<Set>::kMost];  ///< degrees of freedom before each that M couples it with
+  Item* items;                         ///< of all lanes, one lane after the other       (cones)
+  OneSlot* slots;                      ///< room for                                            (cones)
+  Small* columns;                      ///< room for the slots'                                 (column_room(cones))
 
   /// Bytes of the lists of environments that have so many cones together.
   static STICTION_HD constexpr Offset bytes(Offset cones) {
-    return static_cast<Offset>(sizeof(PackLists)) +
-           cones * (static_cast<Offset>(sizeof(SlotItem) + sizeof(Slot<kLanes>)) + kColumnBytes);
+    return static_cast<Offset>(sizeof(PackLists)) + cones * static_cast<Offset>(sizeof(Item) + sizeof(OneSlot)) +
+           column_room<Set>(cones) * static_cast<Offset>(sizeof(Small));
   }
   /// Lists in memory of that size, aligned as an Offset is.
   static STICTION_HD PackLists* in(void* memory, Offset cones) {
     auto* const lists = static_cast<PackLists*>(memory);
-    lists->items = reinterpret_cast<SlotItem*>(lists + 1);
-    lists->slots = reinterpret_cast<Slot<kLanes>*>(lists->items + cones);
-    lists->columns = reinterpret_cast<unsigned char*>(lists->slots + cones);
+    lists->items = reinterpret_cast<Item*>(lists + 1);
+    lists->slots = reinterpret_cast<OneSlot*>(lists->items + cones);
+    lists->columns = reinterpret_cast<Small*>(lists->slots + cones);
     return lists;
   }
-  static_assert(alignof(Slot<kLanes>) <= alignof(DofSet) && alignof(SlotItem) <= alignof(DofSet));
+  static_assert(alignof(OneSlot) <= alignof(Offset) && alignof(Item) <= alignof(Offset));
 };
 
-/// Solves up to kLanes environments, or parts of some, each of a size that the method takes. What became of each is in
-/// its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries) makes the workspace.
+/// Whether a large part is better solved so than by A. A step's multiplications are the squares of rows of the factor
+/// and of J, a sweep's on A the square of its rows. Both are found from the pattern.
+template <int kLanes, class Set>
+STICTION_HD bool pays_when_large(const DofTree<Set>& tree, const Slot<kLanes, Set>* slots, const SlotCounts& counts) {
+  Offset step = 0;
+  for (Index k = 0; k < tree.dofs; ++k) {
+    const Offset width = tree.depth[k] - tree.first(k) + 1;
+    step += width * width;
+  }
+  for (Index s = 0; s < counts.slots; ++s) step += Offset{slots[s].rows} * slots[s].columns * slots[s].columns;
+  return 3 * Offset{counts.rows} * counts.rows >= step;
+}
+
+/// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
+/// became of each is in its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries)
+/// makes the workspace.
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
                                     const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
@@ -46,19 +64,24 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
     all_cones += cones[l];
     dofs = envs[l].dofs > dofs ? envs[l].dofs : dofs;
   }
-  using Lists = PackLists<kLanes>;
+  using Set = typename Types::Set;
+  using Lists = PackLists<kLanes, Set>;
   Lists& lists = *Lists::in(memory.lists(Lists::bytes(all_cones)), all_cones);
-  const SlotItem* items[kLanes] = {};
-  SlotItem* next = lists.items;
-  DofSet coupled[kMostVelocityDofs] = {};
+  const SlotItem<Set>* items[kLanes] = {};
+  SlotItem<Set>* next = lists.items;
+  for (Index k = 0; k < dofs; ++k) lists.coupled[k] = Set{};
   for (Index l = 0; l < count; ++l) {
     list_items(job.batch, envs[l], next);
     items[l] = next;
     next += cones[l];
-    for (Index k = 0; k < envs[l].dofs; ++k) coupled[k] |= mass_dofs(envs[l], k);
+    add_mass_dofs(envs[l], lists.coupled);
   }
-  const SlotCounts counts = merge_items<kLanes>(items, cones, lists.slots, lists.columns);
-  build_tree<kLanes>(lists.tree, dofs, coupled, lists.slots, counts.slots);
+  const SlotCounts counts = merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns);
+  const bool fits = counts.fits && build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots);
+  if (!fits || (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts))) {
+    for (Index l = 0; l < count; ++l) envs[l].result->is_solved = false;
+    return;
+  }
   const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
   VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
 }

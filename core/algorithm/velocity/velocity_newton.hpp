@@ -19,8 +19,8 @@ class VelocityNewton {
   /// Share of its error to which steps in this precision can take an environment before z is computed in double again.
   static constexpr double kAccurateTo = sizeof(Real) == sizeof(float) ? 1e-4 : 0.0;
 
-  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes], const DofTree& tree,
-                             const Slot<kLanes>* slots, const SlotCounts& counts,
+  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
+                             const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
                              const VelocityWorkspace<Types>& workspace)
       : job_(job),
         envs_(envs),
@@ -44,7 +44,7 @@ class VelocityNewton {
 
  private:
   [[nodiscard]] STICTION_HD DoublePack<Types> in_double(int first) const {
-    return {workspace_, tree_, slots_, counts_, first};
+    return {workspace_, tree_, slots_, counts_, first, job_.batch.mass_form};
   }
   [[nodiscard]] STICTION_HD ShiftTerms<Types> shift() const { return {workspace_, slots_, counts_, job_.law}; }
   /// f(DoublePack) for all lanes.
@@ -74,7 +74,7 @@ class VelocityNewton {
 
   STICTION_HD_OUTLINE void load() {
     const Real zeros[kTileReach<Real>] = {};
-    load_mass(workspace_, job_.batch, tree_, envs_, zeros);
+    load_motion(workspace_, job_.batch, tree_, envs_, zeros);
     for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros);
     const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (int l = 0; l < kLanes; ++l) {
@@ -377,9 +377,9 @@ class VelocityNewton {
 
   const VelocityJob<Real>& job_;
   const LaneEnv<Real> (&envs_)[kLanes];
-  const Slot<kLanes>* slots_;
+  const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
-  const DofTree& tree_;
+  const TreeOf<Types>& tree_;
   const VelocityWorkspace<Types>& workspace_;
   NewtonPack<Types> pack_;
   LaneProgress progress_[kLanes];

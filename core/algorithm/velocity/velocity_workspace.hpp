@@ -5,6 +5,13 @@
 
 namespace stiction::inline STICTION_ISA {
 
+template <class Types>
+using SlotOf = Slot<Types::kLanes, typename Types::Set>;
+template <class Types>
+using TreeOf = DofTree<typename Types::Set>;
+template <class Types>
+using SmallOf = typename SetTraits<typename Types::Set>::Small;
+
 /// Scratch of one pack, in numbers: arrays by row of a slot, by slot, by degree of freedom, by entry of J and of M.
 template <class Types>
 struct VelocityWorkspace {

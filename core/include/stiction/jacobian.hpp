@@ -122,8 +122,8 @@ class JacobianBatch {
   std::vector<Real> J_, M_, v_free_, target_, R_, mu_, lo_, hi_;
 };
 
-/// Most degrees of freedom of an environment that solver auto gives to Newton's method in velocities
-/// (docs/math/velocity_newton.md): a set of them is one word.
+/// Most degrees of freedom of an environment that solver auto gives to Newton's method in velocities whatever it is
+/// like (docs/math/velocity_newton.md). A set of them is one word, and such environments share packs.
 inline constexpr Index kMostVelocityDofs = 64;
 
 /// Where a solve of J and M starts; both may be null: from v_free, without reactions. `velocities` are for Newton's
