@@ -181,7 +181,6 @@ JacobianBatch<Real> jacobians() {
   return batch;
 }
 
-/// Derivatives at whatever a few sweeps have reached.
 template <class Real>
 void add_derivatives(Table& table, const std::string& precision) {
   const auto add = [&](const std::string& name, const Entry& entry) { table[name + " " + precision] = entry; };

@@ -3,9 +3,9 @@
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/jacobian/delassus.hpp"
 
-/// From cotangents of velocities to those of reactions, and from the cotangent nu of b to those of J, M and v_free, by
-/// the adjoint velocity a = M^-1 (v_bar + J' nu) (docs/math/derivative.md, (13) to (17)). In the batch's precision, as
-/// A is assembled.
+/// From cotangents of velocities to those of reactions, and from the cotangent nu of b to those of J, M and v_free.
+/// Both go through the adjoint velocity a = M^-1 (v_bar + J' nu) (docs/math/derivative.md, (13) to (17)), in the
+/// precision in which A is assembled.
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>

@@ -127,10 +127,10 @@ struct JacobianBatchCotangentView {
 
 class DerivativeMachine;
 
-/// Differentiates the solution of contact batches by the batch's numbers: implicitly, with the modes of the contacts
-/// (open, sticking, sliding, at a bound) as they are, by one linear system for each environment. It takes no part in a
-/// solve, whose bits and time stay as they are. All arrays are where the batch is; so far the host is. Bits depend
-/// on nothing but the environment (docs/math/derivative.md).
+/// Differentiates the solution of contact batches by the batch's numbers, implicitly. The modes of the contacts (open,
+/// sticking, sliding, at a bound) stay as they are, which leaves one linear system for each environment. It takes no
+/// part in a solve, whose bits and time stay as they are. All arrays are where the batch is, in host memory. Bits
+/// depend on nothing but the environment (docs/math/derivative.md).
 class Derivative {
  public:
   /// Derivatives on that device. \throws Error(invalid_argument) for an option out of range, Error(unsupported) for a
@@ -143,8 +143,8 @@ class Derivative {
   /// Pulls `count` sets of cotangents of the solution back to the batch (a vector-Jacobian product). One factor serves
   /// all sets. An environment that is refused gets zeros and a flag, and no other environment's bits change.
   /// `status` gets one record for each environment.
-  /// \throws Error(invalid_argument) for a broken structure, a missing array, a count below zero, or an output that
-  /// shares memory with another array; then nothing was written.
+  /// \throws Error(invalid_argument) for a broken structure, a missing array or a count below zero. So does an output
+  /// that shares memory with another array. Then nothing was written.
   template <class Real>
   void vjp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
            const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
