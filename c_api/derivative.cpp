@@ -139,9 +139,9 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
       using Real = decltype(zero);
       object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
                   stiction::SolutionCotangentView<Real>{c::numbers<Real>(from.lambda), c::numbers<Real>(from.w)},
-                  stiction::BatchCotangentView<Real>{c::room<Real>(to.A), c::room<Real>(to.factor),
-                                                     c::room<Real>(to.b), c::room<Real>(to.R), c::room<Real>(to.mu),
-                                                     c::room<Real>(to.lo), c::room<Real>(to.hi)},
+                  stiction::BatchCotangentView<Real>{c::room<Real>(to.A), c::room<Real>(to.factor), c::room<Real>(to.b),
+                                                     c::room<Real>(to.R), c::room<Real>(to.mu), c::room<Real>(to.lo),
+                                                     c::room<Real>(to.hi)},
                   c::records(gradient_status), count);
     });
   });
@@ -183,8 +183,7 @@ stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative, 
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
       object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
-                  stiction::JacobianSolutionCotangentView<Real>{c::numbers<Real>(from.lambda),
-                                                                c::numbers<Real>(from.w),
+                  stiction::JacobianSolutionCotangentView<Real>{c::numbers<Real>(from.lambda), c::numbers<Real>(from.w),
                                                                 c::numbers<Real>(from.velocity)},
                   stiction::JacobianBatchCotangentView<Real>{
                       c::room<Real>(to.J), c::room<Real>(to.M), c::room<Real>(to.v_free), c::room<Real>(to.target),

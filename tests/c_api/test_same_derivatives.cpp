@@ -39,7 +39,8 @@ stiction_derivative* made() {
 
 template <class Real>
 void same_derivatives() {
-  const ContactBatch<Real> batch = convert<Real>(batch_of({random_contacts({.seed = 3}), random_contacts({.seed = 4})}));
+  const ContactBatch<Real> batch =
+      convert<Real>(batch_of({random_contacts({.seed = 3}), random_contacts({.seed = 4})}));
   const auto solution = solve(batch, options(SolverKind::npgs, 1e-5, 2000));
   auto bar = random_numbers<Real>(2 * solution.lambda.size(), 1), w_bar = random_numbers<Real>(bar.size(), 2);
   const auto expected = vjp(batch.view(), solution.lambda, bar, w_bar, options_of(), solution.status.data(), 2);
@@ -60,8 +61,8 @@ void same_derivatives() {
   to.lo = own.lo.data();
   to.hi = own.hi.data();
   const auto* status = reinterpret_cast<const stiction_status*>(solution.status.data());
-  STICTION_OK_OR_SAY(stiction_derivative_vjp(derivative, &view, solution.lambda.data(), status, &from, &to,
-                                             records(own.status), 2));
+  STICTION_OK_OR_SAY(
+      stiction_derivative_vjp(derivative, &view, solution.lambda.data(), status, &from, &to, records(own.status), 2));
   EXPECT_EQ(own.all(), expected.all());
   EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
 
