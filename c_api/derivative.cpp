@@ -22,7 +22,8 @@ static_assert(same(STICTION_GRADIENT_INVALID_INPUT, kGradientInvalidInput) &&
               same(STICTION_GRADIENT_SINGULAR, kGradientSingular) &&
               same(STICTION_GRADIENT_OVER_CAPACITY, kGradientOverCapacity) &&
               same(STICTION_GRADIENT_UNSTABLE_BRANCH, kGradientUnstableBranch) &&
-              same(STICTION_GRADIENT_SUBGRADIENT, kGradientSubgradient));
+              same(STICTION_GRADIENT_SUBGRADIENT, kGradientSubgradient) &&
+              same(STICTION_GRADIENT_BAD_STRUCTURE, kGradientBadStructure));
 
 namespace {
 
@@ -110,13 +111,14 @@ const char* stiction_gradient_flag_name(uint32_t flag) {
 }
 
 stiction_code stiction_derivative_create(const char* device, const stiction_derivative_options* options,
-                                         stiction_derivative** derivative) {
+                                         const stiction_capacity* capacity, stiction_derivative** derivative) {
   return c::guarded([&] {
-    c::need(device, "device", "choose cpu");
+    c::need(device, "device", "choose auto, cpu, cuda, cuda:N or emulated");
     c::need(derivative, "derivative", "give it room for a handle");
     const auto made = stiction::Device::from_string(device);
     const auto chosen = c::options_of(c::read_optional(options, "options"));
-    *derivative = c::derivatives().add(std::make_shared<stiction::Derivative>(made, chosen));
+    const auto room = c::to_cpp(c::read_optional(capacity, "capacity"));
+    *derivative = c::derivatives().add(std::make_shared<stiction::Derivative>(made, chosen, room));
   });
 }
 
@@ -128,7 +130,7 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
                                       const void* lambda, const stiction_status* status,
                                       const stiction_solution_numbers* cotangents,
                                       const stiction_batch_numbers* gradients,
-                                      stiction_gradient_status* gradient_status, int64_t count) {
+                                      stiction_gradient_status* gradient_status, int64_t count, void* stream) {
   return c::guarded([&] {
     const auto object = c::derivatives().get(derivative);
     const auto given = c::read_struct(batch, "batch");
@@ -142,7 +144,7 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
                   stiction::BatchCotangentView<Real>{c::room<Real>(to.A), c::room<Real>(to.factor), c::room<Real>(to.b),
                                                      c::room<Real>(to.R), c::room<Real>(to.mu), c::room<Real>(to.lo),
                                                      c::room<Real>(to.hi)},
-                  c::records(gradient_status), count);
+                  c::records(gradient_status), count, stiction::StreamRef(stream));
     });
   });
 }
@@ -150,7 +152,7 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
 stiction_code stiction_derivative_jvp(stiction_derivative* derivative, const stiction_batch_view* batch,
                                       const void* lambda, const stiction_status* status,
                                       const stiction_batch_numbers* tangents, const stiction_solution_numbers* changes,
-                                      stiction_gradient_status* gradient_status, int64_t count) {
+                                      stiction_gradient_status* gradient_status, int64_t count, void* stream) {
   return c::guarded([&] {
     const auto object = c::derivatives().get(derivative);
     const auto given = c::read_struct(batch, "batch");
@@ -165,7 +167,7 @@ stiction_code stiction_derivative_jvp(stiction_derivative* derivative, const sti
                                                    c::numbers<Real>(from.mu), c::numbers<Real>(from.lo),
                                                    c::numbers<Real>(from.hi)},
                   stiction::SolutionTangentView<Real>{c::room<Real>(to.lambda), c::room<Real>(to.w)},
-                  c::records(gradient_status), count);
+                  c::records(gradient_status), count, stiction::StreamRef(stream));
     });
   });
 }
@@ -191,4 +193,8 @@ stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative, 
                   c::records(gradient_status), count);
     });
   });
+}
+
+stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream) {
+  return c::guarded([&] { c::derivatives().get(derivative)->synchronize(stiction::StreamRef(stream)); });
 }

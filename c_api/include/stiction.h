@@ -162,7 +162,7 @@ STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
 
-/* ---- Derivatives of solutions, on the CPU (docs/math/derivative.md) ---- */
+/* ---- Derivatives of solutions (docs/math/derivative.md) ---- */
 
 /** Sets up options of a derivative with its defaults. */
 STICTION_API stiction_code stiction_derivative_options_init(stiction_derivative_options* options, size_t size);
@@ -174,32 +174,38 @@ STICTION_API stiction_code stiction_batch_numbers_init(stiction_batch_numbers* n
 STICTION_API stiction_code stiction_jacobian_numbers_init(stiction_jacobian_numbers* numbers, size_t size);
 /** Name of one stiction_gradient_flag bit: "unconverged", ... */
 STICTION_API const char* stiction_gradient_flag_name(uint32_t flag);
-/** Makes a derivative. device: "cpu". options may be null: defaults. */
+/** Makes a derivative. options may be null: defaults. A device needs capacity->env_rows, and env_dofs for factors; for
+ * the CPU capacity may be null. */
 STICTION_API stiction_code stiction_derivative_create(const char* device, const stiction_derivative_options* options,
+                                                      const stiction_capacity* capacity,
                                                       stiction_derivative** derivative);
 /** Destroys a derivative; null is accepted. */
 STICTION_API stiction_code stiction_derivative_destroy(stiction_derivative* derivative);
-/** Pulls `count` sets of cotangents of reactions and motion back to the numbers of a host batch. lambda: the reactions
- * of a solve, Real (row_count). status: its records, or null (env_count). gradient_status: (env_count). */
+/** Pulls `count` sets of cotangents of reactions and motion back to the numbers of a batch. lambda: the reactions of a
+ * solve, Real (row_count). status: its records, or null (env_count). gradient_status: (env_count). */
 STICTION_API stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const stiction_batch_view* batch,
                                                    const void* lambda, const stiction_status* status,
                                                    const stiction_solution_numbers* cotangents,
                                                    const stiction_batch_numbers* gradients,
-                                                   stiction_gradient_status* gradient_status, int64_t count);
-/** Pushes `count` sets of changes of a host batch forward to its solution; the other arguments as in
+                                                   stiction_gradient_status* gradient_status, int64_t count,
+                                                   void* stream);
+/** Pushes `count` sets of changes of a batch forward to its solution; the other arguments as in
  * stiction_derivative_vjp. */
 STICTION_API stiction_code stiction_derivative_jvp(stiction_derivative* derivative, const stiction_batch_view* batch,
                                                    const void* lambda, const stiction_status* status,
                                                    const stiction_batch_numbers* tangents,
                                                    const stiction_solution_numbers* changes,
-                                                   stiction_gradient_status* gradient_status, int64_t count);
-/** Pulls cotangents of reactions, motion and velocities back to J, M and v_free. */
+                                                   stiction_gradient_status* gradient_status, int64_t count,
+                                                   void* stream);
+/** Pulls cotangents of reactions, motion and velocities of a host batch back to J, M and v_free, on the CPU. */
 STICTION_API stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative,
                                                             const stiction_jacobian_view* batch, const void* lambda,
                                                             const stiction_status* status,
                                                             const stiction_solution_numbers* cotangents,
                                                             const stiction_jacobian_numbers* gradients,
                                                             stiction_gradient_status* gradient_status, int64_t count);
+/** Returns when what was queued on `stream` is done; at once on the CPU. */
+STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);
 
 /* ---- Bodies and contact points (docs/bodies.md) ---- */
 

@@ -16,7 +16,8 @@ typedef enum stiction_gradient_flag {
   STICTION_GRADIENT_SINGULAR = 1 << 3,        /**< redundant contacts without compliance */
   STICTION_GRADIENT_OVER_CAPACITY = 1 << 4,   /**< more unknowns than max_unknowns */
   STICTION_GRADIENT_UNSTABLE_BRANCH = 1 << 5, /**< a sliding contact that pressure presses on less */
-  STICTION_GRADIENT_SUBGRADIENT = 1 << 6      /**< a contact is between two modes */
+  STICTION_GRADIENT_SUBGRADIENT = 1 << 6,     /**< a contact is between two modes */
+  STICTION_GRADIENT_BAD_STRUCTURE = 1 << 7    /**< found on a device: nothing but the record is written */
 } stiction_gradient_flag;
 
 typedef struct stiction_derivative stiction_derivative; /**< differentiates batches */

@@ -28,20 +28,28 @@ void check_options(const DerivativeOptions& options) {
     refuse("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
 }
 
-std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeOptions& options) {
-  if (device.kind != DeviceKind::cpu)
-    throw Error(ErrorCode::unsupported,
-                "derivatives are computed on the CPU: use Device::cpu() and batches in host memory");
-  return make_cpu_derivative_machine(options.threads);
+std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeOptions& options,
+                                                const Capacity& capacity) {
+  if (device.kind == DeviceKind::cpu) return make_cpu_derivative_machine(options.threads);
+  if (capacity.env_rows < 1 || capacity.env_dofs < 0 || capacity.envs < 0)
+    refuse("capacity.env_rows = " + std::to_string(capacity.env_rows) +
+           ": a device needs the rows of the largest environment, >= 1, and counts >= 0");
+  if (device.kind == DeviceKind::emulated) return make_emulated_derivative_machine(capacity, options.max_unknowns);
+  return make_cuda_derivative_machine(device.ordinal, capacity, options.max_unknowns);
 }
 
 /// Everything that an index is taken from, and every array of numbers that is read.
 template <class Real>
 void check_batch(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const GradientStatus* status,
-                 Offset count) {
-  if (batch.space != MemorySpace::host) refuse("batch.space is not host: copy the batch with Solver::to_host");
-  const std::vector<Defect> defects = validate_structure(batch, 1);
-  if (!defects.empty()) refuse(defects.front().message);
+                 Offset count, Device device) {
+  if ((batch.space == MemorySpace::host) != (device.kind == DeviceKind::cpu))
+    refuse(
+        "batch.space is not the derivative's: give batches in host memory to one of the CPU, others to one of their "
+        "device");
+  if (batch.space == MemorySpace::host) {
+    const std::vector<Defect> defects = validate_structure(batch, 1);
+    if (!defects.empty()) refuse(defects.front().message);
+  }
   if (count < 0) refuse("count = " + std::to_string(count) + ": give the number of sets, >= 0");
   const auto need = [](const char* name, const void* array, bool needed) {
     if (needed && array == nullptr) refuse(std::string(name) + " is null; point it to the array");
@@ -93,21 +101,26 @@ void fill(DerivativeJob<Real>& job, const ContactBatchView<Real>& batch, const R
 
 }  // namespace
 
-Derivative::Derivative(Device device, const DerivativeOptions& options) : options_(options) {
+Derivative::Derivative(Device device, const DerivativeOptions& options, const Capacity& capacity)
+    : device_(device), options_(options) {
   const ScopedFpEnv fp_env;
   check_options(options);
-  machine_ = make_machine(device, options);
+  machine_ = make_machine(device, options, capacity);
 }
 Derivative::~Derivative() = default;
 Derivative::Derivative(Derivative&&) noexcept = default;
 Derivative& Derivative::operator=(Derivative&&) noexcept = default;
 
+void Derivative::synchronize(StreamRef stream) const {
+  machine_->synchronize(stream);
+}
+
 template <class Real>
 void Derivative::vjp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
                      const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
-                     GradientStatus* status, Offset count) const {
+                     GradientStatus* status, Offset count, StreamRef stream) const {
   const ScopedFpEnv fp_env;
-  check_batch(batch, at, status, count);
+  check_batch(batch, at, status, count, device_);
   std::vector<NamedArray> inputs = inputs_of(batch, at);
   inputs.push_back(NamedArray::of("cotangents.lambda", cotangents.lambda, count * batch.row_count));
   inputs.push_back(NamedArray::of("cotangents.w", cotangents.w, count * batch.row_count));
@@ -120,15 +133,15 @@ void Derivative::vjp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   fill(job, batch, at, status, count, options_);
   job.cotangents = cotangents;
   job.gradients = gradients;
-  machine_->vjp(job);
+  machine_->vjp(job, stream);
 }
 
 template <class Real>
 void Derivative::jvp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
                      const BatchTangentView<Real>& tangents, const SolutionTangentView<Real>& changes,
-                     GradientStatus* status, Offset count) const {
+                     GradientStatus* status, Offset count, StreamRef stream) const {
   const ScopedFpEnv fp_env;
-  check_batch(batch, at, status, count);
+  check_batch(batch, at, status, count, device_);
   std::vector<NamedArray> inputs = inputs_of(batch, at);
   const auto given = arrays_by_number(
       {"tangents.A", "tangents.factor", "tangents.b", "tangents.R", "tangents.mu", "tangents.lo", "tangents.hi"},
@@ -142,7 +155,7 @@ void Derivative::jvp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   fill(job, batch, at, status, count, options_);
   job.tangents = tangents;
   job.changes = changes;
-  machine_->jvp(job);
+  machine_->jvp(job, stream);
 }
 
 namespace {
@@ -188,6 +201,9 @@ void Derivative::vjp(const JacobianBatchView<Real>& batch, const ReactionView<Re
                      const JacobianSolutionCotangentView<Real>& cotangents,
                      const JacobianBatchCotangentView<Real>& gradients, GradientStatus* status, Offset count) const {
   const ScopedFpEnv fp_env;
+  if (device_.kind != DeviceKind::cpu)
+    throw Error(ErrorCode::unsupported,
+                "derivatives by J and M are computed on the CPU: make a Derivative of Device::cpu() for them");
   check_jacobian_call(batch, at, status, count);
   JacobianVjpJob<Real> chain{batch, at, count, status, cotangents, gradients, nullptr, nullptr};
   refuse_overlaps(chain);
@@ -204,9 +220,9 @@ void Derivative::vjp(const JacobianBatchView<Real>& batch, const ReactionView<Re
   job.gradients.mu = gradients.mu;
   job.gradients.lo = gradients.lo;
   job.gradients.hi = gradients.hi;
-  machine_->seed(chain);
-  machine_->vjp(job);
-  machine_->chain(chain);
+  seed_on_cpu(chain, options_.threads);
+  machine_->vjp(job, StreamRef::default_stream());
+  chain_on_cpu(chain, options_.threads);
 }
 
 template void Derivative::vjp(const JacobianBatchView<float>&, const ReactionView<float>&,
@@ -217,15 +233,15 @@ template void Derivative::vjp(const JacobianBatchView<double>&, const ReactionVi
                               GradientStatus*, Offset) const;
 template void Derivative::vjp(const ContactBatchView<float>&, const ReactionView<float>&,
                               const SolutionCotangentView<float>&, const BatchCotangentView<float>&, GradientStatus*,
-                              Offset) const;
+                              Offset, StreamRef) const;
 template void Derivative::vjp(const ContactBatchView<double>&, const ReactionView<double>&,
                               const SolutionCotangentView<double>&, const BatchCotangentView<double>&, GradientStatus*,
-                              Offset) const;
+                              Offset, StreamRef) const;
 template void Derivative::jvp(const ContactBatchView<float>&, const ReactionView<float>&,
                               const BatchTangentView<float>&, const SolutionTangentView<float>&, GradientStatus*,
-                              Offset) const;
+                              Offset, StreamRef) const;
 template void Derivative::jvp(const ContactBatchView<double>&, const ReactionView<double>&,
                               const BatchTangentView<double>&, const SolutionTangentView<double>&, GradientStatus*,
-                              Offset) const;
+                              Offset, StreamRef) const;
 
 }  // namespace stiction

@@ -79,6 +79,8 @@ const char* flag_name(GradientFlag flag) noexcept {
       return "unstable_branch";
     case kGradientSubgradient:
       return "subgradient";
+    case kGradientBadStructure:
+      return "bad_structure";
   }
   return kUnknown;
 }

@@ -132,7 +132,7 @@ void bind_derivative(nb::module_& module) {
       "gradient_flag_names",
       [] {
         nb::list names;
-        for (std::uint32_t bit = 1; bit <= kGradientSubgradient; bit <<= 1U)
+        for (std::uint32_t bit = 1; bit <= kGradientBadStructure; bit <<= 1U)
           names.append(flag_name(static_cast<GradientFlag>(bit)));
         return names;
       },

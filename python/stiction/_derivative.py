@@ -18,7 +18,8 @@ GRADIENT_DTYPE = np.dtype([("residual", "<f8"), ("forward_residual", "<f8"), ("f
 GRADIENT_FLAGS = tuple(_core.gradient_flag_names())
 #: Flags that come with zeros in place of a derivative.
 _REFUSED = sum(1 << GRADIENT_FLAGS.index(name)
-               for name in ("invalid_input", "unconverged", "non_finite", "singular", "over_capacity"))
+               for name in ("invalid_input", "unconverged", "non_finite", "singular", "over_capacity",
+                            "bad_structure"))
 
 
 class Gradients(types.SimpleNamespace):
@@ -49,6 +50,8 @@ class Derivative:
 
     def __init__(self, device: str = "cpu", *, law: str | None = None, residual_limit: float = 1e-3,
                  tie_tolerance: float = 1e-6, max_unknowns: int = 1024, threads: int = 0):
+        if device != "cpu":
+            raise ValueError(f"device: expected 'cpu', got {device!r}: gradients in Python are of batches on the host")
         self._core = _core.Derivative(str(device), law, float(residual_limit), float(tie_tolerance), int(max_unknowns),
                                       int(threads))
 
@@ -57,12 +60,12 @@ class Derivative:
 
         solution: a Solution of this batch, or its reactions alone; with a Solution, environments that were not solved
             get zeros.
-        lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution, or with one more axis in
-            front for several losses at once. None: zeros. velocities is for batches of J and M.
+        lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution. One more axis in front
+            means several losses at once. None: zeros. velocities is for batches of J and M.
 
-        Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. They are shaped as the
-        batch's arrays, those by R, mu, lo and hi as its rows, with the axis of the losses in front if there is one.
-        Entries of A and J are independent; the derivative by M is symmetric.
+        Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. Those of rows are shaped
+        as the rows, all others as the batch's arrays. The axis of several losses comes first. Entries of A and J are
+        independent; the derivative by M is symmetric.
         """
         self._check(batch)
         at, status = self._answer(batch, solution)

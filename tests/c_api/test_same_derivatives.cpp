@@ -33,7 +33,7 @@ stiction_derivative* made() {
   options.max_unknowns = 100;
   options.threads = 2;
   stiction_derivative* derivative = nullptr;
-  EXPECT_EQ(stiction_derivative_create("cpu", &options, &derivative), STICTION_OK) << stiction_last_error();
+  EXPECT_EQ(stiction_derivative_create("cpu", &options, nullptr, &derivative), STICTION_OK) << stiction_last_error();
   return derivative;
 }
 
@@ -61,8 +61,8 @@ void same_derivatives() {
   to.lo = own.lo.data();
   to.hi = own.hi.data();
   const auto* status = reinterpret_cast<const stiction_status*>(solution.status.data());
-  STICTION_OK_OR_SAY(
-      stiction_derivative_vjp(derivative, &view, solution.lambda.data(), status, &from, &to, records(own.status), 2));
+  STICTION_OK_OR_SAY(stiction_derivative_vjp(derivative, &view, solution.lambda.data(), status, &from, &to,
+                                             records(own.status), 2, nullptr));
   EXPECT_EQ(own.all(), expected.all());
   EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
 
@@ -78,14 +78,15 @@ void same_derivatives() {
   answer.lambda = changes.lambda.data();
   answer.w = changes.w.data();
   STICTION_OK_OR_SAY(stiction_derivative_jvp(derivative, &view, solution.lambda.data(), status, &to, &answer,
-                                             records(changes.status), 1));
+                                             records(changes.status), 1, nullptr));
   EXPECT_EQ(changes.lambda, forward.lambda);
   EXPECT_EQ(changes.w, forward.w);
 
   answer.velocity = changes.w.data();
   EXPECT_EQ(stiction_derivative_jvp(derivative, &view, solution.lambda.data(), status, &to, &answer,
-                                    records(changes.status), 1),
+                                    records(changes.status), 1, nullptr),
             STICTION_INVALID_ARGUMENT);
+  STICTION_OK_OR_SAY(stiction_derivative_synchronize(derivative, nullptr));
   STICTION_OK_OR_SAY(stiction_derivative_destroy(derivative));
   EXPECT_EQ(stiction_derivative_destroy(derivative), STICTION_INVALID_ARGUMENT);
 }
@@ -134,14 +135,14 @@ TEST(SameDerivatives, OfJacobianBatches) {
 
 TEST(SameDerivatives, RefuseWhatTheyCannotDo) {
   stiction_derivative* derivative = nullptr;
-  EXPECT_EQ(stiction_derivative_create("emulated", nullptr, &derivative), STICTION_UNSUPPORTED);
+  EXPECT_EQ(stiction_derivative_create("emulated", nullptr, nullptr, &derivative), STICTION_INVALID_ARGUMENT);
   stiction_derivative_options options;
   stiction_derivative_options_init(&options, sizeof options);
   options.residual_limit = -1;
-  EXPECT_EQ(stiction_derivative_create("cpu", &options, &derivative), STICTION_INVALID_ARGUMENT);
+  EXPECT_EQ(stiction_derivative_create("cpu", &options, nullptr, &derivative), STICTION_INVALID_ARGUMENT);
   stiction_derivative_options_init(&options, sizeof options);
   options.reserved = 1;
-  EXPECT_EQ(stiction_derivative_create("cpu", &options, &derivative), STICTION_INVALID_ARGUMENT);
+  EXPECT_EQ(stiction_derivative_create("cpu", &options, nullptr, &derivative), STICTION_INVALID_ARGUMENT);
   EXPECT_STREQ(stiction_gradient_flag_name(STICTION_GRADIENT_SINGULAR), "singular");
   EXPECT_STREQ(stiction_gradient_flag_name(1U << 30U), "unknown");
 }

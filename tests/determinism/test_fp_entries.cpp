@@ -184,7 +184,7 @@ JacobianBatch<Real> jacobians() {
 template <class Real>
 void add_derivatives(Table& table, const std::string& precision) {
   const auto add = [&](const std::string& name, const Entry& entry) { table[name + " " + precision] = entry; };
-  static const DerivativeOptions o{.residual_limit = std::numeric_limits<double>::infinity(), .threads = 2};
+  static const DerivativeOptions o{{}, std::numeric_limits<double>::infinity(), 1e-6, 1024, 2};
   add("vjp", [] {
     const auto solution = solve(batch_for<Real>(), sweeps(SolverKind::npgs));
     const auto own = vjp(batch_for<Real>().view(), solution.lambda, solution.w, solution.w, o);

@@ -17,7 +17,7 @@ enum class ConeMode : Index {
 
 /// A cone's reaction and motion in the coordinates of the unit cone.
 template <int M>
-struct ConePoint {
+struct ModePoint {
   double x[M];
   double y[M];   ///< without de Saxce's term
   double mu[M];  ///< 1 of the normal; 0 of an axis without friction
@@ -56,7 +56,7 @@ STICTION_HD ConeDirections<M> single_row(bool moves, ConeMode mode, bool is_dege
 /// A cone that slides along d = z_t / -norm(z_t), with gaps as in friction_directions(). The complement of d on the
 /// axes with friction is that of a Householder reflection.
 template <int M>
-STICTION_HD void slide(const ConePoint<M>& point, Law law, const double (&z)[M], double length, double share,
+STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M], double length, double share,
                        ConeDirections<M>& found) {
   int axis[M];
   double d[M] = {};
@@ -87,7 +87,7 @@ STICTION_HD void slide(const ConePoint<M>& point, Law law, const double (&z)[M],
 }
 
 template <int M>
-STICTION_HD ConeDirections<M> friction_directions(const ConePoint<M>& point, Law law, double tie) {
+STICTION_HD ConeDirections<M> friction_directions(const ModePoint<M>& point, Law law, double tie) {
   double z[M];
   double moved[M];
   for (int k = 0; k < M; ++k) {
@@ -115,7 +115,7 @@ STICTION_HD ConeDirections<M> friction_directions(const ConePoint<M>& point, Law
 /// The directions of a cone of that shape. `tie`: how far from another mode it is degenerate [w]. A tie goes to the
 /// mode with a smaller reaction, and between sticking and sliding to sticking.
 template <class Shape, int M>
-STICTION_HD ConeDirections<M> cone_directions(Shape, const ConePoint<M>& point, Law law, double tie) {
+STICTION_HD ConeDirections<M> cone_directions(Shape, const ModePoint<M>& point, Law law, double tie) {
   if constexpr (Shape::kKind == ConeKind::friction) {
     return friction_directions(point, law, tie);
   } else if constexpr (Shape::kKind == ConeKind::free) {

@@ -40,13 +40,15 @@ STICTION_HD Index most_unknowns(const DerivativeJob<Real>& job, Offset env) {
   return n < job.max_unknowns ? n : job.max_unknowns;
 }
 
-/// Scratch of one environment, in doubles.
+/// Scratch of an environment of that size, in doubles.
+STICTION_HD constexpr Offset derivative_elements(Offset rows, Offset cones, Offset dofs, Offset most) {
+  const Offset integers = (cones + 1) + 2 * cones + rows + kScanParts;
+  return rows * (6 + 2 * kMaxConeRows) + most * (most + 4) + dofs * (2 * most + 2) + (integers + 1) / 2;
+}
 template <class Real>
 STICTION_HD Offset derivative_elements(const DerivativeJob<Real>& job, Offset env) {
-  const Offset n = job.batch.env_rows(env), cones = job.batch.env_cones(env), dofs = job.batch.env_dofs(env);
-  const Offset most = most_unknowns(job, env);
-  const Offset integers = (cones + 1) + 2 * cones + n + kScanParts;
-  return n * (6 + 2 * kMaxConeRows) + most * (most + 4) + dofs * (2 * most + 2) + (integers + 1) / 2;
+  return derivative_elements(job.batch.env_rows(env), job.batch.env_cones(env), job.batch.env_dofs(env),
+                             most_unknowns(job, env));
 }
 
 template <class Real>

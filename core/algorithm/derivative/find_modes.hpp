@@ -36,7 +36,7 @@ template <class Shape, class Real, class Rows>
 STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Real* lambda, const double* w,
                             Index first, std::uint32_t& flags) {
   constexpr int kRows = Shape::kRows;
-  ConePoint<kRows> point;
+  ModePoint<kRows> point;
   double diagonal = 0.0;
   for (int k = 0; k < kRows; ++k) {
     const Index i = env.row_of(first, kRows, k);
@@ -56,7 +56,7 @@ STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, c
 
 /// The square of the natural map of a cone.
 template <class Shape, int M>
-STICTION_HD double cone_residual(Shape shape, const ConePoint<M>& point, Law law) {
+STICTION_HD double cone_residual(Shape shape, const ModePoint<M>& point, Law law) {
   if (law == Law::coulomb)
     return natural_map_square<Law::coulomb>(shape, point.x, point.y, point.a, point.lo, point.hi);
   return natural_map_square<Law::convex>(shape, point.x, point.y, point.a, point.lo, point.hi);

@@ -113,8 +113,12 @@ STICTION_HD void write_chain(TeamT& team, const ChainEnv<Real>& env, const Jacob
   for_each(team, env.n, [&](Index i) {
     const Real nu = job.nu[rows + i];
     put_chain(to.target, rows + i, Real(0) - nu, refused);
-    if (refused)
-      for (Real* const zeros : {to.R, to.mu, to.lo, to.hi}) put_chain(zeros, rows + i, Real(0), true);
+    if (refused) {
+      put_chain(to.R, rows + i, Real(0), true);
+      put_chain(to.mu, rows + i, Real(0), true);
+      put_chain(to.lo, rows + i, Real(0), true);
+      put_chain(to.hi, rows + i, Real(0), true);
+    }
     if (to.J == nullptr) return;
     Offset at = entries + job.batch.row_offsets[env.first_row + i];
     env.for_each_entry(i, [&](Index k, Real) {

@@ -74,7 +74,7 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
 }
 
 /// The change of the solution by a set. Leaves d lambda in `s.nu` and dw in `s.seed`. Returns the relative residual of
-/// the system; no number where one was not finite.
+/// the system; below zero where one was not finite.
 template <Team TeamT, class Real>
 STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
                                 const DerivativeScratch& s, Offset set, Index unknowns) {
@@ -111,8 +111,19 @@ STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const Jvp
   });
   largest = team.max(largest);
   left = team.max(left);
-  if (team.combine(broken) != 0) return __builtin_nan("");
+  if (team.combine(broken) != 0) return -1.0;
   return largest > 0.0 ? div_(left, largest) : 0.0;
+}
+
+/// The changes of one set; zeros where `refused`.
+template <Team TeamT, class Real>
+STICTION_HD void write_changes(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
+                               const DerivativeScratch& s, Offset set, bool refused) {
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  for_each(team, env.n, [&](Index i) {
+    put(job.changes.lambda, rows + i, refused ? 0.0 : s.nu[i]);
+    put(job.changes.w, rows + i, refused ? 0.0 : s.seed[i]);
+  });
 }
 
 /// Pushes all sets of changes of one environment forward and writes its record.
@@ -128,17 +139,21 @@ STICTION_HD void jvp_env(TeamT& team, const JvpJob<Real>& job, Offset index, dou
     bool broken = refused;
     if (!refused) {
       const double own = solve_change(team, env, job, s, set, found.unknowns);
-      broken = !(own == own);
+      broken = own < 0.0;
       if (broken) found.flags |= kGradientNonFinite;
       residual = max_(own, residual);
     }
-    const Offset rows = set * job.batch.row_count + env.first_row;
-    for_each(team, env.n, [&](Index i) {
-      put(job.changes.lambda, rows + i, broken ? 0.0 : s.nu[i]);
-      put(job.changes.w, rows + i, broken ? 0.0 : s.seed[i]);
-    });
+    write_changes(team, env, job, s, set, broken);
   }
   write_record(team, job, index, found, residual);
+}
+
+/// Zeros for an environment that was not looked at, and its record.
+template <Team TeamT, class Real>
+STICTION_HD void refuse_jvp(TeamT& team, const JvpJob<Real>& job, Offset index, std::uint32_t flags) {
+  const EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  for (Offset set = 0; set < job.count; ++set) write_changes(team, env, job, DerivativeScratch{}, set, true);
+  write_record(team, job, index, ModesFound{flags, 0.0, 0, 0}, 0.0);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -44,7 +44,7 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
   });
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone), size = env.cone_size(cone);
-    const auto mode = static_cast<ConeMode>(s.mode[cone]);
+    const auto mode = refused ? ConeMode::open : static_cast<ConeMode>(s.mode[cone]);
     const bool slides = !refused && env.kind[cone] == ConeKind::friction && mode == ConeMode::sliding;
     const bool is_box = !refused && env.kind[cone] == ConeKind::box;
     for (Index k = 0; k < size; ++k) {
@@ -84,7 +84,7 @@ STICTION_HD void write_factor_gradients(TeamT& team, const EnvView<Real>& env, c
 
 /// The adjoint reaction of a set: solves G' y = E' (lambda_bar + A' w_bar). Leaves w_bar - F y in `s.nu`, and
 /// lambda_bar + (A + R)'(w_bar - F y) in `s.image`. Returns the residual of the system relative to its right-hand
-/// side, which the same numbers give; no number where one was not finite.
+/// side, which the same numbers give; below zero where one was not finite.
 template <Team TeamT, class Real>
 STICTION_HD double solve_adjoint(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
                                  const DerivativeScratch& s, Offset set, Index unknowns) {
@@ -117,15 +117,25 @@ STICTION_HD double solve_adjoint(TeamT& team, const EnvView<Real>& env, const Vj
   });
   largest = team.max(largest);
   left = team.max(left);
-  if (team.combine(broken) != 0) return __builtin_nan("");
+  if (team.combine(broken) != 0) return -1.0;
   return largest > 0.0 ? div_(left, largest) : 0.0;
+}
+
+/// Whether every row stores all columns in order, on every lane.
+template <Team TeamT, class Real>
+STICTION_HD bool stores_every_column(TeamT& team, const EnvView<Real>& env) {
+  std::uint32_t others = 0;
+  for_each(team, env.n, [&](Index i) {
+    if (env.entries(i) != env.n || !is_run(env.columns(i), env.n)) others = 1;
+  });
+  return team.combine(others) == 0;
 }
 
 /// Pulls all sets of cotangents of one environment back and writes its record.
 template <Team TeamT, class Real>
 STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, double* memory) {
   EnvView<Real> env = slice_problem(job.batch, job.law, index);
-  if (team.size() > 1 && env.n > 0 && env.factor == nullptr) env.is_full = has_full_rows(env);
+  if (team.size() > 1 && env.factor == nullptr) env.is_full = stores_every_column(team, env);
   const DerivativeScratch s = lay_out(job, index, memory);
   ModesFound found = find_answer(team, env, job, index, s);
   if ((found.flags & kGradientRefused) == 0) found.flags |= factor_system<true>(team, env, s, found.unknowns);
@@ -135,7 +145,7 @@ STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, dou
     bool broken = refused;
     if (!refused) {
       const double own = solve_adjoint(team, env, job, s, set, found.unknowns);
-      broken = !(own == own);
+      broken = own < 0.0;
       if (broken) found.flags |= kGradientNonFinite;
       residual = max_(own, residual);
     }
@@ -143,6 +153,17 @@ STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, dou
     write_factor_gradients(team, env, job, s, set, broken);
   }
   write_record(team, job, index, found, residual);
+}
+
+/// Zeros for an environment that was not looked at, and its record.
+template <Team TeamT, class Real>
+STICTION_HD void refuse_vjp(TeamT& team, const VjpJob<Real>& job, Offset index, std::uint32_t flags) {
+  const EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  for (Offset set = 0; set < job.count; ++set) {
+    write_gradients(team, env, job, DerivativeScratch{}, set, true);
+    write_factor_gradients(team, env, job, DerivativeScratch{}, set, true);
+  }
+  write_record(team, job, index, ModesFound{flags, 0.0, 0, 0}, 0.0);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -25,11 +25,13 @@ enum GradientFlag : std::uint32_t {
   kGradientUnstableBranch = 1U << 5,  ///< a sliding contact that more pressure would press on less; one of several
                                       ///< solutions, and not the one that a simulation reaches
   kGradientSubgradient = 1U << 6,     ///< some contact is between two modes: one of several generalised derivatives
+  kGradientBadStructure = 1U << 7,    ///< offsets, cones or columns out of order or range, found on the device; of this
+                                      ///< environment nothing but the record is written
 };
 
-/// Flags that come with zeros.
-inline constexpr std::uint32_t kGradientRefused =
-    kGradientInvalidInput | kGradientUnconverged | kGradientNonFinite | kGradientSingular | kGradientOverCapacity;
+/// Flags of an environment that has no derivative.
+inline constexpr std::uint32_t kGradientRefused = kGradientInvalidInput | kGradientUnconverged | kGradientNonFinite |
+                                                  kGradientSingular | kGradientOverCapacity | kGradientBadStructure;
 
 /// Name of one flag bit, as reports print it ("unconverged", ...).
 const char* flag_name(GradientFlag flag) noexcept;
@@ -133,9 +135,12 @@ class DerivativeMachine;
 /// depend on nothing but the environment (docs/math/derivative.md).
 class Derivative {
  public:
-  /// Derivatives on that device. \throws Error(invalid_argument) for an option out of range, Error(unsupported) for a
-  /// device other than the CPU.
-  explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {});
+  /// Derivatives on that device. A device takes its memory now: of the capacity env_rows is needed, and env_dofs for
+  /// factors. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is needed.
+  /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
+                      const Capacity& capacity = {});
   ~Derivative();
   Derivative(Derivative&&) noexcept;
   Derivative& operator=(Derivative&&) noexcept;
@@ -148,27 +153,33 @@ class Derivative {
   template <class Real>
   void vjp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
            const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
-           GradientStatus* status, Offset count = 1) const;
+           GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Pushes `count` sets of changes of the batch forward to its solution (a Jacobian-vector product).
   /// \throws as vjp().
   template <class Real>
   void jvp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const BatchTangentView<Real>& tangents,
-           const SolutionTangentView<Real>& changes, GradientStatus* status, Offset count = 1) const;
+           const SolutionTangentView<Real>& changes, GradientStatus* status, Offset count = 1,
+           StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have. A is assembled anew
+  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have, on the CPU. A is
+  /// assembled anew
   /// as the solve did. `at.lambda` lies where the batch's rows do. An environment whose M is no mass matrix is
   /// refused as kGradientInvalidInput.
-  /// \throws as that of a contact batch.
+  /// \throws as that of a contact batch; Error(unsupported) on a device.
   template <class Real>
   void vjp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
            const JacobianSolutionCotangentView<Real>& cotangents, const JacobianBatchCotangentView<Real>& gradients,
            GradientStatus* status, Offset count = 1) const;
 
+  /// Returns when what was queued on `stream` is done; at once on the CPU.
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const;
+
   /// Options that it was made with.
   [[nodiscard]] const DerivativeOptions& options() const noexcept { return options_; }
 
  private:
+  Device device_;
   DerivativeOptions options_;
   std::shared_ptr<DerivativeMachine> machine_;
 };
