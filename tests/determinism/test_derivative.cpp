@@ -200,4 +200,98 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
     }
 }
 
+/// Gradients by J and M, as bytes one behind the other.
+template <class Real>
+struct JacobianGradients {
+  std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
+  std::vector<GradientStatus> status;
+
+  explicit JacobianGradients(const JacobianBatchView<Real>& view) {
+    const auto room = [](Offset size) { return std::vector<Real>(static_cast<std::size_t>(size), Real(77)); };
+    J = room(view.entry_count);
+    M = room(view.mass_count);
+    v_free = room(view.dof_count);
+    target = R = mu = lo = hi = room(view.row_count);
+    status.resize(static_cast<std::size_t>(view.env_count));
+  }
+  [[nodiscard]] JacobianBatchCotangentView<Real> view() {
+    return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
+  }
+  [[nodiscard]] std::string bytes() const {
+    std::string all;
+    for (const auto* part : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi})
+      append(all, *part, 0, static_cast<Offset>(part->size()));
+    append(all, status, 0, static_cast<Offset>(status.size()));
+    return all;
+  }
+};
+
+/// Three environments, in the precision asked for.
+template <class Real>
+JacobianBatch<Real> jacobians(MassForm form) {
+  JacobianBatch<Real> batch(Law::coulomb, form, 3);
+  for (std::uint64_t seed = 1; seed < 4; ++seed) {
+    const JacobianEnvironment<double> from = random_jacobian({seed, 3, 2, 9, 3});
+    JacobianEnvironment<Real> env;
+    for (const auto& cone : from.cones) env.cones.push_back({cone.kind, cone.row_count, cone.group});
+    env.J.assign(from.J.begin(), from.J.end());
+    env.M.assign(from.M.begin(), from.M.end());
+    env.v_free.assign(from.v_free.begin(), from.v_free.end());
+    env.target.assign(from.target.begin(), from.target.end());
+    env.R.assign(from.R.begin(), from.R.end());
+    env.mu.assign(from.mu.begin(), from.mu.end());
+    batch.add(env);
+  }
+  return batch;
+}
+
+TYPED_TEST(DerivativeBits, ByJAndMAreThoseOfThreadsInstructionSetsAndTeams) {
+  using Real = TypeParam;
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const JacobianBatch<Real> batch = jacobians<Real>(form);
+    const auto view = batch.view();
+    const auto lambda = solve(batch, options(SolverKind::npgs, 1e-5, 2000)).contact.lambda;
+    const auto bar = random_numbers<Real>(lambda.size(), 1), w_bar = random_numbers<Real>(lambda.size(), 2),
+               v_bar = random_numbers<Real>(static_cast<std::size_t>(view.dof_count), 3);
+    const ReactionView<Real> at{lambda.data(), nullptr};
+    const JacobianSolutionCotangentView<Real> cotangents{bar.data(), w_bar.data(), v_bar.data()};
+    const auto made = [&](int threads) {
+      DerivativeOptions o;
+      o.threads = threads;
+      JacobianGradients<Real> own(view);
+      Derivative(Device::cpu(), o).vjp(view, at, cotangents, own.view(), own.status.data());
+      return own;
+    };
+    const JacobianGradients<Real> expected = made(1);
+    for (const GradientStatus& status : expected.status) EXPECT_EQ(status.flags, 0U);
+    EXPECT_EQ(made(2).bytes(), expected.bytes());
+    for (const char* isa : usable_isas()) {
+      const ScopedIsa scoped(isa);
+      EXPECT_EQ(made(1).bytes(), expected.bytes()) << isa;
+    }
+    // What comes before and behind the system, by lanes that race.
+    for (const Index width : {1, 2, 5}) {
+      JacobianGradients<Real> own = expected;
+      for (auto* part : {&own.J, &own.M, &own.v_free}) part->assign(part->size(), Real(77));
+      std::vector<Real> seed(lambda.size(), Real(77)), seed_alone = seed, nu(expected.target);
+      for (Real& number : nu) number = Real(0) - number;
+      JacobianVjpJob<Real> job{view, at, 1, own.status.data(), cotangents, own.view(), seed.data(), nu.data()};
+      JacobianVjpJob<Real> alone = job;
+      alone.seed = seed_alone.data();
+      for (Offset env = 0; env < view.env_count; ++env) {
+        std::vector<Real> memory(static_cast<std::size_t>(chain_elements(job, env)),
+                                 static_cast<Real>(__builtin_nan("")));
+        SerialTeam serial;
+        seed_env(serial, alone, env, memory.data());
+        run_stressed<1>(width, [&](auto& team) {
+          seed_env(team, job, env, memory.data());
+          chain_env(team, job, env, memory.data());
+        });
+      }
+      EXPECT_TRUE(same_bits(std::span<const Real>(seed_alone), std::span<const Real>(seed))) << width;
+      EXPECT_EQ(own.bytes(), expected.bytes()) << width;
+    }
+  }
+}
+
 }  // namespace

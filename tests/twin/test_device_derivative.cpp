@@ -42,6 +42,9 @@ ContactBatch<double> mixed(Law law) {
     recipe.others = static_cast<int>(seed % 4);
     batch.add(seed == 4 ? Environment<double>{} : random_contacts(recipe));
   }
+  // Rows that do not store every column.
+  constexpr double kBounds[][2] = {{-1, 1}, {-0.1, 0.1}, {-1, 1}, {-0.2, 5}, {-1, 1}};
+  batch.add(chain_of_boxes(kBounds, -1.5));
   return batch;
 }
 
@@ -65,7 +68,8 @@ std::string bytes_of(const std::vector<T>& records) {
   return {reinterpret_cast<const char*>(records.data()), records.size() * sizeof(T)};
 }
 
-constexpr Capacity kRoom{.envs = 0, .rows = 0, .cones = 0, .nonzeros = 0, .env_rows = 40, .env_nonzeros = 0, .env_dofs = 6};
+constexpr Capacity kRoom{
+    .envs = 0, .rows = 0, .cones = 0, .nonzeros = 0, .env_rows = 40, .env_nonzeros = 0, .env_dofs = 6};
 
 template <class Real>
 void expect_same(const Problem<Real>& problem, Law law, int lanes) {
@@ -73,8 +77,9 @@ void expect_same(const Problem<Real>& problem, Law law, int lanes) {
   const auto expected = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, o, nullptr, 2);
   Gradients<Real> own = blank(expected);
   VjpJob<Real> job;
-  static_cast<DerivativeJob<Real>&>(job) = {problem.on_device(), {problem.lambda.data(), nullptr}, law,
-                                            o.residual_limit, o.tie_tolerance, o.max_unknowns, 2, own.status.data()};
+  static_cast<DerivativeJob<Real>&>(job) = {
+      problem.on_device(), {problem.lambda.data(), nullptr}, law, o.residual_limit, o.tie_tolerance, o.max_unknowns, 2,
+      own.status.data()};
   job.cotangents = {problem.bar.data(), problem.w_bar.data()};
   job.gradients = own.view();
   cuda::EmulatedDeviceOptions options;
@@ -86,8 +91,8 @@ void expect_same(const Problem<Real>& problem, Law law, int lanes) {
   EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two)));
   EXPECT_EQ(bytes_of(own.status), bytes_of(expected.status));
 
-  const BatchTangentView<Real> tangents{expected.A.data(),  expected.factor.data(), problem.bar.data(),
-                                        expected.R.data(),  expected.mu.data(),     problem.bar.data(),
+  const BatchTangentView<Real> tangents{expected.A.data(), expected.factor.data(), problem.bar.data(),
+                                        expected.R.data(), expected.mu.data(),     problem.bar.data(),
                                         problem.bar.data()};
   const auto changes = jvp(problem.batch.view(), problem.lambda, tangents);
   Changes<Real> moved = changes;
