@@ -38,6 +38,10 @@ DeviceDerivativeMachine::DeviceDerivativeMachine(std::shared_ptr<DeviceApi> api,
   set_.add(scratch_, shape_.teams * slot_);
   memory_ = DeviceMemory(*api_, set_.bytes());
   set_.place(memory_.get());
+  for (const DerivativeKernels& kernels : api_->kernels().derivative) {
+    api_->prepare(kernels.vjp, shape_);
+    api_->prepare(kernels.jvp, shape_);
+  }
 }
 
 DeviceDerivativeMachine::~DeviceDerivativeMachine() {

@@ -72,20 +72,26 @@ constexpr Capacity kRoom{
     .envs = 0, .rows = 0, .cones = 0, .nonzeros = 0, .env_rows = 40, .env_nonzeros = 0, .env_dofs = 6};
 
 template <class Real>
-void expect_same(const Problem<Real>& problem, Law law, int lanes) {
+VjpJob<Real> job_of(const Problem<Real>& problem, Law law, Gradients<Real>& own) {
   const DerivativeOptions o;
-  const auto expected = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, o, nullptr, 2);
-  Gradients<Real> own = blank(expected);
   VjpJob<Real> job;
   static_cast<DerivativeJob<Real>&>(job) = {
       problem.on_device(), {problem.lambda.data(), nullptr}, law, o.residual_limit, o.tie_tolerance, o.max_unknowns, 2,
       own.status.data()};
   job.cotangents = {problem.bar.data(), problem.w_bar.data()};
   job.gradients = own.view();
+  return job;
+}
+
+template <class Real>
+void expect_same(const Problem<Real>& problem, Law law, int lanes) {
+  const DerivativeOptions o;
+  const auto expected = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, o, nullptr, 2);
+  Gradients<Real> own = blank(expected);
   cuda::EmulatedDeviceOptions options;
   options.lanes = lanes;
   cuda::DeviceDerivativeMachine machine(std::make_shared<cuda::EmulatedDevice>(options), kRoom, o.max_unknowns, false);
-  machine.vjp(job, StreamRef::default_stream());
+  machine.vjp(job_of(problem, law, own), StreamRef::default_stream());
   machine.synchronize(StreamRef::default_stream());
   const auto one = expected.all(), two = own.all();
   EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two)));
@@ -114,6 +120,26 @@ TEST(DeviceDerivative, HasTheBitsOfTheCpuOnAnyLanes) {
       expect_same(Problem<double>(mixed(law)), law, lanes);
       expect_same(Problem<double>(factors(law)), law, lanes);
     }
+}
+
+TEST(DeviceDerivative, TheFirstCallIsCapturedAndReplayedWithOtherNumbers) {
+  Problem<float> problem(mixed(Law::coulomb));
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{3, 2, 4});
+  cuda::DeviceDerivativeMachine machine(device, kRoom, DerivativeOptions{}.max_unknowns, false);
+  const cuda::Stream stream(*device);
+  Gradients<float> own = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, {}, nullptr, 2);
+  const VjpJob<float> job = job_of(problem, Law::coulomb, own);
+  device->begin_capture(stream.get());
+  machine.vjp(job, StreamRef(stream.get()));
+  const auto graph = device->end_capture(stream.get());
+  for (int again = 0; again < 2; ++again) {
+    for (float& number : problem.bar) number *= 1.5F;
+    const auto expected = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, {}, nullptr, 2);
+    device->launch(graph, stream.get());
+    device->synchronize(stream.get());
+    EXPECT_EQ(own.all(), expected.all());
+    EXPECT_EQ(bytes_of(own.status), bytes_of(expected.status));
+  }
 }
 
 TEST(DeviceDerivative, AnEnvironmentThatIsBrokenOrTooLargeLeavesTheOthersAlone) {
