@@ -21,6 +21,10 @@ void set_defaults(stiction_jacobian_view& batch);
 void set_defaults(stiction_jacobian_solution& solution);
 void set_defaults(stiction_body_view& batch);
 void set_defaults(stiction_body_solution& solution);
+void set_defaults(stiction_derivative_options& options);
+void set_defaults(stiction_solution_numbers& numbers);
+void set_defaults(stiction_batch_numbers& numbers);
+void set_defaults(stiction_jacobian_numbers& numbers);
 
 /// Options of C++ as C has them.
 stiction_solver_options to_c(const SolverOptions& options);

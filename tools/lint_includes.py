@@ -45,6 +45,7 @@ ALGORITHM = {
     "plan": [],
     "collision": ["rigid", "plan"],
     "jacobian": [],
+    "derivative": ["problem", "system", "sweep", "residual", "linear", "jacobian"],
     "velocity": ["problem", "system", "sweep", "residual", "jacobian"],
     "warm_start": ["plan"],
 }

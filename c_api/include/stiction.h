@@ -22,6 +22,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "stiction_derivative_structs.h"
 #include "stiction_structs.h"
 
 #if defined(__GNUC__)
@@ -160,6 +161,51 @@ STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian
                                                                void* stream);
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
+
+/* ---- Derivatives of solutions (docs/math/derivative.md) ---- */
+
+/** Sets up options of a derivative with its defaults. */
+STICTION_API stiction_code stiction_derivative_options_init(stiction_derivative_options* options, size_t size);
+/** Sets up numbers of a solution: null pointers. */
+STICTION_API stiction_code stiction_solution_numbers_init(stiction_solution_numbers* numbers, size_t size);
+/** Sets up numbers of a contact batch: null pointers. */
+STICTION_API stiction_code stiction_batch_numbers_init(stiction_batch_numbers* numbers, size_t size);
+/** Sets up numbers of a Jacobian batch: null pointers. */
+STICTION_API stiction_code stiction_jacobian_numbers_init(stiction_jacobian_numbers* numbers, size_t size);
+/** Name of one stiction_gradient_flag bit: "unconverged", ... */
+STICTION_API const char* stiction_gradient_flag_name(uint32_t flag);
+/** Makes a derivative. options may be null: defaults. A device needs capacity->env_rows, and env_dofs for factors; for
+ * the CPU capacity may be null. */
+STICTION_API stiction_code stiction_derivative_create(const char* device, const stiction_derivative_options* options,
+                                                      const stiction_capacity* capacity,
+                                                      stiction_derivative** derivative);
+/** Destroys a derivative; null is accepted. */
+STICTION_API stiction_code stiction_derivative_destroy(stiction_derivative* derivative);
+/** Pulls `count` sets of cotangents of reactions and motion back to the numbers of a batch. lambda: the reactions of a
+ * solve, Real (row_count). status: its records, or null (env_count). gradient_status: (env_count). */
+STICTION_API stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const stiction_batch_view* batch,
+                                                   const void* lambda, const stiction_status* status,
+                                                   const stiction_solution_numbers* cotangents,
+                                                   const stiction_batch_numbers* gradients,
+                                                   stiction_gradient_status* gradient_status, int64_t count,
+                                                   void* stream);
+/** Pushes `count` sets of changes of a batch forward to its solution; the other arguments as in
+ * stiction_derivative_vjp. */
+STICTION_API stiction_code stiction_derivative_jvp(stiction_derivative* derivative, const stiction_batch_view* batch,
+                                                   const void* lambda, const stiction_status* status,
+                                                   const stiction_batch_numbers* tangents,
+                                                   const stiction_solution_numbers* changes,
+                                                   stiction_gradient_status* gradient_status, int64_t count,
+                                                   void* stream);
+/** Pulls cotangents of reactions, motion and velocities of a host batch back to J, M and v_free, on the CPU. */
+STICTION_API stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative,
+                                                            const stiction_jacobian_view* batch, const void* lambda,
+                                                            const stiction_status* status,
+                                                            const stiction_solution_numbers* cotangents,
+                                                            const stiction_jacobian_numbers* gradients,
+                                                            stiction_gradient_status* gradient_status, int64_t count);
+/** Returns when what was queued on `stream` is done; at once on the CPU. */
+STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);
 
 /* ---- Bodies and contact points (docs/bodies.md) ---- */
 

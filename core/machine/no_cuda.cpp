@@ -1,5 +1,6 @@
 #include "core/machine/body_machine.hpp"
 #include "core/machine/contact_machine.hpp"
+#include "core/machine/derivative_machine.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "core/machine/warm_start_machine.hpp"
 #include "core/machine/world_machine.hpp"
@@ -32,6 +33,10 @@ template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian_machine(int,
                                                                             bool);
 template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse,
                                                                              bool);
+
+std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int, const Capacity&, Index) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
 
 std::unique_ptr<BodyMachine> make_cuda_body_machine(int) {
   throw Error(ErrorCode::unsupported, kNotBuilt);

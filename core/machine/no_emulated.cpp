@@ -1,5 +1,6 @@
 #include "core/machine/body_machine.hpp"
 #include "core/machine/contact_machine.hpp"
+#include "core/machine/derivative_machine.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "core/machine/warm_start_machine.hpp"
 #include "core/machine/world_machine.hpp"
@@ -14,6 +15,10 @@ constexpr const char* kNotBuilt =
 }
 
 std::unique_ptr<ContactMachine> make_emulated_contact_machine() {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+
+std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity&, Index) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 

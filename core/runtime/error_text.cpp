@@ -1,6 +1,7 @@
 #include <string>
 
 #include "stiction/body_space.hpp"
+#include "stiction/derivative.hpp"
 #include "stiction/error.hpp"
 #include "stiction/status.hpp"
 
@@ -58,6 +59,28 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "unsupported_cone";
     case kFlagRay:
       return "ray";
+  }
+  return kUnknown;
+}
+
+const char* flag_name(GradientFlag flag) noexcept {
+  switch (flag) {
+    case kGradientInvalidInput:
+      return "invalid_input";
+    case kGradientUnconverged:
+      return "unconverged";
+    case kGradientNonFinite:
+      return "non_finite";
+    case kGradientSingular:
+      return "singular";
+    case kGradientOverCapacity:
+      return "over_capacity";
+    case kGradientUnstableBranch:
+      return "unstable_branch";
+    case kGradientSubgradient:
+      return "subgradient";
+    case kGradientBadStructure:
+      return "bad_structure";
   }
   return kUnknown;
 }

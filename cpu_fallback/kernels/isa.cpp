@@ -10,6 +10,7 @@ inline namespace isa_baseline {
 cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
+cpu::DerivativeKernelSet derivative_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
 cpu::VelocityKernelSet velocity_kernels();
@@ -20,6 +21,7 @@ namespace isa_avx2 {
 cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
+cpu::DerivativeKernelSet derivative_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
 cpu::VelocityKernelSet velocity_kernels();
@@ -59,16 +61,16 @@ BodyKernelSet avx512_si_kernels() {
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
     {"avx512", has_avx512, avx512_kernels, avx512_si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels,
-     isa_avx2::world_kernels, isa_avx512::velocity_kernels},
+     isa_avx2::world_kernels, isa_avx512::velocity_kernels, isa_avx2::derivative_kernels},
 #endif
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
      isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels,
-     isa_avx2::velocity_kernels},
+     isa_avx2::velocity_kernels, isa_avx2::derivative_kernels},
 #endif
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
      isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels,
-     isa_baseline::velocity_kernels},
+     isa_baseline::velocity_kernels, isa_baseline::derivative_kernels},
 };
 
 /// Sets that a program adds, in the order they came.

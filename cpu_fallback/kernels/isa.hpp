@@ -2,6 +2,7 @@
 
 #include "cpu_fallback/kernels/body_kernels.hpp"
 #include "cpu_fallback/kernels/contact_kernels.hpp"
+#include "cpu_fallback/kernels/derivative_kernels.hpp"
 #include "cpu_fallback/kernels/jacobian_kernels.hpp"
 #include "cpu_fallback/kernels/velocity_kernels.hpp"
 #include "cpu_fallback/kernels/world_kernels.hpp"
@@ -19,6 +20,7 @@ struct Isa {
   JacobianKernelSet (*jacobian)();
   WorldKernelSet (*world_kernels)();
   VelocityKernelSet (*velocity)();
+  DerivativeKernelSet (*derivative)();
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA

@@ -63,6 +63,12 @@ struct JacobianKernels {
   KernelRef newton;  ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
 };
 
+/// Derivatives of contact batches, in one precision (kernels/derivative_program.hpp).
+struct DerivativeKernels {
+  KernelRef vjp;  ///< cotangents of solutions back to their batches
+  KernelRef jvp;  ///< changes of batches forward to their solutions
+};
+
 /// Worlds, in one precision (kernels/world_program.hpp).
 struct WorldKernels {
   KernelRef find;           ///< inputs of the solve, contacts
@@ -81,8 +87,9 @@ struct KernelCatalogue {
   WarmStartKernels warm_start[2];  ///< by Precision
   BodyKernels bodies;
   NewtonBodyKernels newton_bodies;
-  JacobianKernels jacobian[2];  ///< by Precision
-  WorldKernels world[2];        ///< by Precision
+  JacobianKernels jacobian[2];      ///< by Precision
+  WorldKernels world[2];            ///< by Precision
+  DerivativeKernels derivative[2];  ///< by Precision
 };
 
 }  // namespace stiction::cuda

@@ -1,6 +1,7 @@
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/body_machine.hpp"
 #include "cuda/machine/contact_machine.hpp"
+#include "cuda/machine/derivative_machine.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 #include "cuda/machine/warm_start_machine.hpp"
 #include "cuda/machine/world_machine.hpp"
@@ -50,5 +51,9 @@ template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian_machine(
                                                                                 bool);
 template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian_machine(const JacobianCapacity&, FactorUse,
                                                                                  bool);
+
+std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity& capacity, Index max_unknowns) {
+  return std::make_unique<cuda::DeviceDerivativeMachine>(cuda::shared_emulated_device(), capacity, max_unknowns, true);
+}
 
 }  // namespace stiction

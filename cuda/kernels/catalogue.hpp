@@ -5,6 +5,7 @@
 #include "cuda/kernels/bodies_program.hpp"
 #include "cuda/kernels/body_bundles.hpp"
 #include "cuda/kernels/choose_program.hpp"
+#include "cuda/kernels/derivative_program.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/kernels/plan_program.hpp"
 #include "cuda/kernels/solve_teams.hpp"
@@ -63,6 +64,12 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
           Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
           Make::template kernel<SolveVelocities<Real>>("velocity_newton")};
+}
+
+template <class Make, class Real>
+DerivativeKernels derivative_kernels() {
+  return {Make::template kernel<PullBack<Real>>("derivative_vjp"),
+          Make::template kernel<PushForward<Real>>("derivative_jvp")};
 }
 
 template <class Make, class Real>

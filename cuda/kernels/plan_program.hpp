@@ -4,27 +4,11 @@
 #include "core/algorithm/plan/islands.hpp"
 #include "core/algorithm/plan/plan_environment.hpp"
 #include "cuda/api/kernel.hpp"
+#include "cuda/kernels/batch_totals.hpp"
 #include "cuda/kernels/plan_args.hpp"
 
 /// The scheduler: three programs that make a plan on the device, in the integers that make_plan() makes on the host.
 namespace stiction::inline STICTION_ISA {
-
-/// The batch with the totals it has now. What the view says is the room of its arrays: a captured graph may be replayed
-/// with less in them. Totals that make no sense are left to structure_is_sound(), which then finds the environments
-/// that they break.
-STICTION_HD ContactBatchView<float> with_totals(ContactBatchView<float> batch) {
-  if (batch.env_count == 0) return batch;
-  const auto shrink = [](Offset& room, Offset total) {
-    if (total >= 0 && total < room) room = total;
-  };
-  if (batch.env_row_counts == nullptr || batch.ends_early) {
-    shrink(batch.row_count, batch.env_row_offsets[batch.env_count]);
-    shrink(batch.cone_count, batch.env_cone_offsets[batch.env_count]);
-  }
-  shrink(batch.nonzero_count, batch.row_offsets[batch.row_count]);
-  if (batch.factor_offsets != nullptr) shrink(batch.factor_count, batch.factor_offsets[batch.env_count]);
-  return batch;
-}
 
 STICTION_HD PlanTarget target_of(const cuda::PlanArgs& args, Offset env, Offset first_cone) {
   const cuda::PlanArrays& plan = args.plan;

@@ -22,6 +22,7 @@ BodyKernels cuda_body_kernels();
 NewtonBodyKernels cuda_newton_body_kernels();
 JacobianKernels cuda_jacobian_kernels(Precision precision);
 WorldKernels cuda_world_kernels(Precision precision);
+DerivativeKernels cuda_derivative_kernels(Precision precision);
 
 /// Whether this build has machine code or PTX that the current device can run.
 cudaError_t probe_kernel_image();

@@ -1,5 +1,6 @@
 #include "cuda/machine/body_machine.hpp"
 #include "cuda/machine/contact_machine.hpp"
+#include "cuda/machine/derivative_machine.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 #include "cuda/machine/warm_start_machine.hpp"
 #include "cuda/machine/world_machine.hpp"
@@ -64,5 +65,11 @@ template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian_machine(int,
                                                                             bool);
 template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse,
                                                                              bool);
+
+std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int ordinal, const Capacity& capacity,
+                                                                Index max_unknowns) {
+  return std::make_unique<cuda::DeviceDerivativeMachine>(open_device(ordinal, "differentiate on the cpu"), capacity,
+                                                         max_unknowns, false);
+}
 
 }  // namespace stiction

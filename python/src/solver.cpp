@@ -221,5 +221,6 @@ template SolutionView<float> solution_view(const Outputs&, Offset, Offset);
 template SolutionView<double> solution_view(const Outputs&, Offset, Offset);
 template const float* guess_of(const Array*, Offset, const char*);
 template const double* guess_of(const Array*, Offset, const char*);
+template const std::uint8_t* guess_of(const Array*, Offset, const char*);
 
 }  // namespace stiction::python

@@ -91,6 +91,7 @@ inline StreamRef stream_from(std::uintptr_t handle) {
 void bind_solver(nanobind::module_& module);
 void bind_body_solver(nanobind::module_& module);
 void bind_stepper(nanobind::module_& module);
+void bind_derivative(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);
 void bind_mujoco(nanobind::module_& module);

@@ -8,6 +8,7 @@
 from . import _core, monitor
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
 from ._flags import FLAGS
 from ._policy import Accuracy, AccuracyPolicy
 from ._solution import CODES, SOLVERS, Solution
@@ -19,5 +20,6 @@ devices = _core.devices
 __version__ = _core.version
 numerics_epoch = _core.numerics_epoch
 
-__all__ = ["Accuracy", "AccuracyPolicy", "Batch", "CODES", "Error", "FLAGS", "ParallelContactSolver", "SOLVERS",
-           "STATUS_DTYPE", "Solution", "Solver", "devices", "monitor", "numerics_epoch", "verify"]
+__all__ = ["Accuracy", "AccuracyPolicy", "Batch", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
+           "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Solution", "Solver",
+           "devices", "monitor", "numerics_epoch", "verify"]

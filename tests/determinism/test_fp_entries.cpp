@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <map>
 #include <span>
 
@@ -21,6 +22,7 @@
 #include "stiction/residual.hpp"
 #include "stiction/stepping.hpp"
 #include "tests/support/body_systems.hpp"
+#include "tests/support/derivative_cases.hpp"
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/worlds.hpp"
@@ -180,6 +182,39 @@ JacobianBatch<Real> jacobians() {
 }
 
 template <class Real>
+void add_derivatives(Table& table, const std::string& precision) {
+  const auto add = [&](const std::string& name, const Entry& entry) { table[name + " " + precision] = entry; };
+  static const DerivativeOptions o{{}, std::numeric_limits<double>::infinity(), 1e-6, 1024, 2};
+  add("vjp", [] {
+    const auto solution = solve(batch_for<Real>(), sweeps(SolverKind::npgs));
+    const auto own = vjp(batch_for<Real>().view(), solution.lambda, solution.w, solution.w, o);
+    return Bytes() << own.all() << own.status;
+  });
+  add("jvp", [] {
+    const auto view = batch_for<Real>().view();
+    const auto solution = solve(batch_for<Real>(), sweeps(SolverKind::npgs));
+    const auto own = jvp(view, solution.lambda,
+                         BatchTangentView<Real>{view.A, nullptr, view.b, view.R, view.mu, nullptr, nullptr}, o);
+    return Bytes() << own.lambda << own.w << own.status;
+  });
+  add("vjp jacobian", [] {
+    static const JacobianBatch<Real> batch = jacobians<Real>();
+    const auto view = batch.view();
+    const auto solution = solve(batch, sweeps(SolverKind::npgs));
+    const auto size = [](Offset count) { return std::vector<Real>(static_cast<std::size_t>(count)); };
+    auto J = size(view.entry_count), M = size(view.mass_count), v_free = size(view.dof_count), R = size(view.row_count);
+    std::vector<GradientStatus> status(solution.contact.status.size());
+    Derivative(Device::cpu(), o)
+        .vjp(view, ReactionView<Real>{solution.contact.lambda.data(), nullptr},
+             JacobianSolutionCotangentView<Real>{solution.contact.w.data(), nullptr, solution.velocity.data()},
+             JacobianBatchCotangentView<Real>{J.data(), M.data(), v_free.data(), nullptr, R.data(), nullptr, nullptr,
+                                              nullptr},
+             status.data());
+    return Bytes() << J << M << v_free << R << status;
+  });
+}
+
+template <class Real>
 void add_other_forms(Table& table, const std::string& precision) {
   const auto add = [&](const std::string& name, const Entry& entry) { table[name + " " + precision] = entry; };
   static const JacobianBatch<Real> jacobian = jacobians<Real>();
@@ -281,6 +316,8 @@ Table entries() {
   };
   add_contacts<float>(table, "f32");
   add_contacts<double>(table, "f64");
+  add_derivatives<float>(table, "f32");
+  add_derivatives<double>(table, "f64");
   add_other_forms<float>(table, "f32");
   add_other_forms<double>(table, "f64");
 #if defined(STICTION_TEST_HAS_IO)

@@ -31,7 +31,8 @@ cpu::BodyKernelSet body_kernels() {
 [[maybe_unused]] const bool kAdded =
     cpu::add_isa({STICTION_ISA_NAME, [] { return cpu::find_isa(kSingle) != nullptr; }, kernels, body_kernels,
                   [] { return single_environments().newton_body_kernels(); }, jacobian_kernels,
-                  [] { return single_environments().world_kernels(); }, velocity_kernels});
+                  [] { return single_environments().world_kernels(); }, velocity_kernels,
+                  [] { return single_environments().derivative(); }});
 
 }  // namespace
 

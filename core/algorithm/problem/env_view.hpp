@@ -88,9 +88,9 @@ STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index k, Ind
   return kind == ConeKind::friction && k > 0 ? env.friction(row) : Real(1);
 }
 
+/// Slices the problem alone. What comes from a plan or a solution is not set.
 template <class Real>
-STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanView& plan, Law law,
-                                const Real* warm_start, Real* lambda, Real* w, EnvStatus* status, Offset env) {
+STICTION_HD EnvView<Real> slice_problem(const ContactBatchView<Real>& batch, Law law, Offset env) {
   const Offset row = batch.env_row_offsets[env];
   const Offset cone = batch.env_cone_offsets[env];
   EnvView<Real> v;
@@ -116,12 +116,20 @@ STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanV
   v.normal_last = batch.normal_last;
   v.lo = batch.lo + row;
   v.hi = batch.hi + row;
+  return v;
+}
+
+template <class Real>
+STICTION_HD EnvView<Real> slice(const ContactBatchView<Real>& batch, const PlanView& plan, Law law,
+                                const Real* warm_start, Real* lambda, Real* w, EnvStatus* status, Offset env) {
+  const Offset row = batch.env_row_offsets[env];
+  EnvView<Real> v = slice_problem(batch, law, env);
   v.warm_start = warm_start == nullptr ? nullptr : warm_start + row;
   v.lambda = lambda + row;
   v.w = w == nullptr ? nullptr : w + row;
   v.status = status + env;
   v.counts = plan.counts[env];
-  v.cone_order = plan.cone_order + cone;
+  v.cone_order = plan.cone_order + batch.env_cone_offsets[env];
   v.vertex_offsets = plan.vertex_offsets + plan.env_vertex_offsets[env];
   v.color_offsets = plan.color_offsets + plan.env_color_offsets[env];
   v.color_count = plan.color_count[env];

@@ -7,6 +7,7 @@
 #include "stiction/bodies.hpp"
 #include "stiction/config.hpp"
 #include "stiction/contact_graph.hpp"
+#include "stiction/derivative.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/jacobian.hpp"

@@ -9,10 +9,10 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Factors P K = L U by partial pivoting (Golub and Van Loan 2013, section 3.4), in place. pivots[j] is the row that
-/// was exchanged with row j. A column without a usable pivot is a direction that K does not see. Its pivot becomes a
-/// number so large that the solution has no part along it. Returns how many there were, on every lane.
+/// was exchanged with row j. A column without a pivot above `floor` is a direction that K does not see. Its pivot
+/// becomes a number so large that the solution has no part along it. Returns how many there were, on every lane.
 template <Team TeamT>
-STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* pivots) {
+STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* pivots, double floor = 0.0) {
   constexpr double kOutOfReach = 0x1p+512;
   const Index n = K.n;
   Index replaced = 0;
@@ -29,7 +29,7 @@ STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* p
         K(row, c) = kept;
       });
     }
-    const bool is_sound = largest > 0.0 && finite_(largest);
+    const bool is_sound = largest > floor && finite_(largest);
     if (!is_sound) ++replaced;
     single(team, [&] {
       pivots[j] = static_cast<double>(row);

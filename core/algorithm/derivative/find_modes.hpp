@@ -1,0 +1,138 @@
+#pragma once
+
+#include "core/algorithm/derivative/cone_mode.hpp"
+#include "core/algorithm/derivative/derivative_env.hpp"
+#include "core/algorithm/residual/final_residual.hpp"
+#include "core/team/reduce.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// What is known of an environment before its system is solved.
+struct ModesFound {
+  std::uint32_t flags;
+  double forward_residual;
+  Index unknowns;
+  Index degenerate;
+};
+
+/// Numbers of a row that a solve would have refused.
+template <class Real>
+STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Index k, Index row) {
+  bool is_finite = true;
+  bool is_valid = !(env.R[row] < Real(0));
+  if (kind == ConeKind::friction && k > 0) {
+    is_finite = finite_(env.friction(row));
+    is_valid = is_valid && !(env.friction(row) < Real(0));
+  }
+  if (kind == ConeKind::box) {
+    is_finite = env.lo[row] == env.lo[row] && env.hi[row] == env.hi[row];
+    is_valid = is_valid && !(env.lo[row] > env.hi[row]);
+  }
+  return is_finite && is_valid ? 0U : static_cast<std::uint32_t>(kGradientInvalidInput);
+}
+
+/// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` what forbids a solve.
+template <class Shape, class Real, class Rows>
+STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Real* lambda, const double* w,
+                            Index first, std::uint32_t& flags) {
+  constexpr int kRows = Shape::kRows;
+  ModePoint<kRows> point;
+  double diagonal = 0.0;
+  for (int k = 0; k < kRows; ++k) {
+    const Index i = env.row_of(first, kRows, k);
+    flags |= row_flags(env, Shape::kKind, k, i);
+    if (!finite_(lambda[i]) || !finite_(w[i])) flags |= kGradientNonFinite;
+    diagonal = diagonal + rows.diagonal(i, static_cast<double>(env.R[i]));
+    const auto mu = static_cast<double>(row_scale(env, Shape::kKind, k, i));
+    point.mu[k] = mu > 0.0 ? mu : 0.0;
+    point.x[k] = unit_reaction(static_cast<double>(lambda[i]), mu);
+    point.y[k] = point.mu[k] * w[i];
+  }
+  point.a = residual_weight(div_(diagonal, static_cast<double>(kRows)));
+  point.lo = Shape::kKind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
+  point.hi = Shape::kKind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+  return point;
+}
+
+/// The square of the natural map of a cone.
+template <class Shape, int M>
+STICTION_HD double cone_residual(Shape shape, const ModePoint<M>& point, Law law) {
+  if (law == Law::coulomb)
+    return natural_map_square<Law::coulomb>(shape, point.x, point.y, point.a, point.lo, point.hi);
+  return natural_map_square<Law::convex>(shape, point.x, point.y, point.a, point.lo, point.hi);
+}
+
+/// Writes a cone's directions where its rows are; its number of unknowns goes to `first`, to be scanned.
+template <int M, class Real>
+STICTION_HD void write_directions(const EnvView<Real>& env, const DerivativeScratch& s, Index cone, Index row,
+                                  const ConeDirections<M>& found) {
+  s.first[cone] = found.unknowns;
+  s.mode[cone] = static_cast<Index>(found.mode);
+  s.degenerate[cone] = found.is_degenerate ? 1 : 0;
+  for (int k = 0; k < M; ++k) {
+    const Index i = env.row_of(row, M, k);
+    s.cone_of_row[i] = cone;
+    s.D[row + k] = found.D[k];
+    for (int c = 0; c < kMaxConeRows; ++c) {
+      s.E[static_cast<Offset>(i) * kMaxConeRows + c] = c < M ? found.E[k][c] : 0.0;
+      s.F[static_cast<Offset>(i) * kMaxConeRows + c] = c < M ? found.F[k][c] : 0.0;
+    }
+  }
+}
+
+/// Whether the environment came with an answer.
+template <class Real>
+STICTION_HD std::uint32_t answer_flags(const EnvView<Real>& env, const DerivativeJob<Real>& job, Offset index) {
+  std::uint32_t flags = 0;
+  if ((env.flags & ~static_cast<std::uint32_t>(kFlagContactsDropped)) != 0) flags |= kGradientInvalidInput;
+  if (job.at.status != nullptr && job.at.status[index].code != EnvCode::solved) flags |= kGradientUnconverged;
+  return flags;
+}
+
+/// Motions, modes and directions of all cones of an environment, and whether its derivative can be had.
+template <Team TeamT, class Real, class Rows>
+STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
+                                          Offset index, const Rows& rows, const DerivativeScratch& s) {
+  const Real* const lambda = job.at.lambda + env.first_row;
+  for_each(team, env.n, [&](Index i) { s.seed[i] = static_cast<double>(lambda[i]); });
+  apply_rows(
+      team, env, s, s.seed, [&](Index i) { return static_cast<double>(env.b[i]); },
+      [&](Index i, double value) { s.w[i] = value; });
+  const double scale = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
+  const double tie = job.tie_tolerance * scale;
+  std::uint32_t flags = answer_flags(env, job, index);
+  double largest = 0.0;
+  for_each(team, env.cone_count, [&](Index cone) {
+    const Index first = env.cone_row(cone);
+    with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+      const auto point = cone_point(shape, env, rows, lambda, s.w, first, flags);
+      largest = max_(cone_residual(shape, point, job.law), largest);
+      const auto found = cone_directions(shape, point, job.law, tie);
+      write_directions(env, s, cone, first, found);
+    });
+  });
+  ModesFound result;
+  result.forward_residual = div_(sqrt_(team.max(largest)), max_(scale, 1e-300));
+  if (!(result.forward_residual <= job.residual_limit)) flags |= kGradientUnconverged;
+  result.unknowns = exclusive_scan(team, s.first, env.cone_count, s.parts);
+  result.degenerate = static_cast<Index>(sum_leaves<double>(team, [&](Index leaf) {
+    double sum = 0.0;
+    for (Index cone = leaf; cone < env.cone_count; cone += kReduceLeaves)
+      sum = sum + static_cast<double>(s.degenerate[cone]);
+    return sum;
+  }));
+  single(team, [&] { s.first[env.cone_count] = result.unknowns; });
+  if (result.degenerate > 0) flags |= kGradientSubgradient;
+  if (result.unknowns > most_unknowns(job, index)) flags |= kGradientOverCapacity;
+  result.flags = team.combine(flags);
+  return result;
+}
+
+template <Team TeamT, class Real>
+STICTION_HD ModesFound find_answer(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job, Offset index,
+                                   const DerivativeScratch& s) {
+  if (env.factor == nullptr) return find_modes(team, env, job, index, StoredRows<Real>{&env}, s);
+  return find_modes(team, env, job, index, FactorRows<Real>{&env, nullptr}, s);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,169 @@
+#pragma once
+
+#include "core/algorithm/derivative/mode_system.hpp"
+
+/// Cotangents of a solution pulled back to the numbers of its environment (docs/math/derivative.md, (9) to (12)).
+namespace stiction::inline STICTION_ISA {
+
+/// A number of a set that may be missing.
+template <class Real>
+STICTION_HD double given(const Real* numbers, Offset at) {
+  return numbers == nullptr ? 0.0 : static_cast<double>(numbers[at]);
+}
+
+/// A number as it is stored: within the precision's range, no negative zero.
+template <class Real>
+STICTION_HD void put(Real* to, Offset at, double value) {
+  if (to != nullptr) to[at] = canonical_zero(saturated<Real>(value));
+}
+
+template <Team TeamT, class Real>
+STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offset index, const ModesFound& found,
+                              double residual) {
+  single(team, [&] {
+    job.status[index] = {residual, found.forward_residual, found.flags, found.unknowns, found.degenerate, 0};
+  });
+}
+
+/// Cotangents of the rows' numbers and of A, of a set whose adjoint reaction nu + w_bar is in `s.nu`. `image` holds
+/// what follows changes of the reactions that are not the unknowns'. All zeros where `refused`.
+template <Team TeamT, class Real>
+STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
+                                 const DerivativeScratch& s, Offset set, bool refused) {
+  const BatchCotangentView<Real>& to = job.gradients;
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  const Real* const lambda = job.at.lambda + env.first_row;
+  const auto nu = [&](Index i) { return refused ? 0.0 : s.nu[i]; };
+  const auto reaction = [&](Index i) { return refused ? 0.0 : static_cast<double>(lambda[i]); };
+  for_each(team, env.n, [&](Index i) {
+    put(to.b, rows + i, nu(i));
+    put(to.R, rows + i, nu(i) * reaction(i));
+    if (to.A == nullptr || env.factor != nullptr) return;
+    const Offset entries = set * job.batch.nonzero_count + env.row_offsets[i];
+    for (Index k = 0; k < env.entries(i); ++k) put(to.A, entries + k, nu(i) * reaction(env.columns(i)[k]));
+  });
+  for_each(team, env.cone_count, [&](Index cone) {
+    const Index first = env.cone_row(cone), size = env.cone_size(cone);
+    const auto mode = refused ? ConeMode::open : static_cast<ConeMode>(s.mode[cone]);
+    const bool slides = !refused && env.kind[cone] == ConeKind::friction && mode == ConeMode::sliding;
+    const bool is_box = !refused && env.kind[cone] == ConeKind::box;
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k);
+      double by_mu = 0.0;
+      if (slides && k > 0 && env.friction(i) > Real(0)) {
+        const double own = nu(i) - given(job.cotangents.w, rows + i);
+        by_mu = div_(fma_(s.image[i], reaction(i), own * s.w[i]), static_cast<double>(env.friction(i)));
+      }
+      put(to.mu, rows + i, by_mu);
+      put(to.lo, rows + i, is_box && mode == ConeMode::at_lo ? s.image[i] : 0.0);
+      put(to.hi, rows + i, is_box && mode == ConeMode::at_hi ? s.image[i] : 0.0);
+    }
+  });
+}
+
+/// Cotangents of Y where A = Y Y': nu (Y' lambda)' + lambda (Y' nu)'.
+template <Team TeamT, class Real>
+STICTION_HD void write_factor_gradients(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
+                                        const DerivativeScratch& s, Offset set, bool refused) {
+  if (job.gradients.factor == nullptr || env.factor == nullptr) return;
+  Real* const to = job.gradients.factor + set * job.batch.factor_count + (env.factor - job.batch.factor);
+  const Real* const lambda = job.at.lambda + env.first_row;
+  for_each(team, env.dofs, [&](Index k) {
+    const auto entry = [&](Index i) { return static_cast<Offset>(i) * env.dofs + k; };
+    double moved = 0.0;
+    double adjoint = 0.0;
+    for (Index i = 0; !refused && i < env.n; ++i) {
+      const auto y = static_cast<double>(env.factor[entry(i)]);
+      moved = fma_(y, static_cast<double>(lambda[i]), moved);
+      adjoint = fma_(y, s.nu[i], adjoint);
+    }
+    for (Index i = 0; i < env.n; ++i)
+      put(to, entry(i), refused ? 0.0 : fma_(s.nu[i], moved, static_cast<double>(lambda[i]) * adjoint));
+  });
+}
+
+/// The adjoint reaction of a set: solves G' y = E' (lambda_bar + A' w_bar). Leaves w_bar - F y in `s.nu`, and
+/// lambda_bar + (A + R)'(w_bar - F y) in `s.image`. Returns the residual of the system relative to its right-hand
+/// side, which the same numbers give; below zero where one was not finite.
+template <Team TeamT, class Real>
+STICTION_HD double solve_adjoint(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
+                                 const DerivativeScratch& s, Offset set, Index unknowns) {
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  const auto lambda_bar = [&](Index i) { return given(job.cotangents.lambda, rows + i); };
+  const auto w_bar = [&](Index i) { return given(job.cotangents.w, rows + i); };
+  const auto seed = [&](Index i) { return s.seed[i]; };
+  for_each(team, env.n, [&](Index i) {
+    s.seed[i] = lambda_bar(i);
+    s.nu[i] = w_bar(i);
+  });
+  if (job.cotangents.w != nullptr) apply_columns(team, env, s, s.nu, s.seed, lambda_bar);
+  double largest = 0.0;
+  to_unknowns(team, env, s, s.E, seed, [&](Index k, Index, double value) {
+    s.unknown[k] = value;
+    largest = max_(abs_(value * s.row_scale[k]), largest);
+  });
+  solve_system(team, s, unknowns);
+  for_each(team, env.n, [&](Index i) { s.nu[i] = w_bar(i) - from_unknowns(s, s.F, i); });
+  apply_columns(team, env, s, s.nu, s.image, lambda_bar);
+  double left = 0.0;
+  std::uint32_t broken = 0;
+  to_unknowns(
+      team, env, s, s.E, [&](Index i) { return s.image[i]; },
+      [&](Index k, Index slot, double value) {
+        left = max_(abs_((value - s.D[slot] * s.unknown[k]) * s.row_scale[k]), left);
+      });
+  for_each(team, env.n, [&](Index i) {
+    if (!finite_(s.nu[i]) || !finite_(s.image[i])) broken = 1;
+  });
+  largest = team.max(largest);
+  left = team.max(left);
+  if (team.combine(broken) != 0) return -1.0;
+  return largest > 0.0 ? div_(left, largest) : 0.0;
+}
+
+/// Whether every row stores all columns in order, on every lane.
+template <Team TeamT, class Real>
+STICTION_HD bool stores_every_column(TeamT& team, const EnvView<Real>& env) {
+  std::uint32_t others = 0;
+  for_each(team, env.n, [&](Index i) {
+    if (env.entries(i) != env.n || !is_run(env.columns(i), env.n)) others = 1;
+  });
+  return team.combine(others) == 0;
+}
+
+/// Pulls all sets of cotangents of one environment back and writes its record.
+template <Team TeamT, class Real>
+STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, double* memory) {
+  EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  if (team.size() > 1 && env.factor == nullptr) env.is_full = stores_every_column(team, env);
+  const DerivativeScratch s = lay_out(job, index, memory);
+  ModesFound found = find_answer(team, env, job, index, s);
+  if ((found.flags & kGradientRefused) == 0) found.flags |= factor_system<true>(team, env, s, found.unknowns);
+  double residual = 0.0;
+  const bool refused = (found.flags & kGradientRefused) != 0;
+  for (Offset set = 0; set < job.count; ++set) {
+    bool broken = refused;
+    if (!refused) {
+      const double own = solve_adjoint(team, env, job, s, set, found.unknowns);
+      broken = own < 0.0;
+      if (broken) found.flags |= kGradientNonFinite;
+      residual = max_(own, residual);
+    }
+    write_gradients(team, env, job, s, set, broken);
+    write_factor_gradients(team, env, job, s, set, broken);
+  }
+  write_record(team, job, index, found, residual);
+}
+
+/// Zeros for an environment that was not looked at, and its record.
+template <Team TeamT, class Real>
+STICTION_HD void refuse_vjp(TeamT& team, const VjpJob<Real>& job, Offset index, std::uint32_t flags) {
+  const EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  for (Offset set = 0; set < job.count; ++set) {
+    write_gradients(team, env, job, DerivativeScratch{}, set, true);
+    write_factor_gradients(team, env, job, DerivativeScratch{}, set, true);
+  }
+  write_record(team, job, index, ModesFound{flags, 0.0, 0, 0}, 0.0);
+}
+
+}  // namespace stiction::inline STICTION_ISA

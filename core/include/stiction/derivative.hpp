@@ -1,0 +1,187 @@
+#pragma once
+
+/// \file
+/// Derivatives of reactions by the numbers of a contact batch (docs/math/derivative.md).
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "stiction/batch.hpp"
+#include "stiction/jacobian.hpp"
+#include "stiction/solver.hpp"
+#include "stiction/status.hpp"
+
+namespace stiction {
+
+/// What was noticed about the derivative of one environment; any number of bits at once. The first five come with
+/// zeros in place of numbers.
+enum GradientFlag : std::uint32_t {
+  kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve
+  kGradientUnconverged = 1U << 1,     ///< the answer is not one: its code is not `solved`, or its residual is too large
+  kGradientNonFinite = 1U << 2,       ///< a reaction or a cotangent or tangent is not finite, or a result is too large
+  kGradientSingular = 1U << 3,        ///< reactions are not determined: contacts are redundant and R does not tell how
+  kGradientOverCapacity = 1U << 4,    ///< more unknowns than DerivativeOptions::max_unknowns, or than there is room for
+  kGradientUnstableBranch = 1U << 5,  ///< a sliding contact that more pressure would press on less; one of several
+                                      ///< solutions, and not the one that a simulation reaches
+  kGradientSubgradient = 1U << 6,     ///< some contact is between two modes: one of several generalised derivatives
+  kGradientBadStructure = 1U << 7,    ///< offsets, cones or columns out of order or range, found on the device; of this
+                                      ///< environment nothing but the record is written
+};
+
+/// Flags of an environment that has no derivative.
+inline constexpr std::uint32_t kGradientRefused = kGradientInvalidInput | kGradientUnconverged | kGradientNonFinite |
+                                                  kGradientSingular | kGradientOverCapacity | kGradientBadStructure;
+
+/// Name of one flag bit, as reports print it ("unconverged", ...).
+const char* flag_name(GradientFlag flag) noexcept;
+
+/// The record every environment gets with its derivative, on the device that computed it. 32 bytes, no padding.
+struct GradientStatus {
+  double residual;          ///< of the linear system, relative to its right-hand side; the largest of all sets [-]
+  double forward_residual;  ///< natural map of the reactions / max|b| (docs/math/residual.md) [-]
+  std::uint32_t flags;      ///< GradientFlag bits
+  Index unknowns;           ///< rows of the linear system
+  Index degenerate;         ///< cones between two modes
+  std::uint32_t reserved;   ///< zero
+};
+static_assert(sizeof(GradientStatus) == 32);
+
+/// What a Derivative is told when it is made.
+struct DerivativeOptions {
+  std::optional<Law> law;        ///< overrides the batch's law; the one that was solved
+  double residual_limit = 1e-3;  ///< reactions of a larger relative residual get zeros; infinity: all pass [-]
+  double tie_tolerance = 1e-6;   ///< a cone this close to another mode, over max|b|, is degenerate [-]
+  Index max_unknowns = 1024;     ///< of an environment; each thread keeps a square of doubles of the largest
+  int threads = 0;               ///< CPU threads; 0: all cores
+};
+
+/// Reactions at which a batch is differentiated, as a solve returned them; same memory space as the batch.
+template <class Real>
+struct ReactionView {
+  const Real* lambda = nullptr;       ///< reactions [lambda]                              (row_count)
+  const EnvStatus* status = nullptr;  ///< how they were found, or null: only the residual counts  (env_count)
+};
+
+/// Derivatives of losses by what a solve returned, in `count` sets that follow one another. Null: zeros.
+template <class Real>
+struct SolutionCotangentView {
+  const Real* lambda = nullptr;  ///< by the reactions                                 (count * row_count)
+  const Real* w = nullptr;       ///< by the residual motion w                         (count * row_count)
+};
+
+/// Where derivatives of losses by a batch's numbers go, set after set. Null: not wanted. Entries of A are independent:
+/// each stored one gets its derivative, and who means a symmetric A adds both. Of rows that share mu each gets its
+/// part. Numbers that the batch does not use are not written.
+template <class Real>
+struct BatchCotangentView {
+  Real* A = nullptr;       ///< by the stored entries                              (count * nonzero_count)
+  Real* factor = nullptr;  ///< by Y where A = Y Y' is not stored                   (count * factor_count)
+  Real* b = nullptr;       ///< by b                                               (count * row_count)
+  Real* R = nullptr;       ///< by R                                               (count * row_count)
+  Real* mu = nullptr;      ///< by the friction of each row; 0 where it is none    (count * row_count)
+  Real* lo = nullptr;      ///< by lower bounds; 0 where they do not hold          (count * row_count)
+  Real* hi = nullptr;      ///< by upper bounds                                    (count * row_count)
+};
+
+/// Changes of a batch's numbers, in `count` sets that follow one another. Null: zeros. Shapes are those of
+/// BatchCotangentView.
+template <class Real>
+struct BatchTangentView {
+  const Real* A = nullptr;       ///< of the stored entries
+  const Real* factor = nullptr;  ///< of Y
+  const Real* b = nullptr;       ///< of b
+  const Real* R = nullptr;       ///< of R
+  const Real* mu = nullptr;      ///< of the friction of each row
+  const Real* lo = nullptr;      ///< of lower bounds
+  const Real* hi = nullptr;      ///< of upper bounds
+};
+
+/// Where changes of the solution go, set after set. Null: not wanted.
+template <class Real>
+struct SolutionTangentView {
+  Real* lambda = nullptr;  ///< of the reactions        (count * row_count)
+  Real* w = nullptr;       ///< of the residual motion  (count * row_count)
+};
+
+/// Derivatives of losses by what a solve of J and M returned, in `count` sets. Null: zeros.
+template <class Real>
+struct JacobianSolutionCotangentView {
+  const Real* lambda = nullptr;    ///< by the reactions            (count * row_count)
+  const Real* w = nullptr;         ///< by the residual motion      (count * row_count)
+  const Real* velocity = nullptr;  ///< by v+                       (count * dof_count)
+};
+
+/// Where derivatives of losses by a Jacobian batch's numbers go, set after set. Null: not wanted. Stored entries of J
+/// are independent. M is a symmetric parameter: what is written is symmetric, and its product with a symmetric change
+/// is the change of the loss. Of a factor L the lower triangle is written, and zeros above it.
+template <class Real>
+struct JacobianBatchCotangentView {
+  Real* J = nullptr;       ///< by the stored entries        (count * entry_count)
+  Real* M = nullptr;       ///< by M, or by its factor        (count * mass_count)
+  Real* v_free = nullptr;  ///< by v_free                     (count * dof_count)
+  Real* target = nullptr;  ///< by target                     (count * row_count)
+  Real* R = nullptr;       ///< by R                          (count * row_count)
+  Real* mu = nullptr;      ///< by the friction of each row   (count * row_count)
+  Real* lo = nullptr;      ///< by lower bounds               (count * row_count)
+  Real* hi = nullptr;      ///< by upper bounds               (count * row_count)
+};
+
+class DerivativeMachine;
+
+/// Differentiates the solution of contact batches by the batch's numbers, implicitly. The modes of the contacts (open,
+/// sticking, sliding, at a bound) stay as they are, which leaves one linear system for each environment. It takes no
+/// part in a solve, whose bits and time stay as they are. All arrays are where the batch is, in host memory. Bits
+/// depend on nothing but the environment (docs/math/derivative.md).
+class Derivative {
+ public:
+  /// Derivatives on that device. A device takes its memory now: of the capacity env_rows is needed, and env_dofs for
+  /// factors. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is needed.
+  /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
+                      const Capacity& capacity = {});
+  ~Derivative();
+  Derivative(Derivative&&) noexcept;
+  Derivative& operator=(Derivative&&) noexcept;
+
+  /// Pulls `count` sets of cotangents of the solution back to the batch (a vector-Jacobian product). One factor serves
+  /// all sets. An environment that is refused gets zeros and a flag, and no other environment's bits change.
+  /// `status` gets one record for each environment.
+  /// \throws Error(invalid_argument) for a broken structure, a missing array or a count below zero. So does an output
+  /// that shares memory with another array. Then nothing was written.
+  template <class Real>
+  void vjp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
+           const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
+           GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Pushes `count` sets of changes of the batch forward to its solution (a Jacobian-vector product).
+  /// \throws as vjp().
+  template <class Real>
+  void jvp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const BatchTangentView<Real>& tangents,
+           const SolutionTangentView<Real>& changes, GradientStatus* status, Offset count = 1,
+           StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have, on the CPU. A is
+  /// assembled anew
+  /// as the solve did. `at.lambda` lies where the batch's rows do. An environment whose M is no mass matrix is
+  /// refused as kGradientInvalidInput.
+  /// \throws as that of a contact batch; Error(unsupported) on a device.
+  template <class Real>
+  void vjp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
+           const JacobianSolutionCotangentView<Real>& cotangents, const JacobianBatchCotangentView<Real>& gradients,
+           GradientStatus* status, Offset count = 1) const;
+
+  /// Returns when what was queued on `stream` is done; at once on the CPU.
+  void synchronize(StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Options that it was made with.
+  [[nodiscard]] const DerivativeOptions& options() const noexcept { return options_; }
+
+ private:
+  Device device_;
+  DerivativeOptions options_;
+  std::shared_ptr<DerivativeMachine> machine_;
+};
+
+}  // namespace stiction

@@ -1,0 +1,10 @@
+#include "cuda/emulated/emulated_make.hpp"
+
+namespace stiction::cuda {
+
+DerivativeKernels emulated_derivative_kernels(Precision precision) {
+  return precision == Precision::f32 ? derivative_kernels<MakeEmulatedKernel, float>()
+                                     : derivative_kernels<MakeEmulatedKernel, double>();
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,11 @@
+#include "cuda/native/cuda_kernels.hpp"
+#include "cuda/native/cuda_launch.cuh"
+
+namespace stiction::cuda {
+
+DerivativeKernels cuda_derivative_kernels(Precision precision) {
+  return precision == Precision::f32 ? derivative_kernels<MakeCudaKernel, float>()
+                                     : derivative_kernels<MakeCudaKernel, double>();
+}
+
+}  // namespace stiction::cuda

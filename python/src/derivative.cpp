@@ -1,0 +1,142 @@
+#include "stiction/derivative.hpp"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include "python/src/names.hpp"
+#include "python/src/solver.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+namespace {
+
+/// Arrays by name; None and what is not there are null.
+const Array* find(const nb::dict& arrays, const char* name) {
+  if (!arrays.contains(name) || nb::object(arrays[name]).is_none()) return nullptr;
+  return nb::cast<const Array*>(arrays[name]);
+}
+template <class Real>
+const Real* input(const nb::dict& arrays, const char* name, Offset length) {
+  return guess_of<Real>(find(arrays, name), length, name);
+}
+template <class Real>
+Real* output(const nb::dict& arrays, const char* name, Offset length) {
+  return room_for<Real>(find(arrays, name), name, length);
+}
+
+template <class Real>
+ReactionView<Real> reactions(const Array& lambda, const Array* status, Offset rows, Offset envs) {
+  const auto bytes = envs * static_cast<Offset>(sizeof(EnvStatus));
+  return {guess_of<Real>(&lambda, rows, "lambda_"),
+          reinterpret_cast<const EnvStatus*>(guess_of<std::uint8_t>(status, bytes, "status"))};
+}
+GradientStatus* records(const Array& status, Offset envs) {
+  return reinterpret_cast<GradientStatus*>(
+      room_for<std::uint8_t>(&status, "gradient_status", envs * static_cast<Offset>(sizeof(GradientStatus))));
+}
+
+void vjp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count) {
+  std::visit(
+      [&]<class Real>(const ContactBatchView<Real>& view) {
+        const Offset rows = count * view.row_count;
+        const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
+        const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
+                                               input<Real>(cotangents, "w", rows)};
+        const BatchCotangentView<Real> to{output<Real>(gradients, "A", count * view.nonzero_count),
+                                          nullptr,
+                                          output<Real>(gradients, "b", rows),
+                                          output<Real>(gradients, "R", rows),
+                                          output<Real>(gradients, "mu", rows),
+                                          output<Real>(gradients, "lo", rows),
+                                          output<Real>(gradients, "hi", rows)};
+        GradientStatus* const record = records(gradient_status, view.env_count);
+        const nb::gil_scoped_release unlocked;
+        self.vjp(view, at, from, to, record, count);
+      },
+      batch.view);
+}
+
+void jvp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count) {
+  std::visit(
+      [&]<class Real>(const ContactBatchView<Real>& view) {
+        const Offset rows = count * view.row_count;
+        const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
+        const BatchTangentView<Real> from{input<Real>(tangents, "A", count * view.nonzero_count),
+                                          nullptr,
+                                          input<Real>(tangents, "b", rows),
+                                          input<Real>(tangents, "R", rows),
+                                          input<Real>(tangents, "mu", rows),
+                                          input<Real>(tangents, "lo", rows),
+                                          input<Real>(tangents, "hi", rows)};
+        const SolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows), output<Real>(changes, "w", rows)};
+        GradientStatus* const record = records(gradient_status, view.env_count);
+        const nb::gil_scoped_release unlocked;
+        self.jvp(view, at, from, to, record, count);
+      },
+      batch.view);
+}
+
+void vjp_jacobian(const Derivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count) {
+  std::visit(
+      [&]<class Real>(const JacobianBatchView<Real>& view) {
+        const Offset rows = count * view.row_count, dofs = count * view.dof_count;
+        const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
+        const JacobianSolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
+                                                       input<Real>(cotangents, "w", rows),
+                                                       input<Real>(cotangents, "velocities", dofs)};
+        const JacobianBatchCotangentView<Real> to{output<Real>(gradients, "J", count * view.entry_count),
+                                                  output<Real>(gradients, "M", count * view.mass_count),
+                                                  output<Real>(gradients, "v_free", dofs),
+                                                  output<Real>(gradients, "target", rows),
+                                                  output<Real>(gradients, "R", rows),
+                                                  output<Real>(gradients, "mu", rows),
+                                                  output<Real>(gradients, "lo", rows),
+                                                  output<Real>(gradients, "hi", rows)};
+        GradientStatus* const record = records(gradient_status, view.env_count);
+        const nb::gil_scoped_release unlocked;
+        self.vjp(view, at, from, to, record, count);
+      },
+      batch.view);
+}
+
+}  // namespace
+
+void bind_derivative(nb::module_& module) {
+  nb::class_<Derivative>(module, "Derivative", "Derivatives of solutions, on the CPU.")
+      .def(
+          "__init__",
+          [](Derivative* self, const std::string& device, const std::optional<std::string>& law, double residual_limit,
+             double tie_tolerance, Index max_unknowns, int threads) {
+            DerivativeOptions options;
+            if (law) options.law = law_from(*law);
+            options.residual_limit = residual_limit;
+            options.tie_tolerance = tie_tolerance;
+            options.max_unknowns = max_unknowns;
+            options.threads = threads;
+            new (self) Derivative(Device::from_string(device), options);
+          },
+          nb::arg("device"), nb::arg("law").none(), nb::arg("residual_limit"), nb::arg("tie_tolerance"),
+          nb::arg("max_unknowns"), nb::arg("threads"))
+      .def("vjp_contacts", vjp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
+           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
+      .def("jvp_contacts", jvp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
+           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"))
+      .def("vjp_jacobian", vjp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
+           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"));
+  module.def(
+      "gradient_flag_names",
+      [] {
+        nb::list names;
+        for (std::uint32_t bit = 1; bit <= kGradientBadStructure; bit <<= 1U)
+          names.append(flag_name(static_cast<GradientFlag>(bit)));
+        return names;
+      },
+      "Names of a gradient's flags, by bit.");
+}
+
+}  // namespace stiction::python

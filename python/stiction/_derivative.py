@@ -1,0 +1,148 @@
+"""Derivatives of solutions by the numbers of their batches."""
+
+from __future__ import annotations
+
+import types
+
+import numpy as np
+
+from . import _core
+from ._arrays import NUMPY, STATUS_DTYPE, take
+from ._batch import Batch
+from ._solution import Solution
+
+#: Record of one environment's derivative. 32 bytes.
+GRADIENT_DTYPE = np.dtype([("residual", "<f8"), ("forward_residual", "<f8"), ("flags", "<u4"), ("unknowns", "<i4"),
+                           ("degenerate", "<i4"), ("reserved", "<u4")])
+#: Names of the flags of such a record, by bit.
+GRADIENT_FLAGS = tuple(_core.gradient_flag_names())
+#: Flags that come with zeros in place of a derivative.
+_REFUSED = sum(1 << GRADIENT_FLAGS.index(name)
+               for name in ("invalid_input", "unconverged", "non_finite", "singular", "over_capacity",
+                            "bad_structure"))
+
+
+class Gradients(types.SimpleNamespace):
+    """Arrays by name, and `status`: one record of GRADIENT_DTYPE for each environment."""
+
+    def flagged(self, name: str) -> np.ndarray:
+        """Which environments have that flag of GRADIENT_FLAGS, bool (B,)."""
+        return (self.status["flags"] >> GRADIENT_FLAGS.index(name)) & 1 == 1
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Which environments have a derivative; the others have zeros. bool (B,)"""
+        return self.status["flags"] & _REFUSED == 0
+
+
+class Derivative:
+    """Differentiates solutions of batches in NumPy arrays on the CPU: implicitly, by one linear system for each
+    environment (docs/math/derivative.md). It has no part in the solve.
+
+    law: "convex" or "coulomb" instead of the batch's, as the solver was told.
+    residual_limit: reactions of a larger relative residual get zeros and the flag "unconverged" [-].
+    tie_tolerance: a cone this close to another mode, over max |b|, is counted as degenerate [-].
+    max_unknowns: of an environment; a larger one gets zeros and the flag "over_capacity".
+    threads: 0: all cores. The bits do not depend on it.
+
+    Give contacts compliance (R > 0): reactions of redundant hard contacts are not determined, and have no derivative.
+    """
+
+    def __init__(self, device: str = "cpu", *, law: str | None = None, residual_limit: float = 1e-3,
+                 tie_tolerance: float = 1e-6, max_unknowns: int = 1024, threads: int = 0):
+        if device != "cpu":
+            raise ValueError(f"device: expected 'cpu', got {device!r}: gradients in Python are of batches on the host")
+        self._core = _core.Derivative(str(device), law, float(residual_limit), float(tie_tolerance), int(max_unknowns),
+                                      int(threads))
+
+    def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None) -> Gradients:
+        """Pulls derivatives of a loss by the solution back to the batch.
+
+        solution: a Solution of this batch, or its reactions alone; with a Solution, environments that were not solved
+            get zeros.
+        lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution. One more axis in front
+            means several losses at once. None: zeros. velocities is for batches of J and M.
+
+        Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. Those of rows are shaped
+        as the rows, all others as the batch's arrays. The axis of several losses comes first. Entries of A and J are
+        independent; the derivative by M is symmetric.
+        """
+        self._check(batch)
+        at, status = self._answer(batch, solution)
+        rows = batch.layout.row_shape
+        shapes = {"lambda_": rows, "w": rows}
+        given = {"lambda_": lambda_, "w": w}
+        if batch.form == "jacobian":
+            shapes["velocities"], given["velocities"] = batch.dof_shape, velocities
+        elif velocities is not None:
+            raise ValueError("velocities: expected None for a batch of form 'delassus', which has none")
+        cotangents, front = self._sets(batch, given, shapes)
+        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in self._number_shapes(batch).items()}
+        call = self._core.vjp_jacobian if batch.form == "jacobian" else self._core.vjp_contacts
+        return self._run(call, batch, at, status, cotangents, out, front)
+
+    def jvp(self, batch: Batch, solution, *, A=None, b=None, R=None, mu=None, lo=None, hi=None) -> Gradients:
+        """Pushes changes of a batch of form 'delassus' forward: changes of lambda_ and w.
+
+        A, b, R, mu, lo, hi: changes, shaped as the results of vjp, or with one more axis in front. None: zeros.
+        """
+        self._check(batch)
+        if batch.form != "delassus":
+            raise ValueError(f"jvp: expected a batch of form 'delassus', got {batch.form!r}")
+        at, status = self._answer(batch, solution)
+        tangents, front = self._sets(batch, {"A": A, "b": b, "R": R, "mu": mu, "lo": lo, "hi": hi},
+                                     self._number_shapes(batch))
+        out = {name: np.zeros(front + batch.layout.row_shape, batch.dtype) for name in ("lambda_", "w")}
+        return self._run(self._core.jvp_contacts, batch, at, status, tangents, out, front)
+
+    # -- pieces -------------------------------------------------------------------------------------------------------
+
+    @staticmethod
+    def _check(batch):
+        if not isinstance(batch, Batch):
+            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
+        if batch.form == "bodies":
+            raise ValueError("batch: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        if batch.device != "cpu":
+            raise ValueError(f"batch: expected a batch on cpu, got one on {batch.device}: copy its arrays to the host")
+        batch._refresh()
+
+    @staticmethod
+    def _answer(batch, solution):
+        status = None
+        if isinstance(solution, Solution):
+            status = np.ascontiguousarray(solution.status)
+            if status.shape != (len(batch),):
+                raise ValueError(f"solution: expected one of {len(batch)} environments, got one of {len(status)}")
+            status = take("status", status, "uint8", (len(batch), STATUS_DTYPE.itemsize), "cpu")
+            solution = solution.lambda_
+        return take("lambda_", solution, batch.dtype, batch.layout.row_shape, "cpu"), status
+
+    @staticmethod
+    def _number_shapes(batch):
+        """Shapes of the derivatives by a batch's numbers."""
+        seen = batch._seen
+        names = ("J", "M", "v_free") if batch.form == "jacobian" else ("A",)
+        shapes = {name: tuple(seen[name].shape) for name in names}
+        for name in ("target", "R", "mu", "lo", "hi") if batch.form == "jacobian" else ("b", "R", "mu", "lo", "hi"):
+            shapes[name] = batch.layout.row_shape
+        return shapes
+
+    @staticmethod
+    def _sets(batch, given, shapes):
+        """The arrays that are given, and the shape of the axis in front that they have in common."""
+        fronts = {name: np.shape(value)[:np.ndim(value) - len(shapes[name])] for name, value in given.items()
+                  if value is not None}
+        front = next(iter(fronts.values()), ())
+        if len(front) > 1:
+            name = next(iter(fronts))
+            raise ValueError(f"{name}: expected at most one axis before {shapes[name]}, got {np.shape(given[name])}")
+        return {name: take(name, given[name], batch.dtype, front + shapes[name], "cpu") for name in fronts}, front
+
+    @staticmethod
+    def _run(call, batch, at, status, given, out, front):
+        records = np.zeros(len(batch), GRADIENT_DTYPE)
+        bytes_ = _core.Array(records.view(np.uint8).reshape(-1, GRADIENT_DTYPE.itemsize))
+        call(batch._view(False), at, status, given, {name: _core.Array(array) for name, array in out.items()}, bytes_,
+             int(np.prod(front, dtype=int)))
+        return Gradients(**out, status=records)

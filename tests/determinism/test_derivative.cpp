@@ -1,0 +1,297 @@
+// The derivative of an environment has its bits wherever and beside whatever it is computed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "core/algorithm/derivative/jacobian_vjp.hpp"
+#include "core/algorithm/derivative/jvp.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/derivative_cases.hpp"
+#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/scene_batches.hpp"
+#include "tests/support/scoped_isa.hpp"
+#include "tests/support/stress_team.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+constexpr Offset kEnvs = 37;
+
+/// Environments of many sizes, their reactions, and what a loss says of them, environment by environment.
+template <class Real>
+struct Problem {
+  ContactBatch<Real> batch;
+  std::vector<std::vector<Real>> lambda, bar;
+
+  explicit Problem(Law law) : batch(law) {
+    ContactBatch<double> doubles(law);
+    for (Offset e = 0; e < kEnvs; ++e) {
+      Recipe recipe;
+      recipe.seed = static_cast<std::uint64_t>(e) + 1;
+      recipe.contacts = static_cast<int>(e % 7);
+      recipe.others = static_cast<int>(e % 5);
+      recipe.rank = e % 11 == 0 ? 0.5 : 1.5;  // some are singular but for R
+      doubles.add(e % 13 == 0 ? Environment<double>{} : random_contacts(recipe));
+    }
+    batch = convert<Real>(doubles);
+    const auto view = batch.view();
+    const auto solution = solve(batch, options(SolverKind::npgs, 1e-5, 500));
+    const auto bars = random_numbers<Real>(solution.lambda.size(), 3);
+    for (Offset e = 0; e < kEnvs; ++e) {
+      const auto first = view.env_row_offsets[e], last = view.env_row_offsets[e + 1];
+      lambda.emplace_back(solution.lambda.begin() + first, solution.lambda.begin() + last);
+      bar.emplace_back(bars.begin() + first, bars.begin() + last);
+    }
+  }
+};
+
+template <class T>
+void append(std::string& bytes, const std::vector<T>& numbers, Offset first, Offset last) {
+  bytes.append(reinterpret_cast<const char*>(numbers.data() + first),
+               static_cast<std::size_t>(last - first) * sizeof(T));
+}
+
+/// What vjp() and jvp() give for the environments of `order`.
+template <class Real>
+std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1) {
+  const ContactBatch<Real> batch = gather<Real>(problem.batch, order);
+  const auto view = batch.view();
+  std::vector<Real> lambda, bar;
+  for (const Offset e : order) {
+    const auto& own = problem.lambda[static_cast<std::size_t>(e)];
+    lambda.insert(lambda.end(), own.begin(), own.end());
+    const auto& one = problem.bar[static_cast<std::size_t>(e)];
+    bar.insert(bar.end(), one.begin(), one.end());
+  }
+  DerivativeOptions o;
+  o.threads = threads;
+  const auto own = vjp(view, lambda, bar, bar, o);
+  const auto forward =
+      jvp(view, lambda,
+          BatchTangentView<Real>{own.A.data(), nullptr, bar.data(), own.R.data(), own.mu.data(), nullptr, nullptr}, o);
+  std::vector<std::string> result;
+  for (Offset e = 0; e < view.env_count; ++e) {
+    const Offset first = view.env_row_offsets[e], last = view.env_row_offsets[e + 1];
+    std::string bytes;
+    append(bytes, own.A, view.row_offsets[first], view.row_offsets[last]);
+    for (const auto* part : {&own.b, &own.R, &own.mu, &own.lo, &own.hi}) append(bytes, *part, first, last);
+    append(bytes, forward.lambda, first, last);
+    append(bytes, forward.w, first, last);
+    append(bytes, own.status, e, e + 1);
+    append(bytes, forward.status, e, e + 1);
+    result.push_back(bytes);
+  }
+  return result;
+}
+
+std::vector<Offset> in_order() {
+  std::vector<Offset> order(static_cast<std::size_t>(kEnvs));
+  std::iota(order.begin(), order.end(), Offset{0});
+  return order;
+}
+
+template <class Real>
+class DerivativeBits : public testing::Test {};
+using Precisions = testing::Types<float, double>;
+TYPED_TEST_SUITE(DerivativeBits, Precisions);
+
+TYPED_TEST(DerivativeBits, AreThoseOfAnyNumberOfThreads) {
+  for (const Law law : kBothLaws) {
+    const Problem<TypeParam> problem(law);
+    const auto expected = answers(problem, in_order());
+    for (const int threads : {2, 7}) EXPECT_EQ(answers(problem, in_order(), threads), expected) << threads;
+  }
+}
+
+TYPED_TEST(DerivativeBits, AreThoseOfAnyOrderAndAnyNeighbours) {
+  for (const Law law : kBothLaws) {
+    const Problem<TypeParam> problem(law);
+    const auto expected = answers(problem, in_order());
+    std::vector<Offset> order = in_order();
+    scenes::Rng rng(5);
+    for (std::size_t k = order.size(); k > 1; --k)
+      std::swap(order[k - 1], order[static_cast<std::size_t>(rng.below(static_cast<int>(k)))]);
+    const auto permuted = answers(problem, order);
+    for (std::size_t k = 0; k < order.size(); ++k)
+      EXPECT_EQ(permuted[k], expected[static_cast<std::size_t>(order[k])]) << order[k];
+    for (const Offset e : {3, 12, 36}) EXPECT_EQ(answers(problem, {e})[0], expected[static_cast<std::size_t>(e)]) << e;
+  }
+}
+
+TYPED_TEST(DerivativeBits, AreThoseOfEveryInstructionSet) {
+  for (const Law law : kBothLaws) {
+    const Problem<TypeParam> problem(law);
+    const auto expected = answers(problem, in_order());
+    ASSERT_GE(usable_isas().size(), 1U);
+    for (const char* isa : usable_isas()) {
+      const ScopedIsa scoped(isa);
+      EXPECT_EQ(answers(problem, in_order()), expected) << isa;
+    }
+  }
+}
+
+TYPED_TEST(DerivativeBits, OfOthersDoNotChangeBesideNumbersThatAreNone) {
+  using Real = TypeParam;
+  constexpr Real kNan = std::numeric_limits<Real>::quiet_NaN();
+  for (const Law law : kBothLaws) {
+    const Problem<Real> sound(law);
+    const auto expected = answers(sound, in_order());
+    constexpr Offset kBad = 17;
+    for (int what = 0; what < 5; ++what) {
+      Problem<Real> problem = sound;
+      auto arrays = sound.batch.arrays();
+      const auto row = static_cast<std::size_t>(arrays.env_row_offsets[kBad]);
+      if (what == 0) arrays.A[static_cast<std::size_t>(arrays.row_offsets[row])] = kNan;
+      if (what == 1) arrays.b[row] = kNan;
+      if (what == 2) arrays.R[row] = std::numeric_limits<Real>::infinity();
+      if (what == 3) problem.lambda[kBad][0] = kNan;
+      if (what == 4) problem.bar[kBad][0] = kNan;
+      problem.batch = ContactBatch<Real>::from_arrays(law, arrays);
+      const auto own = answers(problem, in_order());
+      EXPECT_NE(own[kBad], expected[kBad]);
+      for (Offset e = 0; e < kEnvs; ++e)
+        if (e != kBad) {
+          EXPECT_EQ(own[static_cast<std::size_t>(e)], expected[static_cast<std::size_t>(e)]) << what << ", " << e;
+        }
+    }
+  }
+}
+
+/// The algorithm on one environment by teams whose lanes race, against the library.
+TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
+  using Real = TypeParam;
+  for (const Law law : kBothLaws)
+    for (const FactorUse use : {FactorUse::never, FactorUse::always}) {
+      JacobianBatch<double> jacobian(law);
+      jacobian.add(random_jacobian({3, 5, 4, 11, 0}));
+      const ContactBatch<Real> batch = convert<Real>(assemble(jacobian.view(), use));
+      const auto view = batch.view();
+      const auto rows = static_cast<std::size_t>(batch.row_count());
+      const auto solution = solve(batch, options(SolverKind::npgs, 1e-5, 2000));
+      const auto bar = random_numbers<Real>(2 * rows, 1), w_bar = random_numbers<Real>(2 * rows, 2);
+      const auto expected = vjp(view, solution.lambda, bar, w_bar, {}, nullptr, 2);
+      EXPECT_EQ(expected.status[0].flags, 0U);
+      for (const Index width : {1, 2, 3, 8, 33}) {
+        Gradients<Real> own = expected;
+        for (auto* part : {&own.A, &own.factor, &own.b, &own.R, &own.mu, &own.lo, &own.hi})
+          std::fill(part->begin(), part->end(), Real(77));
+        const DerivativeOptions o;
+        VjpJob<Real> job;
+        static_cast<DerivativeJob<Real>&>(job) = {view,
+                                                  {solution.lambda.data(), nullptr},
+                                                  law,
+                                                  o.residual_limit,
+                                                  o.tie_tolerance,
+                                                  o.max_unknowns,
+                                                  2,
+                                                  own.status.data()};
+        job.cotangents = {bar.data(), w_bar.data()};
+        job.gradients = own.view();
+        std::vector<double> memory(static_cast<std::size_t>(derivative_elements(job, 0)), __builtin_nan(""));
+        run_stressed<1>(width, [&](auto& team) { vjp_env(team, job, 0, memory.data()); });
+        const auto one = expected.all(), two = own.all();
+        EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
+        EXPECT_EQ(std::memcmp(&own.status[0], &expected.status[0], sizeof(GradientStatus)), 0) << width;
+      }
+    }
+}
+
+/// Gradients by J and M, as bytes one behind the other.
+template <class Real>
+struct JacobianGradients {
+  std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
+  std::vector<GradientStatus> status;
+
+  explicit JacobianGradients(const JacobianBatchView<Real>& view) {
+    const auto room = [](Offset size) { return std::vector<Real>(static_cast<std::size_t>(size), Real(77)); };
+    J = room(view.entry_count);
+    M = room(view.mass_count);
+    v_free = room(view.dof_count);
+    target = R = mu = lo = hi = room(view.row_count);
+    status.resize(static_cast<std::size_t>(view.env_count));
+  }
+  [[nodiscard]] JacobianBatchCotangentView<Real> view() {
+    return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
+  }
+  [[nodiscard]] std::string bytes() const {
+    std::string all;
+    for (const auto* part : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi})
+      append(all, *part, 0, static_cast<Offset>(part->size()));
+    append(all, status, 0, static_cast<Offset>(status.size()));
+    return all;
+  }
+};
+
+/// Three environments, in the precision asked for.
+template <class Real>
+JacobianBatch<Real> jacobians(MassForm form) {
+  JacobianBatch<Real> batch(Law::coulomb, form, 3);
+  for (std::uint64_t seed = 1; seed < 4; ++seed) {
+    const JacobianEnvironment<double> from = random_jacobian({seed, 3, 2, 9, 3});
+    JacobianEnvironment<Real> env;
+    for (const auto& cone : from.cones) env.cones.push_back({cone.kind, cone.row_count, cone.group});
+    env.J.assign(from.J.begin(), from.J.end());
+    env.M.assign(from.M.begin(), from.M.end());
+    env.v_free.assign(from.v_free.begin(), from.v_free.end());
+    env.target.assign(from.target.begin(), from.target.end());
+    env.R.assign(from.R.begin(), from.R.end());
+    env.mu.assign(from.mu.begin(), from.mu.end());
+    batch.add(env);
+  }
+  return batch;
+}
+
+TYPED_TEST(DerivativeBits, ByJAndMAreThoseOfThreadsInstructionSetsAndTeams) {
+  using Real = TypeParam;
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const JacobianBatch<Real> batch = jacobians<Real>(form);
+    const auto view = batch.view();
+    const auto lambda = solve(batch, options(SolverKind::npgs, 1e-5, 2000)).contact.lambda;
+    const auto bar = random_numbers<Real>(lambda.size(), 1), w_bar = random_numbers<Real>(lambda.size(), 2),
+               v_bar = random_numbers<Real>(static_cast<std::size_t>(view.dof_count), 3);
+    const ReactionView<Real> at{lambda.data(), nullptr};
+    const JacobianSolutionCotangentView<Real> cotangents{bar.data(), w_bar.data(), v_bar.data()};
+    const auto made = [&](int threads) {
+      DerivativeOptions o;
+      o.threads = threads;
+      JacobianGradients<Real> own(view);
+      Derivative(Device::cpu(), o).vjp(view, at, cotangents, own.view(), own.status.data());
+      return own;
+    };
+    const JacobianGradients<Real> expected = made(1);
+    for (const GradientStatus& status : expected.status) EXPECT_EQ(status.flags, 0U);
+    EXPECT_EQ(made(2).bytes(), expected.bytes());
+    for (const char* isa : usable_isas()) {
+      const ScopedIsa scoped(isa);
+      EXPECT_EQ(made(1).bytes(), expected.bytes()) << isa;
+    }
+    // What comes before and behind the system, by lanes that race.
+    for (const Index width : {1, 2, 5}) {
+      JacobianGradients<Real> own = expected;
+      for (auto* part : {&own.J, &own.M, &own.v_free}) part->assign(part->size(), Real(77));
+      std::vector<Real> seed(lambda.size(), Real(77)), seed_alone = seed, nu(expected.target);
+      for (Real& number : nu) number = Real(0) - number;
+      JacobianVjpJob<Real> job{view, at, 1, own.status.data(), cotangents, own.view(), seed.data(), nu.data()};
+      JacobianVjpJob<Real> alone = job;
+      alone.seed = seed_alone.data();
+      for (Offset env = 0; env < view.env_count; ++env) {
+        std::vector<Real> memory(static_cast<std::size_t>(chain_elements(job, env)),
+                                 static_cast<Real>(__builtin_nan("")));
+        SerialTeam serial;
+        seed_env(serial, alone, env, memory.data());
+        run_stressed<1>(width, [&](auto& team) {
+          seed_env(team, job, env, memory.data());
+          chain_env(team, job, env, memory.data());
+        });
+      }
+      EXPECT_TRUE(same_bits(std::span<const Real>(seed_alone), std::span<const Real>(seed))) << width;
+      EXPECT_EQ(own.bytes(), expected.bytes()) << width;
+    }
+  }
+}
+
+}  // namespace
