@@ -55,11 +55,12 @@ class Derivative:
         self._core = _core.Derivative(str(device), law, float(residual_limit), float(tie_tolerance), int(max_unknowns),
                                       int(threads))
 
-    def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None) -> Gradients:
+    def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None, status=None) -> Gradients:
         """Pulls derivatives of a loss by the solution back to the batch.
 
-        solution: a Solution of this batch, or its reactions alone; with a Solution, environments that were not solved
-            get zeros.
+        solution: a Solution of this batch, or its reactions alone.
+        status: records of how environments were solved, by default those of the Solution. Who was not solved gets
+            zeros. Without records the residual alone decides.
         lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution. One more axis in front
             means several losses at once. None: zeros. velocities is for batches of J and M.
 
@@ -68,7 +69,7 @@ class Derivative:
         independent; the derivative by M is symmetric.
         """
         self._check(batch)
-        at, status = self._answer(batch, solution)
+        at, status = self._answer(batch, solution, status)
         rows = batch.layout.row_shape
         shapes = {"lambda_": rows, "w": rows}
         given = {"lambda_": lambda_, "w": w}
@@ -81,15 +82,16 @@ class Derivative:
         call = self._core.vjp_jacobian if batch.form == "jacobian" else self._core.vjp_contacts
         return self._run(call, batch, at, status, cotangents, out, front)
 
-    def jvp(self, batch: Batch, solution, *, A=None, b=None, R=None, mu=None, lo=None, hi=None) -> Gradients:
-        """Pushes changes of a batch of form 'delassus' forward: changes of lambda_ and w.
+    def jvp(self, batch: Batch, solution, *, A=None, b=None, R=None, mu=None, lo=None, hi=None,
+            status=None) -> Gradients:
+        """Pushes changes of a batch of form 'delassus' forward: changes of lambda_ and w. solution, status: as for vjp.
 
         A, b, R, mu, lo, hi: changes, shaped as the results of vjp, or with one more axis in front. None: zeros.
         """
         self._check(batch)
         if batch.form != "delassus":
             raise ValueError(f"jvp: expected a batch of form 'delassus', got {batch.form!r}")
-        at, status = self._answer(batch, solution)
+        at, status = self._answer(batch, solution, status)
         tangents, front = self._sets(batch, {"A": A, "b": b, "R": R, "mu": mu, "lo": lo, "hi": hi},
                                      self._number_shapes(batch))
         out = {name: np.zeros(front + batch.layout.row_shape, batch.dtype) for name in ("lambda_", "w")}
@@ -108,14 +110,17 @@ class Derivative:
         batch._refresh()
 
     @staticmethod
-    def _answer(batch, solution):
-        status = None
+    def _answer(batch, solution, status):
         if isinstance(solution, Solution):
-            status = np.ascontiguousarray(solution.status)
-            if status.shape != (len(batch),):
-                raise ValueError(f"solution: expected one of {len(batch)} environments, got one of {len(status)}")
-            status = take("status", status, "uint8", (len(batch), STATUS_DTYPE.itemsize), "cpu")
+            status = solution.status if status is None else status
             solution = solution.lambda_
+        if status is not None:
+            status = np.ascontiguousarray(status)
+            if status.dtype != STATUS_DTYPE or status.shape != (len(batch),):
+                raise ValueError(f"status: expected {len(batch)} records of stiction.STATUS_DTYPE, got {status.dtype} "
+                                 f"{status.shape}")
+            status = take("status", status.view(np.uint8).reshape(-1, STATUS_DTYPE.itemsize), "uint8",
+                          (len(batch), STATUS_DTYPE.itemsize), "cpu")
         return take("lambda_", solution, batch.dtype, batch.layout.row_shape, "cpu"), status
 
     @staticmethod

@@ -1,4 +1,5 @@
-"""Contact problems as a PyTorch operator, `torch.ops.stiction.solve`: it can be traced and compiled, and links no PyTorch.
+"""Contact problems as a PyTorch operator, `torch.ops.stiction.solve`: it can be traced, compiled, vmapped and
+differentiated, and links no PyTorch.
 
     lambda_, w, status = stiction.torch.solve(A, b, mu, law="coulomb")
 """
@@ -9,6 +10,7 @@ import torch
 
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._derivative import Derivative
 from ._solver import Solver
 
 
@@ -35,6 +37,62 @@ def _(A, b, mu, R, lo, hi, counts, warm_start, cones, law, solver, tolerance, ma
             torch.empty((A.shape[0], STATUS_DTYPE.itemsize), dtype=torch.uint8, device=A.device))
 
 
+@torch.library.custom_op("stiction::solve_backward", mutates_args=())
+def _pull_back(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tensor | None, lo: torch.Tensor | None,
+               hi: torch.Tensor | None, counts: torch.Tensor | None, lambda_: torch.Tensor, records: torch.Tensor,
+               by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str,
+               ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    if A.device.type != "cpu":
+        raise RuntimeError(f"A: expected a tensor on cpu, got one on {A.device}: derivatives are computed there alone")
+    A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w = (
+        None if t is None else t.detach().contiguous().numpy()
+        for t in (A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w))
+    batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
+    found = Derivative().vjp(batch, lambda_, lambda_=by_lambda, w=by_w, status=status(records))
+    return tuple(torch.from_numpy(array) for array in (found.A, found.b, found.mu, found.R, found.lo, found.hi))
+
+
+@_pull_back.register_fake
+def _(A, b, mu, R, lo, hi, counts, lambda_, records, by_lambda, by_w, cones, law):
+    return torch.empty_like(A), *(torch.empty_like(b) for _ in range(5))
+
+
+def _keep(ctx, inputs, output):
+    A, b, mu, R, lo, hi, counts, _, ctx.cones, ctx.law = inputs[:10]
+    lambda_, _, records = output
+    ctx.save_for_backward(A, b, mu, R, lo, hi, counts, lambda_, records)
+
+
+def _differentiate(ctx, by_lambda, by_w, _):
+    found = torch.ops.stiction.solve_backward(*ctx.saved_tensors, by_lambda, by_w, ctx.cones, ctx.law)
+    wanted = (gradient if needed else None for gradient, needed in zip(found, ctx.needs_input_grad))
+    return *wanted, *(None,) * (len(ctx.needs_input_grad) - len(found))
+
+
+torch.library.register_autograd("stiction::solve", _differentiate, setup_context=_keep)
+
+
+def _vmapped(operator):
+    """The rule of an operator whose tensors have environments in front: more of them."""
+
+    def rule(info, in_dims, *arguments):
+        flat = []
+        for argument, dim in zip(arguments, in_dims):
+            if isinstance(argument, torch.Tensor):
+                argument = argument.unsqueeze(0) if dim is None else argument.movedim(dim, 0)
+                argument = argument.expand(info.batch_size, *argument.shape[1:]).flatten(0, 1).contiguous()
+            flat.append(argument)
+        out = operator(*flat)
+        return tuple(t.unflatten(0, (info.batch_size, -1)) for t in out), (0,) * len(out)
+
+    return rule
+
+
+if hasattr(torch.library, "register_vmap"):  # PyTorch 2.5
+    torch.library.register_vmap("stiction::solve", _vmapped(torch.ops.stiction.solve))
+    torch.library.register_vmap("stiction::solve_backward", _vmapped(torch.ops.stiction.solve_backward))
+
+
 def _text_of(cones):
     """Cones as an operator's argument: one kind's name, or "friction:3,box:1"."""
     if isinstance(cones, str):
@@ -58,14 +116,11 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     Batch.from_delassus. Returns lambda_ and w, shaped like b, and status as bytes uint8 (B, 32) or (32,), which
     `status(...)` names. On a GPU it is queued on the current stream.
 
-    It has no derivative: raises RuntimeError if an argument wants one.
+    On the CPU lambda_ and w have derivatives by A, b, mu, R, lo and hi, in reverse and once (docs/math/derivative.md).
+    Entries of A are independent. Derivatives are those of the solution, not of the iterations, and err by as much as the
+    solution does: solve to 1e-6 or less. An environment that was not solved has derivatives of 0, and so has one whose
+    reactions are not determined: give R. warm_start has none.
     """
-    tensors = {"A": A, "b": b, "mu": mu, "R": R, "lo": lo, "hi": hi, "warm_start": warm_start}
-    if torch.is_grad_enabled():
-        for name, tensor in tensors.items():
-            if isinstance(tensor, torch.Tensor) and tensor.requires_grad:
-                raise RuntimeError(f"{name} requires a gradient, and stiction.torch.solve has no derivative: give "
-                                   f"{name}.detach(), or call it under torch.no_grad()")
     single = b.dim() == 1
     if not isinstance(mu, torch.Tensor):
         mu = torch.full_like(b, 0.0 if mu is None else mu)

@@ -108,15 +108,6 @@ class TestTorch:
         arguments = (A, b, self.torch.full_like(b, 0.5), None, None, None, None, None, "friction", "coulomb", "npgs", 1e-9, 100)
         self.torch.library.opcheck(self.torch.ops.stiction.solve.default, arguments)
 
-    def test_gradients_are_refused(self, problem):
-        import stiction.torch
-
-        A, b = self.tensors(problem)
-        with pytest.raises(RuntimeError, match=r"A requires a gradient, and stiction.torch.solve has no derivative"):
-            stiction.torch.solve(A.requires_grad_(), b)
-        with self.torch.no_grad():
-            stiction.torch.solve(A, b)
-
 
 class TestJax:
     @pytest.fixture(autouse=True)

@@ -30,6 +30,11 @@ def test_the_first_solve():
     assert names["solution"].solved.all()
 
 
+def test_differentiate_a_slide():
+    names = run("differentiate_a_slide.md")
+    assert abs(names["mass"] - 0.7) < 0.01 and abs(names["mu"] - 0.35) < 0.001
+
+
 def test_ants_in_ten_minutes():
     pytest.importorskip("gymnasium", reason="the tutorial of ants is NOT tested: pip install gymnasium mujoco")
     pytest.importorskip("mujoco", reason="the tutorial of ants is NOT tested: pip install gymnasium mujoco")

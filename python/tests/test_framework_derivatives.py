@@ -1,0 +1,196 @@
+"""Derivatives through PyTorch's operator and JAX's function: against finite differences of solves, against the library's own
+derivative and against each other. Each is skipped, and says so, where the framework is not installed."""
+
+import numpy as np
+import pytest
+
+import stiction
+from test_frameworks import framework
+
+CONES = (("friction", 3), ("free", 1), ("friction", 4), ("unilateral", 1), ("box", 1), ("friction", 3), ("friction", 2),
+         ("box", 1))
+ROWS = sum(rows for _, rows in CONES)
+NAMES = ("A", "b", "mu", "R", "lo", "hi")
+EXACT = {"tolerance": 1e-13, "max_iterations": 20000}
+
+
+def problem(seed):
+    """Cones of every kind, of which some are open, stick, slide or stand at a bound: A, b, mu, R, lo, hi."""
+    rng = np.random.default_rng(seed)
+    J = rng.normal(size=(ROWS, ROWS + 2))
+    mu, lo, hi = np.zeros((3, ROWS))
+    row = 0
+    for kind, rows in CONES:
+        if kind == "friction":
+            mu[row + 1:row + rows] = rng.uniform(0.2, 1, rows - 1)
+        if kind == "box":
+            lo[row], hi[row] = -rng.uniform(0.05, 0.4), rng.uniform(0.05, 0.4)
+        row += rows
+    return J @ J.T / ROWS, rng.normal(size=ROWS) - 0.3, mu, rng.uniform(0.02, 0.1, ROWS), lo, hi
+
+
+def cotangents(seed):
+    return np.random.default_rng(seed + 50).normal(size=(2, ROWS))
+
+
+def own_derivative(numbers, law, by_lambda, by_w):
+    """By the C++ library."""
+    A, b, mu, R, lo, hi = (part[None] for part in numbers)
+    batch = stiction.Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, cones=list(CONES), law=law)
+    solution = stiction.Solver(**EXACT).solve(batch)
+    assert solution.solved.all()
+    found = stiction.Derivative().vjp(batch, solution, lambda_=by_lambda[None], w=by_w[None])
+    assert found.valid.all() and not found.flagged("subgradient").any()
+    return [getattr(found, name)[0] for name in NAMES]
+
+
+def expect_close(found, wanted, tolerance):
+    for name, a, b in zip(NAMES, found, wanted):
+        np.testing.assert_allclose(np.asarray(a), np.asarray(b), atol=tolerance * (1 + np.abs(b).max()), err_msg=name)
+
+
+@pytest.mark.parametrize("law", ["convex", "coulomb"])
+class TestJax:
+    @pytest.fixture(autouse=True)
+    def _jax(self):
+        self.jax = framework("jax")
+        self.jax.config.update("jax_enable_x64", True)
+        import stiction.jax
+        self.solve = stiction.jax.solve
+        yield
+        self.jax.config.update("jax_enable_x64", False)
+
+    def answer(self, law, **options):
+        return lambda *numbers: self.solve(*numbers, cones=CONES, law=law, **(EXACT | options))[:2]
+
+    def test_forward_is_that_of_finite_differences_and_reverse_that_of_the_library(self, law):
+        answer = self.answer(law)
+        for seed in range(6):
+            numbers, rng = problem(seed), np.random.default_rng(seed + 100)
+            changes = [rng.normal(size=part.shape) for part in numbers]
+            changes[0] = changes[0] + changes[0].T
+            _, moved = self.jax.jvp(answer, numbers, tuple(changes))
+            ends = [answer(*(part + step * change for part, change in zip(numbers, changes))) for step in (1e-6, -1e-6)]
+            for found, above, below in zip(moved, *ends):
+                slope = np.asarray(above - below) / 2e-6
+                np.testing.assert_allclose(found, slope, atol=1e-7 * np.abs(slope).max())
+            by = cotangents(seed)
+            _, pull = self.jax.vjp(answer, *numbers)
+            expect_close(pull(tuple(by)), own_derivative(numbers, law, *by), 1e-10)
+
+    def test_second_derivatives_are_those_of_finite_differences(self, law):
+        numbers, weights = problem(3), cotangents(3)[0]
+        answer = self.answer(law)
+
+        def loss(b, mu):
+            lambda_, w = answer(numbers[0], b, mu, *numbers[3:])
+            return (weights * lambda_ ** 2).sum() + self.jax.numpy.sin(w).sum()
+
+        slope = self.jax.grad(loss)
+        hessian = self.jax.hessian(loss)(*numbers[1:3])
+        steps = 1e-6 * np.eye(ROWS)
+        wanted = np.array([(slope(numbers[1] + step, numbers[2]) - slope(numbers[1] - step, numbers[2])) / 2e-6
+                           for step in steps])
+        np.testing.assert_allclose(hessian, wanted, atol=1e-7 * np.abs(wanted).max())
+        np.testing.assert_allclose(hessian, hessian.T, atol=1e-10 * np.abs(wanted).max())
+
+    def test_jit_and_vmap_change_nothing(self, law):
+        numbers, np_ = problem(2), self.jax.numpy
+        loss = lambda b: (self.answer(law)(numbers[0], b, *numbers[2:])[0] ** 2).sum()  # noqa: E731
+        many = np_.stack([scale * numbers[1] for scale in (0.5, 1.0, -1.0)])
+        together = self.jax.jit(self.jax.vmap(self.jax.grad(loss)))(many)
+        alone = np_.stack([self.jax.grad(loss)(b) for b in many])
+        np.testing.assert_allclose(together, alone, rtol=1e-10, atol=1e-12)
+
+    def test_what_has_no_derivative_gets_zeros(self, law):
+        numbers, np_ = problem(2), self.jax.numpy
+        unsolved = self.jax.grad(lambda b: self.answer(law, max_iterations=0)(numbers[0], b, *numbers[2:])[0].sum())
+        assert not np.asarray(unsolved(numbers[1])).any()
+        hard = self.jax.grad(lambda b: self.solve(np_.ones((6, 6)), b, 0.5, law=law)[0].sum())
+        assert not np.asarray(hard(np_.array([-1.0, 0, 0, -1, 0, 0]))).any()
+        assert not np.asarray(hard(np_.array([-1.0, np.nan, 0, -1, 0, 0]))).any()
+        none = self.jax.grad(lambda b: self.solve(np_.zeros((0, 0)), b, law=law)[0].sum())
+        assert none(np_.zeros(0)).shape == (0,)
+
+    def test_axes_without_friction_stay_without(self, law):
+        numbers = list(problem(4))
+        numbers[2] = np.zeros(ROWS)
+        by = cotangents(4)
+        _, pull = self.jax.vjp(self.answer(law), *numbers)
+        found = pull(tuple(by))
+        expect_close(found, own_derivative(numbers, law, *by), 1e-10)
+        assert not np.asarray(found[2]).any()
+
+
+@pytest.mark.parametrize("law", ["convex", "coulomb"])
+class TestTorch:
+    @pytest.fixture(autouse=True)
+    def _torch(self):
+        self.torch = framework("torch")
+        import stiction.torch
+        self.module = stiction.torch
+
+    def tensors(self, numbers, wants=True):
+        return [self.torch.from_numpy(part.copy()).requires_grad_(wants) for part in numbers]
+
+    def answer(self, law, **options):
+        def run(*numbers):
+            return self.module.solve(*numbers, cones=list(CONES), law=law, **(EXACT | options))[:2]
+        return run
+
+    def test_gradcheck(self, law):
+        A, *rows = self.tensors(problem(3))
+        root = self.torch.linalg.cholesky(A.detach()).requires_grad_()
+        answer = self.answer(law)
+        assert self.torch.autograd.gradcheck(lambda root, *rows: answer(root @ root.T, *rows), [root, *rows], eps=1e-6,
+                                             atol=1e-6, rtol=1e-5)
+
+    def test_reverse_is_that_of_the_library(self, law):
+        for seed in range(4):
+            numbers, (by_lambda, by_w) = problem(seed), self.tensors(cotangents(seed), False)
+            tensors = self.tensors(numbers)
+            lambda_, w = self.answer(law)(*tensors)
+            ((lambda_ * by_lambda).sum() + (w * by_w).sum()).backward()
+            expect_close([part.grad for part in tensors], own_derivative(numbers, law, by_lambda.numpy(), by_w.numpy()),
+                         1e-12)
+
+    def test_the_operator_keeps_pytorchs_rules(self, law):
+        tensors = [self.torch.stack([part, part]).requires_grad_() for part in self.tensors(problem(1), False)]
+        arguments = (*tensors, None, None, self.module._text_of(list(CONES)), law, "auto", 1e-10, 2000)
+        found = self.torch.library.opcheck(self.torch.ops.stiction.solve, arguments)
+        assert set(found.values()) == {"SUCCESS"}
+
+    def test_compiled_and_batched_it_is_the_same(self, law):
+        A, b, *rest = self.tensors(problem(2), False)
+        answer = self.answer(law)
+        loss = lambda b: (answer(A, b, *rest)[0] ** 2).sum()  # noqa: E731
+        wanted, = self.torch.autograd.grad(loss(b.requires_grad_()), b)
+        compiled = self.torch.compile(loss, fullgraph=True, backend="aot_eager")
+        found, = self.torch.autograd.grad(compiled(b), b)
+        assert self.torch.equal(found, wanted)
+        if not hasattr(self.torch.library, "register_vmap"):
+            pytest.skip("PyTorch before 2.5 has no rule for vmap: batched derivatives are NOT tested")
+        lambda_ = answer(A, b, *rest)[0]
+        many, = self.torch.autograd.grad(lambda_, b, self.torch.eye(ROWS).double(), is_grads_batched=True,
+                                         retain_graph=True)
+        one, = self.torch.autograd.grad(lambda_, b, self.torch.eye(ROWS).double()[3])
+        assert self.torch.equal(many[3], one)
+        scaled = self.torch.stack([0.5 * b, b]).detach()
+        assert self.torch.equal(self.torch.func.vmap(loss)(scaled)[1], loss(b).detach())
+
+    def test_padding_and_what_was_not_solved_get_zeros(self, law):
+        numbers = [np.stack([part, part]) for part in problem(0)]
+        tensors = self.tensors(numbers)
+        counts = self.torch.tensor([ROWS, 0], dtype=self.torch.int32)
+        lambda_, _, _ = self.module.solve(*tensors, counts=counts, cones=list(CONES), law=law, **EXACT)
+        lambda_[0].sum().backward()
+        assert all(not part.grad[1].any() for part in tensors) and tensors[1].grad[0].any()
+        b = tensors[1].detach().requires_grad_()
+        self.answer(law, max_iterations=0)(tensors[0].detach(), b, *tensors[2:])[0].sum().backward()
+        assert not b.grad.any()
+
+    def test_a_second_derivative_is_refused(self, law):
+        A, b, *rest = self.tensors(problem(0))
+        slope, = self.torch.autograd.grad(self.answer(law)(A, b, *rest)[0].sum(), b, create_graph=True)
+        with pytest.raises(RuntimeError, match="solve_backward"):
+            slope.sum().backward()
