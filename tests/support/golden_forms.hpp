@@ -94,6 +94,27 @@ inline void add_velocity_goldens(GoldenCases& cases) {
              });
 }
 
+/// Chains, and bodies of which more than 64 degrees of freedom are coupled, with M and with its factor.
+inline void add_large_and_factored_goldens(GoldenCases& cases) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor})
+    add_laws(cases, std::string("jacobian/bodies/") + (form == MassForm::matrix ? "matrix" : "cholesky"),
+             [form](auto real, Law law, Device device) {
+               using Real = decltype(real);
+               JacobianBatch<Real> batch(law, form);
+               const auto add = [&](const JacobianEnvironment<double>& env) {
+                 batch.add(cast<Real>(in_form(form == MassForm::factor ? reversed(env) : env, form)));
+               };
+               for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+                 add(random_chain({seed, static_cast<Index>(3 + 4 * seed), cones_of_every_kind()}));
+                 add(bodies_in_contact({seed, 9 + 2 * seed, 3, 2 * seed}));
+               }
+               SolverOptions options = golden_options(SolverKind::automatic);
+               options.tolerance = sizeof(Real) == sizeof(float) ? 1e-4 : 1e-8;
+               options.max_iterations = 200;
+               return jacobian_hash(solve(batch, options, device));
+             });
+}
+
 /// Every solver on environments that are all kept as factors.
 inline void add_factor_goldens(GoldenCases& cases) {
   std::vector<SolverKind> solvers(std::begin(kEverySolver), std::end(kEverySolver));
