@@ -56,11 +56,12 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;   ///< what each environment takes
-  KernelRef place;   ///< where each begins
-  KernelRef write;   ///< rows, A or Y, and b
-  KernelRef move;    ///< velocities
-  KernelRef newton;  ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+  KernelRef count;            ///< what each environment takes
+  KernelRef place;            ///< where each begins
+  KernelRef write;            ///< rows, A or Y, and b
+  KernelRef move;             ///< velocities
+  KernelRef newton;           ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+  KernelRef newton_in_parts;  ///< the same where environments have more degrees of freedom than a lane takes
 };
 
 /// Derivatives of contact batches, in one precision (kernels/derivative_program.hpp).

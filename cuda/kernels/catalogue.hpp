@@ -63,7 +63,8 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<PlaceJacobians<Real>>("jacobian_place"),
           Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
           Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
-          Make::template kernel<SolveVelocities<Real>>("velocity_newton")};
+          Make::template kernel<SolveVelocities<Real, false>>("velocity_newton"),
+          Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts")};
 }
 
 template <class Make, class Real>

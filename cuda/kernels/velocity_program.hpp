@@ -29,9 +29,10 @@ struct VelocityArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// One lane per environment, before anything is assembled; one after the other the parts of those that are too large.
-/// What is solved has no part in that.
-template <class Real>
+/// One lane per environment, before anything is assembled. What is solved has no part in that. `kInParts`: also
+/// environments of more than kMostVelocityDofs, one of their parts after the other. They take code and memory that a
+/// batch without them shall not pay for.
+template <class Real, bool kInParts>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
   using Types = LaneTypes<Real, cuda::kWarp>;
@@ -57,11 +58,10 @@ struct SolveVelocities {
   static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Memory& memory) {
     VelocityResult result;
     part.result = &result;
-    if (part.dofs <= kMostVelocityDofs) {
+    if (part.dofs <= kMostVelocityDofs)
       solve_pack<Types>(memory.args.job, &part, 1, memory);
-    } else {
+    else if constexpr (kInParts)
       solve_pack<Large>(memory.args.job, &part, 1, LaneMemory<Large>{memory.args, memory.team, memory.lane});
-    }
     return result;
   }
 
@@ -70,8 +70,13 @@ struct SolveVelocities {
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
       if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, memory));
-      return;
+    } else if constexpr (kInParts) {
+      solve_in_parts(env, memory);
     }
+  }
+
+  static STICTION_HD void solve_in_parts(Offset env, const Memory& memory) {
+    const Args& args = memory.args;
     DofIslands<Real> islands(args.job.batch, env, memory.islands());
     islands.find();
     for (Index i = 0; i < islands.count(); ++i)

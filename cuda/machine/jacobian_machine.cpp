@@ -95,7 +95,7 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   api_->prepare(kernels.place, kPlacing);
   api_->prepare(kernels.write, large_);
   api_->prepare(kernels.move, large_);
-  if (by_newton) api_->prepare(kernels.newton, newton_shape_);
+  if (by_newton) api_->prepare(newton_kernel_, newton_shape_);
 }
 
 /// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
@@ -104,10 +104,11 @@ template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
+  newton_kernel_ = has_large ? kernels_of<Real>(*api_).newton_in_parts : kernels_of<Real>(*api_).newton;
   newton_.dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
   newton_.tree_entries = smaller_of(newton_.dofs * (newton_.dofs + 1) / 2, kMostLargeEntries);
   newton_.largest = {rows, rows, smaller_of(Offset{rows} * newton_.dofs, Offset{kMostLargeColumns}), rows};
-  newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real>::Types>::doubles(
+  newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real, true>::Types>::doubles(
       newton_.largest, newton_.dofs, newton_.tree_entries);
   const Offset list_bytes =
       larger_of(PackLists<1, DofSet>::bytes(rows), has_large ? PackLists<1, LargeDofSet>::bytes(rows) : Offset{0});
@@ -137,7 +138,7 @@ void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, St
   args.arrays = arrays_;
   LaunchShape shape = newton_shape_;
   shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
-  api_->launch(kernels_of<Real>(*api_).newton, shape, &args, stream);
+  api_->launch(newton_kernel_, shape, &args, stream);
 }
 
 template <class Real>

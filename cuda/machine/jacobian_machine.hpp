@@ -38,6 +38,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
   LaunchShape small_, large_;  ///< of counting; of assembling and moving
+  KernelRef newton_kernel_{};
   LaunchShape newton_shape_;
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;
