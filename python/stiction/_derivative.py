@@ -59,8 +59,8 @@ class Derivative:
         """Pulls derivatives of a loss by the solution back to the batch.
 
         solution: a Solution of this batch, or its reactions alone.
-        status: records of how environments were solved, by default those of the Solution. Who was not solved gets
-            zeros. Without records the residual alone decides.
+        status: records of how environments were solved, by default those of the Solution. Environments that were not
+            solved get zeros. Without records the residual alone decides.
         lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution. One more axis in front
             means several losses at once. None: zeros. velocities is for batches of J and M.
 
