@@ -89,6 +89,15 @@ class MujocoSimulations {
   void scatter();
   /// Drops what simulations that start over would start from.
   void reset_warm_start(const std::vector<Offset>& simulations);
+  /// Whether solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no reactions.
+  /// What it leaves to others starts without any.
+  [[nodiscard]] bool starts_from_accelerations() const {
+    return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
+  }
+  /// Which simulations' next solve starts from no acceleration, since they were reset.
+  [[nodiscard]] const std::vector<std::uint8_t>& starts_over() const { return starts_over_; }
+  /// Sets it for all of them: they go on from states of another BatchedSimulation.
+  void set_starts_over(std::vector<std::uint8_t> starts_over);
 
   /// Runge-Kutta of order 4 as mj_RungeKutta does it, with the constraints of all simulations solved between its
   /// stages. Call begin, then for stage 1, 2, 3 (enter, forward dynamics, leave), then end.
@@ -122,11 +131,6 @@ class MujocoSimulations {
   }
   void advance(std::size_t env, const double* velocity, const double* acceleration, double dt);
   void make_room();
-  /// Whether solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no reactions.
-  /// What it leaves to others starts without any.
-  [[nodiscard]] bool starts_from_accelerations() const {
-    return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
-  }
 
   MujocoLayout layout_;
   MujocoFunctions functions_;

@@ -9,10 +9,12 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from stiction.distributed import generator
 from stiction.mujoco import BatchedSimulation
 
 from ._tasks import TASKS
 
+_PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
 _CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC}
 
 
@@ -27,6 +29,9 @@ class MujocoVectorEnv(VectorEnv):
     Environment i of reset(seed=s) is seeded with s + i, as in Gymnasium's vector environments. What it does depends on
     its seed and its actions alone, bit for bit: not on num_envs, the others, or threads.
 
+    shard: a stiction.distributed.Shard, for one of several processes. It says how many environments there are; num_envs
+        is left out. The noise of their resets then follows the seed, the environment's global id and how many episodes
+        it has begun. So reset() takes one seed, the same on every rank.
     name: the task, with or without "-v5". max_episode_steps: steps until truncation.
     autoreset_mode: AutoresetMode.NEXT_STEP, SAME_STEP (infos["final_obs"], infos["final_info"]) or DISABLED
         (reset(options={"reset_mask": mask})).
@@ -38,7 +43,7 @@ class MujocoVectorEnv(VectorEnv):
     mujoco.Renderer.
     """
 
-    def __init__(self, name, num_envs=1, *, max_episode_steps=1000, autoreset_mode=AutoresetMode.NEXT_STEP,
+    def __init__(self, name, num_envs=None, *, shard=None, max_episode_steps=1000, autoreset_mode=AutoresetMode.NEXT_STEP,
                  solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95, cone=None,
                  xml_file=None, **task):
         name = name.removesuffix("-v5")
@@ -46,6 +51,9 @@ class MujocoVectorEnv(VectorEnv):
             raise ValueError(f"name: expected one of {', '.join(TASKS)}, got {name!r}")
         if cone is not None and cone not in _CONES:
             raise ValueError(f"cone: expected 'pyramidal' or 'elliptic', got {cone!r}")
+        if shard is not None and num_envs not in (None, shard.num_envs):
+            raise ValueError(f"num_envs: expected the shard's {shard.num_envs} or none, got {num_envs}")
+        num_envs = shard.num_envs if shard is not None else 1 if num_envs is None else num_envs
         known = TASKS[name].__dataclass_fields__
         for parameter in task:
             if parameter not in known:
@@ -63,6 +71,8 @@ class MujocoVectorEnv(VectorEnv):
         self._views, self._views_of = {}, None
         first = self.simulation.data[0]
         self.task.init_qpos, self._init_qvel = first.qpos.copy(), first.qvel.copy()
+        self.shard, self._seed = shard, None
+        self._episodes = np.zeros(num_envs, np.int64)
         self._random = [None] * num_envs
         self.episode_length = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, bool)
@@ -94,9 +104,17 @@ class MujocoVectorEnv(VectorEnv):
             [int(seed) + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed: expected an int or {self.num_envs} of them, got {len(seeds)}")
-        for i in np.flatnonzero(mask):
-            if seeds[i] is not None or self._random[i] is None:
-                self._random[i], _ = seeding.np_random(seeds[i])
+        if self.shard is None:
+            for i in np.flatnonzero(mask):
+                if seeds[i] is not None or self._random[i] is None:
+                    self._random[i], _ = seeding.np_random(seeds[i])
+        elif seed is not None:
+            if not isinstance(seed, (int, np.integer)) or seed < 0:
+                raise ValueError(f"seed: expected one number, the same on every rank, got {seed!r}")
+            self._seed = int(seed)
+            self._episodes[mask] = 0
+        elif self._seed is None:
+            raise ValueError("seed: expected one number, the same on every rank, got None at the first reset")
         if not self._is_reset and not mask.all():
             raise ValueError("options['reset_mask']: expected a reset of all environments first")
         self._is_reset = True
@@ -169,18 +187,69 @@ class MujocoVectorEnv(VectorEnv):
         """What the solves did, as stiction.Solver.stats()."""
         return self.simulation.solver.stats()
 
+    def states(self):
+        """All that the environments go on from, arrays by environment: "id", "seed", "episode", "episode_length", "over",
+        "physics" (MuJoCo's integration state) and what the task observes. For checkpoints, and for environments that
+        move to another rank (stiction.distributed). Needs a shard.
+
+        Raises ValueError where solves start from the reactions of the step before, which are not among them.
+        """
+        self._require_shard()
+        physics = np.empty((self.num_envs, mujoco.mj_stateSize(self.model, _PHYSICS)))
+        for i, data in enumerate(self.simulation.data):
+            mujoco.mj_getState(self.model, data, physics[i], _PHYSICS)
+        return {"id": self.shard.ids, "seed": np.full(self.num_envs, self._seed, np.int64), "episode": self._episodes.copy(),
+                "episode_length": self.episode_length.copy(), "over": self._over.copy(), "physics": physics,
+                "starts_over": self.simulation.starts_over,
+                **{f"seen_{field}": values for field, values in self._state().items()}}
+
+    def set_states(self, states):
+        """Goes on from states() of this shard's environments, which any rank and any number of ranks may have returned.
+        Returns the observations, as the last step did."""
+        self._require_shard(is_set=True)
+        if not np.array_equal(states["id"], self.shard.ids):
+            raise ValueError(f"states: expected those of environments {self.shard.begin}..{self.shard.end - 1}")
+        if states["physics"].shape[1] != mujoco.mj_stateSize(self.model, _PHYSICS):
+            raise ValueError("states: expected those of this model, got those of another")
+        for i, data in enumerate(self.simulation.data):
+            mujoco.mj_setState(self.model, data, states["physics"][i], _PHYSICS)
+            for field in self.task.fields:
+                getattr(data, field)[:] = states[f"seen_{field}"][i]
+        self.simulation.starts_over = states["starts_over"]
+        self._seed = int(states["seed"][0])
+        self._episodes[:], self.episode_length[:], self._over[:] = (states[name] for name in
+                                                                    ("episode", "episode_length", "over"))
+        self._is_reset = True
+        return self.task.observe(self._state())
+
+    def _require_shard(self, is_set=False):
+        if self.shard is None:
+            raise ValueError("shard: expected a stiction.distributed.Shard, got None: environments have no ids")
+        if not is_set and not self._is_reset:
+            raise gymnasium.error.ResetNeeded("states before reset: call reset(seed=...) first")
+        if self.simulation.starts_from_reactions:
+            raise ValueError("warm_start: expected 0 with this solver, whose solves start from the last reactions: they "
+                             "are not part of a state")
+
     def _start_over(self, mask):
         chosen = np.flatnonzero(mask)
         self.simulation.reset(chosen)
         for i in chosen:
             data = self.simulation.data[i]
-            qpos, qvel = self.task.noise(self._random[i], self.model.nq, self.model.nv)
+            qpos, qvel = self.task.noise(self._stream(i), self.model.nq, self.model.nv)
             data.qpos[:] = self.task.init_qpos + qpos
             data.qvel[:] = self._init_qvel + qvel
         self.simulation.forward(active=None if mask.all() else mask)
         self.simulation.reset_warm_start(chosen)
+        self._episodes[chosen] += 1
         self.episode_length[chosen] = 0
         self._over[chosen] = False
+
+    def _stream(self, i):
+        """Random numbers of the episode that environment i begins."""
+        if self.shard is None:
+            return self._random[i]
+        return generator(self._seed, self.shard.begin + i, int(self._episodes[i]))
 
     def _state(self):
         data = self.simulation.data
