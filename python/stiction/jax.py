@@ -4,7 +4,8 @@
 
 On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. Where it was not, and on other
 platforms, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the
-same bits.
+same bits. The custom call follows its arguments' sharding by environments: each device solves what it has, and nothing
+is gathered. The callback gathers everything unless it is called inside jax.shard_map.
 """
 
 import functools
@@ -13,6 +14,8 @@ import typing
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.experimental.custom_partitioning import custom_partitioning
+from jax.sharding import NamedSharding, PartitionSpec
 
 from . import _core, _jax_derivative
 from ._arrays import STATUS_DTYPE
@@ -58,26 +61,54 @@ class _How(typing.NamedTuple):
     allow_ffi: bool
 
 
+def _by_environments(call):
+    """`call`, of A, b and rows, such that leading axes may be sharded and vmapped. Rows stay together."""
+
+    def partition(mesh, arguments, results):
+        lead = tuple(arguments[1].sharding.spec)[:len(arguments[1].shape) - 1]
+        by_lead = NamedSharding(mesh, PartitionSpec(*lead))
+        return mesh, call, (by_lead,) * len(results), (by_lead,) * len(arguments)
+
+    sharded = custom_partitioning(call)
+    sharded.def_partition(partition=partition, need_replication_factors=("i", "j", "k"),
+                          sharding_rule="... i j, ... i, ... i, ... i, ... i, ... i -> ... i, ... i, ... k")
+
+    @jax.custom_batching.custom_vmap
+    def batched(*arguments):
+        return sharded(*arguments)
+
+    @batched.def_vmap
+    def _(size, is_batched, *arguments):
+        wide = [x if has else jnp.broadcast_to(x, (size, *x.shape)) for x, has in zip(arguments, is_batched)]
+        return batched(*wide), (True, True, True)
+
+    return batched
+
+
+def _results(A, b):
+    """Shapes of what a solve of these returns."""
+    shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
+    return shape, shape, jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(6,))
 def _solve(A, b, mu, R, lo, hi, how):
-    shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
-    records = jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
-    arguments, results = (A, b, mu, R, lo, hi), (shape, shape, records)
+    arguments = (A, b, mu, R, lo, hi)
 
     def call_back(*arguments):
         host = functools.partial(_on_host, how.cones, how.law, (how.solver, how.tolerance, how.max_iterations))
-        return jax.pure_callback(host, results, *arguments, vmap_method="broadcast_all")
+        return jax.pure_callback(host, _results(*arguments[:2]), *arguments, vmap_method="broadcast_all")
 
     if not (uses_ffi and how.allow_ffi):
         return call_back(*arguments)
     kinds, dims = cone_list("cones", how.cones, b.shape[-1])
 
     def custom_call(*arguments):
-        call = jax.ffi.ffi_call("stiction_solve", results, vmap_method="broadcast_all")
+        call = jax.ffi.ffi_call("stiction_solve", _results(*arguments[:2]), vmap_method="broadcast_all")
         return call(*arguments, kinds=kinds.astype(np.int64), dims=dims, law=how.law, solver=how.solver,
                     tolerance=np.float64(how.tolerance), max_iterations=np.int64(how.max_iterations))
 
-    return jax.lax.platform_dependent(*arguments, cpu=custom_call, default=call_back)
+    return jax.lax.platform_dependent(*arguments, cpu=_by_environments(custom_call), default=call_back)
 
 
 @_solve.defjvp
