@@ -24,8 +24,8 @@ case $kind in
     targets=()
     # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes
     # minutes and runs no code of the library that others do not.
-    chosen=(-L 'unit|algorithm|twin|determinism|accuracy|c_api' -LE isa
-      -E 'golden|twin_test_fallback_chain|unit_test_scenes|accuracy_test_shared_|algorithm_test_.*_table|algorithm_test_multigrid$')
+    chosen=(-L 'unit|algorithm|twin|determinism|c_api' -LE isa
+      -E 'golden|twin_test_fallback_chain|unit_test_scenes|algorithm_test_.*_table|algorithm_test_multigrid$')
     export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1
     ;;
   thread)
