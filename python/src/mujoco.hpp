@@ -94,10 +94,6 @@ class MujocoSimulations {
   [[nodiscard]] bool starts_from_accelerations() const {
     return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
   }
-  /// Which simulations' next solve starts from no acceleration, since they were reset.
-  [[nodiscard]] const std::vector<std::uint8_t>& starts_over() const { return starts_over_; }
-  /// Sets it for all of them: they go on from states of another BatchedSimulation.
-  void set_starts_over(std::vector<std::uint8_t> starts_over);
 
   /// Runge-Kutta of order 4 as mj_RungeKutta does it, with the constraints of all simulations solved between its
   /// stages. Call begin, then for stage 1, 2, 3 (enter, forward dynamics, leave), then end.

@@ -138,8 +138,6 @@ void bind_mujoco(nb::module_& module) {
       .def("scatter", &MujocoSimulations::scatter, Unlocked())
       .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"))
       .def("starts_from_accelerations", &MujocoSimulations::starts_from_accelerations)
-      .def("starts_over", &MujocoSimulations::starts_over)
-      .def("set_starts_over", &MujocoSimulations::set_starts_over, nb::arg("starts_over"))
       .def("rk4_begin", &MujocoSimulations::rk4_begin, Unlocked())
       .def("rk4_enter", &MujocoSimulations::rk4_enter, nb::arg("stage"), Unlocked())
       .def("rk4_leave", &MujocoSimulations::rk4_leave, nb::arg("stage"), Unlocked())

@@ -2,12 +2,9 @@
 
 #include <cmath>
 #include <cstring>
-#include <string>
-#include <utility>
 
 #include "python/src/mujoco.hpp"
 #include "python/src/mujoco_memory.hpp"
-#include "stiction/error.hpp"
 
 namespace stiction::python {
 
@@ -100,13 +97,6 @@ void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations)
   if (store_) store_->reset(simulations);
   for (const Offset env : simulations)
     was_reset_.at(static_cast<std::size_t>(env)) = starts_over_.at(static_cast<std::size_t>(env)) = 1;
-}
-
-void MujocoSimulations::set_starts_over(std::vector<std::uint8_t> starts_over) {
-  if (starts_over.size() != data_.size())
-    throw Error(ErrorCode::invalid_argument, "starts_over: expected " + std::to_string(data_.size()) +
-                                                 " entries, got " + std::to_string(starts_over.size()));
-  starts_over_ = std::move(starts_over);
 }
 
 void MujocoSimulations::rk4_begin() {

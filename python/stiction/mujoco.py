@@ -154,16 +154,6 @@ class BatchedSimulation:
         """Whether solves start from the reactions of the step before, which are kept here and not in mjData."""
         return self._warm and not self._own and not self._core.starts_from_accelerations()
 
-    @property
-    def starts_over(self):
-        """Which simulations' next solve starts without a guess, since they were reset: bool (n,). Part of the state of
-        a simulation that goes on elsewhere."""
-        return np.array(self._core.starts_over(), bool)
-
-    @starts_over.setter
-    def starts_over(self, mask):
-        self._core.set_starts_over(np.asarray(mask, np.uint8).tolist())
-
     # -- stepping -----------------------------------------------------------------------------------------------------
 
     def step(self, ctrl=None, nstep=1, active=None):

@@ -200,7 +200,6 @@ class MujocoVectorEnv(VectorEnv):
             mujoco.mj_getState(self.model, data, physics[i], _PHYSICS)
         return {"id": self.shard.ids, "seed": np.full(self.num_envs, self._seed, np.int64), "episode": self._episodes.copy(),
                 "episode_length": self.episode_length.copy(), "over": self._over.copy(), "physics": physics,
-                "starts_over": self.simulation.starts_over,
                 **{f"seen_{field}": values for field, values in self._state().items()}}
 
     def set_states(self, states):
@@ -215,7 +214,6 @@ class MujocoVectorEnv(VectorEnv):
             mujoco.mj_setState(self.model, data, states["physics"][i], _PHYSICS)
             for field in self.task.fields:
                 getattr(data, field)[:] = states[f"seen_{field}"][i]
-        self.simulation.starts_over = states["starts_over"]
         self._seed = int(states["seed"][0])
         self._episodes[:], self.episode_length[:], self._over[:] = (states[name] for name in
                                                                     ("episode", "episode_length", "over"))
