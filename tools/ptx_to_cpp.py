@@ -23,7 +23,8 @@ from ptx_text import PtxError, cpp, identifier, parameters, statements
 class Module:
     """The functions and kernels of one PTX text."""
 
-    HEAD = re.compile(r"(?:\.visible |\.weak )?\.(func|entry)\s*(?:\(([^)]*)\))?\s*([\w$]+)\s*\(([^)]*)\)\s*(?:\.\w+[^;{]*)?([;{])")
+    HEAD = re.compile(r"(?:\.visible |\.weak )?\.(func|entry)\s*(?:\(([^)]*)\))?\s*([\w$]+)\s*\(([^)]*)\)\s*(\.\w+[^;{]*)?([;{])")
+    MOST_THREADS = re.compile(r"\.maxntid\s+(\d+)\s*(?:,\s*1\s*)*(?:\.|$)")
 
     def __init__(self, text):
         text = re.sub(r"//[^\n]*", "", text)
@@ -45,7 +46,7 @@ class Module:
     def find_functions(self):
         at, found = 0, []
         while match := self.HEAD.search(self.text, at):
-            kind, result, name, given, end = match.groups()
+            kind, result, name, given, directives, end = match.groups()
             at = match.end()
             given, result = parameters(given), parameters(result or "")
             if name not in self.functions:
@@ -60,7 +61,10 @@ class Module:
                 at += 1
             found.append((name, given, result, self.text[first:at - 1]))
             if kind == "entry":
-                self.kernels.append((name, given))
+                most = self.MOST_THREADS.search((directives or "").strip())
+                if ".maxntid" in (directives or "") and not most:
+                    raise PtxError(f"{name}: expected .maxntid of one dimension, got {directives.strip()}")
+                self.kernels.append((name, given, int(most[1]) if most else 1024))
         prototypes = dict(zip(self.functions, self.prototypes))
         for name, given, result, body in found:
             self.bodies.append(self.translate(prototypes[name], given, result, body))
@@ -88,12 +92,12 @@ class Module:
         lines = ["// Made by tools/ptx_to_cpp.py.", '#include "tests/ptx/operations.hpp"', "",
                  "namespace stiction::ptx {", "namespace {", ""]
         lines += self.globals + [prototype + ";" for prototype in self.prototypes] + self.bodies
-        for i, (name, given) in enumerate(self.kernels):
+        for i, (name, given, most) in enumerate(self.kernels):
             passed = "".join(f", parameter[{k}]" for k in range(len(given)))
             lines.append(f"void enter_{i}(Lane& lane, unsigned char** parameter) {{ {self.functions[name]}(lane, nullptr{passed}); }}")
             lines.append(f"void launch_{i}(const cuda::EmulatedLaunch&, const void*);")
             sizes = ", ".join(str(size) for _, size in given)
-            lines.append(f'Kernel kernel_{i}{{"{name}", enter_{i}, {{launch_{i}}}, {{{sizes}}}}};')
+            lines.append(f'Kernel kernel_{i}{{"{name}", enter_{i}, {{launch_{i}}}, {{{sizes}}}, {most}}};')
             lines.append(f"void launch_{i}(const cuda::EmulatedLaunch& shape, const void* arguments) {{ launch(kernel_{i}, shape, arguments); }}")
             lines.append(f"const Registered registered_{i}(kernel_{i});")
         return "\n".join(lines + ["", "}  // namespace", "}  // namespace stiction::ptx", ""])

@@ -37,7 +37,7 @@ constexpr double kLeastSeconds = 0.02;         // of one measurement; shorter ca
 constexpr Offset kEntries = Offset{2} << 20;   // of A in a batch of the classes
 constexpr Index kChunk = 4;                    // iterations between two checks of which environments have finished
 constexpr std::size_t kWarp = 32, kPack = 16;  // lanes that wait for one another
-constexpr std::size_t kTeams = 132;            // of 128 lanes, one for each multiprocessor of an H200
+constexpr std::size_t kIntake = 8;             // lanes of a warp that are free before it loads
 constexpr std::size_t kManyEnvs = 65536;       // environments of the counted schedules
 
 struct Setting {
@@ -315,14 +315,14 @@ void count_lanes(const Setting& setting, const std::string& name, const ContactB
   }
   std::vector<double> counts(chunks.begin(), chunks.end());
   const Index most = *std::max_element(chunks.begin(), chunks.end());
-  const double rigid = lock_step(chunks, kWarp).share(), moved = compacted(chunks, kTeams).share(),
-               refill = refilled(chunks, kPack).share();
+  const double rigid = lock_step(chunks, kWarp).share(), warps = refilled(chunks, kWarp, kIntake).share(),
+               packs = refilled(chunks, kPack).share();
   std::printf("%-28s %7zu %8zu %8.0f %6d %9.1f%% %9.1f%% %9.1f%%\n", name.c_str(), queue.size(), chunks.size(),
-              median(counts), most, 100 * rigid, 100 * moved, 100 * refill);
+              median(counts), most, 100 * rigid, 100 * warps, 100 * packs);
   std::fflush(stdout);
   const std::pair<const char*, double> shares[] = {{"useful lane-chunks: warps in lock-step", rigid},
-                                                   {"useful lane-chunks: warps with compaction", moved},
-                                                   {"useful lane-chunks: packs with refill", refill}};
+                                                   {"useful lane-chunks: warps, refilled eight at a time", warps},
+                                                   {"useful lane-chunks: packs, refilled one at a time", packs}};
   for (const auto& [quantity, share] : shares)
     write(setting, {"lanes", name, problem.contacts(), static_cast<Offset>(chunks.size()), quantity, share, "-",
                     "counted", problem.residual(), problem.hash()});
@@ -332,7 +332,7 @@ void run_lanes(const Setting& setting) {
   std::printf(
       "\nlanes: share of lane-chunks that an unfinished environment needed, tolerance 1e-4, dense environments\n");
   std::printf("%-28s %7s %8s %8s %6s %10s %10s %10s\n", "batch", "solved", "repeated", "median", "most", "lock-step",
-              "compacted", "refilled");
+              "warps", "packs");
   for (const std::string& path : setting.recorded) {
     const ContactBatch<Real> batch = convert<Real>(io::read_batch(path).batch);
     count_lanes(setting, std::filesystem::path(path).stem().string(), batch);

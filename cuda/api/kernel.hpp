@@ -22,8 +22,9 @@ struct LaunchShape {
   bool whole_device = false;     ///< one team of every block of `lanes` lanes that the device runs at once
 };
 
-inline constexpr int kWarp = 32;        ///< lanes that run in lock-step
-inline constexpr int kMostLanes = 256;  ///< of a team within one block
+inline constexpr int kWarp = 32;          ///< lanes that run in lock-step
+inline constexpr int kMostLanes = 256;    ///< of a team within one block
+inline constexpr int kTeamThreads = 128;  ///< of a block at most whose teams are smaller
 
 /// Fast memory that a team keeps for itself, beside what a launch gives it [bytes].
 inline constexpr std::size_t kTeamBytes = 768;
@@ -42,7 +43,7 @@ inline constexpr std::size_t least_block_bytes(int lanes, std::size_t shared_byt
 ///     struct P {
 ///       using Args = ...;                     // trivially copyable, at most 4 kB
 ///       static constexpr bool kSerial = ...;  // lanes == 1 always
-///       static constexpr int kLanes = ...;    // if there: lanes of every team, one a block
+///       static constexpr int kThreads = ...;  // if there: of a block at most, a multiple of its lanes
 ///       template <Team TeamT> static STICTION_HD void run(TeamT& team, const TeamId& id, const Args& args);
 ///     };
 ///

@@ -10,7 +10,7 @@ namespace stiction::cuda {
 
 /// One solver, precision and law.
 struct SolveKernels {
-  KernelRef bundles;  ///< one lane per environment, in bundles that are compacted (kernels/solve_thread_per_env.hpp);
+  KernelRef bundles;  ///< one lane per environment                                (kernels/solve_thread_per_env.hpp);
                       ///< none if the method factorises
   KernelRef dense;    ///< one team per environment, dense system                  (kernels/solve_teams.hpp)
   KernelRef sparse;   ///< one team per environment, sparse system

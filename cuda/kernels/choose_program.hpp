@@ -15,7 +15,7 @@ struct ChooseArgs {
   PlanArrays plan;         ///< sound; the keys are written
   std::uint8_t* assigned;  ///< the stage that each environment stands on, kept from stage to stage  (envs)
   int stage;               ///< the one to be solved next
-  SizeClass finest;        ///< class of the smallest dense environments under its solver
+  ClassLimits limits;      ///< of the dense classes under its solver
 };
 
 }  // namespace stiction::cuda
@@ -37,10 +37,9 @@ struct ChooseEnvironments {
       Index rows = 0;
       if (path != EnvPath::empty && assign(team, args, index) == args.stage) {
         rows = args.job.batch.env_rows(index);
-        own = size_class(path, rows);
-        if (path == EnvPath::dense && own > args.finest) own = args.finest;
+        own = size_class(path, rows, args.limits);
       }
-      single(team, [&] { args.plan.key[index] = static_cast<std::uint8_t>(sort_key(own, rows)); });
+      single(team, [&] { args.plan.key[index] = static_cast<std::uint8_t>(sort_key(own, rows, args.limits)); });
     }
   }
 

@@ -46,15 +46,14 @@ struct InspectEnvironments {
     if (flags != 0) path = EnvPath::empty;
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
     const PlanTarget target = target_of(args, env, first_cone);
-    SizeClass own = size_class(path, s.rows);
-    if (path == EnvPath::dense && own > args.finest) own = args.finest;
+    const SizeClass own = size_class(path, s.rows, args.limits);
     single(team, [&] {
       *target.path = path;
       *target.counts = ConeCounts{};
       *target.color_count = 0;
       args.plan.env_vertex_offsets[env] = first_cone + env;
       args.plan.flags[env] = flags;
-      args.plan.key[env] = static_cast<std::uint8_t>(sort_key(own, s.rows));
+      args.plan.key[env] = static_cast<std::uint8_t>(sort_key(own, s.rows, args.limits));
     });
     if (path == EnvPath::dense) plan_dense(team, s, target.counts, target.cone_order);
   }

@@ -38,7 +38,7 @@ struct SolveVelocities {
   using Types = LaneTypes<Real, cuda::kWarp>;
   using Large = LaneTypes<Real, cuda::kWarp, LargeDofSet>;
   static constexpr bool kSerial = false;
-  static constexpr int kLanes = cuda::kWarp;
+  static constexpr int kThreads = cuda::kTeamThreads;
 
   template <class Lane>
   struct LaneMemory {

@@ -35,8 +35,8 @@ bool same_owner(const std::weak_ptr<const PlanData>& a, const std::weak_ptr<cons
 
 }  // namespace
 
-DeviceContactMachine::DeviceContactMachine(std::shared_ptr<DeviceApi> api, Offset piece_bytes, SizeClass finest)
-    : api_(std::move(api)), engine_(*api_, finest), staging_(*api_, engine_, piece_bytes) {}
+DeviceContactMachine::DeviceContactMachine(std::shared_ptr<DeviceApi> api, Offset piece_bytes, const ClassRules& rules)
+    : api_(std::move(api)), engine_(*api_, rules), staging_(*api_, engine_, piece_bytes) {}
 
 void DeviceContactMachine::reserve(const Capacity& capacity, SolverKind solver) {
   const std::lock_guard lock(mutex_);

@@ -14,7 +14,7 @@ namespace stiction::cuda {
 class DeviceContactMachine final : public ContactMachine {
  public:
   explicit DeviceContactMachine(std::shared_ptr<DeviceApi> api, Offset piece_bytes = kPieceBytes,
-                                SizeClass finest = SizeClass::thread_small);
+                                const ClassRules& rules = {});
 
   void solve(const SolveRequest<float>& request) override;
   void solve(const SolveRequest<double>& request) override;

@@ -29,6 +29,8 @@ const char* name_of(SizeClass size_class) {
       return "dense_warp";
     case SizeClass::dense_tile:
       return "dense_tile";
+    case SizeClass::thread_large:
+      return "thread_large";
     case SizeClass::thread_medium:
       return "thread_medium";
     case SizeClass::thread_small:
@@ -44,7 +46,7 @@ constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f3
 
 }  // namespace
 
-Engine::Engine(DeviceApi& api, SizeClass finest) : api_(api), finest_(finest), timer_(api), plan_{} {
+Engine::Engine(DeviceApi& api, const ClassRules& rules) : api_(api), rules_(rules), timer_(api), plan_{} {
   for (int k = 0; k < kBranches; ++k) {
     branch_[static_cast<std::size_t>(k)] = std::make_unique<Stream>(api_);
     joined_[static_cast<std::size_t>(k)] = std::make_unique<Event>(api_);
@@ -79,7 +81,7 @@ template <class Real>
 void Engine::queue_plan(const SolveRequest<Real>& request) {
   const PlanArgs args{structure_view(request.batch),   plan_,
                       reserved_.capacity.env_rows,     reserved_.capacity.env_dofs,
-                      reserved_.capacity.env_nonzeros, finest_for(request.options.solver)};
+                      reserved_.capacity.env_nonzeros, limits_for(request.options.solver, request.batch.env_count)};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -103,8 +105,7 @@ void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Rea
 
 /// Whether environments of a class can come to a solver.
 bool Engine::has_class(SolverKind solver, SizeClass size_class) const {
-  return shapes_of(solver)[static_cast<std::size_t>(size_class)].launch.teams > 0 &&
-         (!is_thread_per_env(size_class) || size_class <= finest_for(solver));
+  return shapes_of(solver)[static_cast<std::size_t>(size_class)].launch.teams > 0;
 }
 
 /// The kernel that solves a class of environments, of which no trivial one is.
@@ -138,10 +139,12 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   const StreamHandle stream = request.stream.handle();
   api_.record(forked_->get(), stream);
   for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
+  const ClassLimits limits = limits_for(solver, request.batch.env_count);
   int next = 0;
   for (int k = 0; k < kSizeClasses; ++k) {
     const auto size_class = static_cast<SizeClass>(k);
     if (!has_class(solver, size_class) || (size_class == SizeClass::trivial && !with_trivial)) continue;
+    if (is_dense(size_class) && !limits.holds(size_class)) continue;
     const int lane = next++ % (kBranches + 1);
     const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
     if (size_class == SizeClass::trivial)
@@ -161,14 +164,14 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream.handle();
-  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, SizeClass::trivial};
+  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, {}};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const Real omega = job.omega;
   job.stage = 0;
   queue_trivial(request, job, 0, stream);
   for (int stage = 0; stage < kFallbackStages; ++stage) {
     const SolverKind solver = fallback_stage(stage).solver;
-    const ChooseArgs<Real> args{job, plan_, assigned_, stage, finest_for(solver)};
+    const ChooseArgs<Real> args{job, plan_, assigned_, stage, limits_for(solver, request.batch.env_count)};
     timer_.time("choose", to_string(solver), 0, stream, [&] {
       api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
       api_.launch(api_.kernels().plan.sort, sort_, &plan, stream);

@@ -16,15 +16,30 @@
 
 namespace stiction::cuda {
 
+/// What decides the class of a dense environment. It reaches speed only: other rules are for measuring, and for tests
+/// that a class changes no bit.
+struct ClassRules {
+  ClassLimits limits;  ///< but for thread_large
+  Offset many_per_processor =
+      62;                        ///< environments of a batch, from which a lane each fills the device: 8184 on an H200
+  Index most_rows_of_many = 72;  ///< rows of an environment that has a lane then
+
+  /// The smallest dense environments are of this class.
+  static ClassRules from(SizeClass finest) {
+    ClassRules rules;
+    rules.limits = rules.limits.from(finest);
+    if (finest < SizeClass::thread_large) rules.most_rows_of_many = 0;
+    return rules;
+  }
+};
+
 /// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
 /// launches and nothing else. It returns at once and can be captured into a graph. Everything about the batch but its
 /// largest extent is read on the device. So a graph may be replayed with other numbers, other contacts and other sizes
 /// of environments.
 class Engine {
  public:
-  /// Dense environments go to `finest` or a class of larger ones, however small they are. That is for measuring, and
-  /// for tests that a class changes no bit.
-  explicit Engine(DeviceApi& api, SizeClass finest = SizeClass::thread_small);
+  explicit Engine(DeviceApi& api, const ClassRules& rules = {});
   ~Engine();
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
@@ -75,7 +90,8 @@ class Engine {
 
   [[nodiscard]] static std::bitset<kSolverKindCount> stages_of(SolverKind solver);
   [[nodiscard]] const Workspace& method_workspace(SolverKind solver) const;
-  [[nodiscard]] SizeClass finest_for(SolverKind solver) const;
+  [[nodiscard]] ClassLimits limits_for(const Workspace& method, Offset envs) const;
+  [[nodiscard]] ClassLimits limits_for(SolverKind solver, Offset envs) const;
   template <class Real>
   [[nodiscard]] Offset slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const;
@@ -101,7 +117,7 @@ class Engine {
   void finish(StreamHandle stream) noexcept;
 
   DeviceApi& api_;
-  SizeClass finest_;
+  ClassRules rules_;
   StreamTimer timer_;
   Reserved reserved_;
   bool captured_ = false;

@@ -16,8 +16,12 @@ inline bool is_sparse(SizeClass size_class) {
   return size_class == SizeClass::sparse_block || size_class == SizeClass::sparse_device;
 }
 
+inline bool is_dense(SizeClass size_class) {
+  return size_class >= SizeClass::dense_large && size_class <= SizeClass::thread_small;
+}
+
 inline bool is_thread_per_env(SizeClass size_class) {
-  return size_class == SizeClass::thread_medium || size_class == SizeClass::thread_small;
+  return size_class >= SizeClass::thread_large && size_class <= SizeClass::thread_small;
 }
 
 /// Whether environments can be so large that they are sparse.

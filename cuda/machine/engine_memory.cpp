@@ -23,6 +23,8 @@ namespace {
 constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 /// Most environments of a batch: the sort counts them in integers of 32 bits.
 constexpr Offset kMostEnvs = std::numeric_limits<Index>::max();
+/// Warps with an environment a lane that run at once on a multiprocessor, as registers allow.
+constexpr Offset kWarpsPerProcessor = 8;
 /// Smallest class of a method that factorises.
 constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
 
@@ -49,10 +51,10 @@ int lanes_of(SizeClass size_class) {
       return 8;
     case SizeClass::dense_warp:
     case SizeClass::factor_warp:
-      return kWarp;
+    case SizeClass::thread_large:
     case SizeClass::thread_medium:
     case SizeClass::thread_small:
-      return kBundle;
+      return kWarp;
     case SizeClass::trivial:
       return 1;
     default:
@@ -88,12 +90,11 @@ Offset Engine::slot_elements(SizeClass size_class, const Capacity& capacity, con
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
       elements = larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, method));
   } else {
-    if (size_class > finest_) return 0;
-    const SizeClass smaller = static_cast<SizeClass>(static_cast<int>(size_class) + 1);
-    // A method that factorises never takes a bundle: what would be one is a tile.
-    const bool is_finest = size_class == finest_ || (method.is_direct() && size_class == kFinestDirect);
-    if (capacity.env_rows <= (is_finest ? 0 : class_rows(smaller))) return 0;
-    const Offset rows = smaller_of(class_rows(size_class), capacity.env_rows);
+    // A batch of few environments may come, too: then what a lane each would take is shared out over more.
+    const bool needs_many = size_class == SizeClass::thread_large;
+    const ClassLimits limits = limits_for(method, needs_many ? capacity.envs : 0);
+    if (!limits.holds(size_class) || capacity.env_rows <= limits.below(size_class)) return 0;
+    const Offset rows = smaller_of(limits.of(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
     const Workspace own = is_thread_per_env(size_class) ? method.in_bundles() : method;
     elements = SystemArrays<Real, 1>::elements(rows, rows, own) + rows * rows + own.square_elements(rows);
@@ -121,10 +122,10 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
   }
   std::size_t head_bytes = 0;
   if (is_thread_per_env(size_class)) {
-    team_bytes *= kBundle;
+    team_bytes *= kWarpSlots;
     head_bytes = sizeof(BundleHead<double>);
-    shape.launch.teams = (capacity.envs + kBundleIntake - 1) / kBundleIntake;
-    per_processor = 8;
+    shape.launch.teams = (capacity.envs + kWarpSlots - 1) / kWarpSlots;
+    per_processor = kWarpsPerProcessor;
   }
   shape.shared =
       shape.shared && least_block_bytes(shape.launch.lanes, head_bytes + team_bytes) <= api_.facts().shared_bytes;
@@ -155,10 +156,17 @@ const Workspace& Engine::method_workspace(SolverKind solver) const {
   return api_.kernels().solvers[static_cast<std::size_t>(solver)].workspace;
 }
 
-/// Class of the smallest dense environments under a solver. The fallback chain's stages sort anew.
-SizeClass Engine::finest_for(SolverKind solver) const {
-  return solver != SolverKind::automatic && method_workspace(solver).is_direct() ? smaller_of(finest_, kFinestDirect)
-                                                                                 : finest_;
+/// What dense environments of a batch of so many are under a method. One that factorises never takes a lane each.
+ClassLimits Engine::limits_for(const Workspace& method, Offset envs) const {
+  ClassLimits limits = rules_.limits;
+  if (envs >= rules_.many_per_processor * api_.facts().processors)
+    limits = limits.with(SizeClass::thread_large, rules_.most_rows_of_many);
+  return method.is_direct() ? limits.from(kFinestDirect) : limits;
+}
+
+/// What they are under a solver. The fallback chain's stages sort anew.
+ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
+  return limits_for(solver == SolverKind::automatic ? Workspace{} : method_workspace(solver), envs);
 }
 
 /// Prepares every kernel that a solve may launch, under either law: the very first solve can be captured.

@@ -21,7 +21,4 @@ struct CudaShape {
 /// Bytes of what a grid that is one team keeps in global memory.
 inline constexpr std::size_t kGridBytes = 262912;
 
-/// Threads of a block whose teams are smaller.
-inline constexpr int kTeamLanes = 128;
-
 }  // namespace stiction::cuda

@@ -15,15 +15,16 @@ __device__ __noinline__ void run_as(CudaTeam& team, const cuda::TeamId& id, cons
   Program::run(team, id, args);
 }
 
-/// Most threads of a block of this program. The fewer, the more registers a thread may have.
+/// Most threads of a block of this program. The fewer, the more registers a thread may have. That one block fits on a
+/// multiprocessor is all that is asked: ptxas would keep registers for more, and move numbers to local memory.
 template <class Program>
 constexpr int most_threads() {
-  if constexpr (requires { Program::kLanes; }) return Program::kLanes;
+  if constexpr (requires { Program::kThreads; }) return Program::kThreads;
   return cuda::kMostLanes;
 }
 
 template <class Program>
-__global__ void __launch_bounds__(most_threads<Program>())
+__global__ void __launch_bounds__(most_threads<Program>(), 1)
     run_teams(const __grid_constant__ typename Program::Args args, const __grid_constant__ cuda::CudaShape shape) {
   if constexpr (Program::kSerial) {
     SerialTeam team;

@@ -24,7 +24,7 @@ inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const Devic
                                         : static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);
   };
   LaunchGrid grid;
-  grid.block = larger_of(shape.lanes, kTeamLanes);
+  grid.block = larger_of(shape.lanes, kTeamThreads);
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
   while (grid.block > larger_of(shape.lanes, kWarp) && 2 * shared_of(grid.block) > facts.resident_shared_bytes)
     grid.block /= 2;

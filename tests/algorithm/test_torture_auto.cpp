@@ -39,7 +39,8 @@ void expect_the_same_on_teams(const ContactBatch<double>& batch_of_doubles, Law 
   const ContactBatch<Real> batch = convert<Real>(batch_of_doubles);
   const SolverOptions options = chain(law, tolerance);
   cuda::EmulatedDevice device({lanes, 2, static_cast<std::uint64_t>(lanes)});
-  EXPECT_EQ(on_engine(device, batch, options, SizeClass::dense_block), solve_hashes(batch, options));
+  EXPECT_EQ(on_engine(device, batch, options, cuda::ClassRules::from(SizeClass::dense_block)),
+            solve_hashes(batch, options));
 }
 
 TEST(Torture, TheLadderHasTheSameBitsOnTeamsOfAFewLanes) {

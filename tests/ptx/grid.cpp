@@ -85,6 +85,10 @@ void Grid::start(const void* arguments) {
     throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " asks for " +
                                                std::to_string(grid_.shared) + " bytes of shared memory, of " +
                                                std::to_string(kBlockBytes));
+  if (static_cast<u32>(grid_.block) > kernel_.most_threads)
+    throw Error(ErrorCode::device_failure, std::string("PTX: ") + kernel_.name + " is launched with " +
+                                               std::to_string(grid_.block) + " threads a block and was compiled for " +
+                                               std::to_string(kernel_.most_threads));
   for (u32 block = 0; block < blocks_; ++block) shared_.push_back(allocate_shared(grid_.shared));
   const auto block_size = static_cast<u32>(grid_.block);
   at_block_.assign(blocks_, 0);

@@ -76,6 +76,7 @@ struct Kernel {
   void (*enter)(Lane& lane, unsigned char** parameters);
   cuda::EmulatedKernel emulated;  ///< the kernel as the emulated device takes one
   std::vector<std::size_t> parameter_bytes;
+  u32 most_threads;        ///< of a block: what it was compiled for
   bool is_serial = false;  ///< each lane is a team
   u64 launches = 0;
   LaneCounts counts;

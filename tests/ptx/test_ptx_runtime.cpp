@@ -74,6 +74,12 @@ TEST(PtxRuntime, AMistakeOfALaneIsAnErrorThatNamesIt) {
   EXPECT_NE(mistake("spinning").find("waits for what no lane writes"), std::string::npos);
 }
 
+TEST(PtxRuntime, MoreThreadsThanAKernelWasCompiledForAreAnError) {
+  std::array<u32, 128> out{};
+  launch_teams("few_threads", 128, out.data());
+  EXPECT_NE(mistake("few_threads", 256).find("256 threads a block and was compiled for 128"), std::string::npos);
+}
+
 TEST(PtxRuntime, MoreSharedMemoryThanThereIsIsAnError) {
   EXPECT_THROW(launch_teams("neighbours", 128, nullptr, std::size_t{228} << 10), Error);
 }

@@ -6,12 +6,12 @@
 
 namespace stiction::test {
 
-/// Hashes of what the GPU's engine answers on an emulated device; `finest` is the class of the smallest environments.
+/// Hashes of what the GPU's engine answers on an emulated device, by these rules.
 template <class Real>
 std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const ContactBatch<Real>& batch,
-                                     const SolverOptions& options, SizeClass finest = SizeClass::thread_small) {
+                                     const SolverOptions& options, const cuda::ClassRules& rules = {}) {
   const Capacity need = Capacity::of(batch.view());
-  cuda::Engine engine(device, finest);
+  cuda::Engine engine(device, rules);
   engine.reserve(need, options.solver, need.precision);
   const cuda::Stream stream(device);
   DeviceBatch<Real> there(device, need);

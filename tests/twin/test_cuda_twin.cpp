@@ -93,7 +93,8 @@ TEST_P(CudaTwinOf, WhoWorksOnAnEnvironmentChangesNoBit) {
   const auto expected = env_hashes(batch, solve(batch, options));
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
                                  SizeClass::dense_tile, SizeClass::thread_medium}) {
-    cuda::DeviceContactMachine machine(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes, finest);
+    cuda::DeviceContactMachine machine(std::make_shared<cuda::CudaApi>(device_->ordinal), cuda::kPieceBytes,
+                                       cuda::ClassRules::from(finest));
     Solution<float> answer = solve(batch, options);
     for (float& value : answer.lambda) value = -1.0F;
     machine.solve(SolveRequest<float>{nullptr,

@@ -65,7 +65,27 @@ TEST(DeviceEngine, TheClassOfAnEnvironmentChangesNothing) {
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
                                  SizeClass::dense_tile, SizeClass::thread_medium}) {
     cuda::EmulatedDevice device({2, 3, 4});
-    EXPECT_EQ(on_engine(device, batch, options, finest), expected) << static_cast<int>(finest);
+    EXPECT_EQ(on_engine(device, batch, options, cuda::ClassRules::from(finest)), expected) << static_cast<int>(finest);
+  }
+}
+
+TEST(DeviceEngine, LargeEnvironmentsHaveALaneEachWhereThereAreManyOfThem) {
+  const ContactBatch<float> ragged = convert<float>(scene_batch("mixed", 40, 3)),
+                            easy = convert<float>(scene_batch("grasp", 6, 3));
+  for (const SolverKind solver : {SolverKind::npgs, SolverKind::automatic}) {
+    // What the chain solves at once: its later stages are slow here, and are tested elsewhere.
+    const ContactBatch<float>& batch = solver == SolverKind::automatic ? easy : ragged;
+    SolverOptions options = quick(solver);
+    if (solver == SolverKind::automatic) options.tolerance = 1e-2;
+    const auto expected = solve_hashes(batch, options);
+    for (const Index most_rows : {24, 72}) {
+      cuda::EmulatedDevice device({3, 2, 5});
+      cuda::ClassRules rules;
+      rules.many_per_processor = 1;
+      rules.most_rows_of_many = most_rows;
+      EXPECT_EQ(on_engine(device, batch, options, rules), expected)
+          << to_string(solver) << ", " << most_rows << " rows";
+    }
   }
 }
 

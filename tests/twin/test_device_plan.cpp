@@ -47,7 +47,8 @@ std::vector<Offset> library_order(std::vector<std::uint8_t> keys) {
   return order;
 }
 
-void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanArrays& device) {
+void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanArrays& device,
+                           const ClassLimits& limits) {
   const ContactBatchView<double> view = batch.view();
   const PlanData host = make_plan(view);
   const Offset envs = view.env_count;
@@ -60,8 +61,8 @@ void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanAr
   for (Offset env = 0; env < envs; ++env) {
     const auto index = static_cast<std::size_t>(env);
     EXPECT_EQ(device.flags[env], 0U);
-    const SizeClass expected = size_class(host.path[index], view.env_rows(env));
-    keys.push_back(static_cast<std::uint8_t>(sort_key(expected, view.env_rows(env))));
+    const SizeClass expected = size_class(host.path[index], view.env_rows(env), limits);
+    keys.push_back(static_cast<std::uint8_t>(sort_key(expected, view.env_rows(env), limits)));
     ++class_begin[static_cast<std::size_t>(expected) + 1];
     if (host.path[index] != EnvPath::sparse) continue;
     const Offset first = device.env_vertex_offsets[env];
@@ -80,12 +81,14 @@ void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanAr
 }
 
 /// Plans and solves nothing: no iteration is allowed.
-void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, const char* what) {
+void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, const char* what, bool are_many = false) {
   SCOPED_TRACE(what);
+  cuda::ClassRules rules;
+  rules.many_per_processor = are_many ? 0 : batch.view().env_count + 1;
   SolverOptions options;
   options.max_iterations = 0;
   const Capacity need = Capacity::of(batch.view());
-  cuda::Engine engine(device);
+  cuda::Engine engine(device, rules);
   engine.reserve(need, options.solver, Precision::f64);
   const cuda::Stream stream(device);
   DeviceBatch<double> there(device, need);
@@ -93,7 +96,8 @@ void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, co
   engine.solve(SolveRequest<double>{nullptr, there.view(), there.solution(), nullptr, batch.law(), options,
                                     StreamRef(stream.get())});
   device.synchronize(stream.get());
-  expect_hosts_integers(batch, engine.plan_arrays());
+  const ClassLimits limits;
+  expect_hosts_integers(batch, engine.plan_arrays(), are_many ? limits.with(SizeClass::thread_large, 72) : limits);
 }
 
 TEST(DevicePlan, IntegersAreTheHostsOnAThousandRandomBatches) {
@@ -108,6 +112,7 @@ TEST(DevicePlan, IntegersAreTheHostsOnEveryScene) {
   cuda::EmulatedDevice device({2, 3, 1});
   plan_on(device, ragged_batch(8, 1), "ragged");
   plan_on(device, scene_batch("mixed", 300, 3), "mixed");
+  plan_on(device, scene_batch("mixed", 300, 3), "mixed, a lane each", true);
   plan_on(device, scene_batch("pile", 3, 3, 500), "pile");
 }
 
@@ -154,19 +159,40 @@ TEST(DevicePlan, IslandsAreFoundThroughTheSolver) {
   }
 }
 
-TEST(SizeClasses, KeysOrderClassesAndThenSizes) {
+void expect_order(const ClassLimits& limits) {
   int last = kSortKeys;
   SizeClass last_class = SizeClass::trivial;
   for (Index rows = 1; rows <= 1024; ++rows) {
-    const SizeClass own = size_class(EnvPath::dense, rows);
-    EXPECT_LE(rows, class_rows(own));
+    const SizeClass own = size_class(EnvPath::dense, rows, limits);
+    EXPECT_LE(rows, limits.of(own));
+    EXPECT_TRUE(limits.holds(own));
+    EXPECT_GT(rows, limits.below(own));
     EXPECT_LE(static_cast<int>(own), static_cast<int>(last_class));
-    EXPECT_LE(sort_key(own, rows), last) << rows;
-    EXPECT_EQ(sort_key(own, rows) / kBucketsPerClass, static_cast<int>(own));
-    last = sort_key(own, rows);
+    EXPECT_LE(sort_key(own, rows, limits), last) << rows;
+    EXPECT_EQ(sort_key(own, rows, limits) / kBucketsPerClass, static_cast<int>(own));
+    last = sort_key(own, rows, limits);
     last_class = own;
   }
-  last = kSortKeys;
+}
+
+TEST(SizeClasses, KeysOrderClassesAndThenSizes) {
+  expect_order(ClassLimits{});
+  expect_order(ClassLimits{}.with(SizeClass::thread_large, 72));
+  expect_order(ClassLimits{}.from(SizeClass::dense_block));
+}
+
+TEST(SizeClasses, ALaneEachTakesTheSizesOfTilesAndWarps) {
+  const ClassLimits few, many = few.with(SizeClass::thread_large, 72);
+  for (Index rows = 1; rows <= 1024; ++rows) {
+    const SizeClass shared_out = size_class(EnvPath::dense, rows, few), own = size_class(EnvPath::dense, rows, many);
+    EXPECT_EQ(own, rows > 18 && rows <= 72 ? SizeClass::thread_large : shared_out) << rows;
+  }
+  EXPECT_FALSE(many.holds(SizeClass::dense_warp));
+  EXPECT_FALSE(few.holds(SizeClass::thread_large));
+}
+
+TEST(SizeClasses, KeysOrderSizesOfSparseEnvironments) {
+  int last = kSortKeys;
   for (Index rows = 65; rows < 2000000; rows = rows * 9 / 8 + 1) {
     const SizeClass own = size_class(EnvPath::sparse, rows);
     EXPECT_LE(sort_key(own, rows), last) << rows;

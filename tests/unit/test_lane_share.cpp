@@ -22,7 +22,7 @@ void expect_counts(const LaneChunks& counted, Offset useful, Offset spent) {
 
 TEST(LaneShare, NothingIsWastedWhereAllTakeAsLong) {
   const std::vector<Index> chunks(256, 7);
-  for (const LaneChunks& counted : {lock_step(chunks, 32), refilled(chunks, 16), compacted(chunks, 1)}) {
+  for (const LaneChunks& counted : {lock_step(chunks, 32), refilled(chunks, 16), refilled(chunks, 32, 8)}) {
     expect_counts(counted, 256 * 7, 256 * 7);
     EXPECT_EQ(counted.share(), 1.0);
   }
@@ -36,7 +36,7 @@ TEST(LaneShare, AWarpWaitsForItsSlowestLane) {
 
 TEST(LaneShare, APartlyFilledWarpCountsAllItsLanes) {
   expect_counts(lock_step(std::vector<Index>{3, 2}, 32), 5, 96);
-  expect_counts(compacted(std::vector<Index>{3, 2}, 1), 5, 96);
+  expect_counts(refilled(std::vector<Index>{3, 2}, 32, 8), 5, 96);
 }
 
 TEST(LaneShare, ALaneTakesTheNextEnvironment) {
@@ -47,39 +47,16 @@ TEST(LaneShare, ALaneTakesTheNextEnvironment) {
 TEST(LaneShare, EnvironmentsThatAreSolvedWhenLoadedTakeNoChunk) {
   expect_counts(refilled(std::vector<Index>{0, 2, 0, 2}, 2), 4, 4);
   expect_counts(lock_step(std::vector<Index>(32, 0), 32), 0, 0);
-  expect_counts(compacted(std::vector<Index>(200, 0), 2), 0, 0);
+  expect_counts(refilled(std::vector<Index>(200, 0), 32, 8), 0, 0);
   EXPECT_EQ(LaneChunks{}.share(), 1.0);
 }
 
-// Every fourth of 128 takes two chunks: the second chunk is that of one warp, where lock-step keeps four.
-TEST(LaneShare, CompactionFreesWarps) {
-  const std::vector<Index> chunks = alternating(128, 4, 2, 1);
-  expect_counts(compacted(chunks, 1), 160, 160);
-  expect_counts(lock_step(chunks, 32), 160, 256);
-}
-
-// 33 unfinished of 128 need two warps, of 64 as many as they have: these do not move.
-TEST(LaneShare, CompactionMovesOnlyWhereAWarpIsFreed) {
-  std::vector<Index> many(128, 1);
-  for (std::size_t i = 0; i < 33; ++i) many[3 * i] = 2;
-  expect_counts(compacted(many, 1), 128 + 33, 128 + 64);
-  std::vector<Index> few(64, 1);
-  for (std::size_t i = 0; i < 33; ++i) few[i + 15] = 2;
-  expect_counts(compacted(few, 1), 64 + 33, 64 + 64);
-}
-
-// After the first chunk 32 of 128 go on and the last 32 of the queue join them.
-TEST(LaneShare, FreedLanesTakeNewEnvironments) {
-  std::vector<Index> chunks = alternating(128, 4, 2, 1);
-  chunks.insert(chunks.end(), 32, 1);
-  expect_counts(compacted(chunks, 1), 160 + 32, 128 + 64);
-}
-
-// Two teams deal the queue out between them: 128 each, then nothing is left for either.
-TEST(LaneShare, TeamsShareTheQueue) {
-  std::vector<Index> chunks(256, 1);
-  for (std::size_t i = 0; i < 16; ++i) chunks[i] = chunks[128 + i] = 2;
-  expect_counts(compacted(chunks, 2), 256 + 32, 256 + 2 * 32);
+// After the first chunk eight of 32 go on, and 24 new ones join them. Seven that are free would wait.
+TEST(LaneShare, LanesThatAreFreeWaitForOthers) {
+  std::vector<Index> chunks = alternating(32, 4, 2, 1);
+  chunks.insert(chunks.end(), 24, 1);
+  expect_counts(refilled(chunks, 32, 24), 64, 64);
+  expect_counts(refilled(chunks, 32, 25), 64, 96);
 }
 
 TEST(LaneShare, EveryChunkIsCountedOnceWhateverTheSchedule) {
@@ -87,10 +64,10 @@ TEST(LaneShare, EveryChunkIsCountedOnceWhateverTheSchedule) {
   std::vector<Index> chunks;
   for (int i = 0; i < 3000; ++i) chunks.push_back(rng.below(1 + 20 / (1 + i % 5)));
   const Offset all = std::accumulate(chunks.begin(), chunks.end(), Offset{0});
-  for (const std::size_t teams : {1, 2, 7, 40}) {
-    const LaneChunks counted = compacted(chunks, teams);
+  for (const std::size_t intake : {1, 2, 8, 32}) {
+    const LaneChunks counted = refilled(chunks, 32, intake);
     EXPECT_EQ(counted.useful, all);
-    EXPECT_GT(counted.share(), lock_step(chunks, 32).share());
+    EXPECT_GE(counted.share(), lock_step(chunks, 32).share());
     EXPECT_LE(counted.share(), 1.0);
   }
   EXPECT_EQ(lock_step(chunks, 32).useful, all);
