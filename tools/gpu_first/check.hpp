@@ -27,6 +27,9 @@ void add_steps(Checks& checks);
 void add_capture(Checks& checks);
 void add_repetition(Checks& checks);
 void add_times(Checks& checks);
+void add_sanitizer(Checks& checks);
 void add_tuning(Checks& checks);
+// What the program itself is tried with.
+void add_self(Checks& checks);
 
 }  // namespace stiction::gpu_first

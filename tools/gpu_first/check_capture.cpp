@@ -76,8 +76,8 @@ void capture_replay(Report& report) {
   }
 }
 
-/// Two solvers whose cooperative grids are on the device at once. Each asks for all of it: if the driver let both begin,
-/// neither could end.
+/// Two solvers whose cooperative grids are on the device at once. Each asks for all of it: if the driver let both
+/// begin, neither could end.
 void two_grids(Report& report) {
   const auto batch = convert<float>(test::scene_batch("pile", 1, 5, 2100));
   const SolverOptions options = few_sweeps(SolverKind::npgs, report.setting().full ? 8 : 1);
@@ -118,9 +118,7 @@ void repeat(Report& report) {
     const SolverOptions options = few_sweeps(kind, full ? 30 : 6);
     report.compare(
         to_string(kind),
-        [&] {
-          return Hashes(static_cast<std::size_t>(times), joined(env_hashes(batch, solve(batch, options))));
-        },
+        [&] { return Hashes(static_cast<std::size_t>(times), joined(env_hashes(batch, solve(batch, options)))); },
         [&] {
           Arrays arrays(report.target()->api());
           const Solver solver(report.target()->device(), options, Capacity::of(batch.view()));

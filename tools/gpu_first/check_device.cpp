@@ -11,7 +11,8 @@ namespace {
 /// What a program of the machine prints about it.
 void ask(Report& report, const std::vector<std::string>& command) {
   const Ending ending = run_child(command, 10);
-  report.measured(command[0], [&](JsonLine& line) { line.add("status", ending.number).add("printed", ending.printed); });
+  report.measured(command[0],
+                  [&](JsonLine& line) { line.add("status", ending.number).add("printed", ending.printed); });
 }
 
 void describe(Report& report) {

@@ -62,8 +62,7 @@ void worlds(Report& report) {
       test::run(world, full ? 60 : 12);
       return Hashes{test::world_hash(world)};
     };
-    report.compare(
-        scene, [&] { return walked(Device::cpu()); }, [&] { return walked(report.target()->device()); });
+    report.compare(scene, [&] { return walked(Device::cpu()); }, [&] { return walked(report.target()->device()); });
   }
 }
 
@@ -157,8 +156,8 @@ Hashes derivatives(const ContactBatch<Real>& batch, const std::vector<Real>& lam
   if (target == nullptr) {
     const auto back = test::vjp(host, lambda, bar, w_bar);
     const auto forth = test::jvp(host, lambda, BatchTangentView<Real>{nudge.data(), nullptr, bar.data()});
-    return {hash_of(back.A), hash_of(back.b), hash_of(back.R), hash_of(back.mu), hash_of(forth.lambda),
-            hash_of(forth.w)};
+    return {hash_of(back.A),  hash_of(back.b),       hash_of(back.R),
+            hash_of(back.mu), hash_of(forth.lambda), hash_of(forth.w)};
   }
   Arrays arrays(target->api());
   const Derivative derivative(target->device(), {}, Capacity::of(host));
@@ -176,8 +175,8 @@ Hashes derivatives(const ContactBatch<Real>& batch, const std::vector<Real>& lam
   derivative.jvp(view, at, BatchTangentView<Real>{arrays.put(nudge), nullptr, arrays.put(bar)}, changes, status, 1,
                  stream);
   arrays.synchronize();
-  return {hash_of(arrays.fetch(to.A, entries)),  hash_of(arrays.fetch(to.b, rows)),
-          hash_of(arrays.fetch(to.R, rows)),     hash_of(arrays.fetch(to.mu, rows)),
+  return {hash_of(arrays.fetch(to.A, entries)),        hash_of(arrays.fetch(to.b, rows)),
+          hash_of(arrays.fetch(to.R, rows)),           hash_of(arrays.fetch(to.mu, rows)),
           hash_of(arrays.fetch(changes.lambda, rows)), hash_of(arrays.fetch(changes.w, rows))};
 }
 

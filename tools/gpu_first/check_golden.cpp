@@ -34,8 +34,7 @@ void compare_form(Report& report, const std::string& form) {
 
 void add_golden(Checks& checks) {
   for (const char* const form : test::kGoldenForms)
-    checks.push_back(
-        {std::string("golden/") + form, 60, [form](Report& report) { compare_form(report, form); }});
+    checks.push_back({std::string("golden/") + form, 60, [form](Report& report) { compare_form(report, form); }});
 }
 
 }  // namespace stiction::gpu_first

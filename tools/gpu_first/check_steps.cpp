@@ -23,8 +23,8 @@ Hashes warm_steps(const std::vector<test::Step<float>>& life, Offset envs, Targe
       store.records(records);
       std::uint64_t hash = hash_of(guess);
       for (const auto& record : records)
-        hash = (hash ^ static_cast<std::uint64_t>(record.hits * 1000 + record.misses)) * 0x100000001b3ULL +
-               record.flags;
+        hash =
+            (hash ^ static_cast<std::uint64_t>(record.hits * 1000 + record.misses)) * 0x100000001b3ULL + record.flags;
       hashes.push_back(hash);
     };
     if (target == nullptr) {
@@ -93,8 +93,7 @@ Hashes stepped(const ContactBatch<float>& first, Target* target) {
 
 void stepping(Report& report) {
   const auto batch = convert<float>(test::scene_batch("walker", report.setting().full ? 1000 : 6, 4));
-  report.compare(
-      "", [&] { return stepped(batch, nullptr); }, [&] { return stepped(batch, report.target()); });
+  report.compare("", [&] { return stepped(batch, nullptr); }, [&] { return stepped(batch, report.target()); });
 }
 
 }  // namespace

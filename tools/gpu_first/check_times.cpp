@@ -5,13 +5,13 @@
 #include "tools/gpu_first/recorded.hpp"
 #include "tools/gpu_first/timing.hpp"
 
-/// Times of batches in the device's memory, as graphs. A device that the CPU stands in for runs them once: its times say
-/// nothing but that the programs work.
+/// Times of batches in the device's memory, as graphs. A device that the CPU stands in for runs them once: its times
+/// say nothing but that the programs work.
 namespace stiction::gpu_first {
 
 namespace {
 
-constexpr Index kShort = 20, kLong = 60;        // sweeps of the two solves whose difference is taken
+constexpr Index kShort = 20, kLong = 60;       // sweeps of the two solves whose difference is taken
 constexpr Offset kEntries = Offset{64} << 20;  // of A in a batch
 
 SolverOptions exactly(SolverKind solver, Index sweeps) {

@@ -7,18 +7,18 @@
 #include "cuda/native/cuda_check.hpp"
 #include "tools/gpu_first/target.hpp"
 
-/// What the design of the kernels assumes of the hardware, measured alone: chains of one operation by one warp, so that
-/// its latency shows and nothing hides it.
+/// What the design of the kernels assumes of the hardware. A chain of one operation by one warp shows its latency, which
+/// nothing hides.
 namespace stiction::gpu_first {
 
 namespace {
 
-constexpr int kSteps = 512;       // links of a chain
-constexpr int kWords = 1024;      // of shared memory, a ring of indices
-constexpr int kLocalWords = 64;   // of a lane's stack
-constexpr int kBlock = 256;       // threads of the block that meets at barriers
-constexpr int kNodes = 100;       // launches in a graph
-constexpr int kLaunches = 2000;   // launches one after the other
+constexpr int kSteps = 512;      // links of a chain
+constexpr int kWords = 1024;     // of shared memory, a ring of indices
+constexpr int kLocalWords = 64;  // of a lane's stack
+constexpr int kBlock = 256;      // threads of the block that meets at barriers
+constexpr int kNodes = 100;      // launches in a graph
+constexpr int kLaunches = 2000;  // launches one after the other
 constexpr std::size_t kBytes = std::size_t{256} << 20;
 
 struct Clocks {
@@ -48,7 +48,7 @@ __global__ void shared_chain(Clocks* out) {
   fill_ring(ring);
   measure(out, static_cast<int>(threadIdx.x), [&](int x) { return ring[x]; });
 }
-/// The same addresses through a pointer of which the compiler cannot know where it leads.
+/// Addresses of shared memory through a pointer of which the compiler cannot know where it leads.
 __global__ void generic_chain(Clocks* out, int* global, int use_global) {
   __shared__ int ring[kWords];
   fill_ring(ring);
@@ -156,8 +156,8 @@ class Bench {
   void launches() {
     STICTION_CUDA_TRY(cudaStreamSynchronize(stream_));
     report_("launch", timed([&] {
-              for (int i = 0; i < kLaunches; ++i) nothing<<<1, 32, 0, stream_>>>();
-            }) / kLaunches,
+                        for (int i = 0; i < kLaunches; ++i) nothing<<<1, 32, 0, stream_>>>();
+                      }) / kLaunches,
             "us");
     cudaGraph_t graph = nullptr;
     cudaGraphExec_t ready = nullptr;

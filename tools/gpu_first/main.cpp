@@ -1,8 +1,10 @@
-// The first minutes on a GPU: every check in a process of its own with a time limit, the most telling first. One line of
-// JSON is appended to a file for each result at once, so that a check that hangs or dies costs its own line alone.
+// The first minutes on a GPU: every check in a process of its own with a time limit, the most telling first. One line
+// of JSON is appended to a file for each result at once, so that a check that hangs or dies costs its own line alone.
 //
-//   gpu_first --out results.jsonl [--device cuda|emulated|ptx|cpu] [--size full|small] [--only PREFIX,...] [--seconds S]
+//   gpu_first --out results.jsonl [--device cuda|emulated|ptx|cpu] [--size full|small] [--only PREFIX,...] [--seconds
+//   S]
 //             [--hashes FILE] [--batches FOLDER] [--patience 1] [--write-hashes FILE] [--list]
+//             [--skip PREFIX,...]
 //
 // Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs what
 // nvcc made of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu compares
@@ -35,7 +37,9 @@ Checks all_checks() {
   add_capture(checks);
   add_repetition(checks);
   add_times(checks);
+  add_sanitizer(checks);
   add_tuning(checks);
+  add_self(checks);
   return checks;
 }
 
@@ -51,10 +55,11 @@ std::vector<std::string> parts_of(const std::string& text) {
 }
 
 struct Arguments {
-  std::map<std::string, std::string> values{{"--out", ""},      {"--device", "cuda"}, {"--size", ""},
-                                            {"--only", ""},     {"--seconds", "1e9"}, {"--hashes", "tools/gpu_first/hashes.csv"},
-                                            {"--batches", ""},  {"--patience", ""},   {"--write-hashes", ""},
-                                            {"--run", ""},      {"--skip", ""}};
+  std::map<std::string, std::string> values{
+      {"--out", ""},     {"--device", "cuda"}, {"--size", ""},
+      {"--only", ""},    {"--seconds", "1e9"}, {"--hashes", "tools/gpu_first/hashes.csv"},
+      {"--batches", ""}, {"--patience", ""},   {"--write-hashes", ""},
+      {"--run", ""},     {"--skip", ""}};
   bool lists = false;
 
   Arguments(int argc, char** argv) {
@@ -82,8 +87,7 @@ struct Arguments {
     Setting setting;
     setting.device = at("--device");
     if (setting.device != "cuda" && setting.device != "emulated" && setting.device != "ptx" && setting.device != "cpu")
-      throw Error(ErrorCode::invalid_argument,
-                  "--device is '" + setting.device + "': use cuda, emulated, ptx or cpu");
+      throw Error(ErrorCode::invalid_argument, "--device is '" + setting.device + "': use cuda, emulated, ptx or cpu");
     const bool is_small = setting.device == "emulated" || setting.device == "ptx";
     setting.full = at("--size").empty() ? !is_small : at("--size") == "full";
     setting.patience = at("--patience").empty() ? (is_small ? 20 : 1) : number("--patience");
@@ -117,6 +121,11 @@ int run_one(const Arguments& arguments, const Setting& setting) {
   throw Error(ErrorCode::invalid_argument, "there is no check '" + arguments.at("--run") + "'");
 }
 
+/// Whether the check goes wrong by design.
+bool is_for_itself(const Check& check) {
+  return check.name.rfind("self/", 0) == 0;
+}
+
 bool begins_with_any(const std::string& name, const std::vector<std::string>& prefixes) {
   for (const std::string& prefix : prefixes)
     if (name.rfind(prefix, 0) == 0) return true;
@@ -139,7 +148,8 @@ int run_all(const Arguments& arguments, const Setting& setting, char* self) {
   const double start = wall_seconds(), seconds = arguments.number("--seconds");
   int wrong = 0, right = 0, left_out = 0;
   for (const Check& check : all_checks()) {
-    if ((!only.empty() && !begins_with_any(check.name, only)) || begins_with_any(check.name, skip)) continue;
+    const bool is_named = begins_with_any(check.name, only);
+    if (begins_with_any(check.name, skip) || !(is_named || (only.empty() && !is_for_itself(check)))) continue;
     const double left = seconds - (wall_seconds() - start), limit = check.limit_s * setting.patience;
     if (left < 2) {
       ++left_out;
@@ -156,8 +166,11 @@ int run_all(const Arguments& arguments, const Setting& setting, char* self) {
     const bool has_said = ending.kind == Ending::Kind::exited && ending.number <= kWrong;
     if (!has_said && !setting.out.empty()) append_line(setting.out, line_of(check, ending));
     is_right ? ++right : ++wrong;
-    std::printf("%-8s %6.1f s  %s\n", is_right ? "right" : has_said ? "WRONG" : "FAILED", ending.seconds,
-                check.name.c_str());
+    std::printf("%-8s %6.1f s  %s\n",
+                is_right   ? "right"
+                : has_said ? "WRONG"
+                           : "FAILED",
+                ending.seconds, check.name.c_str());
     if (!is_right) std::printf("  %s\n", ending.printed.c_str());
     std::fflush(stdout);
   }

@@ -39,7 +39,8 @@ std::optional<ContactBatch<float>> read_recorded(const std::string& folder, cons
   for_each_array(arrays, [&](auto& array) {
     std::uint64_t count = 0;
     file.read(reinterpret_cast<char*>(&count), sizeof count);
-    if (!file || count > kMost) throw Error(ErrorCode::io, path + " is damaged: make it anew by scripts/pack_for_gpu.sh");
+    if (!file || count > kMost)
+      throw Error(ErrorCode::io, path + " is damaged: make it anew by scripts/pack_for_gpu.sh");
     array.resize(count);
     file.read(reinterpret_cast<char*>(array.data()), static_cast<std::streamsize>(count * sizeof(array[0])));
   });

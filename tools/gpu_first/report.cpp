@@ -57,8 +57,7 @@ std::string Report::key(const std::string& part) const {
   return check_ + "," + part + "," + setting_.size();
 }
 
-void Report::compare(const std::string& part, const std::function<Hashes()>& here,
-                     const std::function<Hashes()>& there,
+void Report::compare(const std::string& part, const std::function<Hashes()>& here, const std::function<Hashes()>& there,
                      const std::function<void(JsonLine&, std::size_t)>& describe) {
   const double start = wall_seconds();
   const Hashes expected = here();
@@ -87,11 +86,11 @@ void Report::compare(const std::string& part, const std::function<Hashes()>& her
   const bool same = failure.empty() && count == 0 && actual.size() == expected.size();
   const bool wrong_here = is_known && !is_committed;
   good_ = good_ && same && !wrong_here;
-  const char* const result = !failure.empty()                 ? "error"
-                             : !same                          ? "different"
-                             : wrong_here                     ? "not what is committed"
-                             : setting_.write_hashes.empty()  ? "equal"
-                                                              : "written";
+  const char* const result = !failure.empty()                ? "error"
+                             : !same                         ? "different"
+                             : wrong_here                    ? "not what is committed"
+                             : setting_.write_hashes.empty() ? "equal"
+                                                             : "written";
   JsonLine line = begin(part, result);
   line.add("committed", is_committed ? "equal" : is_known ? "differs" : "unknown");
   line.add("items", expected.size()).add("hash_cpu", own).add("hash_device", hex(joined(actual)));
