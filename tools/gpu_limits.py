@@ -5,7 +5,7 @@
 
 A line of the table: rows and number of environments, the class that their rows give them, the fastest class, and the
 time of each. The library does not read the table: its limits are constants (class_rows() in
-core/job/size_class.hpp), to be changed by hand where the table says so at every number of environments.
+core/job/size_class.hpp). They are changed by hand, where the table says so at every number of environments.
 """
 
 import csv

@@ -15,10 +15,10 @@ void sanitize(Report& report, const std::string& tool, const std::string& check)
   if (report.target() == nullptr || !report.target()->is_native())
     return report.left_out("", "compute-sanitizer needs a GPU");
   const std::string self = std::filesystem::read_symlink("/proc/self/exe").string();
-  const Ending ending = run_child(
-      {"compute-sanitizer", "--tool", tool, "--error-exitcode", std::to_string(kFound), "--print-limit", "5", self,
-       "--run", check, "--device", "cuda", "--size", "small", "--hashes", report.setting().hashes},
-      kLimit * report.setting().patience);
+  const Ending ending =
+      run_child({"compute-sanitizer", "--tool", tool, "--error-exitcode", std::to_string(kFound), "--print-limit", "5",
+                 self, "--run", check, "--device", "cuda", "--size", "small", "--hashes", report.setting().hashes},
+                kLimit * report.setting().patience);
   const bool ended = ending.kind == Ending::Kind::exited;
   if (ended && ending.number == 127) return report.left_out("", "compute-sanitizer is not here");
   if (!ended) return report.left_out("", "it ran out of time, or died; it printed: " + ending.printed);

@@ -29,8 +29,7 @@ void judge_wrong(Report& report) {
 }
 
 void compare_unequal(Report& report) {
-  report.compare(
-      "", [] { return Hashes{1, 2, 3, 4}; }, [] { return Hashes{1, 2, 9, 8}; });
+  report.compare("", [] { return Hashes{1, 2, 3, 4}; }, [] { return Hashes{1, 2, 9, 8}; });
 }
 
 }  // namespace

@@ -1,10 +1,9 @@
-// The first minutes on a GPU: every check in a process of its own with a time limit, the most telling first. One line
-// of JSON is appended to a file for each result at once, so that a check that hangs or dies costs its own line alone.
+// The first minutes on a GPU: every check in a process of its own with a time limit, the most telling first. Each
+// result is a line of JSON, appended to a file at once. A check that hangs or dies costs its own line alone.
 //
-//   gpu_first --out results.jsonl [--device cuda|emulated|ptx|cpu] [--size full|small] [--only PREFIX,...] [--seconds
-//   S]
-//             [--hashes FILE] [--batches FOLDER] [--patience 1] [--write-hashes FILE] [--list]
-//             [--skip PREFIX,...]
+//   gpu_first --out results.jsonl [--device cuda|emulated|ptx|cpu] [--size full|small] [--seconds S]
+//             [--only PREFIX,...] [--skip PREFIX,...] [--hashes FILE] [--batches FOLDER] [--patience 1]
+//             [--write-hashes FILE] [--list]
 //
 // Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs what
 // nvcc made of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu compares
