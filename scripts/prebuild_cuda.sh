@@ -29,3 +29,10 @@ nice -n 19 ninja -C "$folder" -j "${STICTION_PREBUILD_JOBS:-$jobs}" "${objects[@
 nvcc=$("$CUDACXX" --version | sed -n 's/.*, V\([0-9.]*\)$/\1/p')
 python3 "$root/tools/prebuilt_cuda.py" pack "$folder" "$archive" --nvcc "$nvcc" --architectures 90
 note "$((SECONDS - begin)) s"
+
+# What the solvers' machine code needs must not have grown (docs/numerics.md); a table of another nvcc is skipped.
+mapfile -t solvers < <(printf '%s\n' "${objects[@]}" | grep stiction_cuda_translated | sed "s#^#$folder/#")
+status=0
+python3 "$root/tools/check_ptxas.py" --arch 90 --budget "$root/cuda/native/solver_budget.csv" --compiler "$nvcc" "${solvers[@]}" ||
+  status=$?
+case $status in 0 | 77) ;; *) exit "$status" ;; esac
