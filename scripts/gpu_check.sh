@@ -68,7 +68,7 @@ check() {  # FILE options ...: runs gpu_first
 
 verdict() {
   local status=0
-  check verdict.jsonl --skip robot,tune,time/ > "$out/verdict.log" 2>&1 || status=1
+  check verdict.jsonl --skip robot,tune > "$out/verdict.log" 2>&1 || status=1
   grep -vE '^(right| )' "$out/verdict.log" | cut -c 1-400 || true
   say "$((SECONDS - begin)) s"
   return $status
@@ -91,7 +91,7 @@ build_package() {
     configure -DSTICTION_BUILD_PYTHON=ON -DSTICTION_BUILD_GPU_FIRST=OFF && cmake --build '$build' -j $jobs" > "$out/package.log" 2>&1
 }
 
-peers() {  # PROCESS: waits for the package, then races MJX and PyTorch on recorded robots
+peers() {  # PROCESS: waits for the package, then races what STICTION_GPU_PEERS names on recorded robots
   local path=$build/python files=("$carry"/robots/*.h5)
   wait "$1" || { note "the Python package was not built; see package.log"; return 0; }
   [ -e "${files[0]}" ] || { note "no recordings were carried along: no peers"; return 0; }
@@ -100,7 +100,7 @@ peers() {  # PROCESS: waits for the package, then races MJX and PyTorch on recor
     python3 -m pip install --no-index --no-deps --quiet --target "$build/wheels" "$carry"/wheels/*.whl >> "$out/package.log" 2>&1 || true
     path=$path:$build/wheels
   fi
-  PYTHONPATH=$path timeout "$(left)" python3 "$root/bench/peers/gpu.py" "${files[@]}" --peers torch,mjx --envs 1024,8192 \
+  PYTHONPATH=$path timeout "$(left)" python3 "$root/bench/peers/gpu.py" "${files[@]}" --peers "${STICTION_GPU_PEERS:-torch}" --envs 1024,8192 \
     --goals 1e-4 --results "$out" --images "$out" > "$out/peers.log" 2>&1 || note "peers: $(tail -n 1 "$out/peers.log")"
 }
 

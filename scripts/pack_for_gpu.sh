@@ -4,7 +4,7 @@
 #   stiction_cuda_sm90.tar.xz   the kernels' objects (scripts/prebuild_cuda.sh; an hour of one core the first time)
 #   gpu_first.xz                the program, linked with them; it needs a C library no older than this machine's
 #   batches/                    recorded robots for it, which need no HDF5
-#   robots/, wheels/            recordings and Python packages for bench/peers/gpu.py; left out where they cannot be had
+#   robots/, wheels/            recordings, and h5py for Python 3.12, for bench/peers/gpu.py; left out where they cannot be had
 #
 # Then tries it: the archive is taken by a build, the program runs and finds the committed hashes on the CPU, and all that
 # travels (tracked files and .carry) is under 60 MiB. Git ignores the folder.
@@ -46,7 +46,7 @@ for name in humanoid g1; do
 done
 if ! compgen -G "$carry/wheels/*.whl" > /dev/null; then
   python3 -m pip download --quiet --no-deps --only-binary=:all: --python-version 3.12 --platform manylinux_2_28_x86_64 \
-    --platform manylinux2014_x86_64 -d "$carry/wheels" h5py mujoco mujoco-mjx etils absl-py > "$folder/wheels.log" 2>&1 ||
+    --platform manylinux2014_x86_64 -d "$carry/wheels" h5py > "$folder/wheels.log" 2>&1 ||
     note "no Python packages for peers: $(tail -n 1 "$folder/wheels.log")"
 fi
 
