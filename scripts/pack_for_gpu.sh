@@ -31,7 +31,7 @@ if command -v ccache > /dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=c
 cmake "${options[@]}" > /dev/null
 cmake --build "$folder" --target gpu_first -j "$jobs"
 strip -o "$folder/gpu_first.stripped" "$folder/tools/gpu_first/gpu_first"
-xz -T 0 -6 -c "$folder/gpu_first.stripped" > "$carry/gpu_first.xz"
+xz -T 0 -3 -c "$folder/gpu_first.stripped" > "$carry/gpu_first.xz"
 
 say "recordings"
 rm -rf "$carry/batches" "$carry/robots"

@@ -23,6 +23,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 # How kernels are compiled. No record of dependencies names these.
 SETTINGS = ["cmake/fp_policy.cmake", "cmake/stiction_add_solver.cmake", "cmake/solvers.cmake"]
 GENERATED = "@build@/"
+PRESET = 3  # of xz: a fifth larger than its default, in less than half of the time
 
 
 def run(*command):
@@ -85,7 +86,7 @@ def pack(build, archive, nvcc, architectures):
     text = manifest(build, names, nvcc, architectures)
     archive.parent.mkdir(parents=True, exist_ok=True)
     part = archive.with_name(archive.name + ".part")
-    with tarfile.open(part, "w:xz") as tar:
+    with tarfile.open(part, "w:xz", preset=PRESET) as tar:
         info = tarfile.TarInfo("manifest.txt")
         info.size = len(text.encode())
         tar.addfile(info, io.BytesIO(text.encode()))
