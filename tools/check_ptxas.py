@@ -16,9 +16,11 @@ import csv
 import io
 import pathlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 
 import fatbin
 
@@ -43,12 +45,26 @@ def readable(names):
     return short
 
 
+def machine_code(path):
+    """The machine code in an object; compressed, by NVIDIA's cuobjdump where that is found."""
+    try:
+        return fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
+    except fatbin.Compressed:
+        program = shutil.which("cuobjdump")
+        if program is None:
+            raise
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run([program, "--extract-elf", "all", path.resolve()], cwd=folder, check=True, capture_output=True)
+            return [fatbin.Image(re.search(r"sm_(\d+)", file.name).group(1), file.read_bytes())
+                    for file in sorted(pathlib.Path(folder).iterdir())]
+
+
 def read_objects(objects, archs):
     """({(kernel, arch): fatbin.Kernel}, bytes of machine code by architecture, problems)."""
     found, sizes, problems = {}, dict.fromkeys(archs, 0), []
     for path in objects:
         try:
-            cubins = fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
+            cubins = machine_code(path)
             for arch in archs:
                 own = [k for image in cubins if image.arch == arch for k in fatbin.kernels(image.payload, path.name)]
                 if not own:

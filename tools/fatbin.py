@@ -33,6 +33,10 @@ class FatbinError(Exception):
     """What is wrong with an object, in a sentence."""
 
 
+class Compressed(FatbinError):
+    """Its code is compressed, by a method that NVIDIA does not document."""
+
+
 @dataclasses.dataclass
 class Image:
     arch: str  # "90"
@@ -73,7 +77,7 @@ def images(data, label, wanted):
                 raise FatbinError(f"{label}: the container of the device code has another layout than is known here")
             if kind == wanted:
                 if flags & COMPRESSED:
-                    raise FatbinError(f"{label}: its device code is compressed; compile with --no-compress")
+                    raise Compressed(f"{label}: its device code is compressed; compile with --no-compress, or have cuobjdump on PATH")
                 found.append(Image(str(arch), data[at + header:at + header + size]))
             at += header + size
         begin = data.find(struct.pack("<I", FATBIN_MAGIC), end)
