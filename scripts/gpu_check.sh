@@ -1,52 +1,119 @@
 #!/usr/bin/env bash
-# On a machine with an NVIDIA GPU, and without a network: builds for that GPU, runs every test, compares the GPU's bits
-# with the CPU's, runs compute-sanitizer and the benchmarks. Needs CMake, ninja, nvcc and a C++20 compiler. About eight
-# minutes on 16 cores. Writes gpu_check.json; exit status 1 if anything failed or there was no device.
+# The first minutes on a machine with an NVIDIA GPU, and without a network. Two commands, the verdict first:
 #
-#   scripts/gpu_check.sh [FOLDER]        where gpu_check.json and the logs go; default: out
+#   scripts/gpu_check.sh verdict [FOLDER]    are the GPU's bits the CPU's? every check, the most telling first
+#   scripts/gpu_check.sh tune [FOLDER]       times: classes, robots, limits of classes; a profile; peers
 #
-# Optional dependencies, and what goes missing without them: GoogleTest (tests), HDF5 + CLI11 + fmt + nlohmann-json
-# (command line, so hash comparison and sanitizer; bench_classes), Google Benchmark (benchmarks), rapidcheck (property
-# tests). tools/gpu_check.py --device emulated rehearses what follows the build where there is no GPU. Where
-# the machine lacks them, run scripts/pack_for_gpu.sh on one that has them and bring its folder .carry along.
+# Results are appended to FOLDER (default: out) as they come: verdict.jsonl, tune.jsonl, limits.csv, logs. Exit status of
+# `verdict`: 0 where all is right, else 1. STICTION_GPU_SECONDS limits a command (default 340), STICTION_GPU_DEVICE=ptx
+# rehearses it without a GPU (docs/gpu_first.md).
+#
+# What scripts/pack_for_gpu.sh collected in .carry/ is used: gpu_first itself, else the kernels' objects (needs CMake,
+# ninja and g++, a minute and a half on 16 cores), else nvcc compiles all (many minutes).
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-out=${1:-$root/out}
+usage() { echo "gpu_check.sh: say verdict or tune, then a folder for the results" >&2; exit 2; }
+case $#:${1:-} in 1:verdict | 2:verdict | 1:tune | 2:tune) command=$1 ;; *) usage ;; esac
+out=${2:-$root/out}
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
-seconds=${STICTION_GPU_CHECK_SECONDS:-460}
+device=${STICTION_GPU_DEVICE:-cuda}
+seconds=${STICTION_GPU_SECONDS:-340}
 begin=$SECONDS
+carry=$root/.carry
+build=${STICTION_GPU_BUILD_DIR:-$root/build-gpu}
+left() { echo $((seconds - SECONDS + begin)); }
 
-for program in cmake ninja python3; do
-  command -v "$program" > /dev/null || { echo "gpu_check.sh: $program is needed" >&2; exit 2; }
-done
-find_nvcc
-[ -n "${CUDACXX:-}" ] || { echo "gpu_check.sh: nvcc is needed (set CUDACXX)" >&2; exit 2; }
+configure() {  # options ...: for this GPU, or with the objects that were carried along
+  local options=(-S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
+    -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_TOOLS=OFF
+    -DSTICTION_BUILD_C=OFF -DSTICTION_WARNINGS_AS_ERRORS=OFF -DSTICTION_CPU_KERNELS=native "$@")
+  local archives=("$carry"/stiction_cuda_sm*.tar.xz) capability
+  find_nvcc
+  if [ -e "${archives[0]}" ]; then
+    options+=("-DSTICTION_PREBUILT_CUDA=${archives[0]}")
+  else
+    capability=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2> /dev/null | head -n 1 | tr -d '. ' || true)
+    case $capability in '' | *[!0-9]*) capability=90 ;; esac
+    options+=("-DCMAKE_CUDA_ARCHITECTURES=$capability-real")
+  fi
+  if command -v ninja > /dev/null; then options+=(-G Ninja); fi
+  if command -v ccache > /dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache); fi
+  cmake "${options[@]}"
+}
 
-capability=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2> /dev/null | head -n 1 | tr -d '. ' || true)
-case $capability in '' | *[!0-9]*) capability=90; note "nvidia-smi names no device: building for sm_90" ;; esac
-
-build=$root/build-gpu
-options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
-  "-DCMAKE_CUDA_ARCHITECTURES=$capability-real" -DSTICTION_WARNINGS_AS_ERRORS=OFF)
-if [ -d "$root/.carry/usr" ]; then
-  carried=$root/.carry/usr/lib/$(uname -m)-linux-gnu
-  # RPATH and not RUNPATH: the libraries that were carried need one another.
-  options+=("-DCMAKE_PREFIX_PATH=$root/.carry/usr" "-DHDF5_ROOT=$root/.carry/hdf5" "-DCMAKE_BUILD_RPATH=$carried"
-    "-DCMAKE_EXE_LINKER_FLAGS=-Wl,--disable-new-dtags,-rpath-link,$carried")
-  if [ -d "$root/.carry/shared" ]; then options+=("-DSTICTION_SHARED_DIR=$root/.carry/shared"); fi
+program=$build/tools/gpu_first/gpu_first
+if [ -f "$carry/gpu_first.xz" ] && [ -z "${STICTION_GPU_BUILD:-}" ]; then
+  mkdir -p "$build"
+  xz -dc "$carry/gpu_first.xz" > "$build/gpu_first" && chmod +x "$build/gpu_first"
+  if "$build/gpu_first" --list > /dev/null 2>&1; then program=$build/gpu_first; else note "the carried gpu_first does not run here"; fi
 fi
-if command -v ccache > /dev/null; then
-  options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
+if [ "$program" != "$build/gpu_first" ]; then
+  say "build"
+  if ! (configure -DSTICTION_BUILD_GPU_FIRST=ON && cmake --build "$build" --target gpu_first -j "$jobs") > "$out/build.log" 2>&1; then
+    tail -n 60 "$out/build.log"
+    exit 1
+  fi
 fi
+note "gpu_first is there after $((SECONDS - begin)) s"
 
-say "build for sm_$capability"
-cmake "${options[@]}" > "$out/configure.log" 2>&1 || { cat "$out/configure.log"; exit 1; }
-grep -E '^--  ' "$out/configure.log" || true
-cmake --build "$build" -j "$jobs" > "$out/build.log" 2>&1 || { tail -n 60 "$out/build.log"; exit 1; }
-note "$((SECONDS - begin)) s"
+check() {  # FILE options ...: runs gpu_first
+  local file=$1
+  shift
+  "$program" --device "$device" --out "$out/$file" --hashes "$root/tools/gpu_first/hashes.csv" --batches "$carry/batches" \
+    --seconds "$(left)" "$@"
+}
 
-exec python3 "$root/tools/gpu_check.py" --root "$root" --build "$build" --out "$out" --jobs "$jobs" \
-  --seconds "$((seconds - SECONDS + begin))" --build-seconds "$((SECONDS - begin))"
+verdict() {
+  local status=0
+  check verdict.jsonl --skip robot,tune > "$out/verdict.log" 2>&1 || status=1
+  grep -vE '^(right| )' "$out/verdict.log" | cut -c 1-400 || true
+  say "$((SECONDS - begin)) s"
+  return $status
+}
+
+profile() {  # what a kernel waits for, where the machine lets it be seen
+  command -v ncu > /dev/null || { note "ncu is not here"; return 0; }
+  local name
+  for name in thread_small dense_warp dense_large; do
+    [ "$(left)" -gt 60 ] || { note "no time to profile $name"; return 0; }
+    timeout 40 ncu --clock-control none --section SpeedOfLight --section WarpStateStats --section Occupancy \
+      --section MemoryWorkloadAnalysis --launch-count 6 --csv "$program" --device cuda --run "time/$name" \
+      --hashes "$root/tools/gpu_first/hashes.csv" > "$out/ncu_$name.csv" 2>&1 || note "ncu: $(tail -n 1 "$out/ncu_$name.csv")"
+  done
+}
+
+# The Python package in the background, since peers are last; its compiler runs at the lowest priority.
+build_package() {
+  nice -n 19 bash -c "$(declare -f configure find_nvcc note); root='$root' build='$build' carry='$carry'
+    configure -DSTICTION_BUILD_PYTHON=ON -DSTICTION_BUILD_GPU_FIRST=OFF && cmake --build '$build' --target stiction_python -j $jobs" > "$out/package.log" 2>&1
+}
+
+peers() {  # PROCESS: waits for the package, then races what STICTION_GPU_PEERS names on recorded robots
+  local path=$build/python files=("$carry"/robots/*.h5)
+  wait "$1" || { note "the Python package was not built; see package.log"; return 0; }
+  [ -e "${files[0]}" ] || { note "no recordings were carried along: no peers"; return 0; }
+  [ "$(left)" -gt 30 ] || { note "no time for peers"; return 0; }
+  if compgen -G "$carry/wheels/*.whl" > /dev/null; then
+    python3 -m pip install --no-index --no-deps --quiet --target "$build/wheels" "$carry"/wheels/*.whl >> "$out/package.log" 2>&1 || true
+    path=$path:$build/wheels
+  fi
+  PYTHONPATH=$path timeout "$(left)" python3 "$root/bench/peers/gpu.py" "${files[@]}" --peers "${STICTION_GPU_PEERS:-torch}" --envs 1024,8192 \
+    --goals 1e-4 --results "$out" --images "$out" > "$out/peers.log" 2>&1 || note "peers: $(tail -n 1 "$out/peers.log")"
+}
+
+tune() {
+  local package=
+  if [ "$device" = cuda ]; then build_package & package=$!; fi
+  check tune.jsonl --only device,time/,robot,tune > "$out/tune.log" 2>&1 || note "some check failed; see tune.log"
+  python3 "$root/tools/gpu_limits.py" "$out/tune.jsonl" "$out/limits.csv" || true
+  if [ "$device" = cuda ]; then
+    peers "$package"
+    profile
+  fi
+  say "$((SECONDS - begin)) s"
+}
+
+"$command"

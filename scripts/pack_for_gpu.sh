@@ -1,67 +1,64 @@
 #!/usr/bin/env bash
-# Collects into .carry/ what a GPU machine without a network lacks: headers and libraries of the optional
-# dependencies, from this machine's Debian packages. scripts/gpu_check.sh uses the folder where it is there.
-# The folder is for travelling, not for committing: git is told to ignore it. Under 60 MB.
+# Collects in .carry/ what scripts/gpu_check.sh uses on a machine that has a GPU, few minutes and no network:
+#
+#   stiction_cuda_sm90.tar.xz   the kernels' objects (scripts/prebuild_cuda.sh; an hour of one core the first time)
+#   gpu_first.xz                the program, linked with them; it needs a C library no older than this machine's
+#   batches/                    recorded robots for it, which need no HDF5
+#   robots/, wheels/            recordings, and h5py for Python 3.12, for bench/peers/gpu.py; left out where they cannot be had
+#
+# Then tries it: the archive is taken by a build, the program runs and finds the committed hashes on the CPU, and all that
+# travels (tracked files and .carry) is under 60 MiB. Git ignores the folder.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 carry=$root/.carry
-libraries=usr/lib/$(uname -m)-linux-gnu
-packages=(libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev libfmt-dev libcli11-dev nlohmann-json3-dev
-  libeigen3-dev libhdf5-dev)
-install_packages "${packages[@]/%/: not carried}"
+folder=${STICTION_PACK_DIR:-$root/build-carried}
+data=${STICTION_SHARED_DIR:-$root/../shared}/data/mujoco
+most_mib=60
+mkdir -p "$carry"
 
-rm -rf "$carry"
-mkdir -p "$carry/$libraries" "$carry/hdf5/lib" "$carry/hdf5/include"
+say "kernels"
+"$root/scripts/prebuild_cuda.sh" "$carry/stiction_cuda_sm90.tar.xz"
 
-carry_library() {  # a shared library under its own name and under the name that programs ask for
-  local file soname
-  file=$(readlink -f "$1")
-  soname=$(objdump -p "$file" | awk '$1 == "SONAME" {print $2}')
-  cp "$file" "$carry/$libraries/"
-  [ "$(basename "$file")" = "$soname" ] || ln -sf "$(basename "$file")" "$carry/$libraries/$soname"
-}
+say "gpu_first"
+# With no library of its own but the C library's: that machine has others, or none. The CPU's kernels are those for any
+# x86-64: there it is only compared with.
+options=(-S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
+  "-DSTICTION_PREBUILT_CUDA=$carry/stiction_cuda_sm90.tar.xz" -DSTICTION_BUILD_GPU_FIRST=ON -DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF
+  -DSTICTION_AMD_LIBRARY= -DSTICTION_METIS_LIBRARY= "-DCMAKE_EXE_LINKER_FLAGS=-static-libstdc++ -static-libgcc")
+for part in TESTS TOOLS BENCH C EXAMPLES; do options+=("-DSTICTION_BUILD_$part=OFF"); done
+if command -v ccache > /dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
+cmake "${options[@]}" > /dev/null
+cmake --build "$folder" --target gpu_first -j "$jobs"
+strip -o "$folder/gpu_first.stripped" "$folder/tools/gpu_first/gpu_first"
+xz -T 0 -3 -c "$folder/gpu_first.stripped" > "$carry/gpu_first.xz"
 
-for package in "${packages[@]}"; do
-  have_package "$package" || continue
-  while read -r file; do
-    [ -f "$file" ] || continue
-    case $file in
-      */libhdf5*) ;;  # placed below, where FindHDF5 looks when it is told a root
-      *.so) carry_library "$file"; cp -P "$file" "$carry/$libraries/" ;;
-      /usr/include/hdf5/serial/*) cp "$file" "$carry/hdf5/include/" ;;
-      /usr/include/hdf5/*) ;;
-      /usr/include/* | /usr/lib/*.a | /usr/lib/*/cmake/* | /usr/share/cmake/* | /usr/share/eigen3/*)
-        (cd / && cp --parents "${file#/}" "$carry/") ;;
-    esac
-  done < <(dpkg -L "$package")
+say "recordings"
+rm -rf "$carry/batches" "$carry/robots"
+mkdir -p "$carry/batches" "$carry/robots"
+if cmake --build "$folder" --target pack_batches -j "$jobs" > /dev/null; then
+  "$folder/tools/gpu_first/pack_batches" "$carry/batches" "$data"/{humanoid,g1,go1,leap_hand,franka_cube}.h5
+else
+  note "no HDF5 here: no recorded robots are timed"
+fi
+for name in humanoid g1; do
+  if [ -f "$data/$name.h5" ]; then install -m 644 "$data/$name.h5" "$carry/robots/"; else note "$data/$name.h5 is not here"; fi
 done
-
-hdf5=/usr/lib/$(uname -m)-linux-gnu/hdf5/serial/libhdf5.so
-if [ -e "$hdf5" ]; then
-  carry_library "$hdf5"
-  ln -s "../../$libraries/$(basename "$(readlink -f "$hdf5")")" "$carry/hdf5/lib/libhdf5.so"
-  # What HDF5 itself needs, except the C and C++ run time, which every machine has its own of.
-  ldd "$hdf5" | awk '$3 ~ /^\// {print $3}' | grep -vE '/(libc|libm|libdl|librt|libpthread|libresolv|libstdc\+\+|libgcc_s)\.so' |
-    while read -r file; do carry_library "$file"; done
+if ! compgen -G "$carry/wheels/*.whl" > /dev/null; then
+  python3 -m pip download --quiet --no-deps --only-binary=:all: --python-version 3.12 --platform manylinux_2_28_x86_64 \
+    --platform manylinux2014_x86_64 -d "$carry/wheels" h5py > "$folder/wheels.log" 2>&1 ||
+    note "no Python packages for peers: $(tail -n 1 "$folder/wheels.log")"
 fi
 
-shared=${STICTION_SHARED_DIR:-$root/../shared}
-if [ -d "$shared/data" ]; then
-  mkdir -p "$carry/shared"
-  cp -r "$shared/data" "$carry/shared/"
-  [ ! -d "$shared/tools" ] || cp -r "$shared/tools" "$carry/shared/"
-  chmod -R u+w "$carry/shared"
-fi
-
-exclude=$(git -C "$root" rev-parse --git-path info/exclude 2> /dev/null || true)
-if [ -n "$exclude" ]; then
-  case $exclude in /*) ;; *) exclude=$root/$exclude ;; esac
-  mkdir -p "$(dirname "$exclude")"
-  grep -qsx '/.carry/' "$exclude" || echo '/.carry/' >> "$exclude"
-fi
-
-size=$(du -sm "$carry" | cut -f1)
-echo "$carry: $size MB"
-[ "$size" -le 60 ] || { echo "pack_for_gpu.sh: more than 60 MB" >&2; exit 1; }
+say "check"
+xz -dc "$carry/gpu_first.xz" > "$folder/gpu_first.carried"
+chmod +x "$folder/gpu_first.carried"
+"$folder/gpu_first.carried" --device cpu --size small --hashes "$root/tools/gpu_first/hashes.csv" --batches "$carry/batches" |
+  tail -n 1
+du -sm "$carry"/* | sed 's/^/   /'
+tracked=$(git -C "$root" ls-files -z --cached --others --exclude-standard | (cd "$root" && xargs -0 stat -c %s 2> /dev/null) | awk '{sum += $1} END {print sum + 0}')
+carried=$(find "$carry" -type f -printf '%s\n' | awk '{sum += $1} END {print sum + 0}')
+mib=$(((tracked + carried + (1 << 20) - 1) >> 20))
+echo "$carry: $((carried >> 20)) MiB, with the repository $mib MiB of $most_mib"
+[ "$mib" -le "$most_mib" ] || { echo "pack_for_gpu.sh: more than $most_mib MiB" >&2; exit 1; }

@@ -5,8 +5,8 @@
     check_ptxas.py ... --update             writes the table anew
     check_ptxas.py --self-test
 
-Registers, stack and barriers are read from the objects of the build, instructions are counted in them; nothing is
-compiled and no GPU is needed. The table is there because a kernel that suddenly needs a stack or twice the code is
+Registers, stack and barriers are read from the objects of the build. Counted in them are all instructions, accesses to
+a thread's stack, generic accesses and matches. Nothing is compiled and no GPU is needed. The table is there because a kernel that suddenly needs a stack or twice the code is
 slow. Nothing else says so on a machine without a GPU. Exit status 1 on a finding, 77 if there is no table, or one of
 another compiler or architecture.
 """
@@ -16,15 +16,17 @@ import csv
 import io
 import pathlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 
 import fatbin
 
-HEADER = ["kernel", "arch", "registers", "stack", "barriers", "stack_accesses", "instructions"]
+HEADER = ["kernel", "arch", "registers", "stack", "barriers", *fatbin.OPERATIONS, "instructions"]
 # What a kernel may need beyond its line: a share for what moves with any change, nothing for what costs at once.
-ALLOWANCE = {"registers": 0.1, "stack": 0.0, "barriers": 0.0, "stack_accesses": 0.1, "instructions": 0.1}
+ALLOWANCE = {"registers": 0.1, "stack": 0.0, "barriers": 0.0, **dict.fromkeys(fatbin.OPERATIONS, 0.1), "instructions": 0.1}
 ENUMERATORS = {"Law": ["convex", "coulomb"], "EnvPath": ["empty", "dense", "sparse", "factor"]}
 
 
@@ -43,12 +45,26 @@ def readable(names):
     return short
 
 
+def machine_code(path):
+    """The machine code in an object; compressed, by NVIDIA's cuobjdump where that is found."""
+    try:
+        return fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
+    except fatbin.Compressed:
+        program = shutil.which("cuobjdump")
+        if program is None:
+            raise
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run([program, "--extract-elf", "all", path.resolve()], cwd=folder, check=True, capture_output=True)
+            return [fatbin.Image(re.search(r"sm_(\d+)", file.name).group(1), file.read_bytes())
+                    for file in sorted(pathlib.Path(folder).iterdir())]
+
+
 def read_objects(objects, archs):
     """({(kernel, arch): fatbin.Kernel}, bytes of machine code by architecture, problems)."""
     found, sizes, problems = {}, dict.fromkeys(archs, 0), []
     for path in objects:
         try:
-            cubins = fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
+            cubins = machine_code(path)
             for arch in archs:
                 own = [k for image in cubins if image.arch == arch for k in fatbin.kernels(image.payload, path.name)]
                 if not own:
@@ -146,10 +162,11 @@ def self_test():
         image, = fatbin.images(data, "planted", fatbin.ELF)
         return {("k", image.arch): kernel for kernel in fatbin.kernels(image.payload, "planted")}
 
-    plain, load, store = (struct.pack("<QQ", word, 0) for word in (0x7221, 0x7983, 0x7387))
-    code = 18 * plain + load + store
+    plain, load, store, any_load, any_store, match = (
+        struct.pack("<QQ", word, 0) for word in (0x7221, 0x7983, 0x7987, 0x7980, 0x7385, 0x73A1))
+    code = 15 * plain + load + store + any_load + any_store + match
     found = kernels_of(40, 16, code)
-    if row_of(("k", "90"), found[("k", "90")]) != ["k", "90", 40, 16, 1, 2, 20]:
+    if row_of(("k", "90"), found[("k", "90")]) != ["k", "90", 40, 16, 1, 1, 1, 1, 1, 1, 20]:
         print(f"self-test: read {found}")
         failed += 1
     text = write_table(found, {"90": 4096}, "13.0.88")
@@ -161,7 +178,9 @@ def self_test():
     expect("more stack", compare(kernels_of(40, 24, code), budget, ["90"]), True)
     expect("two more instructions", compare(kernels_of(40, 16, code + 2 * plain), budget, ["90"]), False)
     expect("three more instructions", compare(kernels_of(40, 16, code + 3 * plain), budget, ["90"]), True)
-    expect("one more spill", compare(kernels_of(40, 16, 17 * plain + load + 2 * store), budget, ["90"]), True)
+    for what, more in [("a spill", load), ("another spill", store), ("a generic load", any_load),
+                       ("a generic store", any_store), ("a match", match)]:
+        expect(what, compare(kernels_of(40, 16, code[16:] + more), budget, ["90"]), True)
     expect("a kernel without a line", compare({**found, ("l", "90"): found[("k", "90")]}, budget, ["90"]), True)
     expect("a line without a kernel", compare({}, budget, ["90"]), True)
     expect("a line of an architecture that is not built", compare({}, budget, ["80"]), False)

@@ -5,6 +5,7 @@ sections hold attributes of kernels. Neither is documented by NVIDIA. Both are c
 that a layout of another toolkit is an error and not a wrong number.
 """
 
+import collections
 import dataclasses
 import struct
 
@@ -18,11 +19,22 @@ STT_FUNC = 2
 SIZED = 4
 MIN_STACK_SIZE, REGCOUNT, NUM_BARRIERS = 0x12, 0x2F, 0x4C
 INSTRUCTION_BYTES = 16  # since sm_70
-LOCAL_LOAD, LOCAL_STORE = 0x983, 0x387  # LDL and STL: the low twelve bits of an instruction
+# The low twelve bits of an instruction, as nvdisasm of CUDA 13.5 names them in this project's kernels.
+OPERATIONS = {
+    "local_loads": {0x983},            # LDL
+    "local_stores": {0x387, 0x987},    # STL, of a register and of a uniform one
+    "generic_loads": {0x980},          # LD: where the address leads is known when it runs
+    "generic_stores": {0x385, 0x985},  # ST
+    "matches": {0x3A1},                # MATCH: a barrier of some lanes of a warp whose mask is known when it runs
+}
 
 
 class FatbinError(Exception):
     """What is wrong with an object, in a sentence."""
+
+
+class Compressed(FatbinError):
+    """Its code is compressed, by a method that NVIDIA does not document."""
 
 
 @dataclasses.dataclass
@@ -37,8 +49,12 @@ class Kernel:
     registers: int
     stack: int  # bytes of each thread
     barriers: int
+    local_loads: int  # of a thread's own stack: spilled registers and arrays that got no register
+    local_stores: int
+    generic_loads: int
+    generic_stores: int
+    matches: int
     instructions: int
-    stack_accesses: int  # loads and stores to a thread's own stack: spilled registers and arrays that got no register
     bytes: int
 
 
@@ -61,7 +77,7 @@ def images(data, label, wanted):
                 raise FatbinError(f"{label}: the container of the device code has another layout than is known here")
             if kind == wanted:
                 if flags & COMPRESSED:
-                    raise FatbinError(f"{label}: its device code is compressed; compile with --no-compress")
+                    raise Compressed(f"{label}: its device code is compressed; compile with --no-compress, or have cuobjdump on PATH")
                 found.append(Image(str(arch), data[at + header:at + header + size]))
             at += header + size
         begin = data.find(struct.pack("<I", FATBIN_MAGIC), end)
@@ -118,7 +134,8 @@ def kernels(cubin, label):
         barriers = [value[0] for attribute, value in attributes(own) if attribute == NUM_BARRIERS]
         if any(index not in numbers for numbers in resources.values()) or len(code) % INSTRUCTION_BYTES != 0:
             raise FatbinError(f"{label}: {name}: its registers and stack are not where they are known to be")
-        operations = [word & 0xFFF for word in memoryview(code).cast("Q")[::2].tolist()]
+        operations = collections.Counter(word & 0xFFF for word in memoryview(code).cast("Q")[::2].tolist())
+        counts = {kind: sum(operations[code] for code in codes) for kind, codes in OPERATIONS.items()}
         found.append(Kernel(name, resources[REGCOUNT][index], resources[MIN_STACK_SIZE][index], max(barriers, default=0),
-                            len(operations), operations.count(LOCAL_LOAD) + operations.count(LOCAL_STORE), len(code)))
+                            instructions=operations.total(), bytes=len(code), **counts))
     return found

@@ -306,7 +306,11 @@ def report(rows, alone, device, path):
 
 def draw(rows, goals, path):
     """Time of an environment against the batch, fastest of each package."""
-    import matplotlib
+    try:
+        import matplotlib
+    except ImportError as missing:
+        print(f"no picture: {missing}", file=sys.stderr)
+        return
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt

@@ -28,6 +28,7 @@ struct ClassRules {
   static ClassRules from(SizeClass finest) {
     ClassRules rules;
     rules.limits = rules.limits.from(finest);
+    if (finest == SizeClass::thread_large) rules.many_per_processor = 0;
     if (finest < SizeClass::thread_large) rules.most_rows_of_many = 0;
     return rules;
   }

@@ -16,6 +16,7 @@ TEST(CudaGraph, IsTestedWhereTheBuildHasCuda) {
 #include "cuda/native/cuda_api.hpp"
 #include "cuda/native/cuda_check.hpp"
 #include "tests/support/device_batch.hpp"
+#include "tests/support/twin_batches.hpp"
 
 namespace stiction::test {
 namespace {
@@ -47,17 +48,6 @@ class Graph {
   cudaGraphExec_t graph_ = nullptr;
 };
 
-/// Batches that differ in numbers, contacts and counts.
-std::vector<ContactBatch<float> > different_batches(int count, Offset envs) {
-  std::vector<ContactBatch<float> > batches;
-  for (int i = 0; i < count; ++i) {
-    const char* const scene = i % 3 == 0 ? "mixed" : i % 3 == 1 ? "walker" : "stack";
-    batches.push_back(convert<float>(scene_batch(scene, envs, 100 + static_cast<std::uint64_t>(i))));
-    batches.back().set_law(Law::coulomb);
-  }
-  return batches;
-}
-
 TEST(CudaGraph, ACapturedSolveIsReplayedWithOtherNumbersContactsAndCounts) {
   std::string reason;
   const std::optional<Device> device = usable_cuda(reason);
@@ -72,6 +62,7 @@ TEST(CudaGraph, ACapturedSolveIsReplayedWithOtherNumbersContactsAndCounts) {
     SolverOptions options;
     options.solver = kind;
     options.max_iterations = 24;
+    options.law = Law::coulomb;  // what is captured has a law before it has a batch
     options.invalid = InvalidPolicy::isolate;
     const Solver solver(*device, options, room);
     cuda::CudaApi api(device->ordinal);

@@ -9,8 +9,8 @@
 
 #include "tests/support/bits.hpp"
 #include "tests/support/cuda_device.hpp"
-#include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
+#include "tests/support/twin_batches.hpp"
 #if defined(STICTION_HAS_CUDA)
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/native/cuda_api.hpp"
@@ -19,16 +19,6 @@
 /// Equal bits from the CPU and from a GPU. Without a device every test here is skipped, with the reason.
 namespace stiction::test {
 namespace {
-
-/// Threads' and blocks' environments, sparse ones, empty ones, and one that is poisoned.
-ContactBatch<double> everything() {
-  ContactBatch<double> batch = ragged_batch(3, 11);
-  Environment<double> poisoned = scenes::make("walker", 11, 7).system;
-  poisoned.b[4] = std::numeric_limits<double>::quiet_NaN();
-  batch.add(poisoned);
-  for (std::uint64_t e = 0; e < 40; ++e) batch.add(scenes::make("stack", 11, e, 1 + static_cast<int>(e % 3)).system);
-  return batch;
-}
 
 SolverOptions twin_options(SolverKind solver, Law law) {
   SolverOptions result = options(solver, 1e-6, 60);
@@ -56,7 +46,7 @@ class CudaTwinOf : public CudaTwin, public ::testing::WithParamInterface<std::tu
 
 TEST_P(CudaTwinOf, RaggedBatchesHaveTheSameBitsInBothPrecisions) {
   const auto [solver, law] = GetParam();
-  const ContactBatch<double> batch = everything();
+  const ContactBatch<double> batch = twin_batch();
   {
     SCOPED_TRACE("f32");
     expect_twins(convert<float>(batch), twin_options(solver, law));
@@ -69,7 +59,7 @@ TEST_P(CudaTwinOf, RaggedBatchesHaveTheSameBitsInBothPrecisions) {
 
 TEST_P(CudaTwinOf, AWarmStartHasTheSameBits) {
   const auto [solver, law] = GetParam();
-  const ContactBatch<float> batch = convert<float>(everything());
+  const ContactBatch<float> batch = convert<float>(twin_batch());
   std::vector<float> warm(static_cast<std::size_t>(batch.row_count()));
   for (std::size_t i = 0; i < warm.size(); ++i) warm[i] = static_cast<float>(i % 7) * 0.125F - 0.25F;
   warm[3] = std::numeric_limits<float>::infinity();
@@ -88,7 +78,7 @@ TEST_P(CudaTwinOf, AThousandContactsInOneEnvironmentHaveTheSameBits) {
 #if defined(STICTION_HAS_CUDA)
 TEST_P(CudaTwinOf, WhoWorksOnAnEnvironmentChangesNoBit) {
   const auto [solver, law] = GetParam();
-  const ContactBatch<float> batch = convert<float>(everything());
+  const ContactBatch<float> batch = convert<float>(twin_batch());
   const SolverOptions options = twin_options(solver, law);
   const auto expected = env_hashes(batch, solve(batch, options));
   for (const SizeClass finest : {SizeClass::dense_large, SizeClass::dense_block, SizeClass::dense_warp,
@@ -117,7 +107,7 @@ INSTANTIATE_TEST_SUITE_P(EverySolverAndLaw, CudaTwinOf,
                          });
 
 TEST_F(CudaTwin, APermutedBatchHasTheSameBitsEnvironmentByEnvironment) {
-  const ContactBatch<float> batch = convert<float>(everything());
+  const ContactBatch<float> batch = convert<float>(twin_batch());
   std::vector<Offset> order(static_cast<std::size_t>(batch.env_count()));
   std::iota(order.begin(), order.end(), Offset{0});
   for (std::size_t i = 0; i < order.size(); ++i) std::swap(order[i], order[(i * 7919 + 13) % order.size()]);
@@ -142,7 +132,7 @@ TEST_F(CudaTwin, ABatchWithoutEnvironmentsIsSolved) {
 }
 
 TEST_F(CudaTwin, ASolverGivesTheSameBitsAgainAndAgain) {
-  const ContactBatch<float> batch = convert<float>(everything());
+  const ContactBatch<float> batch = convert<float>(twin_batch());
   const SolverOptions npgs = twin_options(SolverKind::npgs, Law::coulomb);
   const Solution<float> expected = solve(batch, npgs);
   const Solver solver(*device_, npgs);
@@ -159,7 +149,7 @@ TEST_F(CudaTwin, ASolverGivesTheSameBitsAgainAndAgain) {
 }
 
 TEST_F(CudaTwin, WMayBeLeftOut) {
-  const ContactBatch<float> batch = convert<float>(everything());
+  const ContactBatch<float> batch = convert<float>(twin_batch());
   const SolverOptions npgs = twin_options(SolverKind::npgs, Law::convex);
   const Solution<float> expected = solve(batch, npgs);
   const Solver solver(*device_, npgs);

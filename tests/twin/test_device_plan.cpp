@@ -9,11 +9,8 @@
 #endif
 
 #include "core/plan/islands.hpp"
-#include "core/plan/plan.hpp"
-#include "core/plan/structure_view.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "cuda/machine/engine.hpp"
-#include "tests/support/device_batch.hpp"
+#include "tests/support/plan_integers.hpp"
 #include "tests/support/random_structures.hpp"
 
 /// The device scheduler, launched as the GPU launches it: its integers are those of the host's planner and of a library
@@ -21,83 +18,21 @@
 namespace stiction::test {
 namespace {
 
-/// A device's array on the host. The emulated device's memory is the host's.
-template <class T>
-std::vector<T> array_of(const T* data, Offset count) {
-  return {data, data + count};
-}
-
-template <class T>
-std::vector<T> slice_of(const std::vector<T>& all, Offset begin, Offset count) {
-  return {all.begin() + begin, all.begin() + begin + count};
-}
-
 /// Environments by key, as Thrust's stable sort orders them.
-std::vector<Offset> library_order(std::vector<std::uint8_t> keys) {
-  std::vector<Offset> order(keys.size());
+std::vector<Offset> library_order(const std::vector<std::uint8_t>& keys) {
 #if defined(STICTION_TEST_HAS_THRUST)
+  std::vector<std::uint8_t> sorted = keys;
+  std::vector<Offset> order(keys.size());
   thrust::sequence(thrust::host, order.begin(), order.end());
-  thrust::stable_sort_by_key(thrust::host, keys.begin(), keys.end(), order.begin());
-#else
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<Offset>(i);
-  std::stable_sort(order.begin(), order.end(), [&](Offset a, Offset b) {
-    return keys[static_cast<std::size_t>(a)] < keys[static_cast<std::size_t>(b)];
-  });
-#endif
+  thrust::stable_sort_by_key(thrust::host, sorted.begin(), sorted.end(), order.begin());
   return order;
+#else
+  return stable_order(keys);
+#endif
 }
 
-void expect_hosts_integers(const ContactBatch<double>& batch, const cuda::PlanArrays& device,
-                           const ClassLimits& limits) {
-  const ContactBatchView<double> view = batch.view();
-  const PlanData host = make_plan(view);
-  const Offset envs = view.env_count;
-  EXPECT_EQ(array_of(device.path, envs), host.path);
-  EXPECT_EQ(array_of(device.counts, envs), host.counts);
-  EXPECT_EQ(array_of(device.color_count, envs), host.color_count);
-  EXPECT_EQ(array_of(device.cone_order, view.cone_count), host.cone_order);
-  std::vector<std::uint8_t> keys;
-  std::vector<Offset> class_begin(kSizeClasses + 1, 0);
-  for (Offset env = 0; env < envs; ++env) {
-    const auto index = static_cast<std::size_t>(env);
-    EXPECT_EQ(device.flags[env], 0U);
-    const SizeClass expected = size_class(host.path[index], view.env_rows(env), limits);
-    keys.push_back(static_cast<std::uint8_t>(sort_key(expected, view.env_rows(env), limits)));
-    ++class_begin[static_cast<std::size_t>(expected) + 1];
-    if (host.path[index] != EnvPath::sparse) continue;
-    const Offset first = device.env_vertex_offsets[env];
-    const Offset vertices = host.env_vertex_offsets[index + 1] - host.env_vertex_offsets[index];
-    const Offset colors = host.env_color_offsets[index + 1] - host.env_color_offsets[index];
-    EXPECT_EQ(array_of(device.vertex_offsets + first, vertices),
-              slice_of(host.vertex_offsets, host.env_vertex_offsets[index], vertices));
-    EXPECT_EQ(array_of(device.color_offsets + first, colors),
-              slice_of(host.color_offsets, host.env_color_offsets[index], colors));
-  }
-  for (int k = 0; k < kSizeClasses; ++k)
-    class_begin[static_cast<std::size_t>(k) + 1] += class_begin[static_cast<std::size_t>(k)];
-  EXPECT_EQ(array_of(device.key, envs), keys);
-  EXPECT_EQ(array_of(device.class_begin, kSizeClasses + 1), class_begin);
-  EXPECT_EQ(array_of(device.order, envs), library_order(keys));
-}
-
-/// Plans and solves nothing: no iteration is allowed.
 void plan_on(cuda::EmulatedDevice& device, const ContactBatch<double>& batch, const char* what, bool are_many = false) {
-  SCOPED_TRACE(what);
-  cuda::ClassRules rules;
-  rules.many_per_processor = are_many ? 0 : batch.view().env_count + 1;
-  SolverOptions options;
-  options.max_iterations = 0;
-  const Capacity need = Capacity::of(batch.view());
-  cuda::Engine engine(device, rules);
-  engine.reserve(need, options.solver, Precision::f64);
-  const cuda::Stream stream(device);
-  DeviceBatch<double> there(device, need);
-  there.fill(batch, stream.get());
-  engine.solve(SolveRequest<double>{nullptr, there.view(), there.solution(), nullptr, batch.law(), options,
-                                    StreamRef(stream.get())});
-  device.synchronize(stream.get());
-  const ClassLimits limits;
-  expect_hosts_integers(batch, engine.plan_arrays(), are_many ? limits.with(SizeClass::thread_large, 72) : limits);
+  EXPECT_EQ(difference_of_plans(device, batch, library_order, are_many), "") << what;
 }
 
 TEST(DevicePlan, IntegersAreTheHostsOnAThousandRandomBatches) {

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tools/gpu_first/report.hpp"
+
+namespace stiction::gpu_first {
+
+/// Something that runs in a process of its own.
+struct Check {
+  std::string name;
+  double limit_s;  ///< wall clock, on a GPU
+  std::function<void(Report&)> run;
+};
+using Checks = std::vector<Check>;
+
+// In the order in which they tell most.
+void add_device(Checks& checks);
+void add_plan(Checks& checks);
+void add_classes(Checks& checks);
+void add_solvers(Checks& checks);
+void add_golden(Checks& checks);
+void add_forms(Checks& checks);
+void add_steps(Checks& checks);
+void add_capture(Checks& checks);
+void add_repetition(Checks& checks);
+void add_times(Checks& checks);
+void add_sanitizer(Checks& checks);
+void add_tuning(Checks& checks);
+// What the program itself is tried with.
+void add_self(Checks& checks);
+
+}  // namespace stiction::gpu_first

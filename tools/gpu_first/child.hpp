@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace stiction::gpu_first {
+
+/// How a process ended.
+struct Ending {
+  enum class Kind { exited, signalled, out_of_time } kind = Kind::exited;
+  int number = 0;       ///< exit status, or signal
+  double seconds = 0;   ///< wall clock
+  std::string printed;  ///< the last of what it printed on either stream
+};
+
+/// Runs a program, and kills it once `limit_s` are over. \throws Error(io) if it cannot be started.
+Ending run_child(const std::vector<std::string>& command, double limit_s);
+
+}  // namespace stiction::gpu_first

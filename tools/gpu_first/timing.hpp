@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+
+#include "cuda/machine/engine.hpp"
+#include "tests/support/device_batch.hpp"
+#include "tools/gpu_first/report.hpp"
+
+namespace stiction::gpu_first {
+
+/// A batch in a device's memory and an engine that solves it, to be timed as a graph.
+class Timed {
+ public:
+  Timed(Target& target, const ContactBatch<float>& batch, const SolverOptions& options,
+        const cuda::ClassRules& rules = {});
+
+  /// Microseconds of one launch: the median of `repeats`, and the least. `with_plan`: planning included.
+  struct Time {
+    double median = 0, least = 0;
+  };
+  Time solve(int repeats, bool with_plan);
+  [[nodiscard]] Hashes hashes();
+
+ private:
+  void queue(bool is_planned);
+
+  Target& target_;
+  std::shared_ptr<cuda::DeviceApi> api_;
+  const ContactBatch<float>& batch_;
+  SolverOptions options_;
+  cuda::Engine engine_;
+  cuda::Stream stream_;
+  test::DeviceBatch<float> there_;
+};
+
+/// Repeats of one measurement: on a device that the CPU stands in for, one.
+inline int repeats(const Report& report, int on_a_gpu = 10) {
+  return report.target() != nullptr && report.target()->is_native() ? on_a_gpu : 1;
+}
+
+}  // namespace stiction::gpu_first
