@@ -4,8 +4,8 @@
 #include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 
-/// The Jacobian form's part of a catalogue (catalogue.hpp), apart from it: Newton's method in velocities is long, and
-/// no other kernel is compiled anew when it changes.
+/// The Jacobian form's part of a catalogue (catalogue.hpp). It is apart, as Newton's method in velocities is long: no
+/// other kernel is compiled anew when that changes.
 namespace stiction::cuda {
 
 template <class Make, class Real>

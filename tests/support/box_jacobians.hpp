@@ -53,8 +53,7 @@ inline JacobianEnvironment<double> boxes_as_jacobian(const scenes::BoxScene& sce
       }
       env.row_offsets.push_back(static_cast<Index>(env.J.size()));
       env.mu.push_back(is_normal ? 0.0 : recipe.mu);
-      env.R.push_back(is_normal || recipe.mu == 0.0 ? recipe.compliance
-                                                    : recipe.compliance / (recipe.mu * recipe.mu));
+      env.R.push_back(is_normal || recipe.mu == 0.0 ? recipe.compliance : recipe.compliance / (recipe.mu * recipe.mu));
     }
   }
   return env;

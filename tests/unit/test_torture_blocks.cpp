@@ -89,7 +89,8 @@ TEST(TortureBlocks, NothingToDo) {
   for (const double v : solution.velocity) EXPECT_EQ(v, 0.0);
 }
 
-/// Each poison leaves the neighbours' bits alone and ends in a finite answer with a flag, or the status of a solver of A.
+/// Each poison leaves the neighbours' bits alone and ends in a finite answer with a flag, or the status of a solver of
+/// A.
 template <class Real>
 void expect_isolated(const char* what, void (*poison)(Env&)) {
   SCOPED_TRACE(what);

@@ -31,8 +31,8 @@ void fill_rows(Env& env) {
   const std::size_t dofs = env.v_free.size(), rows = env.mu.size();
   std::vector<double> J(rows * dofs, 0.0);
   for (std::size_t row = 0; row < rows; ++row)
-    for (auto k = static_cast<std::size_t>(env.row_offsets[row]); k < static_cast<std::size_t>(env.row_offsets[row + 1]);
-         ++k)
+    for (auto k = static_cast<std::size_t>(env.row_offsets[row]);
+         k < static_cast<std::size_t>(env.row_offsets[row + 1]); ++k)
       J[row * dofs + static_cast<std::size_t>(env.column[k])] += env.J[k];
   env.J = J;
   env.row_offsets.clear();
@@ -101,8 +101,8 @@ TEST(VelocityBlocks, EveryFormIsTheSameProblem) {
     for (std::size_t i = 0; i < expected.contact.lambda.size(); ++i)
       EXPECT_NEAR(other.contact.lambda[i], expected.contact.lambda[i], 1e-6);
     if (given.form == MassForm::matrix) {
-      EXPECT_TRUE(same_bits(std::span<const double>(expected.contact.lambda),
-                            std::span<const double>(other.contact.lambda)));
+      EXPECT_TRUE(
+          same_bits(std::span<const double>(expected.contact.lambda), std::span<const double>(other.contact.lambda)));
     }
   }
 }
@@ -193,7 +193,8 @@ TEST(VelocityBlocks, StartsFromWhatIsGiven) {
     broken[7] = std::numeric_limits<double>::infinity();
     const auto rejected = solve(batch.view(), options_of, Device::cpu(), std::span<const double>(broken));
     EXPECT_NE(rejected.contact.status[0].flags & kFlagWarmStartRejected, 0U);
-    EXPECT_TRUE(same_bits(std::span<const double>(rejected.contact.lambda), std::span<const double>(cold.contact.lambda)));
+    EXPECT_TRUE(
+        same_bits(std::span<const double>(rejected.contact.lambda), std::span<const double>(cold.contact.lambda)));
   }
 }
 

@@ -83,7 +83,7 @@ class VelocityNewton {
       lane = LaneProgress{};
       lane.is_busy = env >= 0 && is_set(sound, l);
       if (!lane.is_busy) continue;
-      lane.set_limits(job_, env);
+      lane.set_limits(job_, env, kMostSteps);
       // With tolerance 0 every iteration is asked for, and this method would end at rounding.
       lane.is_busy = lane.tolerance > 0.0;
     }

@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The plan of a factorisation without fill in the natural order of rows, made where the matrix is: a device's batch is
-/// out of the host's sight. core/plan/block_factor_plan.hpp makes those of other orders, and with fill.
+/// The plan of a factorisation without fill in the natural order of rows. It is made where the matrix is: a device's
+/// batch is out of the host's sight. core/plan/block_factor_plan.hpp makes those of other orders, and with fill.
 struct NaturalLevels {
   BlockFactorView view;
 

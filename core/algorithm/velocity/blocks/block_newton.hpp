@@ -22,10 +22,11 @@ class BlockNewton {
   static constexpr double kFirstWeight = 1e-2, kWeightFall = 0.1, kLeastWeight = 1e-7;
   /// Part of the answer's residual that a problem may leave before the next one.
   static constexpr double kInnerPart = 0.1;
-  /// Steps without a better answer after which there is none to come.
-  static constexpr Index kPatience = 40;
-  /// Sweeps before the first step under Coulomb's law, of which a residual is evaluated every kSweepChunk. They also go
-  /// on wherever a problem has taken kLongProblem steps or has led away: each time twice as many, up to kMostSweeps.
+  /// Steps without a better answer after which there is none to come; steps in all, without and with Coulomb's law.
+  static constexpr Index kPatience = 100, kMostConvexSteps = 500, kMostCoulombSteps = 200;
+  /// Sweeps before the first step of a sequence of problems, of which a residual is evaluated every kSweepChunk. Under
+  /// Coulomb's law they also go on wherever a problem has taken kLongProblem steps or has led away. Each time they are
+  /// twice as many, up to kMostSweeps.
   static constexpr Index kFirstSweeps = 48, kSweepChunk = 16, kMostSweeps = 3072, kLongProblem = 12;
 
   STICTION_HD BlockNewton(TeamT& team, const VelocityJob<Real>& job, const LaneEnv<Real>& env, BlockLists& lists,
@@ -38,11 +39,11 @@ class BlockNewton {
         terms_{lists, n_, env.rows},
         mass_{lists.dofs, n_.mass, n_.factor},
         judge_{terms_, mass_, job.law},
-        sweeping_{terms_, mass_, lists.sweeps} {}
+        sweeping_{terms_, mass_, lists.sweeps, job.law} {}
 
   /// Solves the environment, and writes its numbers if it is solved. Every lane returns the same.
   STICTION_HD_OUTLINE VelocityResult run() {
-    progress_.set_limits(job_, env_.env);
+    progress_.set_limits(job_, env_.env, job_.law == Law::coulomb ? kMostCoulombSteps : kMostConvexSteps);
     // With tolerance 0 every iteration is asked for, and this method would end at rounding.
     if (progress_.tolerance > 0.0 && load()) solve();
     return {progress_.absolute, progress_.scale, progress_.flags, progress_.steps, progress_.is_solved};
@@ -108,7 +109,7 @@ class BlockNewton {
 
   STICTION_HD_OUTLINE void solve() {
     if (start()) return;
-    const bool can_sweep = has_slip_ && sweeping_.find(team_);
+    const bool can_sweep = progress_.has_outer && sweeping_.find(team_);
     if (can_sweep && sweep()) return;
     Index since_best = 0;
     while (progress_.steps < progress_.max_iterations && since_best < kPatience) {
@@ -120,7 +121,7 @@ class BlockNewton {
       since_best = progress_.best < before ? 0 : since_best + 1;
       const bool is_met = is_exhausted || inner <= kInnerPart * progress_.absolute;
       if (is_exhausted && !progress_.has_outer) return;
-      if (can_sweep && (++problem_steps_ >= kLongProblem || (is_met && progress_.absolute > renewed_))) {
+      if (can_sweep && has_slip_ && (++problem_steps_ >= kLongProblem || (is_met && progress_.absolute > renewed_))) {
         if (sweep()) return;
       } else if (progress_.has_outer && is_met) {
         renewed_ = progress_.absolute;
@@ -163,7 +164,7 @@ class BlockNewton {
         const double w = n_.mu[row] * fma_(n_.R[row], n_.best[row], images[k] + n_.b[row]);
         if (k > 0) slip = fma_(w, w, slip);
       }
-      n_.shift[first] = n_.shift[first] + sqrt_(slip);
+      if (has_slip_) n_.shift[first] = n_.shift[first] + sqrt_(slip);
     });
     first_energy_ = 0.0;
     problem_steps_ = 0;
@@ -296,9 +297,8 @@ class BlockNewton {
 
   /// The residual of the reactions, which are written if it is small enough. Returns what the problem has left.
   STICTION_HD_OUTLINE double judge() {
-    for_each(team_, env_.rows, [&](Index row) {
-      n_.answer[row] = static_cast<double>(canonical_zero(saturated<Real>(n_.x[row])));
-    });
+    for_each(team_, env_.rows,
+             [&](Index row) { n_.answer[row] = static_cast<double>(canonical_zero(saturated<Real>(n_.x[row]))); });
     const BlockResidual evaluated = judge_.evaluate(team_);
     progress_.absolute = reported_residual(evaluated.found, progress_.tolerance * progress_.scale);
     if (progress_.absolute < progress_.best || !has_best_) {

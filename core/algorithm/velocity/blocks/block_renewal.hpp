@@ -5,8 +5,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The first step of a new problem, whose weights, centres and shifts are others: the problem as it would be if no cone
-/// changed how it is held, sliding or open (docs/math/velocity_newton.md, "In blocks"). All that moves is linear then.
+/// The first step of a new problem, whose weights, centres and shifts are others. It takes the problem as it would be
+/// if no cone changed how it is held, sliding or open (docs/math/velocity_newton.md, "In blocks"). All that moves is
+/// linear then.
 struct BlockRenewal {
   const BlockTerms& terms;
   double least;       ///< the new weight: compliance that is missing to this share of A's diagonal

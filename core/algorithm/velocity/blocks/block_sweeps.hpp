@@ -9,13 +9,14 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Gauss-Seidel on velocities under Coulomb's law (docs/math/si.md): a cone reads the velocities of the blocks that it
-/// touches, takes the step that every solver takes, and pushes the change into all blocks that M couples with those.
-/// Cones of one level push no block in common. The order is that of a sweep from the first cone to the last.
+/// Gauss-Seidel on velocities (docs/math/si.md). A cone reads the velocities of the blocks that it touches, and takes
+/// the step that every solver takes. It pushes the change into all blocks that M couples with those. Cones of one level
+/// push no block in common. The order is that of a sweep from the first cone to the last.
 struct BlockSweeps {
   const BlockTerms& terms;
   const MassBlocks& mass;
   SweepLists& lists;
+  Law law;
 
   /// A cone as local_step() reads one.
   struct LocalProblem {
@@ -27,7 +28,7 @@ struct BlockSweeps {
     };
     const double* B;  ///< the cone's block of A + R in the coordinates of the unit cone
     Index rows;
-    Numbers x, inv_n, inv_t, lo, hi;
+    Numbers x, inv_n, inv_t, damping, share, lo, hi;
     [[nodiscard]] STICTION_HD double block_entry(Index, Index i, Index j) const { return B[i * rows + j]; }
   };
 
@@ -86,6 +87,8 @@ struct BlockSweeps {
   }
 
  private:
+  static constexpr Index kSteps = BlockWorkspace::kSteps;
+
   /// f(touch, first block, end) for every group of M that a cone touches; `touch` is its first one there.
   template <class F>
   STICTION_HD void for_each_group(Index c, F&& f) const {
@@ -117,7 +120,8 @@ struct BlockSweeps {
     Index levels = 0;
     for (Index c = 0; c < cones; ++c) {
       Index level = 0;
-      for_each_group(c, [&](Index, Index first, Index) { level = lists.last[first] >= level ? lists.last[first] + 1 : level; });
+      for_each_group(
+          c, [&](Index, Index first, Index) { level = lists.last[first] >= level ? lists.last[first] + 1 : level; });
       for_each_group(c, [&](Index, Index first, Index) { lists.last[first] = level; });
       lists.level[c] = level;
       ++lists.level_offsets[level + 1];
@@ -148,8 +152,7 @@ struct BlockSweeps {
             path[(cones.block[t] - first) * kBodyBlock + i] = terms.n.J[cones.entry[t] + k * kBodyBlock + i];
         mass.solve_group(first, end, path);
         for (Index block = 0; block < end - first; ++block)
-          for (Index i = 0; i < kBodyBlock; ++i)
-            to[(block * rows + k) * kBodyBlock + i] = path[block * kBodyBlock + i];
+          for (Index i = 0; i < kBodyBlock; ++i) to[(block * rows + k) * kBodyBlock + i] = path[block * kBodyBlock + i];
       }
       to += static_cast<Offset>(end - first) * rows * kBodyBlock;
     });
@@ -177,8 +180,9 @@ struct BlockSweeps {
         const double whole = B[i * rows + j] + (i == j ? n.R[first_row + i] : 0.0);
         B[i * rows + j] = (n.mu[first_row + i] * n.mu[first_row + j]) * whole;
       }
-    n.inverse[2 * c] = inverse_of_positive(B[0]);
-    n.inverse[2 * c + 1] = 0.0;
+    double* const steps = n.steps + kSteps * static_cast<Offset>(c);
+    steps[0] = inverse_of_positive(B[0]);
+    for (Index k = 1; k < kSteps; ++k) steps[k] = 0.0;
     if (rows == 1) return;
     with_shape(ConeKind::friction, rows, [&](auto shape) {
       constexpr int kRows = decltype(shape)::kRows;
@@ -186,7 +190,10 @@ struct BlockSweeps {
         const LocalProblem local = problem(c);
         const double whole = largest_eigenvalue_bound<kRows, 0>(local, 0);
         const double tangential = largest_eigenvalue_bound<kRows, 1>(local, 0);
-        n.inverse[2 * c + 1] = inverse_of_positive(max_(tangential, whole * static_cast<double>(kSmallestTangential)));
+        steps[1] = inverse_of_positive(max_(tangential, whole * static_cast<double>(kSmallestTangential)));
+        const BlockMetric<double> metric = block_metric<kRows>(local, 0, steps[0], steps[1]);
+        steps[2] = metric.damping;
+        steps[3] = metric.share;
       }
     });
   }
@@ -197,8 +204,10 @@ struct BlockSweeps {
     return {n.B + static_cast<Offset>(first) * kMaxConeRows,
             terms.cones().rows(c),
             {n.unit_x + first, 1},
-            {n.inverse + 2 * c, 0},
-            {n.inverse + 2 * c + 1, 0},
+            {n.steps + kSteps * c, 0},
+            {n.steps + kSteps * c + 1, 0},
+            {n.steps + kSteps * c + 2, 0},
+            {n.steps + kSteps * c + 3, 0},
             {n.law + 3 * c + 1, 0},
             {n.law + 3 * c + 2, 0}};
   }
@@ -224,7 +233,8 @@ struct BlockSweeps {
       n.unit_x[row] = k == 0 ? n.x[row] : unit_reaction(n.x[row], n.mu[row]);
       y[k] = n.mu[row] * fma_(n.R[row], n.x[row], images[k] + n.b[row]);
     }
-    const auto step = local_step<Law::coulomb>(shape, problem(c), 0, 0, y, 1.0);
+    const auto step = law == Law::coulomb ? local_step<Law::coulomb>(shape, problem(c), 0, 0, y, 1.0)
+                                          : local_step<Law::convex>(shape, problem(c), 0, 0, y, 1.0);
     const double size = step_size(step, n.weight[c]);
     if (size == 0.0) return size;
     double change[kRows];

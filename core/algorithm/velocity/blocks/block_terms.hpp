@@ -104,8 +104,7 @@ struct BlockTerms {
     }
     out[0] = fma_(slide, along, n.unit[first] * in[0]);
     const double pull = fma_(slide, in[0], bend * along);
-    for (Index k = 1; k < count; ++k)
-      out[k] = n.mu[first + k] * fma_(pull, n.unit[first + k], across * scaled[k]);
+    for (Index k = 1; k < count; ++k) out[k] = n.mu[first + k] * fma_(pull, n.unit[first + k], across * scaled[k]);
   }
 
   /// force = J' x - M p, minus the gradient.
@@ -127,8 +126,7 @@ struct BlockTerms {
     const BlockPattern& pattern = H.pattern;
     for_each(team, pattern.rows, [&](Index row) {
       const Index diagonal = find_block(pattern, row, row);
-      for (Index k = pattern.offsets[row]; k <= diagonal; ++k)
-        mass.load_entry(row, pattern.columns[k], H.block(k));
+      for (Index k = pattern.offsets[row]; k <= diagonal; ++k) mass.load_entry(row, pattern.columns[k], H.block(k));
       for (Index e = cones().of_begin[row]; e < cones().of_begin[row + 1]; ++e) add_touch(cones().of_block[e], H);
       double* const own = H.block(diagonal);
       for (Index i = 0; i < kBodyBlock; ++i)

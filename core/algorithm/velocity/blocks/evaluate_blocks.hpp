@@ -11,8 +11,8 @@ struct BlockResidual {
   double inner = 0.0;  ///< largest motion that the gradient that is left would bring to a row [w]
 };
 
-/// The judge of an environment in blocks: v+ = v_free + M^-1 J' lambda, the motion of all rows and the natural map, of
-/// the reactions as the batch's precision has them.
+/// The judge of an environment in blocks, of reactions as the batch's precision has them. It finds
+/// v+ = v_free + M^-1 J' lambda, the motion of all rows and the natural map.
 struct BlockJudge {
   const BlockTerms& terms;
   const MassBlocks& mass;

@@ -24,9 +24,8 @@ STICTION_HD bool load_cone(const JacobianBatchView<Real>& batch, const LaneEnv<R
   double nothing = 0.0;
   for (Index k = 0; k < rows; ++k) {
     const Offset from = batch.row_offsets[env.first_row + touches.row[c] + k];
-    const Offset entries = batch.column == nullptr
-                               ? Offset{env.dofs}
-                               : batch.row_offsets[env.first_row + touches.row[c] + k + 1] - from;
+    const Offset entries =
+        batch.column == nullptr ? Offset{env.dofs} : batch.row_offsets[env.first_row + touches.row[c] + k + 1] - from;
     for (Offset e = 0; e < entries; ++e) {
       const Real number = batch.J[from + e];
       if (number == Real(0)) continue;
@@ -60,8 +59,7 @@ STICTION_HD bool load_rows(const JacobianBatchView<Real>& batch, const LaneEnv<R
     is_sound = is_sound && n.R[row] >= 0.0 && n.mu[row] >= 0.0;
   }
   if (touches.rows(c) == 1) {
-    const Bounds<Real> bounds =
-        bounds_of(batch, batch.cone_kind[env.first_cone + c], env.first_row + touches.row[c]);
+    const Bounds<Real> bounds = bounds_of(batch, batch.cone_kind[env.first_cone + c], env.first_row + touches.row[c]);
     n.law[3 * c + 1] = static_cast<double>(bounds.lo);
     n.law[3 * c + 2] = static_cast<double>(bounds.hi);
     is_sound = is_sound && n.law[3 * c + 1] <= n.law[3 * c + 2];
@@ -127,7 +125,7 @@ STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
   return n.diagonal[first] + n.R[first] > 0.0;
 }
 
-/// The iteration's compliances of a cone: what is missing to the share `least` of A's diagonal, or of the largest
+/// The iteration's compliances of a cone. What is missing to the share `least` of A's diagonal, or to the largest
 /// tangential one, is the weight of the proximal term. Returns whether there is any.
 STICTION_HD bool set_compliances(const BlockTerms& terms, Index c, double least) {
   /// What is added to a compliance beyond a rounding.

@@ -147,7 +147,8 @@ struct MassBlocks {
     for (Index column = dofs.of_block[row]; column <= row; ++column) {
       double* const K = M + at(row, column);
       for (Index i = 0; i < kBlockEntries; ++i) K[i] = 0.0;
-      for (Index k = dofs.of_block[row]; k <= column; ++k) subtract_outer(factor + at(row, k), factor + at(column, k), K);
+      for (Index k = dofs.of_block[row]; k <= column; ++k)
+        subtract_outer(factor + at(row, k), factor + at(column, k), K);
       for (Index i = 0; i < kBlockEntries; ++i) K[i] = 0.0 - K[i];
     }
   }
