@@ -46,7 +46,7 @@ ALGORITHM = {
     "collision": ["rigid", "plan"],
     "jacobian": [],
     "derivative": ["problem", "system", "sweep", "residual", "linear", "jacobian"],
-    "velocity": ["problem", "system", "sweep", "residual", "jacobian"],
+    "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian"],
     "warm_start": ["plan"],
 }
 

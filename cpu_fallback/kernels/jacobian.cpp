@@ -1,5 +1,6 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "cpu_fallback/kernels/jacobian_kernels.hpp"
+#include "cpu_fallback/kernels/velocity_blocks.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -39,8 +40,8 @@ void velocity_one(const JacobianJob<Real>& job, Offset env, Real* scratch) {
 }  // namespace
 
 cpu::JacobianKernelSet jacobian_kernels() {
-  return {{elements_of<float>, assemble_one<float>, velocity_one<float>},
-          {elements_of<double>, assemble_one<double>, velocity_one<double>}};
+  return {{elements_of<float>, assemble_one<float>, velocity_one<float>, solve_one_in_blocks<float>},
+          {elements_of<double>, assemble_one<double>, velocity_one<double>, solve_one_in_blocks<double>}};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -145,6 +145,12 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
                     newton_scratch_[static_cast<std::size_t>(worker)]);
     });
     newton_parts_.finish(job);
+    const std::span<const LaneEnv<Real>> in_blocks = newton_parts_.list_blocks(job, arrays_.flags);
+    cpu::parallel_for(threads, static_cast<int>(in_blocks.size()), [&](int index, int worker) {
+      const LaneEnv<Real>& env = in_blocks[static_cast<std::size_t>(index)];
+      cpu::VelocityScratch& scratch = newton_scratch_[static_cast<std::size_t>(worker)];
+      finish(job, env.env, pick<Real>().solve_in_blocks(job, env, scratch));
+    });
     Offset solved = 0;
     for (Offset env = 0; env < job.batch.env_count; ++env) {
       leave_out_answered(arrays_, env);

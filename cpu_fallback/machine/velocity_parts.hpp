@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
+#include "core/algorithm/velocity/blocks/block_limits.hpp"
 #include "core/algorithm/velocity/dof_islands.hpp"
 #include "core/algorithm/velocity/velocity_result.hpp"
 
@@ -36,6 +37,17 @@ class VelocityParts {
     };
     if (!std::is_sorted(parts_.begin(), parts_.end(), is_smaller))
       std::stable_sort(parts_.begin(), parts_.end(), is_smaller);
+    return parts_;
+  }
+
+  /// Environments without answer that the method takes in blocks.
+  std::span<const LaneEnv<Real>> list_blocks(const VelocityJob<Real>& job, const std::uint32_t* flags) {
+    parts_.clear();
+    for (Offset env = 0; env < job.batch.env_count; ++env) {
+      if (job.answered[env] != 0 || (flags[env] & kNotAssembled) != 0 || !takes_form(job.batch, env)) continue;
+      const LaneEnv<Real> whole = lane_env(job.batch, env);
+      if (takes_blocks(whole)) parts_.push_back(whole);
+    }
     return parts_;
   }
 

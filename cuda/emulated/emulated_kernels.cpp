@@ -6,6 +6,7 @@ namespace stiction::cuda {
 
 BodyKernels emulated_body_kernels();
 DerivativeKernels emulated_derivative_kernels(Precision precision);
+JacobianKernels emulated_jacobian_kernels(Precision precision);
 WorldKernels emulated_world_kernels(Precision precision);
 NewtonBodyKernels emulated_newton_body_kernels();
 
@@ -19,7 +20,7 @@ const KernelCatalogue& emulated_kernels() {
       {warm_start_kernels<MakeEmulatedKernel, float>(), warm_start_kernels<MakeEmulatedKernel, double>()},
       emulated_body_kernels(),
       emulated_newton_body_kernels(),
-      {jacobian_kernels<MakeEmulatedKernel, float>(), jacobian_kernels<MakeEmulatedKernel, double>()},
+      {emulated_jacobian_kernels(Precision::f32), emulated_jacobian_kernels(Precision::f64)},
       {emulated_world_kernels(Precision::f32), emulated_world_kernels(Precision::f64)},
       {emulated_derivative_kernels(Precision::f32), emulated_derivative_kernels(Precision::f64)}};
   return catalogue;

@@ -6,12 +6,10 @@
 #include "cuda/kernels/body_bundles.hpp"
 #include "cuda/kernels/choose_program.hpp"
 #include "cuda/kernels/derivative_program.hpp"
-#include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/kernels/plan_program.hpp"
 #include "cuda/kernels/solve_teams.hpp"
 #include "cuda/kernels/solve_thread_per_env.hpp"
 #include "cuda/kernels/trivial_program.hpp"
-#include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/warm_start_program.hpp"
 #include "cuda/kernels/world_program.hpp"
 
@@ -55,16 +53,6 @@ WarmStartKernels warm_start_kernels() {
   return {Make::template kernel<LoadWarmStarts<Real>>("warm_start_load"),
           Make::template kernel<StoreWarmStarts<Real>>("warm_start_store"),
           Make::template kernel<ResetWarmStarts<Real>>("warm_start_reset")};
-}
-
-template <class Make, class Real>
-JacobianKernels jacobian_kernels() {
-  return {Make::template kernel<CountJacobians<Real>>("jacobian_count"),
-          Make::template kernel<PlaceJacobians<Real>>("jacobian_place"),
-          Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
-          Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
-          Make::template kernel<SolveVelocities<Real, false>>("velocity_newton"),
-          Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts")};
 }
 
 template <class Make, class Real>

@@ -120,6 +120,7 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   const Offset wanted = (capacity.envs + kWarp - 1) / kWarp, fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
   newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   newton_shape_.lanes = kWarp;
+  if (has_large) reserve_blocks(capacity);
   set_.add(arrays_.env_row_counts, capacity.envs);
   set_.add(arrays_.env_cone_counts, capacity.envs);
   set_.add(arrays_.answered, capacity.envs);
@@ -127,6 +128,22 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   set_.add(newton_.numbers, newton_shape_.teams * newton_.numbers_per_team);
   set_.add(newton_.lists, newton_shape_.teams * kWarp * newton_.lists_per_lane);
   set_.add(newton_.islands, newton_shape_.teams * kWarp * newton_.islands_per_lane);
+}
+
+/// Memory of the teams that solve in blocks, each of which takes one environment after the other.
+template <class Real>
+void DeviceJacobianMachine<Real>::reserve_blocks(const JacobianCapacity& capacity) {
+  const Index rows = smaller_of(capacity.env_rows, kMostBlockRows);
+  const BlockExtent largest{rows, rows, capacity.env_dofs};
+  newton_.block_lists_per_team = BlockLists::integers(largest);
+  newton_.block_numbers_per_team = BlockWorkspace::doubles(largest, kWarp);
+  const Offset team_bytes = static_cast<Offset>(sizeof(Index)) * newton_.block_lists_per_team +
+                            static_cast<Offset>(sizeof(double)) * newton_.block_numbers_per_team;
+  const Offset fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
+  block_shape_.teams = smaller_of(capacity.envs, smaller_of<Offset>(fitting, api_->facts().processors));
+  block_shape_.lanes = kWarp;
+  set_.add(newton_.block_lists, block_shape_.teams * newton_.block_lists_per_team);
+  set_.add(newton_.block_numbers, block_shape_.teams * newton_.block_numbers_per_team);
 }
 
 template <class Real>
@@ -138,6 +155,11 @@ void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, St
   args.arrays = arrays_;
   LaunchShape shape = newton_shape_;
   shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  api_->launch(newton_kernel_, shape, &args, stream);
+  if (block_shape_.teams == 0) return;
+  args.in_blocks = true;
+  shape = block_shape_;
+  shape.teams = smaller_of(shape.teams, job.batch.env_count);
   api_->launch(newton_kernel_, shape, &args, stream);
 }
 

@@ -28,6 +28,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   void launch(const KernelRef& kernel, const LaunchShape& shape, const JacobianBatchJob<Real>& job,
               StreamHandle stream);
   void reserve_newton(const JacobianCapacity& capacity);
+  void reserve_blocks(const JacobianCapacity& capacity);
   void launch_newton(const VelocityJob<Real>& job, StreamHandle stream);
   void finish(StreamHandle stream) noexcept;
   template <class Work>
@@ -39,7 +40,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   Offset slot_ = 0;
   LaunchShape small_, large_;  ///< of counting; of assembling and moving
   KernelRef newton_kernel_{};
-  LaunchShape newton_shape_;
+  LaunchShape newton_shape_, block_shape_;
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;
   DeviceMemory memory_;

@@ -278,13 +278,51 @@ TEST_F(Solve, JAndMOfTheFileAreSolvedWithoutA) {
 TEST_F(Solve, WhatHasNoJAndMOrIsOfAIsRefusedInThatForm) {
   EXPECT_THAT(solve({"--form", "jacobian"}).err,
               testing::HasSubstr("batch.h5: the recording has no J and M with v_free: solve it by its matrix A"));
-  EXPECT_THAT(solve({"--form", "dense"}).err, testing::HasSubstr("--form dense: expected matrix or jacobian"));
+  EXPECT_THAT(solve({"--form", "dense"}).err, testing::HasSubstr("--form dense: expected matrix, jacobian or bodies"));
   for (const Words& other :
        {Words{"--pyramid", "4"}, Words{"--record", folder_ / "r.h5"}, Words{"--convergence", folder_ / "c.csv"}}) {
     const Finished refused = solve({"--form", "jacobian", other[0], other[1]});
     EXPECT_EQ(refused.status, 2);
     EXPECT_THAT(refused.err, testing::HasSubstr("--form jacobian and " + other[0] + " exclude one another"));
   }
+}
+
+TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
+  const std::string wall = folder_ / "wall.h5", solution = folder_ / "solution.h5";
+  ASSERT_EQ(run_stiction({"generate", "stack", "--envs", "2", "--size", "4", "--seed", "5", "-o", wall}).status, 0);
+  const auto report_of = [&](Words more) {
+    more.insert(more.begin(), {"solve", wall, "--form", "bodies", "--law", "convex", "--tolerance", "1e-5",
+                               "--max-iterations", "5000", "--json", "-"});
+    return Json::parse(run_stiction(more).out);
+  };
+  for (const char* solver : {"si", "newton", "multigrid"}) {
+    const Json json = report_of({"--solver", solver, "-o", solution});
+    EXPECT_EQ(json["form"], "bodies");
+    EXPECT_EQ(json["solver"], solver);
+    EXPECT_EQ(json["unconverged"], 0) << solver;
+    EXPECT_EQ(json.contains("preconditioner"), std::string(solver) == "newton");
+    // The judge has the file's A; residuals are relative to a number that depends on tangents.
+    EXPECT_EQ(run_stiction({"verify", wall, solution, "--law", "convex", "--tolerance", "1.42e-5"}).status, 0);
+    EXPECT_EQ(report_of({"--solver", solver, "--permute", "3"})["hash"], json["hash"]);
+    EXPECT_EQ(report_of({"--solver", solver, "--warm-start", solution})["unconverged"], 0);
+  }
+  EXPECT_EQ(report_of({"--preconditioner", "factor"})["preconditioner"], "factor");
+  const auto error_of = [&](const Words& more) {
+    Words words{"solve", wall, "--form", "bodies"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Finished refused = run_stiction(words);
+    EXPECT_EQ(refused.status, 2);
+    return refused.err;
+  };
+  EXPECT_THAT(error_of({"--solver", "npgs"}), testing::HasSubstr("--solver npgs: expected si, newton or multigrid"));
+  EXPECT_THAT(error_of({"--solver", "si", "--preconditioner", "factor"}), testing::HasSubstr("choose --solver newton"));
+  EXPECT_THAT(error_of({"--preset", "grasping"}), testing::HasSubstr("--form bodies and --preset exclude"));
+  EXPECT_THAT(error_of({"--islands", "apart"}), testing::HasSubstr("--form bodies and --islands apart exclude"));
+  const std::string robot = STICTION_EXAMPLES_DIR "/data/humanoid.h5";
+  const Finished jointed = run_stiction({"solve", robot, "--form", "bodies"});
+  EXPECT_EQ(jointed.status, 2);
+  EXPECT_THAT(jointed.err, testing::HasSubstr("environment 0: "));
+  EXPECT_THAT(jointed.err, testing::HasSubstr("as_bodies() takes free rigid bodies"));
 }
 
 TEST_F(Solve, PyramidsAreSolvedByPivotingAndWrittenInTheRowsOfTheCones) {

@@ -42,11 +42,12 @@ struct InspectArguments {
 
 struct SolveArguments {
   std::filesystem::path batch;
-  std::optional<std::string> solver, preset;  ///< without either: npgs, or auto of J and M
+  std::optional<std::string> solver, preset;  ///< without either: npgs, auto of J and M, or newton of bodies
+  std::optional<std::string> preconditioner;  ///< of newton of bodies
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
-  std::string form = "matrix";  ///< what is solved of the file: matrix (A), or jacobian (J and M)
+  std::string form = "matrix";  ///< what is solved of the file: matrix (A), jacobian (J and M), or bodies (of J and M)
   std::string islands = "together";
   std::optional<double> tolerance;
   std::optional<Index> max_iterations;

@@ -53,12 +53,14 @@ void declare_inspect(CLI::App& app, InspectArguments& a) {
 void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
   app.add_option("--solver", a.solver, "Solver, or auto [npgs]");
+  app.add_option("--preconditioner", a.preconditioner, "Of --form bodies --solver newton");
   app.add_option("--preset", a.preset,
                  "navigation, locomotion, grasping or assembly: solver, tolerance and iterations");
   app.add_option("--device", a.device, "auto, cpu, cuda or cuda:I")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
-  app.add_option("--form", a.form, "matrix: A; jacobian: J and M of the file")->capture_default_str();
+  app.add_option("--form", a.form, "matrix: A; jacobian: J and M of the file; bodies: rigid bodies of J and M")
+      ->capture_default_str();
   app.add_option("--islands", a.islands, "together, or apart: every island iterates and stops by itself")
       ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");

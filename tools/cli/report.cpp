@@ -74,7 +74,7 @@ std::string to_json(const SolveReport& report) {
   Json json = {
       {"schema_version", kReportSchemaVersion},
       {"device", report.device},
-      {"solver", to_string(report.options.solver)},
+      {"solver", report.solver},
       {"precision", to_string(report.precision)},
       {"law", to_string(report.law)},
       {"environments", report.environments},
@@ -91,7 +91,8 @@ std::string to_json(const SolveReport& report) {
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
   if (report.options.direct_rows != SolverOptions{}.direct_rows) json["direct_rows"] = report.options.direct_rows;
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
-  if (report.is_jacobian) json["form"] = "jacobian";
+  if (report.form != "matrix") json["form"] = report.form;
+  if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
   return dump(json);
 }
 
@@ -102,9 +103,11 @@ std::string to_text(const SolveReport& report) {
   line("environments", fmt::format("{}", report.environments));
   line("rows", fmt::format("{}", report.rows));
   line("cones", fmt::format("{}", report.cones));
-  if (report.is_jacobian) line("form", "jacobian: J and M of the file");
-  line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", to_string(report.options.solver),
-                             report.options.tolerance, report.options.max_iterations));
+  if (report.form == "jacobian") line("form", "jacobian: J and M of the file");
+  if (report.form == "bodies") line("form", "bodies: rigid bodies of J and M of the file");
+  line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", report.solver, report.options.tolerance,
+                             report.options.max_iterations));
+  if (!report.preconditioner.empty()) line("preconditioner", report.preconditioner);
   if (report.options.islands != IslandMode::together) line("islands", to_string(report.options.islands));
   line("law", to_string(report.law));
   if (report.pyramid > 0)
@@ -119,7 +122,7 @@ std::string to_text(const SolveReport& report) {
   line("residual", quantile_text(report.residual));
   line("ended", codes_text(report));
   line("flags", flags_text(report));
-  if (report.options.solver == SolverKind::automatic) line("answered by", answered_text(report));
+  if (report.solver == to_string(SolverKind::automatic)) line("answered by", answered_text(report));
   line("unconverged", fmt::format("{}", report.unconverged));
   line("hash", fmt::format("{} (numerics epoch {})", hex(report.hash), kNumericsEpoch));
   return text;

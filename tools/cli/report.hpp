@@ -23,9 +23,11 @@ struct SolveReport {
   SolverOptions options;
   Law law = Law::convex;
   Precision precision = Precision::f64;
-  int threads = 0;           ///< 0: not a matter of CPU threads
-  bool is_jacobian = false;  ///< whether J and M were solved
-  int pyramid = 0;           ///< sides of the pyramids that were solved; 0: the cones themselves
+  int threads = 0;               ///< 0: not a matter of CPU threads
+  std::string form = "matrix";   ///< what was solved: matrix, jacobian or bodies
+  std::string solver;            ///< its name
+  std::string preconditioner{};  ///< of bodies' Newton's method, empty: none
+  int pyramid = 0;               ///< sides of the pyramids that were solved; 0: the cones themselves
   Offset environments = 0, rows = 0, cones = 0;
   Seconds seconds;
   std::optional<Quantiles<std::int32_t>> iterations;

@@ -15,6 +15,7 @@
 #include "stiction/recorder.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/trace.hpp"
+#include "tools/cli/body_method.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/convergence.hpp"
 #include "tools/cli/load.hpp"
@@ -22,6 +23,7 @@
 #include "tools/cli/permute.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/report.hpp"
+#include "tools/cli/solve_bodies.hpp"
 #include "tools/cli/solve_jacobian.hpp"
 #include "tools/cli/stopwatch.hpp"
 
@@ -32,15 +34,22 @@ namespace {
 /// Environments that --record keeps at most.
 constexpr Offset kMostRecorded = 1024;
 
-bool is_jacobian(const SolveArguments& arguments) {
-  if (arguments.form == "matrix" || arguments.form == "jacobian") return arguments.form == "jacobian";
-  throw Error(ErrorCode::invalid_argument, fmt::format("--form {}: expected matrix or jacobian", arguments.form));
+/// Whether J and M of the file are read: they are solved, or the bodies that they are of.
+bool takes_jacobian(const SolveArguments& arguments) {
+  for (const char* form : {"jacobian", "bodies"})
+    if (arguments.form == form) return true;
+  if (arguments.form == "matrix") return false;
+  throw Error(ErrorCode::invalid_argument,
+              fmt::format("--form {}: expected matrix, jacobian or bodies", arguments.form));
+}
+bool is_bodies(const SolveArguments& arguments) {
+  return arguments.form == "bodies";
 }
 
 SolverOptions solver_options(const SolveArguments& arguments) {
   SolverOptions options = arguments.preset ? options_for(preset_from_string(*arguments.preset)) : SolverOptions{};
-  if (is_jacobian(arguments)) options.solver = SolverKind::automatic;
-  if (arguments.solver) options.solver = solver_from_string(*arguments.solver);
+  if (takes_jacobian(arguments)) options.solver = SolverKind::automatic;
+  if (arguments.solver && !is_bodies(arguments)) options.solver = solver_from_string(*arguments.solver);
   options.tolerance = arguments.tolerance.value_or(options.tolerance);
   options.max_iterations = arguments.max_iterations.value_or(options.max_iterations);
   options.omega = arguments.omega;
@@ -48,6 +57,19 @@ SolverOptions solver_options(const SolveArguments& arguments) {
   options.islands = island_mode_from_string(arguments.islands);
   options.threads = arguments.threads;
   options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
+  return options;
+}
+
+/// What a solver of bodies is told; the law is that of the batch.
+BodySolverOptions body_options(const SolveArguments& arguments, const SolverOptions& common, Law law) {
+  BodySolverOptions options;
+  choose_body_method(arguments.solver.value_or("newton"), arguments.preconditioner, options);
+  options.law = law;
+  options.tolerance = common.tolerance;
+  options.iterations = common.max_iterations;
+  options.omega = common.omega;
+  options.threads = common.threads;
+  options.invalid = common.invalid;
   return options;
 }
 
@@ -71,14 +93,25 @@ void check_outputs(const SolveArguments& arguments) {
   }
 }
 
-/// Pyramids, recordings and curves are of A.
+/// Pyramids, recordings and curves are of A; islands and presets are not of bodies.
 void check_form(const SolveArguments& arguments) {
-  if (!is_jacobian(arguments)) return;
+  if (arguments.preconditioner && !is_bodies(arguments))
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--preconditioner {}: it is that of bodies: choose --form bodies --solver newton",
+                            *arguments.preconditioner));
+  if (!takes_jacobian(arguments)) return;
+  if (is_bodies(arguments)) {
+    body_options(arguments, SolverOptions{}, Law::convex);
+    if (arguments.preset || arguments.islands != "together")
+      throw Error(ErrorCode::invalid_argument,
+                  fmt::format("--form bodies and {} exclude one another: leave one of them out",
+                              arguments.preset ? "--preset" : "--islands apart"));
+  }
   const char* other = arguments.pyramid > 0 ? "--pyramid" : arguments.record ? "--record" : nullptr;
   if (arguments.convergence) other = "--convergence";
   if (other != nullptr)
     throw Error(ErrorCode::invalid_argument,
-                fmt::format("--form jacobian and {} exclude one another: leave one of them out", other));
+                fmt::format("--form {} and {} exclude one another: leave one of them out", arguments.form, other));
 }
 
 /// Reactions of a cone are many sums of its pyramid's edges, so a warm start of cones has no single one of edges. And
@@ -243,7 +276,7 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
   const Work<Real> work = prepare<Real>(batch, warm_start, order);
   const JacobianBatch<Real> jacobians =
-      report.is_jacobian ? jacobians_of<Real>(report.file, loaded.recording, order) : JacobianBatch<Real>();
+      takes_jacobian(arguments) ? jacobians_of<Real>(report.file, loaded.recording, order) : JacobianBatch<Real>();
   report.environments = batch.env_count();
   report.rows = file_batch.row_count();
   report.cones = file_batch.view().cone_count;
@@ -252,7 +285,11 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   loading.reset();
 
   Solution<Real> solution;
-  if (report.is_jacobian) {
+  if (is_bodies(arguments)) {
+    stage->relabel("solving");
+    solution = solve_as_bodies(jacobians, solver.device(), body_options(arguments, solver.options(), report.law),
+                               work.warm_start, arguments.repeat, report.seconds);
+  } else if (takes_jacobian(arguments)) {
     stage->relabel("solving");
     solution = solve_jacobians(jacobians, solver.device(), solver.options(), work.warm_start, arguments.repeat,
                                report.seconds);
@@ -300,7 +337,10 @@ int run_solve(const SolveArguments& arguments) {
   report.file = arguments.batch.string();
   report.options = solver_options(arguments);
   report.pyramid = arguments.pyramid;
-  report.is_jacobian = is_jacobian(arguments);
+  report.form = arguments.form;
+  report.solver = is_bodies(arguments) ? arguments.solver.value_or("newton") : to_string(report.options.solver);
+  if (report.form == "bodies" && report.solver == "newton")
+    report.preconditioner = to_string(body_options(arguments, report.options, Law::convex).space.preconditioner);
   report.precision = precision_from_option(arguments.precision);
   record_when(arguments.record_when);
   check_pyramid(arguments);

@@ -9,6 +9,7 @@
 
 #include "bench/scenes/worlds.hpp"
 #include "stiction/error.hpp"
+#include "tools/cli/body_method.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
@@ -25,27 +26,11 @@ using Clock = std::chrono::steady_clock;
 /// What a residual is held against where all iterations are run.
 constexpr double kQualityTolerance = 1e-3;
 
-/// Sequential impulses, or Newton's method with a preconditioner, of which multigrid has a name of its own.
-void choose_solver(const StepArguments& arguments, BodySolverOptions& options) {
-  const bool is_newton = arguments.solver == "newton", is_multigrid = arguments.solver == "multigrid";
-  if (!is_newton && !is_multigrid && arguments.solver != "si")
-    throw Error(ErrorCode::invalid_argument,
-                fmt::format("--solver {}: expected si, newton or multigrid", arguments.solver));
-  if (arguments.preconditioner && !is_newton)
-    throw Error(ErrorCode::invalid_argument,
-                fmt::format("--preconditioner {}: it is newton's, and the solver is {}: choose --solver newton",
-                            *arguments.preconditioner, arguments.solver));
-  options.method = is_newton || is_multigrid ? BodyMethod::newton : BodyMethod::impulses;
-  options.space.preconditioner = is_multigrid ? BodyPreconditioner::multigrid : BodyPreconditioner::block_diagonal;
-  if (arguments.preconditioner)
-    options.space.preconditioner = body_preconditioner_from_string(*arguments.preconditioner);
-}
-
 WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
   WorldOptions options;
   options.stepping = stepping;
   options.stepping.dt = arguments.dt.value_or(stepping.dt);
-  choose_solver(arguments, options.solver);
+  choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
   options.solver.iterations = arguments.iterations;
   options.solver.tolerance = arguments.tolerance;
   options.solver.threads = arguments.threads;

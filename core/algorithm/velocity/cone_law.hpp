@@ -9,6 +9,13 @@
 /// (docs/math/velocity_newton.md, "Potentials of cones").
 namespace stiction::inline STICTION_ISA {
 
+/// The larger of a compliance and `least` of the diagonal that A has there; 1 where neither is positive.
+template <class Wide>
+STICTION_HD Wide raised_compliance(Wide diagonal, Wide given, double least) {
+  const Wide raised = max_(Wide(least) * diagonal, given);
+  return select(raised > Wide(0), raised, Wide(1));
+}
+
 /// A row between bounds: free and unilateral rows have infinite ones.
 template <class Wide>
 struct RowLaw {

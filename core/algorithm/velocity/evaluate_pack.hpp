@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/residual/final_residual.hpp"
+#include "core/algorithm/velocity/cone_law.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 #include "core/algorithm/velocity/newton_progress.hpp"
 
@@ -189,11 +190,6 @@ struct DoublePack {
     Mask<Double> bad;
     Mask<Double> proximal;
   };
-  /// The larger of a compliance and the least of a row whose A has that diagonal.
-  static STICTION_HD Double at_least(Double diagonal, Double given) {
-    const Double raised = max_(Double(kLeastCompliance) * diagonal, given);
-    return select(raised > Double(0), raised, Double(1));
-  }
   /// Adds what is missing in a row's compliance. The lanes in which that is more than a rounding.
   STICTION_HD Mask<Double> add_prox(Index row, Double wanted, Mask<Double> where) const {
     constexpr double kRounding = sizeof(typename Types::Real) == sizeof(float) ? 0x1p-20 : 0x1p-48;
@@ -209,7 +205,7 @@ struct DoublePack {
     const Doubles diagonal = array(workspace.diagonal);
     const Double given = number(workspace.R, slot.row);
     lanes.bad = or_(lanes.bad, not_(diagonal[slot.row] + given > Double(0)));
-    const Double normal = at_least(diagonal[slot.row], given);
+    const Double normal = raised_compliance(diagonal[slot.row], given, kLeastCompliance);
     lanes.proximal = or_(lanes.proximal, add_prox(slot.row, normal, Double(0) == Double(0)));
     put(workspace.law, 3 * s, div_(Double(1), normal));
     if (slot.rows == 1) return;
@@ -220,7 +216,8 @@ struct DoublePack {
       most = max_(mu * mu * number(workspace.R, row), most);
       mean = fma_(mu * mu, diagonal[row], mean);
     }
-    const Double tangential = at_least(div_(mean, Double(static_cast<double>(slot.rows - 1))), most);
+    const Double tangential =
+        raised_compliance(div_(mean, Double(static_cast<double>(slot.rows - 1))), most, kLeastCompliance);
     for (Index row = slot.row + 1; row < slot.row + slot.rows; ++row) {
       const Double mu = number(workspace.mu, row);
       const auto has_friction = mu > Double(0);

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "core/base/macros.hpp"
-#include "stiction/types.hpp"
+#include "core/base/real.hpp"
+#include "core/job/velocity_job.hpp"
 
 /// How far an environment of Newton's method in velocities is, and when it is given up.
 namespace stiction::inline STICTION_ISA {
@@ -43,6 +43,16 @@ struct LaneProgress {
   bool is_solved = false;
   bool starts_at_velocity = false;  ///< and not at what reactions lead to
   bool has_outer = false;           ///< solves a sequence of problems: Coulomb's law, or a proximal term
+
+  /// What the batch, or the solve, asks of an environment. `most`: steps, whatever that is.
+  template <class Real>
+  STICTION_HD void set_limits(const VelocityJob<Real>& job, Offset env, Index most) {
+    const double* const own_tolerance = job.batch.env_tolerance;
+    const Index* const own_iterations = job.batch.env_max_iterations;
+    tolerance = own_tolerance != nullptr && own_tolerance[env] >= 0.0 ? own_tolerance[env] : job.tolerance;
+    max_iterations = own_iterations != nullptr && own_iterations[env] >= 0 ? own_iterations[env] : job.max_iterations;
+    max_iterations = max_iterations < most ? max_iterations : most;
+  }
 };
 
 }  // namespace stiction::inline STICTION_ISA

@@ -81,15 +81,9 @@ class VelocityNewton {
       const Offset env = envs_[l].env;
       LaneProgress& lane = progress_[l];
       lane = LaneProgress{};
-      lane.tolerance = job_.tolerance;
-      lane.max_iterations = job_.max_iterations;
       lane.is_busy = env >= 0 && is_set(sound, l);
       if (!lane.is_busy) continue;
-      const double* const tolerance = job_.batch.env_tolerance;
-      const Index* const iterations = job_.batch.env_max_iterations;
-      if (tolerance != nullptr && tolerance[env] >= 0.0) lane.tolerance = tolerance[env];
-      if (iterations != nullptr && iterations[env] >= 0) lane.max_iterations = iterations[env];
-      lane.max_iterations = lane.max_iterations < kMostSteps ? lane.max_iterations : kMostSteps;
+      lane.set_limits(job_, env, kMostSteps);
       // With tolerance 0 every iteration is asked for, and this method would end at rounding.
       lane.is_busy = lane.tolerance > 0.0;
     }

@@ -11,6 +11,7 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/jacobian.hpp"
+#include "stiction/jacobian_bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/padded.hpp"
 #include "stiction/preset.hpp"

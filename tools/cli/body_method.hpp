@@ -1,0 +1,16 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "stiction/bodies.hpp"
+
+namespace stiction::cli {
+
+/// How bodies are solved, from --solver and --preconditioner: sequential impulses, or Newton's method with a
+/// preconditioner, of which multigrid has a name of its own. \throws Error(invalid_argument) for other names, and for a
+/// preconditioner of what has none.
+void choose_body_method(const std::string& solver, const std::optional<std::string>& preconditioner,
+                        BodySolverOptions& options);
+
+}  // namespace stiction::cli
