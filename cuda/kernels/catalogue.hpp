@@ -5,7 +5,6 @@
 #include "cuda/kernels/bodies_program.hpp"
 #include "cuda/kernels/body_bundles.hpp"
 #include "cuda/kernels/choose_program.hpp"
-#include "cuda/kernels/derivative_program.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/kernels/plan_program.hpp"
 #include "cuda/kernels/solve_teams.hpp"
@@ -16,7 +15,7 @@
 #include "cuda/kernels/world_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
-/// `Make::template kernel<Program>(name)`.
+/// `Make::template kernel<Program>(name)`. Those of derivatives are in derivative_catalogue.hpp.
 namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
@@ -65,12 +64,6 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
           Make::template kernel<SolveVelocities<Real, false>>("velocity_newton"),
           Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts")};
-}
-
-template <class Make, class Real>
-DerivativeKernels derivative_kernels() {
-  return {Make::template kernel<PullBack<Real>>("derivative_vjp"),
-          Make::template kernel<PushForward<Real>>("derivative_jvp")};
 }
 
 template <class Make, class Real>
