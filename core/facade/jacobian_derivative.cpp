@@ -69,12 +69,12 @@ void Derivative::vjp(const JacobianBatchView<Real>& batch, const ReactionView<Re
                      StreamRef stream) const {
   const ScopedFpEnv fp_env;
   check_batch(batch, at, status, count, device_);
-  refuse_shared(batch, at, status,
-                arrays_of_solution({"cotangents.lambda", "cotangents.w", "cotangents.velocity"}, cotangents, batch,
-                                   count),
-                arrays_by_number({"gradients.J", "gradients.M", "gradients.v_free", "gradients.target", "gradients.R",
-                                  "gradients.mu", "gradients.lo", "gradients.hi"},
-                                 gradients, batch, count));
+  refuse_shared(
+      batch, at, status,
+      arrays_of_solution({"cotangents.lambda", "cotangents.w", "cotangents.velocity"}, cotangents, batch, count),
+      arrays_by_number({"gradients.J", "gradients.M", "gradients.v_free", "gradients.target", "gradients.R",
+                        "gradients.mu", "gradients.lo", "gradients.hi"},
+                       gradients, batch, count));
   JacobianVjpJob<Real> job{};
   fill(job.contact, batch.law, at, status, count, options_);
   job.assembly.batch = batch;

@@ -18,10 +18,10 @@ struct Form {
   bool csr;
 };
 inline constexpr Form kForms[] = {{0, MassForm::matrix, false},
-                           {3, MassForm::matrix, true},
-                           {1, MassForm::matrix, false},
-                           {0, MassForm::factor, true},
-                           {3, MassForm::factor, false}};
+                                  {3, MassForm::matrix, true},
+                                  {1, MassForm::matrix, false},
+                                  {0, MassForm::factor, true},
+                                  {3, MassForm::factor, false}};
 
 /// L of M = L L', block by block.
 inline std::vector<double> cholesky(const std::vector<double>& M, std::size_t block) {
@@ -83,7 +83,7 @@ struct JacobianGradients {
   [[nodiscard]] JacobianBatchCotangentView<Real> view() {
     return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
   }
-  /// The same numbers as changes.
+  /// These numbers as changes.
   [[nodiscard]] JacobianBatchTangentView<Real> tangents() const {
     return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
   }

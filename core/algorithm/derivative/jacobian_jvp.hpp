@@ -7,8 +7,7 @@
 /// (21)), in the precision in which A is assembled.
 namespace stiction::inline STICTION_ISA {
 
-/// Takes dM p of every block from the motion: that of the symmetric part of dM, or with M = L L' that of
-/// dL L' + L dL'.
+/// Takes dM p of every block from the motion. Of dM the symmetric part counts; with M = L L' it is dL L' + L dL'.
 template <Team TeamT, class Tile>
 STICTION_HD void take_mass_change(TeamT& team, const ChainEnv<Tile>& env, const typename Tile::Real* dM) {
   using Real = typename Tile::Real;
@@ -49,8 +48,7 @@ STICTION_HD void change_momentum(TeamT& team, const ChainEnv<Tile>& env, const J
     for_each(team, env.dofs, [&](Index k) { env.motion[k] = 0; });
   }
   if (job.tangents.M != nullptr)
-    take_mass_change(team, env,
-                     job.tangents.M + set * env.batch->mass_count + env.batch->env_mass_offsets[index]);
+    take_mass_change(team, env, job.tangents.M + set * env.batch->mass_count + env.batch->env_mass_offsets[index]);
 }
 
 template <class Tile>
@@ -178,8 +176,7 @@ template <class Tile, Team TeamT>
 STICTION_HD void refuse_jacobian_jvp(TeamT& team, const JacobianJvpJob<typename Tile::Real>& job, Offset index,
                                      std::uint32_t flags, double* memory) {
   refuse_jvp(team, job.contact, index, flags);
-  if (job.has_jacobian)
-    end_jacobian_jvp<Tile>(team, job, index, reinterpret_cast<typename Tile::Real*>(memory), false);
+  if (job.has_jacobian) end_jacobian_jvp<Tile>(team, job, index, reinterpret_cast<typename Tile::Real*>(memory), false);
 }
 
 }  // namespace stiction::inline STICTION_ISA
