@@ -202,7 +202,7 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
 
 /// Numbers and records of a derivative, as bytes one behind the other.
 template <class Derived>
-std::string bytes_of(Derived own) {
+std::string bytes_of(const Derived& own) {
   std::string all;
   const auto numbers = own.all();
   append(all, numbers, 0, static_cast<Offset>(numbers.size()));

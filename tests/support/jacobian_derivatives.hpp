@@ -89,9 +89,10 @@ struct JacobianGradients {
   }
   [[nodiscard]] auto parts() { return std::array{&J, &M, &v_free, &target, &R, &mu, &lo, &hi}; }
   /// All numbers, one behind the other.
-  [[nodiscard]] std::vector<Real> all() {
+  [[nodiscard]] std::vector<Real> all() const {
     std::vector<Real> numbers;
-    for (const auto* part : parts()) numbers.insert(numbers.end(), part->begin(), part->end());
+    for (const auto* part : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi})
+      numbers.insert(numbers.end(), part->begin(), part->end());
     return numbers;
   }
 

@@ -164,8 +164,7 @@ TEST(DeviceJacobianDerivative, OfEnvironmentsThatAreKeptAsFactors) {
   Derivative(Device::emulated(), {}, room)
       .vjp(there, ReactionView<double>{lambda.data(), nullptr},
            JacobianSolutionCotangentView<double>{nullptr, nullptr, v_bar.data()}, own.view(), own.status.data());
-  auto one = expected;
-  EXPECT_EQ(own.all(), one.all());
+  EXPECT_EQ(own.all(), expected.all());
   EXPECT_EQ(own.status[0].flags, 0U);
 }
 

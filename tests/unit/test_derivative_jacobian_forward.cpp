@@ -42,7 +42,8 @@ void move(std::vector<double>& numbers, const std::vector<double>& along, double
     if (std::isfinite(numbers[i])) numbers[i] += step * along[i];
 }
 
-JacobianEnvironment<double> moved(JacobianEnvironment<double> env, const JacobianGradients<double>& along, double step) {
+JacobianEnvironment<double> moved(JacobianEnvironment<double> env, const JacobianGradients<double>& along,
+                                  double step) {
   if (env.target.empty()) env.target.assign(env.mu.size(), 0.0);
   move(env.J, along.J, step);
   move(env.M, along.M, step);
@@ -147,8 +148,7 @@ TEST(ForwardDerivativeOfJacobians, IsTheTransposeOfTheReverse) {
             pulled += term;
             size += std::abs(term);
           }
-        const double pushed =
-            dot(forward.lambda, lambda_bar) + dot(forward.w, w_bar) + dot(forward.velocity, v_bar);
+        const double pushed = dot(forward.lambda, lambda_bar) + dot(forward.w, w_bar) + dot(forward.velocity, v_bar);
         worst = std::max(worst, std::abs(pushed - pulled) / size);
       }
   std::printf("%d problems; largest difference %.2e of the terms\n", used, worst);
