@@ -59,8 +59,8 @@ struct WorldStep<Real>::Parts {
       pair.push_back(static_cast<Index>(contacts.contact_id[c] / kFeatures));
     inv_mass = copy(contacts.inv_mass, env_count * body_count);
     inv_inertia = copy(contacts.inv_inertia, 6 * env_count * body_count);
-    jacobians = body_jacobians<Real>(contacts, twist, world.impulses(), world.options().stepping,
-                                     world.options().solver.law);
+    jacobians =
+        body_jacobians<Real>(contacts, twist, world.impulses(), world.options().stepping, world.options().solver.law);
     solved = velocities(jacobians.batch.view(), std::span<const double>(jacobians.impulse), options.threads);
   }
 

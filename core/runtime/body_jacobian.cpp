@@ -52,8 +52,8 @@ void add_contact(const BodyBatchView<Real>& bodies, Offset c, const TimeStepping
     add(bodies.body_b[c], rows_b.row[row], 1.0);
     env.row_offsets.push_back(static_cast<Index>(env.J.size()));
   }
-  const Target target = target_of(stepping, static_cast<double>(bodies.depth[c]),
-                                  static_cast<double>(bodies.restitution[c]), approach);
+  const Target target =
+      target_of(stepping, static_cast<double>(bodies.depth[c]), static_cast<double>(bodies.restitution[c]), approach);
   env.cones.push_back({ConeKind::friction, 3});
   env.target.insert(env.target.end(), {target.velocity, 0.0, 0.0});
   env.R.insert(env.R.end(), 3, stepping.cfm / stepping.dt);
@@ -73,9 +73,8 @@ void add_body(const BodyBatchView<Real>& bodies, Offset body, const double* twis
   const std::array<double, 9> inertia = inverse(inverse_inertia);
   env.M.insert(env.M.end(), inertia.begin(), inertia.end());
   for (Offset k = 0; k < 6; ++k)
-    env.v_free.push_back(twist[k] + (bodies.twist_change == nullptr
-                                         ? 0.0
-                                         : static_cast<double>(bodies.twist_change[6 * body + k])));
+    env.v_free.push_back(
+        twist[k] + (bodies.twist_change == nullptr ? 0.0 : static_cast<double>(bodies.twist_change[6 * body + k])));
 }
 
 }  // namespace
@@ -87,7 +86,7 @@ ContactRows contact_rows(const Real* normal, const Real* arm) {
   double t1[3];
   double t2[3];
   contact_tangents(n, t1, t2);
-  const auto row = [&](const double(&d)[3]) -> std::array<double, 6> {
+  const auto row = [&](const double (&d)[3]) -> std::array<double, 6> {
     return {d[0], d[1], d[2], r[1] * d[2] - r[2] * d[1], r[2] * d[0] - r[0] * d[2], r[0] * d[1] - r[1] * d[0]};
   };
   return {{row(n), row(t1), row(t2)}};

@@ -68,7 +68,8 @@ struct Heap {
     scenes::Rng rng(3);
     for (Offset env = 0; env < kEnvs; ++env) {
       const double over = env % 3 == 2 ? -1e-3 : 1e-4;
-      begin.position.insert(begin.position.end(), {0, 0, 0.1 - over, 1, 0, 0.2 - over, 3, 0, 0.3 - over, 1, 0, 0.5 - 2 * over});
+      begin.position.insert(begin.position.end(),
+                            {0, 0, 0.1 - over, 1, 0, 0.2 - over, 3, 0, 0.3 - over, 1, 0, 0.5 - 2 * over});
       for (int body = 0; body < 4; ++body) {
         begin.orientation.insert(begin.orientation.end(), {1, 0, 0, 0});
         for (int k = 0; k < 6; ++k) {
@@ -103,9 +104,7 @@ TEST(WorldDerivative, IsThatOfDifferencesOfTheStep) {
         EXPECT_LT(status.forward_residual, 1e-11);
       }
       const auto along = random_numbers(heap.begin.twist.size(), 2);
-      const auto difference = [&](const auto& moved) {
-        return (moved(kStep) - moved(-kStep)) / (2 * kStep);
-      };
+      const auto difference = [&](const auto& moved) { return (moved(kStep) - moved(-kStep)) / (2 * kStep); };
       const double by_twist = difference([&](double size) {
         Begin at = heap.begin;
         for (std::size_t i = 0; i < along.size(); ++i) at.twist[i] += size * along[i];
@@ -184,7 +183,8 @@ TEST(WorldDerivative, KnowsTheGyroscopicTerm) {
     up.twist[k] += kStep;
     down.twist[k] -= kStep;
     EXPECT_NEAR(gradient.twist[k],
-                (loss(description, 1, options, up, bars) - loss(description, 1, options, down, bars)) / (2 * kStep), 1e-8)
+                (loss(description, 1, options, up, bars) - loss(description, 1, options, down, bars)) / (2 * kStep),
+                1e-8)
         << k;
   }
 }
@@ -202,6 +202,34 @@ TEST(WorldDerivative, APoisonedEnvironmentGetsZerosAndLeavesOthersAlone) {
   for (std::size_t i = 0; i < sound.twist.size(); ++i) {
     EXPECT_EQ(poisoned.twist[i], i / 24 == 3 ? 0.0 : sound.twist[i]);
     EXPECT_EQ(poisoned.wrench[i], i / 24 == 3 ? 0.0 : sound.wrench[i]);
+  }
+}
+
+TEST(WorldDerivative, HasTheSameBitsForWorldsOfADeviceAndAnyThreads) {
+  const Heap heap(0.6);
+  const auto pulled = [&](Device device, int threads) {
+    WorldOptions options = exact(Law::coulomb);
+    options.solver.tolerance = 1e-6;
+    World<float> world(device, heap.description, Heap::kEnvs, options);
+    const auto floats = [](const std::vector<double>& from) { return std::vector<float>(from.begin(), from.end()); };
+    const auto position = floats(heap.begin.position), orientation = floats(heap.begin.orientation),
+               twist = floats(heap.begin.twist), wrench = floats(heap.begin.wrench);
+    world.reset(std::vector<std::uint8_t>(Heap::kEnvs, 1), WorldState<float>{position, orientation, twist});
+    std::copy(wrench.begin(), wrench.end(), world.wrench().begin());
+    DerivativeOptions derivative;
+    derivative.threads = threads;
+    WorldStep<float> step(world, derivative);
+    return step.pull(random_numbers<float>(heap.begin.twist.size(), 1),
+                     random_numbers<float>(heap.begin.position.size(), 2));
+  };
+  const auto expected = pulled(Device::cpu(), 1);
+  EXPECT_NE(expected.wrench, std::vector<float>(expected.wrench.size()));
+  for (const auto& own : {pulled(Device::cpu(), 2), pulled(Device::emulated(), 1)}) {
+    EXPECT_EQ(own.twist, expected.twist);
+    EXPECT_EQ(own.wrench, expected.wrench);
+    EXPECT_EQ(own.position, expected.position);
+    EXPECT_EQ(own.friction, expected.friction);
+    EXPECT_EQ(own.depth, expected.depth);
   }
 }
 

@@ -15,12 +15,12 @@ namespace stiction {
 /// Derivatives of a loss by what a step began with; bodies and contacts of all environments as in the World.
 template <class Real>
 struct WorldGradient {
-  std::vector<Real> position;      ///< by centres of mass, geometry but depths frozen     (3 * body_count * env_count)
-  std::vector<Real> twist;         ///< by velocities and spins                            (6 * body_count * env_count)
-  std::vector<Real> wrench;        ///< by forces and torques                              (6 * body_count * env_count)
-  std::vector<Real> friction;      ///< by the friction of each shape                      (shapes * env_count)
-  std::vector<Real> contact_mu;    ///< by the friction of each contact                    (contacts)
-  std::vector<Real> depth;         ///< by the depth of each contact [1/m]                 (contacts)
+  std::vector<Real> position;    ///< by centres of mass, geometry but depths frozen     (3 * body_count * env_count)
+  std::vector<Real> twist;       ///< by velocities and spins                            (6 * body_count * env_count)
+  std::vector<Real> wrench;      ///< by forces and torques                              (6 * body_count * env_count)
+  std::vector<Real> friction;    ///< by the friction of each shape                      (shapes * env_count)
+  std::vector<Real> contact_mu;  ///< by the friction of each contact                    (contacts)
+  std::vector<Real> depth;       ///< by the depth of each contact [1/m]                 (contacts)
   std::vector<GradientStatus> status;  ///< a record per environment                       (env_count)
 };
 
@@ -45,8 +45,8 @@ class WorldStep {
   WorldStep(WorldStep&&) noexcept;
   WorldStep& operator=(WorldStep&&) noexcept;
 
-  /// Pulls derivatives of a loss by the twists after the step (6 * body_count * env_count), and by its positions
-  /// (3 * body_count * env_count, or empty: zeros), back to what it began with. An environment that is refused gets
+  /// Pulls derivatives of a loss by the twists and the positions after the step back to what it began with. Lengths are
+  /// 6 and 3 * body_count * env_count; of no positions: zeros. An environment that is refused gets
   /// zeros and a flag. \throws Error(invalid_argument) for a wrong length.
   [[nodiscard]] WorldGradient<Real> pull(std::span<const Real> twist, std::span<const Real> position = {}) const;
 
