@@ -137,7 +137,8 @@ int run(int argc, char** argv) {
   std::vector<JacobianCase> cases;
   for (const std::string& file : arguments.texts("--files"))
     cases.push_back(recorded_case(arguments.text("--folder") + "/" + file + ".h5", envs));
-  for (const std::string& scene : arguments.texts("--scenes")) cases.push_back(scene_case(scene, std::min<std::size_t>(envs, 64)));
+  for (const std::string& scene : arguments.texts("--scenes"))
+    cases.push_back(scene_case(scene, std::min<std::size_t>(envs, 64)));
   const auto csv = arguments.csv("case,form,rows,unknowns,solved,refused,forward_us,backward_us,ratio");
   std::printf("%-16s %-9s %6s %8s %7s %7s %10s %10s %6s\n", "case", "form", "rows", "unknowns", "solved", "refused",
               "forward us", "backwd us", "ratio");

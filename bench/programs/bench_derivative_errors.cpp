@@ -53,13 +53,13 @@ Numbers direction_of(const Env& env, const Parameter& parameter, Index mass_bloc
   const std::size_t block = mass_block == 0 ? env.v_free.size() : static_cast<std::size_t>(mass_block);
   for (std::size_t first = 0; first < direction.size(); first += block * block)
     for (std::size_t i = 0; i < block; ++i)
-      for (std::size_t j = i + 1; j < block; ++j)
-        direction[first + i * block + j] = direction[first + j * block + i];
+      for (std::size_t j = i + 1; j < block; ++j) direction[first + i * block + j] = direction[first + j * block + i];
   return direction;
 }
 
 /// All environments of a case, some numbers of each moved along `directions` by `step`.
-JacobianCase moved(const JacobianCase& from, Numbers Env::* numbers, const std::vector<Numbers>& directions, double step) {
+JacobianCase moved(const JacobianCase& from, Numbers Env::* numbers, const std::vector<Numbers>& directions,
+                   double step) {
   JacobianCase to = from;
   for (std::size_t e = 0; e < to.envs.size(); ++e)
     for (std::size_t i = 0; i < directions[e].size(); ++i) (to.envs[e].*numbers)[i] += step * directions[e][i];
@@ -106,9 +106,9 @@ Solved solve_case(const JacobianCase& own, const Numbers& lambda_bar, const Numb
   }
   DerivativeOptions options;
   options.max_unknowns = 4096;
-  Derivative(Device::cpu(), options).vjp(view, ReactionView<double>{solution.contact.lambda.data(), nullptr},
-                   JacobianSolutionCotangentView<double>{lambda_bar.data(), nullptr, v_bar.data()}, to,
-                   found.modes.data());
+  Derivative(Device::cpu(), options)
+      .vjp(view, ReactionView<double>{solution.contact.lambda.data(), nullptr},
+           JacobianSolutionCotangentView<double>{lambda_bar.data(), nullptr, v_bar.data()}, to, found.modes.data());
   return found;
 }
 
@@ -127,8 +127,8 @@ void report(const std::string& name, const std::string& parameter, Errors errors
               most);
   std::fflush(stdout);
   if (csv != nullptr)
-    csv->row({name, parameter, std::to_string(count), std::to_string(errors.left_out), number(median, 2),
-              number(most, 2)});
+    csv->row(
+        {name, parameter, std::to_string(count), std::to_string(errors.left_out), number(median, 2), number(most, 2)});
 }
 
 /// The environments at which no contact is in another mode at one of three solutions.

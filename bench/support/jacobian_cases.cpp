@@ -19,7 +19,8 @@ JacobianEnvironment<double> environment_at(const JacobianBatchView<double>& batc
   env.J.assign(batch.J + begin, batch.J + end);
   if (batch.column != nullptr) {
     env.column.assign(batch.column + begin, batch.column + end);
-    for (Offset i = row; i <= row + rows; ++i) env.row_offsets.push_back(static_cast<Index>(batch.row_offsets[i] - begin));
+    for (Offset i = row; i <= row + rows; ++i)
+      env.row_offsets.push_back(static_cast<Index>(batch.row_offsets[i] - begin));
   }
   const auto part = [](const double* numbers, Offset first, Offset last) {
     return numbers == nullptr ? std::vector<double>() : std::vector<double>(numbers + first, numbers + last);
@@ -53,8 +54,9 @@ JacobianBatch<Real> JacobianCase::batch(std::size_t count) const {
     const auto part = [](const std::vector<double>& numbers) {
       return std::vector<Real>(numbers.begin(), numbers.end());
     };
-    JacobianEnvironment<Real> own{{},          env.row_offsets,  env.column,   part(env.J),  part(env.M), part(env.v_free),
-                                  part(env.target), part(env.R), part(env.mu), part(env.lo), part(env.hi)};
+    JacobianEnvironment<Real> own{{},           env.row_offsets,  env.column,       part(env.J),
+                                  part(env.M),  part(env.v_free), part(env.target), part(env.R),
+                                  part(env.mu), part(env.lo),     part(env.hi)};
     for (const auto& cone : env.cones) own.cones.push_back({cone.kind, cone.row_count});
     all.add(own);
   }
