@@ -176,7 +176,7 @@ stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative, 
                                                const void* lambda, const stiction_status* status,
                                                const stiction_solution_numbers* cotangents,
                                                const stiction_jacobian_numbers* gradients,
-                                               stiction_gradient_status* gradient_status, int64_t count) {
+                                               stiction_gradient_status* gradient_status, int64_t count, void* stream) {
   return c::guarded([&] {
     const auto object = c::derivatives().get(derivative);
     const auto given = c::read_struct(batch, "batch");
@@ -190,7 +190,31 @@ stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative, 
                   stiction::JacobianBatchCotangentView<Real>{
                       c::room<Real>(to.J), c::room<Real>(to.M), c::room<Real>(to.v_free), c::room<Real>(to.target),
                       c::room<Real>(to.R), c::room<Real>(to.mu), c::room<Real>(to.lo), c::room<Real>(to.hi)},
-                  c::records(gradient_status), count);
+                  c::records(gradient_status), count, stiction::StreamRef(stream));
+    });
+  });
+}
+
+stiction_code stiction_derivative_jvp_jacobian(stiction_derivative* derivative, const stiction_jacobian_view* batch,
+                                               const void* lambda, const stiction_status* status,
+                                               const stiction_jacobian_numbers* tangents,
+                                               const stiction_solution_numbers* changes,
+                                               stiction_gradient_status* gradient_status, int64_t count, void* stream) {
+  return c::guarded([&] {
+    const auto object = c::derivatives().get(derivative);
+    const auto given = c::read_struct(batch, "batch");
+    const auto from = c::read_struct(tangents, "tangents");
+    const auto to = c::read_struct(changes, "changes");
+    c::with_numbers(given, [&](auto zero) {
+      using Real = decltype(zero);
+      object->jvp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
+                  stiction::JacobianBatchTangentView<Real>{c::numbers<Real>(from.J), c::numbers<Real>(from.M),
+                                                           c::numbers<Real>(from.v_free), c::numbers<Real>(from.target),
+                                                           c::numbers<Real>(from.R), c::numbers<Real>(from.mu),
+                                                           c::numbers<Real>(from.lo), c::numbers<Real>(from.hi)},
+                  stiction::JacobianSolutionTangentView<Real>{c::room<Real>(to.lambda), c::room<Real>(to.w),
+                                                              c::room<Real>(to.velocity)},
+                  c::records(gradient_status), count, stiction::StreamRef(stream));
     });
   });
 }

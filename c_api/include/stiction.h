@@ -174,8 +174,8 @@ STICTION_API stiction_code stiction_batch_numbers_init(stiction_batch_numbers* n
 STICTION_API stiction_code stiction_jacobian_numbers_init(stiction_jacobian_numbers* numbers, size_t size);
 /** Name of one stiction_gradient_flag bit: "unconverged", ... */
 STICTION_API const char* stiction_gradient_flag_name(uint32_t flag);
-/** Makes a derivative. options may be null: defaults. A device needs capacity->env_rows, and env_dofs for factors; for
- * the CPU capacity may be null. */
+/** Makes a derivative. options may be null: defaults. A device needs capacity->env_rows, and env_dofs for factors and
+ * for J and M; for the CPU capacity may be null. */
 STICTION_API stiction_code stiction_derivative_create(const char* device, const stiction_derivative_options* options,
                                                       const stiction_capacity* capacity,
                                                       stiction_derivative** derivative);
@@ -197,13 +197,18 @@ STICTION_API stiction_code stiction_derivative_jvp(stiction_derivative* derivati
                                                    const stiction_solution_numbers* changes,
                                                    stiction_gradient_status* gradient_status, int64_t count,
                                                    void* stream);
-/** Pulls cotangents of reactions, motion and velocities of a host batch back to J, M and v_free, on the CPU. */
-STICTION_API stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative,
-                                                            const stiction_jacobian_view* batch, const void* lambda,
-                                                            const stiction_status* status,
-                                                            const stiction_solution_numbers* cotangents,
-                                                            const stiction_jacobian_numbers* gradients,
-                                                            stiction_gradient_status* gradient_status, int64_t count);
+/** Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have; the other arguments as
+ * in stiction_derivative_vjp. */
+STICTION_API stiction_code stiction_derivative_vjp_jacobian(
+    stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
+    const stiction_status* status, const stiction_solution_numbers* cotangents,
+    const stiction_jacobian_numbers* gradients, stiction_gradient_status* gradient_status, int64_t count, void* stream);
+/** Pushes changes of J, M, v_free and what rows have forward to reactions, motion and velocities; the other arguments
+ * as in stiction_derivative_vjp. */
+STICTION_API stiction_code stiction_derivative_jvp_jacobian(
+    stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
+    const stiction_status* status, const stiction_jacobian_numbers* tangents, const stiction_solution_numbers* changes,
+    stiction_gradient_status* gradient_status, int64_t count, void* stream);
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);
 

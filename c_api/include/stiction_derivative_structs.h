@@ -65,11 +65,12 @@ typedef struct stiction_batch_numbers {
   void* hi;     /**< (count * row_count) */
 } stiction_batch_numbers;
 
-/** Cotangents of a Jacobian batch, set after set. Null: not wanted. */
+/** Numbers that belong to a Jacobian batch, set after set: changes that are read, or cotangents that are written. Null:
+ * zeros, or not wanted. */
 typedef struct stiction_jacobian_numbers {
   size_t size;  /**< sizeof of the struct that the caller has */
   void* J;      /**< stored entries (count * entry_count) */
-  void* M;      /**< symmetric; of a factor its lower triangle (count * mass_count) */
+  void* M;      /**< symmetric, or its symmetric part; of a factor its lower triangle (count * mass_count) */
   void* v_free; /**< (count * dof_count) */
   void* target; /**< (count * row_count) */
   void* R;      /**< (count * row_count) */

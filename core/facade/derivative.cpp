@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
+#include "core/facade/derivative_calls.hpp"
 #include "core/facade/overlap.hpp"
 #include "core/machine/derivative_machine.hpp"
-#include "core/machine/jacobian_machine.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 
@@ -42,15 +42,11 @@ std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeO
 template <class Real>
 void check_batch(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const GradientStatus* status,
                  Offset count, Device device) {
-  if ((batch.space == MemorySpace::host) != (device.kind == DeviceKind::cpu))
-    refuse(
-        "batch.space is not the derivative's: give batches in host memory to one of the CPU, others to one of their "
-        "device");
+  check_call(batch.space, device, status, batch.env_count, count);
   if (batch.space == MemorySpace::host) {
     const std::vector<Defect> defects = validate_structure(batch, 1);
     if (!defects.empty()) refuse(defects.front().message);
   }
-  if (count < 0) refuse("count = " + std::to_string(count) + ": give the number of sets, >= 0");
   const auto need = [](const char* name, const void* array, bool needed) {
     if (needed && array == nullptr) refuse(std::string(name) + " is null; point it to the array");
   };
@@ -63,7 +59,6 @@ void check_batch(const ContactBatchView<Real>& batch, const ReactionView<Real>& 
   need("batch.lo", batch.lo, rows);
   need("batch.hi", batch.hi, rows);
   need("at.lambda", at.lambda, rows);
-  need("status", status, batch.env_count > 0);
 }
 
 /// The arrays of a view of cotangents or changes of a batch.
@@ -84,19 +79,6 @@ std::vector<NamedArray> inputs_of(const ContactBatchView<Real>& batch, const Rea
   inputs.push_back(NamedArray::of("at.lambda", at.lambda, batch.row_count));
   inputs.push_back(NamedArray::of("at.status", at.status, batch.env_count));
   return inputs;
-}
-
-template <class Real>
-void fill(DerivativeJob<Real>& job, const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
-          GradientStatus* status, Offset count, const DerivativeOptions& options) {
-  job.batch = batch;
-  job.at = at;
-  job.law = options.law.value_or(batch.law);
-  job.residual_limit = options.residual_limit;
-  job.tie_tolerance = options.tie_tolerance;
-  job.max_unknowns = options.max_unknowns;
-  job.count = count;
-  job.status = status;
 }
 
 }  // namespace
@@ -130,7 +112,8 @@ void Derivative::vjp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   outputs.push_back(NamedArray::of("status", status, batch.env_count));
   refuse_overlaps(outputs, inputs);
   VjpJob<Real> job;
-  fill(job, batch, at, status, count, options_);
+  job.batch = batch;
+  fill(job, batch.law, at, status, count, options_);
   job.cotangents = cotangents;
   job.gradients = gradients;
   machine_->vjp(job, stream);
@@ -152,85 +135,13 @@ void Derivative::jvp(const ContactBatchView<Real>& batch, const ReactionView<Rea
                             NamedArray::of("status", status, batch.env_count)};
   refuse_overlaps(outputs, inputs);
   JvpJob<Real> job;
-  fill(job, batch, at, status, count, options_);
+  job.batch = batch;
+  fill(job, batch.law, at, status, count, options_);
   job.tangents = tangents;
   job.changes = changes;
   machine_->jvp(job, stream);
 }
 
-namespace {
-
-template <class Real>
-void check_jacobian_call(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
-                         const GradientStatus* status, Offset count) {
-  if (batch.space != MemorySpace::host) refuse("batch.space is not host: copy the batch to the host");
-  check_structure(batch);
-  if (count < 0) refuse("count = " + std::to_string(count) + ": give the number of sets, >= 0");
-  if (batch.row_count > 0 && at.lambda == nullptr) refuse("at.lambda is null; point it to the array");
-  if (batch.env_count > 0 && status == nullptr) refuse("status is null; point it to the array");
-}
-
-template <class Real>
-void refuse_overlaps(const JacobianVjpJob<Real>& job) {
-  const JacobianBatchView<Real>& batch = job.batch;
-  const Offset rows = job.count * batch.row_count, dofs = job.count * batch.dof_count;
-  const auto arrays = arrays_of(batch);
-  std::vector<NamedArray> inputs(arrays.begin(), arrays.end());
-  inputs.push_back(NamedArray::of("at.lambda", job.at.lambda, batch.row_count));
-  inputs.push_back(NamedArray::of("at.status", job.at.status, batch.env_count));
-  inputs.push_back(NamedArray::of("cotangents.lambda", job.cotangents.lambda, rows));
-  inputs.push_back(NamedArray::of("cotangents.w", job.cotangents.w, rows));
-  inputs.push_back(NamedArray::of("cotangents.velocity", job.cotangents.velocity, dofs));
-  const JacobianBatchCotangentView<Real>& to = job.gradients;
-  const std::vector outputs{NamedArray::of("gradients.J", to.J, job.count * batch.entry_count),
-                            NamedArray::of("gradients.M", to.M, job.count * batch.mass_count),
-                            NamedArray::of("gradients.v_free", to.v_free, dofs),
-                            NamedArray::of("gradients.target", to.target, rows),
-                            NamedArray::of("gradients.R", to.R, rows),
-                            NamedArray::of("gradients.mu", to.mu, rows),
-                            NamedArray::of("gradients.lo", to.lo, rows),
-                            NamedArray::of("gradients.hi", to.hi, rows),
-                            NamedArray::of("status", job.status, batch.env_count)};
-  stiction::refuse_overlaps(outputs, inputs);
-}
-
-}  // namespace
-
-template <class Real>
-void Derivative::vjp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
-                     const JacobianSolutionCotangentView<Real>& cotangents,
-                     const JacobianBatchCotangentView<Real>& gradients, GradientStatus* status, Offset count) const {
-  const ScopedFpEnv fp_env;
-  if (device_.kind != DeviceKind::cpu)
-    throw Error(ErrorCode::unsupported,
-                "derivatives by J and M are computed on the CPU: make a Derivative of Device::cpu() for them");
-  check_jacobian_call(batch, at, status, count);
-  JacobianVjpJob<Real> chain{batch, at, count, status, cotangents, gradients, nullptr, nullptr};
-  refuse_overlaps(chain);
-  const auto size = static_cast<std::size_t>(count * batch.row_count);
-  std::vector<Real> seed(size), nu(size);
-  chain.seed = seed.data();
-  chain.nu = nu.data();
-  const auto assembled = make_cpu_jacobian_machine<Real>(FactorUse::by_size, options_.threads);
-  VjpJob<Real> job;
-  fill(job, assembled->assemble(batch, nullptr, StreamRef::default_stream()), at, status, count, options_);
-  job.cotangents = {seed.data(), cotangents.w};
-  job.gradients.b = nu.data();
-  job.gradients.R = gradients.R;
-  job.gradients.mu = gradients.mu;
-  job.gradients.lo = gradients.lo;
-  job.gradients.hi = gradients.hi;
-  seed_on_cpu(chain, options_.threads);
-  machine_->vjp(job, StreamRef::default_stream());
-  chain_on_cpu(chain, options_.threads);
-}
-
-template void Derivative::vjp(const JacobianBatchView<float>&, const ReactionView<float>&,
-                              const JacobianSolutionCotangentView<float>&, const JacobianBatchCotangentView<float>&,
-                              GradientStatus*, Offset) const;
-template void Derivative::vjp(const JacobianBatchView<double>&, const ReactionView<double>&,
-                              const JacobianSolutionCotangentView<double>&, const JacobianBatchCotangentView<double>&,
-                              GradientStatus*, Offset) const;
 template void Derivative::vjp(const ContactBatchView<float>&, const ReactionView<float>&,
                               const SolutionCotangentView<float>&, const BatchCotangentView<float>&, GradientStatus*,
                               Offset, StreamRef) const;

@@ -6,6 +6,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/facade/jacobian_arrays.hpp"
 #include "core/facade/overlap.hpp"
 #include "core/facade/solve_jacobian.hpp"
 #include "core/machine/jacobian_machine.hpp"
@@ -78,11 +79,6 @@ std::unique_ptr<JacobianMachine<Real>> make_machine(Device device, const Jacobia
   return make_cpu_jacobian_machine<Real>(use, options.threads);
 }
 
-void check_array(const char* name, const void* array, Offset length) {
-  if (length > 0 && array == nullptr)
-    refuse(std::string(name) + " is null: give it room for " + std::to_string(length) + " entries");
-}
-
 void check_count(const char* name, Offset count, Offset room) {
   if (count < 0) refuse("batch." + std::string(name) + " = " + std::to_string(count) + ": counts must be >= 0");
   if (count > room)
@@ -96,22 +92,7 @@ void check_view(const JacobianBatchView<Real>& batch, const JacobianCapacity& ca
   check_count("env_count", batch.env_count, capacity.envs);
   check_count("row_count", batch.row_count, capacity.rows);
   check_count("cone_count", batch.cone_count, capacity.cones);
-  for (const Offset count : {batch.dof_count, batch.entry_count, batch.mass_count, Offset{batch.mass_block}})
-    if (count < 0) refuse("a count of the batch is " + std::to_string(count) + ": counts must be >= 0");
-  check_array("env_row_offsets", batch.env_row_offsets, batch.env_count);
-  check_array("env_cone_offsets", batch.env_cone_offsets, batch.env_count);
-  check_array("env_dof_offsets", batch.env_dof_offsets, batch.env_count);
-  check_array("env_mass_offsets", batch.env_mass_offsets, batch.env_count);
-  check_array("cone_row_offsets", batch.cone_row_offsets, batch.env_count);
-  check_array("row_offsets", batch.row_offsets, batch.env_count);
-  check_array("cone_kind", batch.cone_kind, batch.cone_count);
-  check_array("J", batch.J, batch.entry_count);
-  check_array("M", batch.M, batch.mass_count);
-  check_array("v_free", batch.v_free, batch.dof_count);
-  check_array("R", batch.R, batch.row_count);
-  check_array("mu", batch.mu, batch.row_count);
-  check_array("lo", batch.lo, batch.row_count);
-  check_array("hi", batch.hi, batch.row_count);
+  check_arrays(batch);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job/jacobian_job.hpp"
 #include "stiction/derivative.hpp"
 
 namespace stiction {
@@ -34,17 +35,44 @@ struct JvpJob : DerivativeJob<Real> {
   SolutionTangentView<Real> changes;
 };
 
-/// Cotangents of a solution to those of J, M and v_free, before and after those of the assembled contact batch.
+/// Cotangents of a solution to those of J, M and v_free, through the contact batch that is assembled of them.
 template <class Real>
 struct JacobianVjpJob {
-  JacobianBatchView<Real> batch;
-  ReactionView<Real> at;
-  Offset count;
-  GradientStatus* status;
+  VjpJob<Real> contact;             ///< of the assembled batch: from `seed` to `nu`
+  JacobianBatchJob<Real> assembly;  ///< how it is assembled, laid out already
   JacobianSolutionCotangentView<Real> cotangents;
   JacobianBatchCotangentView<Real> gradients;
-  Real* seed;  ///< by the reactions, with what velocities depend on them  (count * row_count)
-  Real* nu;    ///< by b                                                   (count * row_count)
+  Real* seed;                ///< by the reactions, with what velocities depend on them  (count * row_count)
+  Real* nu;                  ///< by b                                                   (count * row_count)
+  bool has_jacobian = true;  ///< else there is nothing to assemble, and `contact` is all
+
+  /// Connects the parts: an assembly that is laid out, and memory for seed and nu.
+  void connect(const JacobianBatchJob<Real>& laid_out, Real* seeds, Real* nus) {
+    assembly = laid_out;
+    contact.batch = contact_view(assembly.batch, assembly.to);
+    contact.cotangents.lambda = seed = seeds;
+    contact.gradients.b = nu = nus;
+  }
+};
+
+/// Changes of J, M and v_free to those of the solution, through the contact batch that is assembled of them.
+template <class Real>
+struct JacobianJvpJob {
+  JvpJob<Real> contact;             ///< of the assembled batch, whose b changes by `motion`
+  JacobianBatchJob<Real> assembly;  ///< how it is assembled, laid out already
+  JacobianBatchTangentView<Real> tangents;
+  JacobianSolutionTangentView<Real> changes;
+  Real* motion;              ///< change of the motion while reactions rest               (count * row_count)
+  Real* reaction;            ///< change of the reactions                                 (count * row_count)
+  bool has_jacobian = true;  ///< else there is nothing to assemble, and `contact` is all
+
+  /// Connects the parts: an assembly that is laid out, and memory for motion and reaction.
+  void connect(const JacobianBatchJob<Real>& laid_out, Real* motions, Real* reactions) {
+    assembly = laid_out;
+    contact.batch = contact_view(assembly.batch, assembly.to);
+    contact.tangents.b = motion = motions;
+    contact.changes.lambda = reaction = reactions;
+  }
 };
 
 }  // namespace stiction

@@ -6,7 +6,8 @@
 
 namespace stiction {
 
-/// Differentiates contact batches on one machine; everything was checked before.
+/// Differentiates contact batches, and batches of J and M, on one machine; everything was checked before. Jobs of J and
+/// M come with all but an assembly and memory for what is connected with it.
 class DerivativeMachine {
  public:
   virtual ~DerivativeMachine() = default;
@@ -14,16 +15,13 @@ class DerivativeMachine {
   virtual void vjp(const VjpJob<double>& job, StreamRef stream) = 0;
   virtual void jvp(const JvpJob<float>& job, StreamRef stream) = 0;
   virtual void jvp(const JvpJob<double>& job, StreamRef stream) = 0;
+  virtual void vjp(const JacobianVjpJob<float>& job, StreamRef stream) = 0;
+  virtual void vjp(const JacobianVjpJob<double>& job, StreamRef stream) = 0;
+  virtual void jvp(const JacobianJvpJob<float>& job, StreamRef stream) = 0;
+  virtual void jvp(const JacobianJvpJob<double>& job, StreamRef stream) = 0;
   /// Returns when what was queued on `stream` is done.
   virtual void synchronize(StreamRef stream) = 0;
 };
-
-/// What the loss says of velocities becomes part of what it says of reactions.
-template <class Real>
-void seed_on_cpu(const JacobianVjpJob<Real>& job, int threads);
-/// From the cotangent of b to those of J, M and v_free.
-template <class Real>
-void chain_on_cpu(const JacobianVjpJob<Real>& job, int threads);
 
 std::unique_ptr<DerivativeMachine> make_cpu_derivative_machine(int threads);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.

@@ -28,6 +28,9 @@ class JacobianMachine {
   /// A machine that knows at once that these are all returns one without environments.
   virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
                                           StreamRef stream) = 0;
+  /// How environments are assembled: each has its place in the machine's arrays, until the next call, and is not
+  /// written yet. On the CPU its rows are.
+  virtual JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
   /// The velocities that the answer of that contact batch leads to, and the answers of Newton's method.
   virtual void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                           StreamRef stream) = 0;

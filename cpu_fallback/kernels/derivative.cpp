@@ -1,13 +1,14 @@
+#include "core/algorithm/derivative/jacobian_jvp.hpp"
 #include "core/algorithm/derivative/jacobian_vjp.hpp"
-#include "core/algorithm/derivative/jvp.hpp"
 #include "cpu_fallback/kernels/derivative_kernels.hpp"
+#include "cpu_fallback/pack/mass_tile.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 namespace {
 
-template <class Real>
-Offset elements_of(const DerivativeJob<Real>& job, Offset env) {
+template <class Job>
+Offset elements_of(const Job& job, Offset env) {
   return derivative_elements(job, env);
 }
 template <class Real>
@@ -21,24 +22,27 @@ void jvp_one(const JvpJob<Real>& job, Offset env, double* scratch) {
   jvp_env(team, job, env, scratch);
 }
 
-template <class Real>
-Offset chain_elements_of(const JacobianVjpJob<Real>& job, Offset env) {
-  return chain_elements(job, env);
+template <class Real, class Job>
+Offset jacobian_elements_of(const Job& job, Offset env) {
+  return jacobian_derivative_elements<MassTile<Real>>(job, env);
 }
 template <class Real>
-void seed_one(const JacobianVjpJob<Real>& job, Offset env, Real* scratch) {
+void jacobian_vjp_one(const JacobianVjpJob<Real>& job, Offset env, double* scratch) {
   SerialTeam team;
-  seed_env(team, job, env, scratch);
+  jacobian_vjp_env<MassTile<Real>>(team, job, env, scratch);
 }
 template <class Real>
-void chain_one(const JacobianVjpJob<Real>& job, Offset env, Real* scratch) {
+void jacobian_jvp_one(const JacobianJvpJob<Real>& job, Offset env, double* scratch) {
   SerialTeam team;
-  chain_env(team, job, env, scratch);
+  jacobian_jvp_env<MassTile<Real>>(team, job, env, scratch);
 }
 
 template <class Real>
 cpu::DerivativeKernels<Real> kernels() {
-  return {elements_of<Real>, vjp_one<Real>, jvp_one<Real>, chain_elements_of<Real>, seed_one<Real>, chain_one<Real>};
+  return {{elements_of<VjpJob<Real>>, vjp_one<Real>},
+          {elements_of<JvpJob<Real>>, jvp_one<Real>},
+          {jacobian_elements_of<Real, JacobianVjpJob<Real>>, jacobian_vjp_one<Real>},
+          {jacobian_elements_of<Real, JacobianJvpJob<Real>>, jacobian_jvp_one<Real>}};
 }
 
 }  // namespace

@@ -4,16 +4,20 @@
 
 namespace stiction::cpu {
 
-/// The derivative of one environment, compiled for one instruction set.
+/// One kind of derivative, of one environment.
+template <class Job>
+struct DerivativeKernel {
+  Offset (*elements)(const Job& job, Offset env);  ///< scratch, in doubles
+  void (*run)(const Job& job, Offset env, double* scratch);
+};
+
+/// The derivatives of one environment, compiled for one instruction set.
 template <class Real>
 struct DerivativeKernels {
-  Offset (*elements)(const DerivativeJob<Real>& job, Offset env);  ///< scratch both need, in doubles
-  void (*vjp)(const VjpJob<Real>& job, Offset env, double* scratch);
-  void (*jvp)(const JvpJob<Real>& job, Offset env, double* scratch);
-  Offset (*chain_elements)(const JacobianVjpJob<Real>& job,
-                           Offset env);  ///< scratch of those below, in numbers of Real
-  void (*seed)(const JacobianVjpJob<Real>& job, Offset env, Real* scratch);
-  void (*chain)(const JacobianVjpJob<Real>& job, Offset env, Real* scratch);
+  DerivativeKernel<VjpJob<Real>> vjp;
+  DerivativeKernel<JvpJob<Real>> jvp;
+  DerivativeKernel<JacobianVjpJob<Real>> jacobian_vjp;
+  DerivativeKernel<JacobianJvpJob<Real>> jacobian_jvp;
 };
 
 /// Kernels of both precisions.

@@ -1,19 +1,16 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "cpu_fallback/kernels/jacobian_kernels.hpp"
 #include "cpu_fallback/kernels/velocity_blocks.hpp"
-#include "cpu_fallback/pack/pack_width.hpp"
+#include "cpu_fallback/pack/mass_tile.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 namespace {
 
-/// Eight rows in whatever vectors there are.
-template <class Real, int kWidth = kPackWidth<Real>>
-using Tile = RowTile<Pack<Real, kWidth>, (kWidth < 8 ? 8 / kWidth : 1)>;
 template <class Real>
 using OneRow = RowTile<Real>;
 template <class Real>
-using Rows = std::conditional_t<kPackWidth<Real> == 1, OneRow<Real>, Tile<Real>>;
+using Rows = MassTile<Real>;
 
 template <class Real>
 Offset elements_of(const JacobianJob<Real>& job, Offset env) {

@@ -55,39 +55,18 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
 
   ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
                                   StreamRef) override {
-    SerialTeam team;
-    arrays_.env_rows = std::numeric_limits<Index>::max();
-    const auto envs = static_cast<std::size_t>(batch.env_count), rows = static_cast<std::size_t>(batch.row_count);
-    arrays_.flags = at_least(flags_, envs);
-    arrays_.matrix = at_least(matrix_, envs + 1);
-    arrays_.factor = at_least(factor_, envs + 1);
-    arrays_.parts = scan_parts_.data();
-    reserve_answers(batch, newton != nullptr);
-    Index largest = 0;
-    for (Offset env = 0; env < batch.env_count; ++env) {
-      count_env(team, JacobianBatchJob<Real>{batch, arrays_}, env);
-      largest = larger_of(largest, batch.env_rows(env));
-    }
+    const Index largest = count(batch, newton != nullptr);
     if (newton != nullptr && solve_by_newton(*newton) == batch.env_count) return {};
-    arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
-    arrays_.factor_room = std::accumulate(arrays_.factor, arrays_.factor + envs, Offset{0});
-    arrays_.env_rows = largest;
-    arrays_.row_offsets = at_least(row_offsets_, rows + 1);
-    arrays_.row_counts = at_least(row_counts_, rows);
-    arrays_.column_offsets = at_least(column_offsets_, rows);
-    arrays_.column = at_least(column_, static_cast<std::size_t>(largest));
-    std::iota(column_.begin(), column_.end(), 0);
-    arrays_.A = at_least(A_, static_cast<std::size_t>(arrays_.matrix_room));
-    arrays_.Y = at_least(Y_, static_cast<std::size_t>(arrays_.factor_room));
-    arrays_.b = at_least(b_, rows);
-    const JacobianBatchJob<Real> job{batch, arrays_};
-    scan_envs(team, job);
-    for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
+    const JacobianBatchJob<Real> job = place(batch, largest);
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
       if ((own.flags[env] & kNotAssembled) == 0 && !is_answered(arrays_, env)) kernels.assemble(own, env, scratch());
     });
     return contact_view(batch, arrays_);
+  }
+
+  JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef) override {
+    return place(batch, count(batch, false));
   }
 
   void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
@@ -108,6 +87,45 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
   static T* at_least(std::vector<T>& array, std::size_t size) {
     if (array.size() < size) array.resize(size);
     return array.data();
+  }
+
+  /// What each environment takes. Returns the rows of the largest.
+  Index count(const JacobianBatchView<Real>& batch, bool by_newton) {
+    SerialTeam team;
+    arrays_.env_rows = std::numeric_limits<Index>::max();
+    const auto envs = static_cast<std::size_t>(batch.env_count);
+    arrays_.flags = at_least(flags_, envs);
+    arrays_.matrix = at_least(matrix_, envs + 1);
+    arrays_.factor = at_least(factor_, envs + 1);
+    arrays_.parts = scan_parts_.data();
+    reserve_answers(batch, by_newton);
+    Index largest = 0;
+    for (Offset env = 0; env < batch.env_count; ++env) {
+      count_env(team, JacobianBatchJob<Real>{batch, arrays_}, env);
+      largest = larger_of(largest, batch.env_rows(env));
+    }
+    return largest;
+  }
+
+  /// Where each environment is, and its rows.
+  JacobianBatchJob<Real> place(const JacobianBatchView<Real>& batch, Index largest) {
+    SerialTeam team;
+    const auto envs = static_cast<std::size_t>(batch.env_count), rows = static_cast<std::size_t>(batch.row_count);
+    arrays_.matrix_room = std::accumulate(arrays_.matrix, arrays_.matrix + envs, Offset{0});
+    arrays_.factor_room = std::accumulate(arrays_.factor, arrays_.factor + envs, Offset{0});
+    arrays_.env_rows = largest;
+    arrays_.row_offsets = at_least(row_offsets_, rows + 1);
+    arrays_.row_counts = at_least(row_counts_, rows);
+    arrays_.column_offsets = at_least(column_offsets_, rows);
+    arrays_.column = at_least(column_, static_cast<std::size_t>(largest));
+    std::iota(column_.begin(), column_.end(), 0);
+    arrays_.A = at_least(A_, static_cast<std::size_t>(arrays_.matrix_room));
+    arrays_.Y = at_least(Y_, static_cast<std::size_t>(arrays_.factor_room));
+    arrays_.b = at_least(b_, rows);
+    const JacobianBatchJob<Real> job{batch, arrays_};
+    scan_envs(team, job);
+    for (Offset env = 0; env < batch.env_count; ++env) write_rows(team, job, env);
+    return job;
   }
 
   /// Room for what Newton's method in velocities finds. Answers are kept here until all else is solved: a solve that

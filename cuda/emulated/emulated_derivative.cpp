@@ -1,4 +1,5 @@
 #include "cuda/emulated/emulated_make.hpp"
+#include "cuda/kernels/derivative_catalogue.hpp"
 
 namespace stiction::cuda {
 

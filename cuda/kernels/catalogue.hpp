@@ -5,7 +5,6 @@
 #include "cuda/kernels/bodies_program.hpp"
 #include "cuda/kernels/body_bundles.hpp"
 #include "cuda/kernels/choose_program.hpp"
-#include "cuda/kernels/derivative_program.hpp"
 #include "cuda/kernels/plan_program.hpp"
 #include "cuda/kernels/solve_teams.hpp"
 #include "cuda/kernels/solve_thread_per_env.hpp"
@@ -14,7 +13,7 @@
 #include "cuda/kernels/world_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
-/// `Make::template kernel<Program>(name)`.
+/// `Make::template kernel<Program>(name)`. Those of derivatives are in derivative_catalogue.hpp.
 namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
@@ -53,12 +52,6 @@ WarmStartKernels warm_start_kernels() {
   return {Make::template kernel<LoadWarmStarts<Real>>("warm_start_load"),
           Make::template kernel<StoreWarmStarts<Real>>("warm_start_store"),
           Make::template kernel<ResetWarmStarts<Real>>("warm_start_reset")};
-}
-
-template <class Make, class Real>
-DerivativeKernels derivative_kernels() {
-  return {Make::template kernel<PullBack<Real>>("derivative_vjp"),
-          Make::template kernel<PushForward<Real>>("derivative_jvp")};
 }
 
 template <class Make, class Real>

@@ -1,6 +1,7 @@
 #pragma once
 
-#include "core/algorithm/derivative/jvp.hpp"
+#include "core/algorithm/derivative/jacobian_jvp.hpp"
+#include "core/algorithm/derivative/jacobian_vjp.hpp"
 #include "core/algorithm/plan/structure.hpp"
 #include "cuda/api/kernel.hpp"
 #include "cuda/kernels/batch_totals.hpp"
@@ -22,46 +23,66 @@ struct DerivativeArgs {
 /// Derivatives on a device: a team takes an environment at a time. Nothing in the batch's arrays is believed.
 namespace stiction::inline STICTION_ISA {
 
-/// derive(scratch) where the environment is sound and there is room for it, else refuse(flags).
+/// Whether an environment, and where it is assembled to, are where the batch says; on every lane. Its rows are written
+/// then.
+template <Team TeamT, class Job>
+STICTION_HD bool is_sound(TeamT& team, const Job& job, Offset env) {
+  if (job.has_jacobian) {
+    if ((job.assembly.to.flags[env] & kFlagBadStructure) != 0) return false;
+    write_rows(team, job.assembly, env);
+  }
+  return structure_is_sound(team, with_totals(job.contact.batch), env);
+}
+
+/// derive(env, scratch) for every environment that is sound and that there is room for, refuse(env, scratch) for those
+/// that are too large.
 template <Team TeamT, class Job, class Derive, class Refuse>
-STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job>& args, Offset env,
+STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job>& args,
                                 const Derive& derive, const Refuse& refuse) {
-  const auto& batch = args.job.batch;
-  const bool is_sound = structure_is_sound(team, with_totals(batch), env);
-  if (!is_sound) {
-    single(team, [&] { args.job.status[env] = {0.0, 0.0, kGradientBadStructure, 0, 0, 0}; });
-  } else if (batch.env_rows(env) > args.most_rows || batch.env_dofs(env) > args.most_dofs) {
-    refuse(kGradientOverCapacity);
-  } else {
-    derive(args.scratch + id.index * args.slot);
+  const Job& job = args.job;
+  double* const scratch = args.scratch + id.index * args.slot;
+  for (Offset env = id.index; env < job.contact.batch.env_count; env += id.count) {
+    if (!is_sound(team, job, env)) {
+      single(team, [&] { job.contact.status[env] = {0.0, 0.0, kGradientBadStructure, 0, 0, 0}; });
+      continue;
+    }
+    const Index dofs = job.has_jacobian ? job.assembly.batch.env_dofs(env) : job.contact.batch.env_dofs(env);
+    if (job.contact.batch.env_rows(env) > args.most_rows || dofs > args.most_dofs)
+      refuse(env, scratch);
+    else
+      derive(env, scratch);
   }
 }
 
 template <class Real>
 struct PullBack {
-  using Args = cuda::DerivativeArgs<VjpJob<Real>>;
+  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    for (Offset env = id.index; env < args.job.batch.env_count; env += id.count)
-      derive_checked(
-          team, id, args, env, [&](double* scratch) { vjp_env(team, args.job, env, scratch); },
-          [&](std::uint32_t flags) { refuse_vjp(team, args.job, env, flags); });
+    const JacobianVjpJob<Real>& job = args.job;
+    derive_checked(
+        team, id, args, [&](Offset env, double* scratch) { jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_vjp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
+        });
   }
 };
 
 template <class Real>
 struct PushForward {
-  using Args = cuda::DerivativeArgs<JvpJob<Real>>;
+  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    for (Offset env = id.index; env < args.job.batch.env_count; env += id.count)
-      derive_checked(
-          team, id, args, env, [&](double* scratch) { jvp_env(team, args.job, env, scratch); },
-          [&](std::uint32_t flags) { refuse_jvp(team, args.job, env, flags); });
+    const JacobianJvpJob<Real>& job = args.job;
+    derive_checked(
+        team, id, args, [&](Offset env, double* scratch) { jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_jvp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
+        });
   }
 };
 

@@ -6,10 +6,23 @@
 #include "cuda/api/device_api.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
+#include "cuda/machine/jacobian_machine.hpp"
 
 namespace stiction::cuda {
 
-/// Differentiates contact batches on a device: one launch, in memory that is taken when it is made.
+/// Where batches of J and M of one precision are assembled for their derivatives. It grows with the batches.
+template <class Real>
+struct JacobianRoom {
+  JacobianCapacity capacity;
+  Offset numbers = 0;  ///< room of `in` and of `out`
+  std::unique_ptr<DeviceJacobianMachine<Real>> machine;
+  DeviceMemory memory;
+  Real* in = nullptr;   ///< from J and M to the contact batch
+  Real* out = nullptr;  ///< and back
+};
+
+/// Differentiates contact batches on a device: one launch, in memory that is taken when it is made. For batches of J
+/// and M two more come before it.
 class DeviceDerivativeMachine final : public DerivativeMachine {
  public:
   /// `eager`: every call is complete on return, for a device that does nothing before it is waited for.
@@ -20,11 +33,21 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   void vjp(const VjpJob<double>& job, StreamRef stream) override;
   void jvp(const JvpJob<float>& job, StreamRef stream) override;
   void jvp(const JvpJob<double>& job, StreamRef stream) override;
+  void vjp(const JacobianVjpJob<float>& job, StreamRef stream) override;
+  void vjp(const JacobianVjpJob<double>& job, StreamRef stream) override;
+  void jvp(const JacobianJvpJob<float>& job, StreamRef stream) override;
+  void jvp(const JacobianJvpJob<double>& job, StreamRef stream) override;
   void synchronize(StreamRef stream) override;
 
  private:
   template <class Job>
   void queue(const KernelRef& kernel, const Job& job, StreamHandle stream);
+  template <class Job, class Contact>
+  void queue_contacts(const KernelRef& kernel, const Contact& contact, StreamHandle stream);
+  template <class Real, class Job>
+  void queue_jacobians(JacobianRoom<Real>& room, const KernelRef& kernel, Job job, StreamHandle stream);
+  template <class Real>
+  void make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count, StreamHandle stream);
 
   std::shared_ptr<DeviceApi> api_;
   bool eager_;
@@ -34,6 +57,8 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   LaunchShape shape_;
   ArraySet set_;
   DeviceMemory memory_;
+  JacobianRoom<float> floats_;
+  JacobianRoom<double> doubles_;
   Event done_;  ///< the scratch is free again
 };
 

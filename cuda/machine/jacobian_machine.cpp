@@ -38,7 +38,7 @@ constexpr LaunchShape kPlacing{1, kMostLanes};
 
 template <class Real>
 DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity,
-                                                   FactorUse use, bool by_newton)
+                                                   FactorUse use, bool by_newton, bool lays_out_only)
     : api_(std::move(api)), done_(*api_) {
   arrays_.env_rows = capacity.env_rows;
   arrays_.env_dofs = capacity.env_dofs;
@@ -46,7 +46,7 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   arrays_.factor_room = capacity.factor;
   arrays_.use = use;
   const Offset vectors = larger_of(capacity.env_rows, 2);
-  slot_ = capacity.env_dofs * (capacity.env_dofs + vectors);
+  slot_ = lays_out_only ? 0 : capacity.env_dofs * (capacity.env_dofs + vectors);
   const std::size_t slot_bytes = static_cast<std::size_t>(slot_) * sizeof(Real);
   const bool shared =
       slot_bytes <= kSharedBytes && least_block_bytes(team_lanes(capacity), slot_bytes) <= api_->facts().shared_bytes;
@@ -220,6 +220,18 @@ ContactBatchView<Real> DeviceJacobianMachine<Real>::assemble(const JacobianBatch
       launch(kernels.write, large_, job, stream.handle());
     });
   return contact_view(batch, arrays_);
+}
+
+template <class Real>
+JacobianBatchJob<Real> DeviceJacobianMachine<Real>::lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) {
+  const JacobianKernels& kernels = kernels_of<Real>(*api_);
+  const JacobianBatchJob<Real> job{batch, arrays_};
+  if (batch.env_count > 0)
+    queue(stream.handle(), [&] {
+      launch(kernels.count, small_, job, stream.handle());
+      launch(kernels.place, kPlacing, job, stream.handle());
+    });
+  return job;
 }
 
 template <class Real>

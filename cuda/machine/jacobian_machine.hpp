@@ -14,13 +14,15 @@ namespace stiction::cuda {
 template <class Real>
 class DeviceJacobianMachine final : public JacobianMachine<Real> {
  public:
-  /// `by_newton`: assemble() will be given a job for Newton's method in velocities.
-  DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use,
-                        bool by_newton);
+  /// `by_newton`: assemble() will be given a job for Newton's method in velocities. `lays_out_only`: nothing but
+  /// lay_out() is called, so that no team needs scratch.
+  DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use, bool by_newton,
+                        bool lays_out_only = false);
   ~DeviceJacobianMachine() override;
 
   ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
                                   StreamRef stream) override;
+  JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) override;
   void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                   StreamRef stream) override;
 

@@ -1,3 +1,4 @@
+#include "cuda/kernels/derivative_catalogue.hpp"
 #include "cuda/native/cuda_kernels.hpp"
 #include "cuda/native/cuda_launch.cuh"
 

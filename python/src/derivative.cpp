@@ -104,6 +104,30 @@ void vjp_jacobian(const Derivative& self, const JacobianView& batch, const Array
       batch.view);
 }
 
+void jvp_jacobian(const Derivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count) {
+  std::visit(
+      [&]<class Real>(const JacobianBatchView<Real>& view) {
+        const Offset rows = count * view.row_count, dofs = count * view.dof_count;
+        const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
+        const JacobianBatchTangentView<Real> from{input<Real>(tangents, "J", count * view.entry_count),
+                                                  input<Real>(tangents, "M", count * view.mass_count),
+                                                  input<Real>(tangents, "v_free", dofs),
+                                                  input<Real>(tangents, "target", rows),
+                                                  input<Real>(tangents, "R", rows),
+                                                  input<Real>(tangents, "mu", rows),
+                                                  input<Real>(tangents, "lo", rows),
+                                                  input<Real>(tangents, "hi", rows)};
+        const JacobianSolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows),
+                                                   output<Real>(changes, "w", rows),
+                                                   output<Real>(changes, "velocities", dofs)};
+        GradientStatus* const record = records(gradient_status, view.env_count);
+        const nb::gil_scoped_release unlocked;
+        self.jvp(view, at, from, to, record, count);
+      },
+      batch.view);
+}
+
 }  // namespace
 
 void bind_derivative(nb::module_& module) {
@@ -127,7 +151,9 @@ void bind_derivative(nb::module_& module) {
       .def("jvp_contacts", jvp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
            nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"))
       .def("vjp_jacobian", vjp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
-           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"));
+           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
+      .def("jvp_jacobian", jvp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
+           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"));
   module.def(
       "gradient_flag_names",
       [] {

@@ -82,20 +82,31 @@ class Derivative:
         call = self._core.vjp_jacobian if batch.form == "jacobian" else self._core.vjp_contacts
         return self._run(call, batch, at, status, cotangents, out, front)
 
-    def jvp(self, batch: Batch, solution, *, A=None, b=None, R=None, mu=None, lo=None, hi=None,
-            status=None) -> Gradients:
-        """Pushes changes of a batch of form 'delassus' forward: changes of lambda_ and w. solution, status: as for vjp.
+    def jvp(self, batch: Batch, solution, *, A=None, b=None, J=None, M=None, v_free=None, target=None, R=None, mu=None,
+            lo=None, hi=None, status=None) -> Gradients:
+        """Pushes changes of a batch forward: changes of lambda_ and w, and of velocities where it has J and M.
+        solution, status: as for vjp.
 
-        A, b, R, mu, lo, hi: changes, shaped as the results of vjp, or with one more axis in front. None: zeros.
+        A, b, R, mu, lo, hi: changes of a batch of form 'delassus', shaped as the results of vjp. One more axis in front
+            means several changes at once. None: zeros.
+        J, M, v_free, target, R, mu, lo, hi: the same of a batch of form 'jacobian'. Of M the symmetric part counts, of a
+        factor the lower triangle.
         """
         self._check(batch)
-        if batch.form != "delassus":
-            raise ValueError(f"jvp: expected a batch of form 'delassus', got {batch.form!r}")
+        own = {"R": R, "mu": mu, "lo": lo, "hi": hi}
+        jacobian, delassus = {"J": J, "M": M, "v_free": v_free, "target": target}, {"A": A, "b": b}
+        is_jacobian = batch.form == "jacobian"
+        for name, value in (delassus if is_jacobian else jacobian).items():
+            if value is not None:
+                raise ValueError(f"{name}: expected None for a batch of form {batch.form!r}, which has none")
         at, status = self._answer(batch, solution, status)
-        tangents, front = self._sets(batch, {"A": A, "b": b, "R": R, "mu": mu, "lo": lo, "hi": hi},
-                                     self._number_shapes(batch))
-        out = {name: np.zeros(front + batch.layout.row_shape, batch.dtype) for name in ("lambda_", "w")}
-        return self._run(self._core.jvp_contacts, batch, at, status, tangents, out, front)
+        tangents, front = self._sets(batch, own | (jacobian if is_jacobian else delassus), self._number_shapes(batch))
+        shapes = {"lambda_": batch.layout.row_shape, "w": batch.layout.row_shape}
+        if is_jacobian:
+            shapes["velocities"] = batch.dof_shape
+        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in shapes.items()}
+        call = self._core.jvp_jacobian if is_jacobian else self._core.jvp_contacts
+        return self._run(call, batch, at, status, tangents, out, front)
 
     # -- pieces -------------------------------------------------------------------------------------------------------
 

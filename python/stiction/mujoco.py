@@ -18,6 +18,7 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._mujoco_derivative import pull
 from ._mujoco_layout import LayoutError, address, layout
 from ._solution import SOLVED, Solution
 from ._solver import Solver
@@ -219,6 +220,22 @@ class BatchedSimulation:
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
         reactions, velocities, the accelerations, and cone_id."""
         return _batch_of(_core.mujoco_arrays(self._core), self.model.nv)
+
+    def pull(self, accelerations, forces=None, **options):
+        """Pulls derivatives of a loss by the accelerations of the last solve back to what that solve was given. It is
+        that of the state before a step, or of forward(). Positions are frozen.
+
+        accelerations: by qacc, (n, nv). forces: by efc_force, a list of arrays, one per simulation; None: zeros.
+        options: residual_limit, tie_tolerance, max_unknowns, threads of stiction.Derivative.
+
+        Returns a stiction.Gradients, whose `status` and `valid` say which simulations have a derivative:
+        qfrc (n, nv): by generalized forces, as qfrc_applied and actuators have them.
+        qvel (n, nv): by velocities as far as aref depends on them. How forces without contact follow velocities is not
+            in it: multiply what you know of that by qfrc.
+        qacc_smooth (n, nv), M (n, nv, nv); aref, R, J, friction: lists of arrays, one per simulation, by row. The friction
+            of a pyramid is part of its J, and has 0 here.
+        """
+        return pull(self, accelerations, forces, **options)
 
     def clear(self):
         """Sets the seconds to zero."""

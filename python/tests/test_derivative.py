@@ -107,6 +107,30 @@ def test_jacobians_pass_derivatives_of_velocities_on(scenes):
                                                          abs=1e-7), name
 
 
+def test_jacobians_push_changes_forward(scenes):
+    scene = scenes[2]
+    solver, rng = stiction.Solver(**EXACT), np.random.default_rng(5)
+    changes = {"J": rng.normal(size=scene.J.shape), "M": rng.normal(size=scene.M.shape), "v_free": rng.normal(size=scene.dofs),
+               "mu": rng.normal(size=scene.rows)}
+    changes["M"] += changes["M"].T
+
+    def batch(step=0.0):
+        return stiction.Batch.from_jacobian((scene.J + step * changes["J"])[None], (scene.M + step * changes["M"])[None],
+                                            (scene.v_free + step * changes["v_free"])[None],
+                                            mu=(0.6 + step * changes["mu"])[None], R=np.full((1, scene.rows), 0.05),
+                                            law="coulomb")
+
+    solution, derivative, step = solver.solve(batch()), stiction.Derivative(), 1e-6
+    forward = derivative.jvp(batch(), solution, **{name: change[None] for name, change in changes.items()})
+    assert forward.valid.all()
+    up, down = solver.solve(batch(step)), solver.solve(batch(-step))
+    for name in ("lambda_", "w", "velocities"):
+        difference = (getattr(up, name) - getattr(down, name)) / (2 * step)
+        assert difference == pytest.approx(getattr(forward, name), rel=1e-5, abs=1e-6), name
+    with pytest.raises(ValueError, match="A: expected None"):
+        derivative.jvp(batch(), solution, A=np.zeros(3))
+
+
 def test_environments_without_a_derivative_get_zeros_and_a_flag(scenes):
     A = [np.ones((2, 2)), np.eye(2)]
     batch = stiction.Batch.from_delassus(A, [np.array([-1.0, -1.0])] * 2, cones="free")

@@ -127,9 +127,25 @@ TEST(SameDerivatives, OfJacobianBatches) {
   void** const fields[] = {&to.J, &to.M, &to.v_free, &to.target, &to.R, &to.mu, &to.lo, &to.hi};
   for (std::size_t k = 0; k < own.size(); ++k) *fields[k] = own[k].data();
   STICTION_OK_OR_SAY(stiction_derivative_vjp_jacobian(derivative, &given, solution.contact.lambda.data(), nullptr,
-                                                      &from, &to, records(same), 1));
+                                                      &from, &to, records(same), 1, nullptr));
   EXPECT_EQ(own, expected);
   EXPECT_EQ(same[2].unknowns, status[2].unknowns);
+
+  // What was written is now read: changes of the batch.
+  std::vector<std::vector<double>> changes{room(view.row_count), room(view.row_count), room(view.dof_count)};
+  auto forward = changes;
+  Derivative(Device::cpu(), options_of())
+      .jvp(view, ReactionView<double>{solution.contact.lambda.data(), nullptr},
+           JacobianBatchTangentView<double>{own[0].data(), own[1].data(), own[2].data(), own[3].data(), own[4].data(),
+                                            own[5].data(), own[6].data(), own[7].data()},
+           JacobianSolutionTangentView<double>{forward[0].data(), forward[1].data(), forward[2].data()}, status.data());
+  from.lambda = changes[0].data();
+  from.w = changes[1].data();
+  from.velocity = changes[2].data();
+  STICTION_OK_OR_SAY(stiction_derivative_jvp_jacobian(derivative, &given, solution.contact.lambda.data(), nullptr, &to,
+                                                      &from, records(same), 1, nullptr));
+  EXPECT_EQ(changes, forward);
+  EXPECT_NE(changes[2], room(view.dof_count));
   STICTION_OK_OR_SAY(stiction_derivative_destroy(derivative));
 }
 

@@ -5,11 +5,11 @@
 #include <limits>
 #include <numeric>
 
+#include "core/algorithm/derivative/jacobian_jvp.hpp"
 #include "core/algorithm/derivative/jacobian_vjp.hpp"
-#include "core/algorithm/derivative/jvp.hpp"
+#include "core/machine/jacobian_machine.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/jacobian_derivatives.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/scoped_isa.hpp"
 #include "tests/support/stress_team.hpp"
@@ -200,31 +200,15 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
     }
 }
 
-/// Gradients by J and M, as bytes one behind the other.
-template <class Real>
-struct JacobianGradients {
-  std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
-  std::vector<GradientStatus> status;
-
-  explicit JacobianGradients(const JacobianBatchView<Real>& view) {
-    const auto room = [](Offset size) { return std::vector<Real>(static_cast<std::size_t>(size), Real(77)); };
-    J = room(view.entry_count);
-    M = room(view.mass_count);
-    v_free = room(view.dof_count);
-    target = R = mu = lo = hi = room(view.row_count);
-    status.resize(static_cast<std::size_t>(view.env_count));
-  }
-  [[nodiscard]] JacobianBatchCotangentView<Real> view() {
-    return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
-  }
-  [[nodiscard]] std::string bytes() const {
-    std::string all;
-    for (const auto* part : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi})
-      append(all, *part, 0, static_cast<Offset>(part->size()));
-    append(all, status, 0, static_cast<Offset>(status.size()));
-    return all;
-  }
-};
+/// Numbers and records of a derivative, as bytes one behind the other.
+template <class Derived>
+std::string bytes_of(const Derived& own) {
+  std::string all;
+  const auto numbers = own.all();
+  append(all, numbers, 0, static_cast<Offset>(numbers.size()));
+  append(all, own.status, 0, static_cast<Offset>(own.status.size()));
+  return all;
+}
 
 /// Three environments, in the precision asked for.
 template <class Real>
@@ -255,41 +239,68 @@ TYPED_TEST(DerivativeBits, ByJAndMAreThoseOfThreadsInstructionSetsAndTeams) {
                v_bar = random_numbers<Real>(static_cast<std::size_t>(view.dof_count), 3);
     const ReactionView<Real> at{lambda.data(), nullptr};
     const JacobianSolutionCotangentView<Real> cotangents{bar.data(), w_bar.data(), v_bar.data()};
-    const auto made = [&](int threads) {
+    const auto pulled = [&](int threads) {
       DerivativeOptions o;
       o.threads = threads;
       JacobianGradients<Real> own(view);
       Derivative(Device::cpu(), o).vjp(view, at, cotangents, own.view(), own.status.data());
       return own;
     };
-    const JacobianGradients<Real> expected = made(1);
+    const JacobianGradients<Real> expected = pulled(1);
+    const auto pushed = [&](int threads) {
+      DerivativeOptions o;
+      o.threads = threads;
+      JacobianChanges<Real> own(view);
+      Derivative(Device::cpu(), o).jvp(view, at, expected.tangents(), own.view(), own.status.data());
+      return own;
+    };
+    const JacobianChanges<Real> forward = pushed(1);
     for (const GradientStatus& status : expected.status) EXPECT_EQ(status.flags, 0U);
-    EXPECT_EQ(made(2).bytes(), expected.bytes());
+    for (const GradientStatus& status : forward.status) EXPECT_EQ(status.flags, 0U);
+    EXPECT_EQ(bytes_of(pulled(2)), bytes_of(expected));
+    EXPECT_EQ(bytes_of(pushed(2)), bytes_of(forward));
     for (const char* isa : usable_isas()) {
       const ScopedIsa scoped(isa);
-      EXPECT_EQ(made(1).bytes(), expected.bytes()) << isa;
+      EXPECT_EQ(bytes_of(pulled(1)), bytes_of(expected)) << isa;
+      EXPECT_EQ(bytes_of(pushed(1)), bytes_of(forward)) << isa;
     }
-    // What comes before and behind the system, by lanes that race.
+    // The same by lanes that race.
+    const DerivativeOptions o;
+    const auto machine = make_cpu_jacobian_machine<Real>(FactorUse::by_size, 1);
+    std::vector<Real> in(lambda.size()), out(lambda.size());
+    const auto fill = [&](auto& job, GradientStatus* status) {
+      static_cast<DerivativeJob<Real>&>(job.contact) = {
+          {}, at, view.law, o.residual_limit, o.tie_tolerance, o.max_unknowns, 1, status};
+      job.connect(machine->lay_out(view, StreamRef::default_stream()), in.data(), out.data());
+    };
+    const auto room = [](const auto& job, Offset env) {
+      return std::vector<double>(static_cast<std::size_t>(jacobian_derivative_elements<RowTile<Real>>(job, env)),
+                                 __builtin_nan(""));
+    };
     for (const Index width : {1, 2, 5}) {
-      JacobianGradients<Real> own = expected;
-      for (auto* part : {&own.J, &own.M, &own.v_free}) part->assign(part->size(), Real(77));
-      std::vector<Real> seed(lambda.size(), Real(77)), seed_alone = seed, nu(expected.target);
-      for (Real& number : nu) number = Real(0) - number;
-      JacobianVjpJob<Real> job{view, at, 1, own.status.data(), cotangents, own.view(), seed.data(), nu.data()};
-      JacobianVjpJob<Real> alone = job;
-      alone.seed = seed_alone.data();
+      JacobianGradients<Real> own(view);
+      JacobianVjpJob<Real> back{};
+      back.cotangents = cotangents;
+      back.gradients = own.view();
+      back.contact.cotangents.w = cotangents.w;
+      back.contact.gradients = {nullptr, nullptr, nullptr, own.R.data(), own.mu.data(), own.lo.data(), own.hi.data()};
+      fill(back, own.status.data());
+      JacobianChanges<Real> changes(view);
+      JacobianJvpJob<Real> front{};
+      front.tangents = expected.tangents();
+      front.changes = changes.view();
+      front.contact.tangents = {
+          nullptr, nullptr, nullptr, expected.R.data(), expected.mu.data(), expected.lo.data(), expected.hi.data()};
+      front.contact.changes.w = changes.w.data();
+      fill(front, changes.status.data());
       for (Offset env = 0; env < view.env_count; ++env) {
-        std::vector<Real> memory(static_cast<std::size_t>(chain_elements(job, env)),
-                                 static_cast<Real>(__builtin_nan("")));
-        SerialTeam serial;
-        seed_env(serial, alone, env, memory.data());
-        run_stressed<1>(width, [&](auto& team) {
-          seed_env(team, job, env, memory.data());
-          chain_env(team, job, env, memory.data());
-        });
+        auto memory = room(back, env);
+        run_stressed<1>(width, [&](auto& team) { jacobian_vjp_env<RowTile<Real>>(team, back, env, memory.data()); });
+        memory = room(front, env);
+        run_stressed<1>(width, [&](auto& team) { jacobian_jvp_env<RowTile<Real>>(team, front, env, memory.data()); });
       }
-      EXPECT_TRUE(same_bits(std::span<const Real>(seed_alone), std::span<const Real>(seed))) << width;
-      EXPECT_EQ(own.bytes(), expected.bytes()) << width;
+      EXPECT_EQ(bytes_of(own), bytes_of(expected)) << width;
+      EXPECT_EQ(bytes_of(changes), bytes_of(forward)) << width;
     }
   }
 }

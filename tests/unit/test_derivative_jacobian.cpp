@@ -6,8 +6,7 @@
 #include <limits>
 
 #include "tests/support/bits.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/jacobian_derivatives.hpp"
 
 namespace {
 
@@ -16,106 +15,17 @@ using namespace stiction::test;
 
 constexpr double kTightest = 1e-13;
 
-/// How J and M are given.
-struct Form {
-  Index mass_block;
-  MassForm mass_form;
-  bool csr;
-};
-constexpr Form kForms[] = {{0, MassForm::matrix, false},
-                           {3, MassForm::matrix, true},
-                           {1, MassForm::matrix, false},
-                           {0, MassForm::factor, true},
-                           {3, MassForm::factor, false}};
-
-/// L of M = L L', block by block.
-std::vector<double> cholesky(const std::vector<double>& M, std::size_t block) {
-  std::vector<double> L(M.size(), 0.0);
-  for (std::size_t first = 0; first < M.size(); first += block * block)
-    for (std::size_t i = 0; i < block; ++i)
-      for (std::size_t j = 0; j <= i; ++j) {
-        double sum = M[first + i * block + j];
-        for (std::size_t k = 0; k < j; ++k) sum -= L[first + i * block + k] * L[first + j * block + k];
-        L[first + i * block + j] = i == j ? std::sqrt(sum) : sum / L[first + j * block + j];
-      }
-  return L;
-}
-
-JacobianEnvironment<double> environment_of(const Form& form, std::uint64_t seed) {
-  JacobianEnvironment<double> env = random_jacobian({seed, 3, 2, 9, form.mass_block, 0.02});
-  const std::size_t rows = env.mu.size();
-  if (form.csr) {
-    // Every third entry is left out.
-    std::vector<double> J;
-    env.row_offsets = {0};
-    for (std::size_t i = 0; i < rows; ++i) {
-      for (std::size_t k = 0; k < 9; ++k)
-        if ((i + k) % 3 != 0) {
-          J.push_back(env.J[i * 9 + k]);
-          env.column.push_back(static_cast<Index>(k));
-        }
-      env.row_offsets.push_back(static_cast<Index>(J.size()));
-    }
-    env.J = J;
-  }
-  if (form.mass_form == MassForm::factor)
-    env.M = cholesky(env.M, form.mass_block == 0 ? 9 : static_cast<std::size_t>(form.mass_block));
-  return env;
-}
-
-JacobianBatch<double> batch_of(const JacobianEnvironment<double>& env, const Form& form, Law law) {
-  JacobianBatch<double> batch(law, form.mass_form, form.mass_block);
-  batch.add(env);
-  return batch;
-}
-
-struct JacobianGradients {
-  std::vector<double> J, M, v_free, target, R, mu, lo, hi;
-  std::vector<GradientStatus> status;
-};
-
-JacobianGradients vjp(const JacobianBatchView<double>& view, const std::vector<double>& lambda,
-                      const std::vector<double>& lambda_bar, const std::vector<double>& w_bar,
-                      const std::vector<double>& v_bar, const DerivativeOptions& options = {}) {
-  const auto room = [](Offset size) { return std::vector<double>(static_cast<std::size_t>(size), 77.0); };
-  const auto data = [](const std::vector<double>& numbers) { return numbers.empty() ? nullptr : numbers.data(); };
-  JacobianGradients to{room(view.entry_count), room(view.mass_count), room(view.dof_count),
-                       room(view.row_count),   room(view.row_count),  room(view.row_count),
-                       room(view.row_count),   room(view.row_count),  {}};
-  to.status.resize(static_cast<std::size_t>(view.env_count));
-  Derivative(Device::cpu(), options)
-      .vjp(view, ReactionView<double>{lambda.data(), nullptr},
-           JacobianSolutionCotangentView<double>{data(lambda_bar), data(w_bar), data(v_bar)},
-           JacobianBatchCotangentView<double>{to.J.data(), to.M.data(), to.v_free.data(), to.target.data(), to.R.data(),
-                                              to.mu.data(), to.lo.data(), to.hi.data()},
-           to.status.data());
-  return to;
-}
-
-JacobianSolution<double> solved(const JacobianEnvironment<double>& env, const Form& form, Law law) {
-  return solve(batch_of(env, form, law), options(SolverKind::newton, kTightest, 100));
-}
-
 struct Parameter {
   const char* name;
   std::vector<double> JacobianEnvironment<double>::* numbers;
-  std::vector<double> JacobianGradients::* gradient;
+  std::vector<double> JacobianGradients<double>::* gradient;
 };
-const Parameter kParameters[] = {{"J", &JacobianEnvironment<double>::J, &JacobianGradients::J},
-                                 {"M", &JacobianEnvironment<double>::M, &JacobianGradients::M},
-                                 {"v_free", &JacobianEnvironment<double>::v_free, &JacobianGradients::v_free},
-                                 {"target", &JacobianEnvironment<double>::target, &JacobianGradients::target},
-                                 {"R", &JacobianEnvironment<double>::R, &JacobianGradients::R},
-                                 {"mu", &JacobianEnvironment<double>::mu, &JacobianGradients::mu}};
-
-/// A change of M is symmetric, that of a factor lower triangular.
-void restrict_mass(const Form& form, std::vector<double>& direction) {
-  const std::size_t block = form.mass_block == 0 ? 9 : static_cast<std::size_t>(form.mass_block);
-  for (std::size_t first = 0; first < direction.size(); first += block * block)
-    for (std::size_t i = 0; i < block; ++i)
-      for (std::size_t j = i + 1; j < block; ++j)
-        direction[first + i * block + j] = form.mass_form == MassForm::factor ? 0.0 : direction[first + j * block + i];
-}
+const Parameter kParameters[] = {{"J", &JacobianEnvironment<double>::J, &JacobianGradients<double>::J},
+                                 {"M", &JacobianEnvironment<double>::M, &JacobianGradients<double>::M},
+                                 {"v_free", &JacobianEnvironment<double>::v_free, &JacobianGradients<double>::v_free},
+                                 {"target", &JacobianEnvironment<double>::target, &JacobianGradients<double>::target},
+                                 {"R", &JacobianEnvironment<double>::R, &JacobianGradients<double>::R},
+                                 {"mu", &JacobianEnvironment<double>::mu, &JacobianGradients<double>::mu}};
 
 TEST(DerivativeOfJacobians, IsThatOfFiniteDifferences) {
   double worst[6] = {}, raw[6] = {};
@@ -125,7 +35,7 @@ TEST(DerivativeOfJacobians, IsThatOfFiniteDifferences) {
     for (const Form& form : kForms)
       for (std::uint64_t seed = 1; seed <= 12; ++seed) {
         const JacobianEnvironment<double> env = environment_of(form, seed);
-        const auto solution = solved(env, form, law);
+        const auto solution = solved(env, form, law, kTightest);
         if (solution.contact.status[0].code != EnvCode::solved) continue;
         const auto batch = batch_of(env, form, law);
         DerivativeOptions careful;
@@ -137,7 +47,7 @@ TEST(DerivativeOfJacobians, IsThatOfFiniteDifferences) {
                    v_bar = random_numbers(9, ++draw);
         const auto own = vjp(batch.view(), solution.contact.lambda, lambda_bar, w_bar, v_bar);
         const auto loss = [&](const JacobianEnvironment<double>& at) {
-          const auto moved = solved(at, form, law);
+          const auto moved = solved(at, form, law, kTightest);
           return dot(moved.contact.lambda, lambda_bar) + dot(moved.contact.w, w_bar) + dot(moved.velocity, v_bar);
         };
         for (std::size_t p = 0; p < 6; ++p) {
@@ -237,7 +147,7 @@ TEST(DerivativeOfJacobians, ABrokenMassGetsZerosAndLeavesOthersAlone) {
   const auto& lambda = solution.contact.lambda;
   const auto v_bar = random_numbers(18, 1);
   const auto expected = vjp(sound.view(), lambda, lambda, {}, v_bar);
-  const auto check = [&](const JacobianGradients& own, std::uint32_t flag) {
+  const auto check = [&](const JacobianGradients<double>& own, std::uint32_t flag) {
     EXPECT_NE(own.status[1].flags & flag, 0U);
     const auto view = sound.view();
     const auto part = [&](const std::vector<double>& one, const std::vector<double>& other, const auto& begin) {
@@ -249,8 +159,9 @@ TEST(DerivativeOfJacobians, ABrokenMassGetsZerosAndLeavesOthersAlone) {
     part(own.J, expected.J, [&](Offset e) { return view.row_offsets[row(e)]; });
     part(own.M, expected.M, [&](Offset e) { return view.env_mass_offsets[e]; });
     part(own.v_free, expected.v_free, [&](Offset e) { return view.env_dof_offsets[e]; });
-    for (const auto member : {&JacobianGradients::target, &JacobianGradients::R, &JacobianGradients::mu,
-                              &JacobianGradients::lo, &JacobianGradients::hi})
+    for (const auto member :
+         {&JacobianGradients<double>::target, &JacobianGradients<double>::R, &JacobianGradients<double>::mu,
+          &JacobianGradients<double>::lo, &JacobianGradients<double>::hi})
       part(own.*member, expected.*member, row);
   };
   check(vjp(broken.view(), lambda, lambda, {}, v_bar), kGradientInvalidInput);

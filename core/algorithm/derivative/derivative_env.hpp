@@ -30,6 +30,7 @@ struct DerivativeScratch {
   Index* mode;              ///< ConeMode                                          (cone_count)
   Index* degenerate;        ///< 1 of a cone between two modes                     (cone_count)
   Index* cone_of_row;       ///<                                                   (n)
+  Index* moving;            ///< rows of cones that have unknowns, in order; behind all, how many  (n + 1)
   Index* parts;             ///< of a scan                                         (kScanParts)
 };
 
@@ -42,7 +43,7 @@ STICTION_HD Index most_unknowns(const DerivativeJob<Real>& job, Offset env) {
 
 /// Scratch of an environment of that size, in doubles.
 STICTION_HD constexpr Offset derivative_elements(Offset rows, Offset cones, Offset dofs, Offset most) {
-  const Offset integers = (cones + 1) + 2 * cones + rows + kScanParts;
+  const Offset integers = (cones + 1) + 2 * cones + 2 * rows + 1 + kScanParts;
   return rows * (6 + 2 * kMaxConeRows) + most * (most + 4) + dofs * (2 * most + 2) + (integers + 1) / 2;
 }
 template <class Real>
@@ -88,8 +89,42 @@ STICTION_HD DerivativeScratch lay_out(const DerivativeJob<Real>& job, Offset env
   s.mode = take_integers(cones);
   s.degenerate = take_integers(cones);
   s.cone_of_row = take_integers(n);
+  s.moving = take_integers(n + 1);
   s.parts = take_integers(kScanParts);
   return s;
+}
+
+/// Rows of A whose sums a lane forms side by side, so that they do not wait for each other. It reaches speed alone.
+inline constexpr Index kRowsTogether = 4;
+
+/// sum[r] += row first + r of A times in, each in stored order; kRowsTogether rows that store as many entries.
+template <class Real>
+STICTION_HD void add_rows_together(const EnvView<Real>& env, Index first, const double* in,
+                                   double (&sum)[kRowsTogether]) {
+  const auto row = [&](Index r) { return env.A + env.row_offsets[first + r]; };
+  const Real *const a = row(0), *const b = row(1), *const c = row(2), *const d = row(3);
+  const Index *const in_a = env.columns(first), *const in_b = env.columns(first + 1);
+  const Index *const in_c = env.columns(first + 2), *const in_d = env.columns(first + 3);
+  double sum_a = sum[0], sum_b = sum[1], sum_c = sum[2], sum_d = sum[3];
+  for (Index k = 0; k < env.entries(first); ++k) {
+    sum_a = fma_(static_cast<double>(a[k]), in[in_a[k]], sum_a);
+    sum_b = fma_(static_cast<double>(b[k]), in[in_b[k]], sum_b);
+    sum_c = fma_(static_cast<double>(c[k]), in[in_c[k]], sum_c);
+    sum_d = fma_(static_cast<double>(d[k]), in[in_d[k]], sum_d);
+  }
+  sum[0] = sum_a;
+  sum[1] = sum_b;
+  sum[2] = sum_c;
+  sum[3] = sum_d;
+}
+
+/// Whether kRowsTogether rows store as many entries.
+template <class Real>
+STICTION_HD bool are_alike(const EnvView<Real>& env, Index first) {
+  if (first + kRowsTogether > env.n) return false;
+  for (Index r = 1; r < kRowsTogether; ++r)
+    if (env.entries(first + r) != env.entries(first)) return false;
+  return true;
 }
 
 /// store(i, base(i) + row i of (A + diag R) times in): in double, summed in stored order by one lane.
@@ -111,17 +146,36 @@ STICTION_HD void apply_rows(TeamT& team, const EnvView<Real>& env, const Derivat
     });
     return;
   }
-  for_each(team, env.n, [&](Index i) {
+  const auto apply_one = [&](Index i) {
     const Real* const a = env.A + env.row_offsets[i];
     const Index* const column = env.columns(i);
     double sum = fma_(static_cast<double>(env.R[i]), in[i], base(i));
     for (Index k = 0; k < env.entries(i); ++k) sum = fma_(static_cast<double>(a[k]), in[column[k]], sum);
     store(i, sum);
-  });
+  };
+  if constexpr (requires { requires TeamT::size() == 1; }) {
+    Index i = 0;
+    while (i < env.n) {
+      if (!are_alike(env, i)) {
+        apply_one(i);
+        ++i;
+        continue;
+      }
+      double sum[kRowsTogether];
+      for (Index r = 0; r < kRowsTogether; ++r)
+        sum[r] = fma_(static_cast<double>(env.R[i + r]), in[i + r], base(i + r));
+      add_rows_together(env, i, in, sum);
+      for (Index r = 0; r < kRowsTogether; ++r) store(i + r, sum[r]);
+      i += kRowsTogether;
+    }
+  } else {
+    for_each(team, env.n, apply_one);
+  }
 }
 
-/// out[j] = base(j) + column j of (A + diag R) times in, summed over the rows in their order; `out` is not `in`. Lanes
-/// share the columns of a matrix whose rows store every column in order.
+/// out[j] = base(j) + column j of (A + diag R) times in, summed over the rows in their order; `out` is not `in`. Rows
+/// whose `in` is zero add nothing: that A is finite is known by then. Lanes share the columns of a matrix whose rows
+/// store every column in order.
 template <Team TeamT, class Real, class Base>
 STICTION_HD void apply_columns(TeamT& team, const EnvView<Real>& env, const DerivativeScratch& s, const double* in,
                                double* out, const Base& base) {
@@ -135,11 +189,13 @@ STICTION_HD void apply_columns(TeamT& team, const EnvView<Real>& env, const Deri
   };
   if (env.is_full && team.size() > 1) {
     for_each(team, env.n, [&](Index j) {
-      for (Index i = 0; i < env.n; ++i) add(i, j, j);
+      for (Index i = 0; i < env.n; ++i)
+        if (in[i] != 0.0) add(i, j, j);
     });
   } else {
     single(team, [&] {
       for (Index i = 0; i < env.n; ++i) {
+        if (in[i] == 0.0) continue;
         const Index* const column = env.columns(i);
         for (Index k = 0; k < env.entries(i); ++k) add(i, k, column[k]);
       }

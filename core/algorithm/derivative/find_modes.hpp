@@ -89,6 +89,38 @@ STICTION_HD std::uint32_t answer_flags(const EnvView<Real>& env, const Derivativ
   return flags;
 }
 
+/// Where each cone's unknowns begin; returns how many there are. One lane needs no parts for that.
+template <Team TeamT>
+STICTION_HD Index scan_unknowns(TeamT& team, Index* first, Index cones, Index* parts) {
+  if constexpr (requires { requires TeamT::size() == 1; }) {
+    Index sum = 0;
+    for (Index cone = 0; cone < cones; ++cone) {
+      const Index own = first[cone];
+      first[cone] = sum;
+      sum += own;
+    }
+    return sum;
+  } else {
+    return exclusive_scan(team, first, cones, parts);
+  }
+}
+
+/// Cones between two modes.
+template <Team TeamT>
+STICTION_HD Index count_degenerate(TeamT& team, const DerivativeScratch& s, Index cones) {
+  if constexpr (requires { requires TeamT::size() == 1; }) {
+    Index sum = 0;
+    for (Index cone = 0; cone < cones; ++cone) sum += s.degenerate[cone];
+    return sum;
+  } else {
+    return static_cast<Index>(sum_leaves<double>(team, [&](Index leaf) {
+      double sum = 0.0;
+      for (Index cone = leaf; cone < cones; cone += kReduceLeaves) sum = sum + static_cast<double>(s.degenerate[cone]);
+      return sum;
+    }));
+  }
+}
+
 /// Motions, modes and directions of all cones of an environment, and whether its derivative can be had.
 template <Team TeamT, class Real, class Rows>
 STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
@@ -114,14 +146,17 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   ModesFound result;
   result.forward_residual = div_(sqrt_(team.max(largest)), max_(scale, 1e-300));
   if (!(result.forward_residual <= job.residual_limit)) flags |= kGradientUnconverged;
-  result.unknowns = exclusive_scan(team, s.first, env.cone_count, s.parts);
-  result.degenerate = static_cast<Index>(sum_leaves<double>(team, [&](Index leaf) {
-    double sum = 0.0;
-    for (Index cone = leaf; cone < env.cone_count; cone += kReduceLeaves)
-      sum = sum + static_cast<double>(s.degenerate[cone]);
-    return sum;
-  }));
-  single(team, [&] { s.first[env.cone_count] = result.unknowns; });
+  result.unknowns = scan_unknowns(team, s.first, env.cone_count, s.parts);
+  result.degenerate = count_degenerate(team, s, env.cone_count);
+  single(team, [&] {
+    s.first[env.cone_count] = result.unknowns;
+    Index count = 0;
+    for (Index i = 0; i < env.n; ++i) {
+      s.moving[count] = i;
+      count += s.first[s.cone_of_row[i] + 1] > s.first[s.cone_of_row[i]] ? 1 : 0;
+    }
+    s.moving[env.n] = count;
+  });
   if (result.degenerate > 0) flags |= kGradientSubgradient;
   if (result.unknowns > most_unknowns(job, index)) flags |= kGradientOverCapacity;
   result.flags = team.combine(flags);

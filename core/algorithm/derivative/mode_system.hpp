@@ -26,6 +26,7 @@ STICTION_HD void fill_system(TeamT& team, const EnvView<Real>& env, const Deriva
       const Index other = s.cone_of_row[j], begin = s.first[other], others = s.first[other + 1] - begin;
       for (Index c = 0; c < others; ++c) {
         const double moved = value * s.E[static_cast<Offset>(j) * kMaxConeRows + c];
+        if (moved == 0.0) continue;
         for (Index f = 0; f < count; ++f) {
           double& entry = system_entry<kTransposed>(K, first + f, begin + c);
           entry = fma_(s.F[static_cast<Offset>(i) * kMaxConeRows + f], moved, entry);
@@ -33,8 +34,10 @@ STICTION_HD void fill_system(TeamT& team, const EnvView<Real>& env, const Deriva
       }
     };
     for (Index i = row; i < row + size; ++i) {
-      if (env.factor == nullptr) {
-        const Real* const a = env.A + env.row_offsets[i];
+      const Real* const a = env.factor == nullptr ? env.A + env.row_offsets[i] : nullptr;
+      if (a != nullptr && env.entries(i) == env.n && is_run(env.columns(i), env.n)) {
+        for (Index m = 0; m < s.moving[env.n]; ++m) add(i, s.moving[m], static_cast<double>(a[s.moving[m]]));
+      } else if (a != nullptr) {
         const Index* const column = env.columns(i);
         for (Index k = 0; k < env.entries(i); ++k) add(i, column[k], static_cast<double>(a[k]));
       }

@@ -40,7 +40,12 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
     put(to.R, rows + i, nu(i) * reaction(i));
     if (to.A == nullptr || env.factor != nullptr) return;
     const Offset entries = set * job.batch.nonzero_count + env.row_offsets[i];
-    for (Index k = 0; k < env.entries(i); ++k) put(to.A, entries + k, nu(i) * reaction(env.columns(i)[k]));
+    if (nu(i) == 0.0) {
+      for (Index k = 0; k < env.entries(i); ++k) to.A[entries + k] = 0;
+      return;
+    }
+    const Index* const column = env.columns(i);
+    for (Index k = 0; k < env.entries(i); ++k) put(to.A, entries + k, nu(i) * reaction(column[k]));
   });
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone), size = env.cone_size(cone);

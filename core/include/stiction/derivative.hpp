@@ -127,6 +127,28 @@ struct JacobianBatchCotangentView {
   Real* hi = nullptr;      ///< by upper bounds               (count * row_count)
 };
 
+/// Changes of a Jacobian batch's numbers, in `count` sets that follow one another. Null: zeros. Shapes are those of
+/// JacobianBatchCotangentView. Of a change of M its symmetric part counts, of one of a factor the lower triangle.
+template <class Real>
+struct JacobianBatchTangentView {
+  const Real* J = nullptr;       ///< of the stored entries
+  const Real* M = nullptr;       ///< of M, or of its factor
+  const Real* v_free = nullptr;  ///< of v_free
+  const Real* target = nullptr;  ///< of target
+  const Real* R = nullptr;       ///< of R
+  const Real* mu = nullptr;      ///< of the friction of each row
+  const Real* lo = nullptr;      ///< of lower bounds
+  const Real* hi = nullptr;      ///< of upper bounds
+};
+
+/// Where changes of the solution of J and M go, set after set. Null: not wanted.
+template <class Real>
+struct JacobianSolutionTangentView {
+  Real* lambda = nullptr;    ///< of the reactions        (count * row_count)
+  Real* w = nullptr;         ///< of the residual motion  (count * row_count)
+  Real* velocity = nullptr;  ///< of v+                   (count * dof_count)
+};
+
 class DerivativeMachine;
 
 /// Differentiates the solution of contact batches by the batch's numbers, implicitly. The modes of the contacts (open,
@@ -136,7 +158,8 @@ class DerivativeMachine;
 class Derivative {
  public:
   /// Derivatives on that device. A device takes its memory now: of the capacity env_rows is needed, and env_dofs for
-  /// factors. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is needed.
+  /// factors and for J and M. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is
+  /// needed.
   /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
   /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
   explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
@@ -162,15 +185,22 @@ class Derivative {
            const SolutionTangentView<Real>& changes, GradientStatus* status, Offset count = 1,
            StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have, on the CPU. A is
-  /// assembled anew
+  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have. A is assembled anew
   /// as the solve did. `at.lambda` lies where the batch's rows do. An environment whose M is no mass matrix is
-  /// refused as kGradientInvalidInput.
-  /// \throws as that of a contact batch; Error(unsupported) on a device.
+  /// refused as kGradientInvalidInput. A device takes room for the largest batch so far: a call that needs more waits
+  /// for those before it, and may not be captured.
+  /// \throws as that of a contact batch; Error(out_of_memory) on a device.
   template <class Real>
   void vjp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
            const JacobianSolutionCotangentView<Real>& cotangents, const JacobianBatchCotangentView<Real>& gradients,
-           GradientStatus* status, Offset count = 1) const;
+           GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Pushes `count` sets of changes of J, M, v_free and what rows have forward to reactions, motion and velocities.
+  /// \throws as vjp() of J and M.
+  template <class Real>
+  void jvp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
+           const JacobianBatchTangentView<Real>& tangents, const JacobianSolutionTangentView<Real>& changes,
+           GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;

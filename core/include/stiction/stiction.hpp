@@ -24,3 +24,4 @@
 #include "stiction/types.hpp"
 #include "stiction/warm_start.hpp"
 #include "stiction/world.hpp"
+#include "stiction/world_derivative.hpp"
