@@ -13,7 +13,8 @@
 #include "cuda/kernels/world_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
-/// `Make::template kernel<Program>(name)`. Those of derivatives are in derivative_catalogue.hpp.
+/// `Make::template kernel<Program>(name)`. What is long has a catalogue of its own (derivative_catalogue.hpp,
+/// jacobian_catalogue.hpp): no solver is compiled anew for it.
 namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>
