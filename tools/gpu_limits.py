@@ -57,8 +57,8 @@ def main():
         writer.writeheader()
         writer.writerows(rows)
     other = [row for row in rows if row["own"] != row["best"]]
-    print(f"{sys.argv[2]}: {len(rows)} sizes, another class is faster for {len(other)}; the limits are constants in "
-          "core/job/size_class.hpp, which no program reads from this table")
+    print(f"{sys.argv[2]}: {len(rows)} sizes, another class is faster for {len(other)}; the limits are those of "
+          "ClassRules in cuda/machine/engine.hpp, which no program reads from this table")
     return 0
 
 

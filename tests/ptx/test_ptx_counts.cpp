@@ -8,10 +8,12 @@
 #include <sstream>
 #include <string>
 
+#include "cuda/emulated/emulated_device.hpp"
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
 #include "tests/ptx/lane.hpp"
 #include "tests/support/bits.hpp"
+#include "tests/support/on_engine.hpp"
 
 /// How much the generated code executes for recorded robots: what makes a kernel slow and shows in no bit.
 /// `STICTION_UPDATE_COUNTS=1` writes the table instead.
@@ -29,20 +31,24 @@ Row row_of(const ptx::LaneCounts& counts, double envs) {
           static_cast<double>(counts.local) / envs, static_cast<double>(counts.barriers) / envs};
 }
 
-/// Executed instructions of all lanes for an environment, by npgs in single precision to 1e-4.
-Row count(const std::string& name) {
+/// Executed instructions of all lanes for an environment, by npgs in single precision to 1e-4. `by_lanes`: as if there
+/// were enough environments for a lane each.
+Row count(const std::string& name, bool by_lanes) {
   const auto counts_of = reinterpret_cast<void (*)(const char*, ptx::LaneCounts*)>(
       dlsym(dlopen(std::getenv("STICTION_EMULATED_KERNELS"), RTLD_NOW), "stiction_ptx_counts"));
   const auto batch = convert<float>(io::read_batch(std::string(STICTION_EXAMPLES_DIR) + "/data/" + name + ".h5").batch);
   SolverOptions options;
   options.solver = SolverKind::npgs;
   options.tolerance = 1e-4;
-  const Solution<float> expected = solve(batch, options);
+  const auto expected = env_hashes(batch, solve(batch, options));
+  cuda::ClassRules rules;
+  rules.many_per_processor = by_lanes ? 0 : batch.env_count() + 1;
+  cuda::EmulatedDevice device;
   ptx::LaneCounts before, after;
   counts_of("isa_cuda::Npgs", &before);
-  const Solution<float> answer = solve(batch, options, Device::emulated());
+  const auto answer = on_engine(device, batch, options, rules);
   counts_of("isa_cuda::Npgs", &after);
-  EXPECT_TRUE(same_bits(expected, answer)) << name;
+  EXPECT_EQ(expected, answer) << name;
   after.instructions -= before.instructions;
   after.generic -= before.generic;
   after.local -= before.local;
@@ -77,8 +83,10 @@ TEST(PtxCounts, RecordedRobotsExecuteNoMoreThanTheyDid) {
   const auto rows = table();
   std::ostringstream written;
   written << kHead << "\n";
-  for (const std::string name : {"hand_cube", "humanoid", "quadruped_rough"}) {
-    const Row found = count(name);
+  for (const auto& [robot, by_lanes] : {std::pair{"hand_cube", false}, {"humanoid", false}, {"quadruped_rough", false},
+                                        {"hand_cube", true}, {"humanoid", true}, {"quadruped_rough", true}}) {
+    const std::string name = robot + std::string(by_lanes ? ": a lane each" : "");
+    const Row found = count(robot, by_lanes);
     written << name << "," << STICTION_CUDA_COMPILER;
     for (const double value : found) written << "," << std::llround(value);
     written << "\n";
