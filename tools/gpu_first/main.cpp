@@ -135,7 +135,6 @@ bool begins_with_any(const std::string& name, const std::vector<std::string>& pr
 std::string line_of(const Check& check, const Ending& ending) {
   JsonLine line;
   line.add("check", check.name);
-  const std::string number = std::to_string(ending.number);
   if (ending.kind == Ending::Kind::out_of_time) line.add("result", "out of time");
   if (ending.kind == Ending::Kind::signalled) line.add("result", "died").add("signal", ending.number);
   if (ending.kind == Ending::Kind::exited) line.add("result", "failed").add("status", ending.number);
