@@ -56,12 +56,13 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;            ///< what each environment takes
-  KernelRef place;            ///< where each begins
-  KernelRef write;            ///< rows, A or Y, and b
-  KernelRef move;             ///< velocities
-  KernelRef newton;           ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
-  KernelRef newton_in_parts;  ///< the same where environments have more degrees of freedom than a lane takes
+  KernelRef count;             ///< what each environment takes
+  KernelRef place;             ///< where each begins
+  KernelRef write;             ///< rows, A or Y, and b
+  KernelRef move;              ///< velocities
+  KernelRef newton;            ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+  KernelRef newton_in_parts;   ///< the same where environments have more degrees of freedom than a lane takes
+  KernelRef newton_in_blocks;  ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
 };
 
 /// Derivatives of contact batches, in one precision (kernels/derivative_program.hpp).

@@ -2,6 +2,7 @@
 
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
+#include "cuda/kernels/velocity_blocks_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 
 /// The Jacobian form's part of a catalogue (catalogue.hpp). It is apart, as Newton's method in velocities is long: no
@@ -15,7 +16,8 @@ JacobianKernels jacobian_kernels() {
           Make::template kernel<WriteJacobians<Real>>("jacobian_write"),
           Make::template kernel<MoveJacobians<Real>>("jacobian_move"),
           Make::template kernel<SolveVelocities<Real, false>>("velocity_newton"),
-          Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts")};
+          Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts"),
+          Make::template kernel<SolveVelocityBlocks<Real>>("velocity_newton_in_blocks")};
 }
 
 }  // namespace stiction::cuda

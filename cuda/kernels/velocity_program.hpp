@@ -1,7 +1,6 @@
 #pragma once
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
-#include "core/algorithm/velocity/blocks/block_newton.hpp"
 #include "core/algorithm/velocity/dof_islands.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "core/algorithm/velocity/velocity_result.hpp"
@@ -36,8 +35,8 @@ struct VelocityArgs {
 namespace stiction::inline STICTION_ISA {
 
 /// One lane per environment, before anything is assembled. What is solved has no part in that. `kInParts`: also
-/// environments of more than kMostVelocityDofs, one of their parts after the other. A second launch solves what is left
-/// in blocks, a team for each. They take code and memory that a batch without them shall not pay for.
+/// environments of more than kMostVelocityDofs, one of their parts after the other. They take code and memory that a
+/// batch without them shall not pay for.
 template <class Real, bool kInParts>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
@@ -93,32 +92,8 @@ struct SolveVelocities {
   }
 
   template <Team TeamT>
-  static STICTION_HD void solve_blocks(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const VelocityJob<Real>& job = args.job;
-    for (Offset env = id.index; env < job.batch.env_count; env += id.count) {
-      const bool is_left = job.answered[env] == 0 && (args.arrays.flags[env] & kNotAssembled) == 0;
-      if (!is_left || !takes_form(job.batch, env)) continue;
-      const LaneEnv<Real> whole = lane_env(job.batch, env);
-      if (!takes_blocks(whole)) continue;
-      const VelocityResult result =
-          solve_in_blocks(team, job, whole, args.block_lists + id.index * args.block_lists_per_team,
-                          args.block_numbers + id.index * args.block_numbers_per_team);
-      single(team, [&] {
-        finish(job, env, result);
-        leave_out_answered(args.arrays, env);
-      });
-    }
-  }
-
-  template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const Offset envs = args.job.batch.env_count;
-    if constexpr (kInParts) {
-      if (args.in_blocks) {
-        solve_blocks(team, id, args);
-        return;
-      }
-    }
     for (Offset first = id.index * cuda::kWarp; first < envs; first += id.count * cuda::kWarp)
       for_each(team, cuda::kWarp, [&](Index lane) {
         const Offset env = first + lane;

@@ -96,6 +96,7 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   api_->prepare(kernels.write, large_);
   api_->prepare(kernels.move, large_);
   if (by_newton) api_->prepare(newton_kernel_, newton_shape_);
+  if (block_shape_.teams > 0) api_->prepare(kernels.newton_in_blocks, block_shape_);
 }
 
 /// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
@@ -135,15 +136,15 @@ template <class Real>
 void DeviceJacobianMachine<Real>::reserve_blocks(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostBlockRows);
   const BlockExtent largest{rows, rows, capacity.env_dofs};
-  newton_.block_lists_per_team = BlockLists::integers(largest);
-  newton_.block_numbers_per_team = BlockWorkspace::doubles(largest, kWarp);
-  const Offset team_bytes = static_cast<Offset>(sizeof(Index)) * newton_.block_lists_per_team +
-                            static_cast<Offset>(sizeof(double)) * newton_.block_numbers_per_team;
+  blocks_.lists_per_team = BlockLists::integers(largest);
+  blocks_.numbers_per_team = BlockWorkspace::doubles(largest, kWarp);
+  const Offset team_bytes = static_cast<Offset>(sizeof(Index)) * blocks_.lists_per_team +
+                            static_cast<Offset>(sizeof(double)) * blocks_.numbers_per_team;
   const Offset fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
   block_shape_.teams = smaller_of(capacity.envs, smaller_of<Offset>(fitting, api_->facts().processors));
   block_shape_.lanes = kWarp;
-  set_.add(newton_.block_lists, block_shape_.teams * newton_.block_lists_per_team);
-  set_.add(newton_.block_numbers, block_shape_.teams * newton_.block_numbers_per_team);
+  set_.add(blocks_.lists, block_shape_.teams * blocks_.lists_per_team);
+  set_.add(blocks_.numbers, block_shape_.teams * blocks_.numbers_per_team);
 }
 
 template <class Real>
@@ -157,10 +158,12 @@ void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, St
   shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
   api_->launch(newton_kernel_, shape, &args, stream);
   if (block_shape_.teams == 0) return;
-  args.in_blocks = true;
+  VelocityBlocksArgs<Real> blocks = blocks_;
+  blocks.job = args.job;
+  blocks.arrays = arrays_;
   shape = block_shape_;
   shape.teams = smaller_of(shape.teams, job.batch.env_count);
-  api_->launch(newton_kernel_, shape, &args, stream);
+  api_->launch(kernels_of<Real>(*api_).newton_in_blocks, shape, &blocks, stream);
 }
 
 template <class Real>

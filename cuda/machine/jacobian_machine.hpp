@@ -5,6 +5,7 @@
 #include "core/machine/jacobian_machine.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
+#include "cuda/kernels/velocity_blocks_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 
 namespace stiction::cuda {
@@ -43,6 +44,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   LaunchShape small_, large_;  ///< of counting; of assembling and moving
   KernelRef newton_kernel_{};
   LaunchShape newton_shape_, block_shape_;
+  VelocityBlocksArgs<Real> blocks_{};
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;
   DeviceMemory memory_;
