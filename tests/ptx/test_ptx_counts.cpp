@@ -83,8 +83,12 @@ TEST(PtxCounts, RecordedRobotsExecuteNoMoreThanTheyDid) {
   const auto rows = table();
   std::ostringstream written;
   written << kHead << "\n";
-  for (const auto& [robot, by_lanes] : {std::pair{"hand_cube", false}, {"humanoid", false}, {"quadruped_rough", false},
-                                        {"hand_cube", true}, {"humanoid", true}, {"quadruped_rough", true}}) {
+  for (const auto& [robot, by_lanes] : {std::pair{"hand_cube", false},
+                                        {"humanoid", false},
+                                        {"quadruped_rough", false},
+                                        {"hand_cube", true},
+                                        {"humanoid", true},
+                                        {"quadruped_rough", true}}) {
     const std::string name = robot + std::string(by_lanes ? ": a lane each" : "");
     const Row found = count(robot, by_lanes);
     written << name << "," << STICTION_CUDA_COMPILER;

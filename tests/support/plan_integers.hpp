@@ -93,8 +93,8 @@ class PlanComparison {
   std::string found_;
 };
 
-/// Plans a batch on a device and solves nothing, since no iteration is allowed. Empty, or what differs. `are_many`: as if
-/// its environments filled the device, a lane each.
+/// Plans a batch on a device and solves nothing, since no iteration is allowed. Empty, or what differs. `are_many`: as
+/// if its environments filled the device, a lane each.
 inline std::string difference_of_plans(cuda::DeviceApi& device, const ContactBatch<double>& batch,
                                        const SortKeys& sort = stable_order, bool are_many = false) {
   cuda::ClassRules rules;

@@ -109,8 +109,10 @@ void tune(Report& report, Index contacts) {
         size_class(EnvPath::dense, 3 * contacts,
                    are_many ? rules.limits.with(SizeClass::thread_large, rules.most_rows_of_many) : rules.limits);
     Hashes expected;
-    for (int k = static_cast<int>(larger_of(own, SizeClass::thread_large)); k >= static_cast<int>(SizeClass::dense_large); --k) {
-      Timed timed(*report.target(), batch, exactly(SolverKind::npgs, full ? 24 : 1), cuda::ClassRules::from(static_cast<SizeClass>(k)));
+    for (int k = static_cast<int>(larger_of(own, SizeClass::thread_large));
+         k >= static_cast<int>(SizeClass::dense_large); --k) {
+      Timed timed(*report.target(), batch, exactly(SolverKind::npgs, full ? 24 : 1),
+                  cuda::ClassRules::from(static_cast<SizeClass>(k)));
       const auto time = timed.solve(repeats(report), false);
       const Hashes hashes = timed.hashes();
       if (expected.empty()) expected = hashes;
