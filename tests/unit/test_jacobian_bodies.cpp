@@ -81,11 +81,17 @@ void expect_solved(const JacobianBatch<double>& batch, Law law, BodySolverOption
   }
 }
 
+BodySolverOptions by(BodyMethod method) {
+  BodySolverOptions options;
+  options.method = method;
+  return options;
+}
+
 TEST(JacobianBodies, EveryMethodOfBodiesSolvesThem) {
   const auto batch = batch_of({turned(boxes(scenes::box_wall(4, 4), 1e-3)), boxes(scenes::box_tower(5), 1e-3)});
-  expect_solved(batch, Law::convex, {.method = BodyMethod::impulses}, 1e-5);
+  expect_solved(batch, Law::convex, by(BodyMethod::impulses), 1e-5);
   for (int k = 0; k < kBodyPreconditionerCount; ++k) {
-    BodySolverOptions options{.method = BodyMethod::newton};
+    BodySolverOptions options = by(BodyMethod::newton);
     options.space.preconditioner = static_cast<BodyPreconditioner>(k);
     SCOPED_TRACE(to_string(options.space.preconditioner));
     expect_solved(batch, Law::convex, options, 1e-8);
@@ -96,7 +102,7 @@ TEST(JacobianBodies, EveryFormIsTaken) {
   const Env env = turned(boxes(scenes::box_pyramid(3)));
   for (const MassForm form : {MassForm::matrix, MassForm::factor})
     for (const Index block : {6, 0})
-      expect_solved(batch_of({env}, Law::coulomb, block, form), Law::coulomb, {.method = BodyMethod::newton}, 1e-6);
+      expect_solved(batch_of({env}, Law::coulomb, block, form), Law::coulomb, by(BodyMethod::newton), 1e-6);
 }
 
 TEST(JacobianBodies, RowsAndContactsAreEachOthersInverse) {

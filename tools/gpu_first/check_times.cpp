@@ -1,5 +1,6 @@
 #include "bench/support/class_model.hpp"
 #include "bench/support/contact_batch.hpp"
+#include "core/base/extents.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tools/gpu_first/check.hpp"
 #include "tools/gpu_first/recorded.hpp"
