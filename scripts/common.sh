@@ -123,9 +123,7 @@ make_venv() {
   python=$root/.venv/bin/python
 }
 
-# What ccache must know to see through the precompiled header of the tests, and that a build folder of another name
-# compiles the same.
-export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
+# What ccache must know to see through the precompiled header of the tests.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:+$CCACHE_SLOPPINESS,}pch_defines,time_macros
 
 # Sets CUDACXX if there is an nvcc, in the environment, on the path, in the usual place or in .cuda.
