@@ -47,6 +47,7 @@ inline const GoldenCases& golden_cases() {
     add_factor_goldens(cases);
     add_velocity_goldens(cases);
     add_large_and_factored_goldens(cases);
+    add_block_goldens(cases);
     add_body_goldens(cases);
     add_world_goldens(cases);
     return cases;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "stiction/jacobian.hpp"
+#include "tests/support/box_jacobians.hpp"
 #include "tests/support/golden_case.hpp"
 #include "tests/support/golden_matrices.hpp"
 #include "tests/support/jacobian_systems.hpp"
@@ -108,6 +109,24 @@ inline void add_large_and_factored_goldens(GoldenCases& cases) {
                  add(random_chain({seed, static_cast<Index>(3 + 4 * seed), cones_of_every_kind()}));
                  add(bodies_in_contact({seed, 9 + 2 * seed, 3, 2 * seed}));
                }
+               SolverOptions options = golden_options(SolverKind::automatic);
+               options.tolerance = sizeof(Real) == sizeof(float) ? 1e-4 : 1e-8;
+               options.max_iterations = 200;
+               return jacobian_hash(solve(batch, options, device));
+             });
+}
+
+/// Boxes on boxes: more than 64 coupled degrees of freedom, which Newton's method takes in blocks. With each form of M,
+/// J in stored entries.
+inline void add_block_goldens(GoldenCases& cases) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor})
+    add_laws(cases, std::string("jacobian/boxes/") + (form == MassForm::matrix ? "matrix" : "cholesky"),
+             [form](auto real, Law law, Device device) {
+               using Real = decltype(real);
+               JacobianBatch<Real> batch(law, form, 6);
+               for (const auto& scene : {scenes::box_tower(12), scenes::box_wall(4, 4), scenes::box_pyramid(3)})
+                 batch.add(cast<Real>(
+                     in_form(boxes_as_jacobian(scene, {.compliance = 1e-3, .heavy = 10.0, .push = 0.5}), form, 6)));
                SolverOptions options = golden_options(SolverKind::automatic);
                options.tolerance = sizeof(Real) == sizeof(float) ? 1e-4 : 1e-8;
                options.max_iterations = 200;
