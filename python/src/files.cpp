@@ -1,10 +1,11 @@
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <memory>
+#include <span>
 #include <utility>
 
+#include "python/src/as_numpy.hpp"
 #include "python/src/solver.hpp"
 #include "stiction/io.hpp"
 #include "stiction/jacobian.hpp"
@@ -16,15 +17,8 @@ namespace stiction::python {
 
 namespace {
 
-/// A vector's memory as a NumPy array that keeps `owner` alive.
-template <class T>
-nb::object as_numpy(const std::vector<T>& values, nb::handle owner) {
-  return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<1>>(values.data(), {values.size()}, owner));
-}
-
 nb::object kinds_as_numpy(const std::vector<ConeKind>& kinds, nb::handle owner) {
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(kinds.data());
-  return nb::cast(nb::ndarray<nb::numpy, const std::uint8_t, nb::ndim<1>>(bytes, {kinds.size()}, owner));
+  return as_numpy(std::span(reinterpret_cast<const std::uint8_t*>(kinds.data()), kinds.size()), owner);
 }
 
 /// The batch of a file in the precision asked for, with what else the file holds.

@@ -1,10 +1,10 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <string>
 
+#include "python/src/as_numpy.hpp"
 #include "python/src/mujoco.hpp"
 #include "python/src/solver.hpp"
 
@@ -61,12 +61,6 @@ Function function_at(std::uintptr_t address) {
   return reinterpret_cast<Function>(address);
 }
 
-/// A vector of the simulations as a NumPy array over the same memory, good until the next gather.
-template <class T>
-nb::object array_over(const nb::object& owner, const std::vector<T>& values) {
-  return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<1>>(values.data(), {values.size()}, owner));
-}
-
 /// Records of the last solve as bytes; a copy.
 nb::bytes status_of(const MujocoSimulations& simulations) {
   const std::vector<EnvStatus>& status = simulations.system().status;
@@ -76,23 +70,23 @@ nb::bytes status_of(const MujocoSimulations& simulations) {
 nb::dict arrays_of(const nb::object& self) {
   const MujocoSystem& system = nb::cast<const MujocoSimulations&>(self).system();
   nb::dict out;
-  out["offsets"] = array_over(self, system.env_row_offsets);
-  out["cone_offsets"] = array_over(self, system.env_cone_offsets);
-  out["dof_offsets"] = array_over(self, system.env_dof_offsets);
-  out["cone_row_offsets"] = array_over(self, system.cone_row_offsets);
-  out["kinds"] = array_over(self, system.cone_kind);
-  out["ids"] = array_over(self, system.cone_id);
-  out["J"] = array_over(self, system.J);
-  out["M"] = array_over(self, system.M);
+  out["offsets"] = as_numpy(system.env_row_offsets, self);
+  out["cone_offsets"] = as_numpy(system.env_cone_offsets, self);
+  out["dof_offsets"] = as_numpy(system.env_dof_offsets, self);
+  out["cone_row_offsets"] = as_numpy(system.cone_row_offsets, self);
+  out["kinds"] = as_numpy(system.cone_kind, self);
+  out["ids"] = as_numpy(system.cone_id, self);
+  out["J"] = as_numpy(system.J, self);
+  out["M"] = as_numpy(system.M, self);
   out["factored"] = nb::bool_(system.mass_form == MassForm::factor);
-  out["v_free"] = array_over(self, system.v_free);
-  out["target"] = array_over(self, system.target);
-  out["R"] = array_over(self, system.R);
-  out["mu"] = array_over(self, system.mu);
-  out["lo"] = array_over(self, system.lo);
-  out["hi"] = array_over(self, system.hi);
-  out["lambda_"] = array_over(self, system.lambda);
-  out["velocities"] = array_over(self, system.velocity);
+  out["v_free"] = as_numpy(system.v_free, self);
+  out["target"] = as_numpy(system.target, self);
+  out["R"] = as_numpy(system.R, self);
+  out["mu"] = as_numpy(system.mu, self);
+  out["lo"] = as_numpy(system.lo, self);
+  out["hi"] = as_numpy(system.hi, self);
+  out["lambda_"] = as_numpy(system.lambda, self);
+  out["velocities"] = as_numpy(system.velocity, self);
   return out;
 }
 

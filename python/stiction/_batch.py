@@ -298,6 +298,19 @@ class Batch(BatchArrays):
             return slice(int(first), int(last))
         return self.layout.rows_of(env)
 
+    def as_bodies(self) -> JacobianBodies:
+        """The rigid bodies and contact points of a host batch of J and M, for the solvers of bodies ("multigrid" among
+        them). Each environment has six degrees of freedom a body, in world axes; docs/jacobian.md says what else must
+        hold. The arrays are copies. Raises stiction.Error (unsupported) that names the first body or row that is no
+        such thing.
+        """
+        if self.form != "jacobian":
+            raise ValueError(f"as_bodies: expected a batch of form 'jacobian', got {self.form!r}")
+        if self.device != "cpu":
+            raise ValueError(f"as_bodies: expected a batch on cpu, got one on {self.device}: copy its arrays to the host")
+        self._refresh()
+        return JacobianBodies(self)
+
     def set_accuracy(self, accuracy: Accuracy) -> None:
         """Tolerance and iteration limit from now on, as `AccuracyPolicy.apply` makes them: numbers, or one per
         environment.
@@ -330,3 +343,33 @@ def _law(law):
     if law not in ("convex", "coulomb"):
         raise ValueError(f"law: expected 'convex' or 'coulomb', got {law!r}")
     return law
+
+
+class JacobianBodies:
+    """What `Batch.as_bodies` found. `batch` is of form "bodies". Its step is 1, so that its velocities are those of the
+    batch of J and M, and its cfm is R.
+    """
+
+    def __init__(self, batch: Batch):
+        self._found = _core.JacobianBodies(batch._view(False))
+        self._dtype = batch.dtype
+        arrays = self._found.arrays()
+        for name, width in (("inv_inertia", 6), ("twist", 6), ("twist_change", 6), ("arm_a", 3), ("arm_b", 3),
+                            ("normal", 3)):
+            arrays[name] = arrays[name].reshape(-1, width)
+        dt, erp, cfm = self._found.stepping
+        self.batch = Batch.from_bodies(**arrays, law=batch.law, dt=dt, erp=erp, cfm=cfm)
+
+    def to_rows(self, by_contact) -> np.ndarray:
+        """Impulses or motions of contacts, (contacts, 3), in the rows of J, (rows,)."""
+        return self._turn(self._found.to_rows, by_contact, (-1,))
+
+    def to_contacts(self, by_row) -> np.ndarray:
+        """Rows of J, (rows,), as impulses or motions of contacts, (contacts, 3): the inverse of `to_rows`."""
+        return self._turn(self._found.to_contacts, by_row, (-1, 3))
+
+    def _turn(self, turn, values, shape):
+        values = np.ascontiguousarray(values, self._dtype)
+        out = np.empty(values.size, self._dtype)
+        turn(_core.Array(values), _core.Array(out))
+        return out.reshape(shape)

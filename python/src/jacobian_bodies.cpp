@@ -1,0 +1,93 @@
+#include "stiction/jacobian_bodies.hpp"
+
+#include <algorithm>
+#include <span>
+#include <variant>
+
+#include "python/src/as_numpy.hpp"
+#include "python/src/solver.hpp"
+
+namespace nb = nanobind;
+
+namespace stiction::python {
+
+namespace {
+
+/// The bodies of a Jacobian batch, in its precision.
+struct FoundBodies {
+  std::variant<JacobianBodies<float>, JacobianBodies<double>> found;
+};
+
+template <class T>
+auto numbers(const T* first, Offset count) {
+  return std::span(first, static_cast<std::size_t>(count));
+}
+
+/// What Batch.from_bodies() takes, over the memory of `owner`.
+template <class Real>
+nb::dict arrays_of(const JacobianBodies<Real>& bodies, nb::handle owner) {
+  const BodyBatchView<Real> from = bodies.batch.view();
+  nb::dict to;
+  to["body_offsets"] = as_numpy(numbers(from.env_body_offsets, from.env_count + 1), owner);
+  to["contact_offsets"] = as_numpy(numbers(from.env_contact_offsets, from.env_count + 1), owner);
+  to["inv_mass"] = as_numpy(numbers(from.inv_mass, from.body_count), owner);
+  to["inv_inertia"] = as_numpy(numbers(from.inv_inertia, 6 * from.body_count), owner);
+  to["twist"] = as_numpy(numbers(from.twist, 6 * from.body_count), owner);
+  to["twist_change"] = as_numpy(numbers(from.twist_change, 6 * from.body_count), owner);
+  to["body_a"] = as_numpy(numbers(from.body_a, from.contact_count), owner);
+  to["body_b"] = as_numpy(numbers(from.body_b, from.contact_count), owner);
+  to["arm_a"] = as_numpy(numbers(from.arm_a, 3 * from.contact_count), owner);
+  to["arm_b"] = as_numpy(numbers(from.arm_b, 3 * from.contact_count), owner);
+  to["normal"] = as_numpy(numbers(from.normal, 3 * from.contact_count), owner);
+  to["mu"] = as_numpy(numbers(from.mu, from.contact_count), owner);
+  to["depth"] = as_numpy(numbers(from.depth, from.contact_count), owner);
+  return to;
+}
+
+/// Writes into `to` what `turn` makes of `from`: three numbers a contact each.
+template <class Turn>
+void turn_into(const FoundBodies& self, const Array& from, const Array& to, const Turn& turn) {
+  std::visit(
+      [&]<class Real>(const JacobianBodies<Real>& bodies) {
+        const auto* first = from.template read<Real>("values");
+        const std::vector<Real> turned = turn(bodies, std::span<const Real>(first, static_cast<std::size_t>(from.size())));
+        std::copy(turned.begin(), turned.end(), room_for<Real>(&to, "out", static_cast<Offset>(turned.size())));
+      },
+      self.found);
+}
+
+}  // namespace
+
+void bind_jacobian_bodies(nb::module_& module) {
+  nb::class_<FoundBodies>(module, "JacobianBodies", "Bodies and contacts of a batch that was given as J and M.")
+      .def(
+          "__init__",
+          [](FoundBodies* self, const JacobianView& batch) {
+            std::visit([self](const auto& view) { new (self) FoundBodies{as_bodies(view)}; }, batch.view);
+          },
+          nb::arg("batch"))
+      .def("arrays",
+           [](const nb::object& self) {
+             return std::visit([&self](const auto& bodies) { return arrays_of(bodies, self); },
+                               nb::cast<const FoundBodies&>(self).found);
+           })
+      .def_prop_ro("stepping",
+                   [](const FoundBodies& self) {
+                     const TimeStepping stepping = std::visit([](const auto& found) { return found.stepping; }, self.found);
+                     return nb::make_tuple(stepping.dt, stepping.erp, stepping.cfm);
+                   })
+      .def(
+          "to_rows",
+          [](const FoundBodies& self, const Array& values, const Array& out) {
+            turn_into(self, values, out, [](const auto& bodies, auto from) { return to_rows(bodies, from); });
+          },
+          nb::arg("values"), nb::arg("out"))
+      .def(
+          "to_contacts",
+          [](const FoundBodies& self, const Array& values, const Array& out) {
+            turn_into(self, values, out, [](const auto& bodies, auto from) { return to_contacts(bodies, from); });
+          },
+          nb::arg("values"), nb::arg("out"));
+}
+
+}  // namespace stiction::python
