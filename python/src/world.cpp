@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
+#include <memory>
 
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
@@ -170,12 +171,12 @@ class SharedWorld {
   }
 
   KeptStep keep(const Array* wrench, const DerivativeOptions& options) {
-    std::optional<KeptStep> kept;
+    std::unique_ptr<KeptStep> kept;
     visit([&]<class Real>(World<Real>& world) {
       const Real* const force = given<Real>(wrench, "wrench");
       return [=, this, &world, &kept, &options] {
         push(world, force);
-        kept.emplace(KeptStep{WorldStep<Real>(world, options)});
+        kept = std::make_unique<KeptStep>(KeptStep{WorldStep<Real>(world, options)});
       };
     });
     return std::move(*kept);
@@ -229,9 +230,7 @@ class SharedWorld {
 
   nb::dict contacts() {
     std::variant<std::monostate, CopiedContacts<float>, CopiedContacts<double>> found;
-    visit([&]<class Real>(World<Real>& world) {
-      return [&] { found.emplace<CopiedContacts<Real>>(world); };
-    });
+    visit([&]<class Real>(World<Real>& world) { return [&] { found.emplace<CopiedContacts<Real>>(world); }; });
     return std::visit(
         []<class Copied>(Copied& copied) {
           if constexpr (std::is_same_v<Copied, std::monostate>)
@@ -368,8 +367,7 @@ void bind_world(nb::module_& module) {
              return to;
            })
       .def_prop_ro(
-          "device", [](const SharedWorld& self) { return name_of(self.device()); },
-          "The device that \"auto\" became.");
+          "device", [](const SharedWorld& self) { return name_of(self.device()); }, "The device that \"auto\" became.");
   module.def(
       "solid_body",
       [](nb::handle shape, double density) {

@@ -42,8 +42,8 @@ def _index(name, value):
 class Shape:
     """A shape fixed to a body, or to the world. Lengths in m.
 
-    kind: "sphere" (size: radius), "capsule" (radius, half length of the segment along its z axis), "box" (half
-        extents) or "plane" (the half space below its x-y plane; of the world alone).
+    kind, size: "sphere" and its radius. "capsule": radius, and half length of the segment along its z axis. "box": half
+        extents. "plane": no size; the half space below its x-y plane, of the world alone.
     body: its place in the world's list of bodies, -1: the world. position, orientation: of its centre and axes, in the
         body's axes; a unit quaternion (w, x, y, z).
     mu: friction; a pair has the square root of the product of its two [-]. restitution: a pair has the larger of its
@@ -82,8 +82,8 @@ class Shape:
 class Body:
     """A rigid body, and where every environment begins. Its axes are its principal axes.
 
-    mass [kg]; inertia: principal moments about the centre of mass [kg m2]; position: of the centre of mass [m];
-    orientation: unit quaternion (w, x, y, z), from its axes to the world's; twist: velocity [m/s] and spin [rad/s].
+    mass [kg]. inertia: principal moments about the centre of mass [kg m2]. position: of the centre of mass [m].
+    orientation: unit quaternion (w, x, y, z), from its axes to the world's. twist: velocity [m/s] and spin [rad/s].
     """
 
     mass: float
@@ -113,8 +113,8 @@ def _checked(name, value, expected):
 
 
 class WorldState(NamedTuple):
-    """Bodies of all environments: positions of the centres of mass (B, bodies, 3) [m], unit quaternions (w, x, y, z)
-    (B, bodies, 4), twists (B, bodies, 6) [m/s, rad/s].
+    """Bodies of all environments. position: of the centres of mass (B, bodies, 3) [m]. orientation: unit quaternions
+    (w, x, y, z) (B, bodies, 4). twist (B, bodies, 6) [m/s, rad/s].
     """
 
     position: object
@@ -192,8 +192,8 @@ class World:
     def step(self, wrench=None, count: int = 1) -> None:
         """Makes `count` steps.
 
-        wrench: force [N] and torque about the centre of mass [N m] on every body in these steps, world axes,
-            (B, bodies, 6), an array of any framework on the host; None: none.
+        wrench: force [N] and torque about the centre of mass [N m] on every body in these steps, world axes. An array
+            (B, bodies, 6) of any framework on the host; None: no forces.
 
         An environment whose state or wrench is not finite ends as "invalid_input" and stays where it is; no other
         environment changes a bit.
@@ -256,8 +256,8 @@ class World:
         return WorldContacts(self)
 
     def motion(self) -> dict:
-        """kinetic and potential energy (B,) [J], momentum (B, 3) [N s] and angular_momentum about the origin (B, 3)
-        [N m s] of every environment, summed in float64.
+        """What is conserved, or should be, summed in float64. kinetic, potential: energy (B,) [J]. momentum (B, 3)
+        [N s]. angular_momentum: about the origin (B, 3) [N m s].
         """
         all_ = np.zeros((self.env_count, 8))
         self._core.motion(_core.Array(all_))
@@ -349,9 +349,9 @@ class WorldStep:
         """Pulls derivatives of a loss by the twists (B, bodies, 6) and positions (B, bodies, 3) after the step back to
         what it began with. None: zeros.
 
-        Returns derivatives by position (B, bodies, 3), twist and wrench (B, bodies, 6), friction (B, shapes) of each
-        shape, contact_mu and depth (contacts,), and `status`: a record of GRADIENT_DTYPE for each environment. One that
-        is refused gets zeros and a flag (`valid`, `flagged`).
+        Returns derivatives by position (B, bodies, 3), twist and wrench (B, bodies, 6). Also by friction of each shape
+        (B, shapes), contact_mu and depth (contacts,). `status` has a record of GRADIENT_DTYPE for each environment.
+        One that is refused gets zeros and a flag (`valid`, `flagged`).
         """
         seen = []
         for name, value, width in (("twist", twist, 6), ("position", position, 3)):

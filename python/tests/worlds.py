@@ -63,6 +63,20 @@ def slide():
 SCENES = {scene.__name__: scene for scene in (pile, walker, stack, bounce, slide)}
 
 
+def started(envs=6, device="cpu", dtype="float64", order=None, **options):
+    """Piles that begin differently: environments `order` of the six."""
+    bodies, shapes, _ = pile()
+    rng = np.random.default_rng(1)
+    grid = np.array([[x, y, z] for z in (0.2, 0.54, 0.88) for y in (-0.17, 0.17) for x in (-0.17, 0.17)])
+    state = WorldState(grid + rng.uniform(-0.01, 0.01, (envs, 12, 3)), rng.normal(size=(envs, 12, 4)),
+                       rng.uniform(-1, 1, (envs, 12, 6)))
+    order = np.arange(envs) if order is None else np.asarray(order)
+    options = {"tolerance": 1e-4, "max_iterations": 100, "threads": 1} | options
+    world = World(bodies, shapes, len(order), device, dtype=dtype, **options)
+    world.reset(**{name: np.ascontiguousarray(part[order].astype(dtype)) for name, part in state._asdict().items()})
+    return world
+
+
 def heap(envs=8, restitution=0.0, law="coulomb", **options):
     """A ball, a box and a brick on the floor, and a ball on the box: sliding, rolling, bouncing, apart. They are the
     world, and arrays to begin with: position, orientation, twist, wrench.
