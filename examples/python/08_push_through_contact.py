@@ -1,8 +1,8 @@
-"""A push that is planned through contact: one ball rolls into another, which is to stop at a goal. The forces of all
-steps are found by gradient descent, for several goals side by side.
+"""A push that is planned through contact: one ball rolls into another, which is to be at a goal when time is up. The
+forces of all steps are found by gradient descent, for several goals side by side.
 
-The derivative of where the second ball ends goes back through every step: through friction with the floor, and through
-the impact, without which no force on the first ball would reach the second one.
+The derivative of where the second ball ends goes back through every step, friction with the floor included. It goes
+through the impact, without which no force on the first ball would reach the second one.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@
     solution.lambda_, solution.status, solution.solved
 """
 
-from . import _core, monitor
+from . import _core, guess, monitor
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
@@ -23,5 +23,5 @@ numerics_epoch = _core.numerics_epoch
 
 __all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
            "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
-           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "monitor", "numerics_epoch",
+           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "guess", "monitor", "numerics_epoch",
            "verify"]
