@@ -87,8 +87,8 @@ class PackedBatch {
     }
   }
 
-  /// What each of `count` sets of reactions is worth in each environment, the less the better: the dual energy under
-  /// the convex law, the natural residual [w] under Coulomb's.
+  /// What each of `count` sets of reactions is worth in each environment, the less the better. That is the dual energy
+  /// under the convex law, the natural residual [w] under Coulomb's.
   void weigh(const std::string& law, const Array& lambda, Offset count, const Array& to) const {
     const Law chosen = law_from(law);
     const double* const x = read(lambda, count);
@@ -139,8 +139,8 @@ class PackedBatch {
 }  // namespace
 
 ContactBatch<double> packed(const ContactView& batch) {
-  return std::visit(
-      [](const auto& view) { return in_f64(Solver(Device::cpu(), {}).to_host(on_host(view))); }, batch.view);
+  return std::visit([](const auto& view) { return in_f64(Solver(Device::cpu(), {}).to_host(on_host(view))); },
+                    batch.view);
 }
 
 ContactBatch<double> packed(const JacobianView& batch) {
