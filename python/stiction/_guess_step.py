@@ -109,8 +109,9 @@ class Step:
 
 def _by_size(first, dims, kinds):
     """(kind, first rows, rows each) of cones that are projected alike."""
-    return [(kind, first[:-1][(kinds == kind) & (dims == dim)], dim)
-            for kind, dim in sorted({(int(kind), int(dim)) for kind, dim in zip(kinds, dims)})]
+    alike = np.stack([kinds.astype(np.int64), dims])
+    return [(int(kind), first[:-1][(kinds == kind) & (dims == dim)], int(dim))
+            for kind, dim in np.unique(alike, axis=1).T]
 
 
 class Memory:

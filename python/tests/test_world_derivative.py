@@ -75,6 +75,20 @@ def test_the_derivative_by_position_is_exact_where_depths_are_all():
     assert abs(differences - (found * along).sum()) < 1e-6 * np.abs(found * along).sum()
 
 
+def test_single_precision_has_the_derivative_of_double_to_its_own_rounding():
+    found = []
+    for dtype in ("float64", "float32"):
+        make, begin, _ = heap(dtype=dtype, tolerance=1e-6)
+        world = make()
+        world.reset(*(None, *(part.astype(dtype) for part in (begin.position, begin.orientation, begin.twist))))
+        step = WorldStep(world, begin.wrench.astype(dtype))
+        found.append(step.vjp(twist=np.ones((8, 4, 6), dtype)))
+        assert found[-1].wrench.dtype == dtype and found[-1].valid.all()
+    for name in ("twist", "wrench", "friction"):
+        wide, narrow = (getattr(gradients, name) for gradients in found)
+        assert np.abs(wide - narrow).max() < 1e-3 * np.abs(wide).max(), name
+
+
 def test_a_step_that_is_kept_is_an_ordinary_step():
     kept, plain = started(cfm=1e-4), started(cfm=1e-4)
     for _ in range(30):
