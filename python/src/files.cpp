@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "python/src/as_numpy.hpp"
+#include "python/src/packed.hpp"
 #include "python/src/solver.hpp"
 #include "stiction/io.hpp"
 #include "stiction/jacobian.hpp"
@@ -98,19 +99,6 @@ std::vector<T> copied(const nb::dict& arrays, const char* name) {
   const auto* array = nb::cast<const Array*>(arrays[name]);
   const T* first = array->read<T>(name);
   return std::vector<T>(first, first + array->size());
-}
-
-/// A packed copy in f64 of what is in use of a host batch.
-ContactBatch<double> packed(const ContactView& batch) {
-  return std::visit(
-      []<class Real>(const ContactBatchView<Real>& view) {
-        ContactBatch<Real> copy = Solver(Device::cpu(), {}).to_host(on_host(view));
-        if constexpr (std::is_same_v<Real, double>)
-          return copy;
-        else
-          return convert<double>(copy);
-      },
-      batch.view);
 }
 
 void write(const std::string& path, const ContactView& batch, const nb::dict& extras,

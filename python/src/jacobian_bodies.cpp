@@ -50,7 +50,8 @@ void turn_into(const FoundBodies& self, const Array& from, const Array& to, cons
   std::visit(
       [&]<class Real>(const JacobianBodies<Real>& bodies) {
         const auto* first = from.template read<Real>("values");
-        const std::vector<Real> turned = turn(bodies, std::span<const Real>(first, static_cast<std::size_t>(from.size())));
+        const std::vector<Real> turned =
+            turn(bodies, std::span<const Real>(first, static_cast<std::size_t>(from.size())));
         std::copy(turned.begin(), turned.end(), room_for<Real>(&to, "out", static_cast<Offset>(turned.size())));
       },
       self.found);
@@ -73,7 +74,8 @@ void bind_jacobian_bodies(nb::module_& module) {
            })
       .def_prop_ro("stepping",
                    [](const FoundBodies& self) {
-                     const TimeStepping stepping = std::visit([](const auto& found) { return found.stepping; }, self.found);
+                     const TimeStepping stepping =
+                         std::visit([](const auto& found) { return found.stepping; }, self.found);
                      return nb::make_tuple(stepping.dt, stepping.erp, stepping.cfm);
                    })
       .def(

@@ -64,6 +64,8 @@ NB_MODULE(_core, module) {
   stiction::python::bind_stepper(module);
   stiction::python::bind_derivative(module);
   stiction::python::bind_jacobian_bodies(module);
+  stiction::python::bind_world(module);
+  stiction::python::bind_packed(module);
   stiction::python::bind_reports(module);
   stiction::python::bind_files(module);
   stiction::python::bind_mujoco(module);

@@ -5,7 +5,7 @@
     solution.lambda_, solution.status, solution.solved
 """
 
-from . import _core, monitor
+from . import _core, guess, monitor
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
@@ -14,12 +14,14 @@ from ._policy import Accuracy, AccuracyPolicy
 from ._solution import CODES, SOLVERS, Solution
 from ._solver import Solver, verify
 from ._stepping import ParallelContactSolver
+from ._world import Body, Shape, World, WorldContacts, WorldState, WorldStep
 
 Error = _core.Error
 devices = _core.devices
 __version__ = _core.version
 numerics_epoch = _core.numerics_epoch
 
-__all__ = ["Accuracy", "AccuracyPolicy", "Batch", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
-           "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Solution", "Solver",
-           "devices", "monitor", "numerics_epoch", "verify"]
+__all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
+           "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
+           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "guess", "monitor", "numerics_epoch",
+           "verify"]

@@ -152,7 +152,8 @@ class Solver(_SolverBase):
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
         self._last = None  # the last solve, if it can be repeated as it was
 
-    def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None) -> Solution:
+    def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None, guess=None,
+              ids=None) -> Solution:
         """Solves every environment of the batch and returns the Solution.
 
         out: a Solution of an earlier solve, or a dict of arrays to be written in place; None: new memory. The arrays
@@ -161,10 +162,18 @@ class Solver(_SolverBase):
         warm_velocities: of J and M, velocities to start from [v], shaped like `velocities` of the answer, which they
             may be. None: those of a Solution given as warm_start, else v_free. They are for Newton's method in
             velocities.
+        guess, ids: a stiction.guess.Guess, which chooses the reactions to start from by the ids of contacts, and
+            remembers those found. It comes in place of warm_start.
         stream: CUDA stream to queue on, an int, a PyTorch, CuPy or Warp stream, or an object with __cuda_stream__.
             None: the one that the batch's framework works in. Solves of host memory are complete on return; of device
             memory they are queued, unless the framework has no streams.
         """
+        if guess is not None:
+            if warm_start is not None or warm_velocities is not None:
+                raise ValueError("warm_start: expected None beside a guess, got both")
+            if ids is None:
+                raise ValueError("ids: expected the ids of contacts, by which a guess knows them, got None")
+            return guess.solve(self, batch, ids, out, stream)
         last = self._last
         if (last is not None and batch is last.batch and out is last.out and warm_start is last.warm_start
                 and warm_velocities is last.warm_velocities and stream is None):

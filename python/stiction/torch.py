@@ -12,6 +12,7 @@ from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import Derivative
 from ._solver import Solver
+from ._world import WorldState, WorldStep
 
 
 @functools.lru_cache(maxsize=64)
@@ -135,3 +136,51 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
 def status(records):
     """The records of `solve` as NumPy's, on the host: code, flags, iterations, residual, residual_abs, solver."""
     return records.cpu().numpy().view(STATUS_DTYPE).reshape(records.shape[:-1])
+
+
+class _WorldStep(torch.autograd.Function):
+    """A step of a world from a state, and its derivative."""
+
+    @staticmethod
+    def forward(ctx, position, orientation, twist, wrench, world):
+        ctx.save_for_backward(position, orientation, twist, wrench)
+        position, orientation, twist, wrench = (None if t is None else t.detach().contiguous()
+                                                for t in (position, orientation, twist, wrench))
+        world.reset(position=position, orientation=orientation, twist=twist)
+        ctx.step = WorldStep(world, wrench)
+        after = world.state(WorldState(*map(torch.empty_like, (position, orientation, twist))))
+        ctx.mark_non_differentiable(after.orientation)
+        return tuple(after)
+
+    @staticmethod
+    def backward(ctx, by_position, _, by_twist):
+        found = _WorldPull.apply(ctx.step, by_position, by_twist, *ctx.saved_tensors)
+        by = (found[0], None, found[1], found[2])
+        return *(gradient if needed else None for gradient, needed in zip(by, ctx.needs_input_grad)), None
+
+
+class _WorldPull(torch.autograd.Function):
+    """The derivative of a step, which depends on where the step began and has no derivative itself."""
+
+    @staticmethod
+    def forward(ctx, step, by_position, by_twist, *_):
+        found = step.vjp(position=by_position.detach().contiguous(), twist=by_twist.detach().contiguous())
+        return tuple(map(torch.from_numpy, (found.position, found.twist, found.wrench)))
+
+    @staticmethod
+    def backward(ctx, *_):
+        raise RuntimeError("step_world: expected a derivative once, got one of a derivative, which there is not")
+
+
+def step_world(world, position, orientation, twist, wrench=None):
+    """One step of a stiction.World from a state: (position, orientation, twist) after it.
+
+    Tensors on the host in the world's dtype, shaped as those of World.state; wrench is shaped as twist, or None. The
+    world is put into that state, so it forgets the last step's contacts and starts from no reactions. What comes out
+    depends on the arguments and the world's options alone.
+
+    position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep,
+    where is said what is frozen. orientation has none. Environments without a derivative have zeros. Solve to a small
+    tolerance, and give contacts compliance (cfm > 0).
+    """
+    return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world))

@@ -19,6 +19,13 @@ def test_the_quickstart_runs():
     assert abs(names["solution"].lambda_[1, 1] + 0.5 * 9.81) < 1e-3
 
 
+def test_the_worlds_of_the_page_about_stepping_run():
+    page = (ROOT / "docs" / "stepping.md").read_text(encoding="utf-8")
+    names = {}
+    exec(compile(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), "docs/stepping.md", "exec"), names)
+    assert names["gradients"].valid.all() and names["gradients"].wrench.any()
+
+
 ROBOT = """
 <mujoco>
   <worldbody>

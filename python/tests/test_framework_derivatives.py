@@ -6,6 +6,7 @@ import pytest
 
 import stiction
 from test_frameworks import framework
+from worlds import heap
 
 CONES = (("friction", 3), ("free", 1), ("friction", 4), ("unilateral", 1), ("box", 1), ("friction", 3), ("friction", 2),
          ("box", 1))
@@ -194,3 +195,58 @@ class TestTorch:
         slope, = self.torch.autograd.grad(self.answer(law)(A, b, *rest)[0].sum(), b, create_graph=True)
         with pytest.raises(RuntimeError, match="solve_backward"):
             slope.sum().backward()
+
+
+class TestWorldsInPyTorch:
+    @pytest.fixture(autouse=True)
+    def _torch(self):
+        self.torch = framework("torch")
+        import stiction.torch
+        self.step = stiction.torch.step_world
+        self.make, begin, _ = heap(envs=2)
+        self.world = self.make()
+        self.begin = {name: self.torch.from_numpy(part) for name, part in vars(begin).items()}
+
+    def test_a_step_passes_gradcheck(self):
+        begin = self.begin
+        inputs = tuple(begin[name].clone().requires_grad_() for name in ("twist", "wrench"))
+
+        def step(twist, wrench):
+            after = self.step(self.world, begin["position"], begin["orientation"], twist, wrench)
+            return after.position, after.twist
+
+        assert self.torch.autograd.gradcheck(step, inputs, eps=1e-6, atol=1e-6, rtol=1e-5)
+
+    def test_a_rollout_is_the_chain_of_its_steps(self):
+        state = [self.begin[name].clone() for name in ("position", "orientation", "twist")]
+        push = self.torch.zeros(3, 2, 4, 6, dtype=self.torch.float64, requires_grad=True)
+        state[2].requires_grad_()
+        after, kept, world = tuple(state), [], self.make()
+        for k in range(3):
+            after = self.step(self.world, *after, push[k])
+        (after.position[..., 0].sum() + 2 * after.twist[..., 5].sum()).backward()
+        now = [part.detach().numpy() for part in state]
+        for k in range(3):
+            world.reset(*(None, *now))
+            kept.append(stiction.WorldStep(world))
+            now = list(world.state())
+        by_position, by_twist = np.zeros((2, 4, 3)), np.zeros((2, 4, 6))
+        by_position[..., 0], by_twist[..., 5] = 1, 2
+        for k in (2, 1, 0):
+            found = kept[k].vjp(position=by_position, twist=by_twist)
+            by_position, by_twist = found.position, found.twist
+            np.testing.assert_array_equal(push.grad[k].numpy(), found.wrench)
+        np.testing.assert_array_equal(state[2].grad.numpy(), by_twist)
+        assert not after.orientation.requires_grad and np.abs(by_twist).max() > 0
+
+    def test_second_derivatives_are_refused(self):
+        twist = self.begin["twist"].clone().requires_grad_()
+        after = self.step(self.world, self.begin["position"], self.begin["orientation"], twist)
+        first, = self.torch.autograd.grad(after.twist.sum(), twist, create_graph=True)
+        with pytest.raises(RuntimeError, match="step_world: expected a derivative once"):
+            first.sum().backward()
+
+    def test_mistakes_are_named(self):
+        begin = self.begin
+        with pytest.raises(TypeError, match="twist: expected float64"):
+            self.step(self.world, begin["position"], begin["orientation"], begin["twist"].float())
