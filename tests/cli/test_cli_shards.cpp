@@ -144,7 +144,8 @@ TEST_F(Shards, ForeignPartsAreNamedWithWhatDiffers) {
   const std::string other = write_batch(folder_ / "other.h5", with_arrays(recording, std::move(arrays)));
   EXPECT_TRUE(is_refused(with_foreign(other, "1/3", {}), {"foreign.h5", "hashes"}));
   EXPECT_TRUE(is_refused(with_foreign(batch_, "1/4", {}), {"of 3 and of 4 parts"}));
-  EXPECT_TRUE(is_refused(with_foreign(batch_, "1/3", {"--tolerance", "1e-5"}), {"tolerance=0.0001", "tolerance=1e-05"}));
+  EXPECT_TRUE(
+      is_refused(with_foreign(batch_, "1/3", {"--tolerance", "1e-5"}), {"tolerance=0.0001", "tolerance=1e-05"}));
   EXPECT_TRUE(is_refused(with_foreign(batch_, "1/3", {"--precision", "f32"}), {"precision=f64", "precision=f32"}));
   EXPECT_TRUE(is_refused(with_foreign(batch_, "1/3", {"--solver", "nsgs"}), {"solver=npgs", "solver=nsgs"}));
   EXPECT_TRUE(is_refused(with_foreign(batch_, "1/3", {"--law", "coulomb"}), {"law=convex", "law=coulomb"}));

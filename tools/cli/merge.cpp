@@ -134,8 +134,7 @@ int run_merge(const MergeArguments& arguments) {
   io::write_solution(arguments.output, whole);
   if (!arguments.quiet)
     fmt::print("{}: {} parts, {} environments, {} rows, hash {}\n", arguments.output.string(), parts.size(),
-               whole.env_row_offsets.size() - 1, whole.lambda.size(),
-               hex(hash_rows(whole.lambda, whole.precision)));
+               whole.env_row_offsets.size() - 1, whole.lambda.size(), hex(hash_rows(whole.lambda, whole.precision)));
   return kExitDone;
 }
 
