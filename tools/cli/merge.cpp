@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string_view>
+#include <utility>
 
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
@@ -18,7 +19,7 @@ namespace {
 struct Part {
   std::string name;
   io::SolutionFile file;
-  [[nodiscard]] const io::SolutionShard& shard() const { return *file.shard; }
+  io::SolutionShard shard;  ///< the file's
   [[nodiscard]] Offset environments() const { return static_cast<Offset>(file.env_row_offsets.size()) - 1; }
 };
 
@@ -27,10 +28,12 @@ struct Part {
 }
 
 Part read_part(const std::filesystem::path& path) {
-  Part part{path.string(), io::read_solution(path)};
-  if (!part.file.shard)
-    refuse(fmt::format("{}: it says of no part to be one; merge takes what stiction solve --shard wrote", part.name));
-  return part;
+  io::SolutionFile file = io::read_solution(path);
+  if (!file.shard)
+    refuse(
+        fmt::format("{}: it says of no part to be one; merge takes what stiction solve --shard wrote", path.string()));
+  const io::SolutionShard shard = *file.shard;
+  return {path.string(), std::move(file), shard};
 }
 
 /// The first word of two lists in which they differ.
@@ -46,8 +49,8 @@ std::string first_difference(std::string_view a, std::string_view b) {
 
 /// Whether two parts are of one solution.
 void require_same_whole(const Part& first, const Part& part) {
-  const io::SolutionShard& a = first.shard();
-  const io::SolutionShard& b = part.shard();
+  const io::SolutionShard& a = first.shard;
+  const io::SolutionShard& b = part.shard;
   const auto differ = [&](const std::string& what) {
     refuse(fmt::format("{} and {} are not parts of one solution: {}", first.name, part.name, what));
   };
@@ -62,7 +65,7 @@ void require_same_whole(const Part& first, const Part& part) {
 
 /// Every part once, in the order of their environments, without a gap.
 void require_whole(const std::vector<Part>& parts) {
-  const std::int64_t count = parts.front().shard().count;
+  const std::int64_t count = parts.front().shard.count;
   std::int64_t next = 0;
   const auto missing = [&](std::int64_t until) {
     if (next < until)
@@ -74,8 +77,8 @@ void require_whole(const std::vector<Part>& parts) {
     if (part.file.w.size() != part.file.lambda.size() ||
         static_cast<Offset>(part.file.status.size()) != part.environments())
       refuse(fmt::format("{}: 'w' or 'status' is missing; solve it again with --shard", part.name));
-    const io::SolutionShard& shard = part.shard();
-    if (before != nullptr && before->shard().index == shard.index)
+    const io::SolutionShard& shard = part.shard;
+    if (before != nullptr && before->shard.index == shard.index)
       refuse(fmt::format("{} and {} are both part {}/{}; leave one of them out", before->name, part.name, shard.index,
                          count));
     missing(shard.index);
@@ -87,9 +90,9 @@ void require_whole(const std::vector<Part>& parts) {
     before = &part;
   }
   missing(count);
-  if (end != parts.front().shard().environment_count)
+  if (end != parts.front().shard.environment_count)
     refuse(fmt::format("{}: the parts end with environment {}, expected {}", parts.back().name, end - 1,
-                       parts.front().shard().environment_count - 1));
+                       parts.front().shard.environment_count - 1));
 }
 
 template <class T>
@@ -128,7 +131,7 @@ int run_merge(const MergeArguments& arguments) {
     require_same_whole(parts.front(), parts.back());
   }
   std::stable_sort(parts.begin(), parts.end(),
-                   [](const Part& a, const Part& b) { return a.shard().index < b.shard().index; });
+                   [](const Part& a, const Part& b) { return a.shard.index < b.shard.index; });
   require_whole(parts);
   const io::SolutionFile whole = joined(parts);
   io::write_solution(arguments.output, whole);

@@ -89,8 +89,7 @@ std::string options_text(const SolveArguments& arguments, const SolveReport& rep
 }  // namespace
 
 std::vector<Offset> describe_shard(const SolveArguments& arguments, const std::vector<double>& warm_start,
-                                   Offset environments, SolveReport& report) {
-  io::SolutionShard& shard = *report.shard;
+                                   Offset environments, const SolveReport& report, io::SolutionShard& shard) {
   std::vector<Offset> own = environments_of(shard.index, shard.count, environments);
   shard.first_environment = first_of(shard.index, shard.count, environments);
   shard.environment_count = environments;

@@ -281,7 +281,7 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::optional<std::vector<Offset>> own;  // the shard's environments
   std::optional<ContactBatch<double>> part;
   if (report.shard) {
-    own = describe_shard(arguments, warm_start, whole.env_count(), report);
+    own = describe_shard(arguments, warm_start, whole.env_count(), report, *report.shard);
     if (!warm_start.empty())
       warm_start = gather_rows(std::span<const double>(warm_start),
                                std::span<const Offset>(whole.arrays().env_row_offsets), *own);
