@@ -117,6 +117,12 @@ MpiSession::~MpiSession() {
   MPI_Finalize();
 }
 
+int mpi_rank() {
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  return rank;
+}
+
 std::unique_ptr<Transport> mpi_transport(double deadline_seconds) {
   return std::make_unique<MpiTransport>(deadline_seconds);
 }

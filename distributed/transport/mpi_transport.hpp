@@ -15,6 +15,9 @@ class MpiSession {
   MpiSession& operator=(const MpiSession&) = delete;
 };
 
+/// This process's rank, within a session.
+int mpi_rank();
+
 /// The ranks that mpirun has started, over host memory. \throws Error(invalid_argument) for a deadline that is none.
 std::unique_ptr<Transport> mpi_transport(double deadline_seconds);
 
