@@ -70,8 +70,8 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   const JacobianBodies<Real> bodies = as_bodies(io::jacobian_batch<Real>(recording).view());
   const BodyBatchView<Real> view = bodies.batch.view();
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
-  const std::vector<int> owner = seed ? random_owners(view.body_count, transport.size(), *seed)
-                                      : bisect(centres_by_arms(view), transport.size());
+  const std::vector<int> owner =
+      seed ? random_owners(view.body_count, transport.size(), *seed) : bisect(centres_by_arms(view), transport.size());
   cli::SolveReport& solve = report.solve;
   solve.seconds.load = cli::seconds_since(start);
 

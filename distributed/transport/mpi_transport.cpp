@@ -36,10 +36,10 @@ void check(int rank, int result, const char* what) {
 class MpiTransport final : public Transport {
  public:
   explicit MpiTransport(double deadline_seconds) : deadline_(deadline_of(deadline_seconds)) {
-    MPI_Comm_dup(MPI_COMM_WORLD, &world_);
-    MPI_Comm_set_errhandler(world_, MPI_ERRORS_RETURN);
-    MPI_Comm_rank(world_, &rank_);
-    MPI_Comm_size(world_, &size_);
+    // Not a copy of it: to make one, all ranks wait for each other, and for as long as it takes.
+    MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
+    MPI_Comm_size(MPI_COMM_WORLD, &size_);
   }
   [[nodiscard]] int rank() const override { return rank_; }
   [[nodiscard]] int size() const override { return size_; }
@@ -50,14 +50,14 @@ class MpiTransport final : public Transport {
     peers_.clear();
     for (const Incoming& message : in) {
       check(rank_,
-            MPI_Irecv(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.from, kTag, world_,
-                      &requests_[peers_.size()]),
+            MPI_Irecv(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.from, kTag,
+                      MPI_COMM_WORLD, &requests_[peers_.size()]),
             "MPI_Irecv");
       peers_.push_back(message.from);
     }
     for (const Outgoing& message : out) {
       check(rank_,
-            MPI_Isend(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.to, kTag, world_,
+            MPI_Isend(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.to, kTag, MPI_COMM_WORLD,
                       &requests_[peers_.size()]),
             "MPI_Isend");
       peers_.push_back(message.to);
@@ -69,7 +69,8 @@ class MpiTransport final : public Transport {
     requests_.assign(1, MPI_REQUEST_NULL);
     peers_.clear();
     const int count = count_of(mine.size());
-    check(rank_, MPI_Iallgather(mine.data(), count, MPI_BYTE, all.data(), count, MPI_BYTE, world_, requests_.data()),
+    check(rank_,
+          MPI_Iallgather(mine.data(), count, MPI_BYTE, all.data(), count, MPI_BYTE, MPI_COMM_WORLD, requests_.data()),
           "MPI_Iallgather");
     wait();
   }
@@ -102,7 +103,6 @@ class MpiTransport final : public Transport {
   }
 
   std::chrono::steady_clock::duration deadline_;
-  MPI_Comm world_ = MPI_COMM_NULL;
   int rank_ = 0, size_ = 1;
   std::vector<MPI_Request> requests_;
   std::vector<int> peers_;  ///< of the requests, in their order; empty of a collective

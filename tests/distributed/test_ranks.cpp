@@ -2,27 +2,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstring>
 #include <limits>
+#include <span>
 
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/box_scenes.hpp"
 #include "distributed/solve/partition.hpp"
 #include "distributed/solve/solve_over_ranks.hpp"
 #include "distributed/transport/thread_transport.hpp"
+#include "tests/support/bits.hpp"
 
 namespace stiction::distributed {
 namespace {
-
-template <class T>
-::testing::AssertionResult same_bits(const std::vector<T>& a, const std::vector<T>& b, const char* what) {
-  if (a.size() != b.size()) return ::testing::AssertionFailure() << what << ": other sizes";
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (std::memcmp(&a[i], &b[i], sizeof(T)) != 0)
-      return ::testing::AssertionFailure() << what << "[" << i << "] differs, of " << a.size();
-  return ::testing::AssertionSuccess();
-}
 
 template <class Real>
 BodySolution<Real> room_for(const BodyBatchView<Real>& view) {
@@ -70,10 +61,11 @@ BodySolution<Real> by_ranks(const BodyBatch<Real>& batch, int ranks, const std::
 
 template <class Real>
 void expect_same(const BodySolution<Real>& a, const BodySolution<Real>& b) {
-  EXPECT_TRUE(same_bits(a.impulse, b.impulse, "impulse"));
-  EXPECT_TRUE(same_bits(a.twist, b.twist, "twist"));
-  EXPECT_TRUE(same_bits(a.w, b.w, "w"));
-  EXPECT_TRUE(same_bits(a.status, b.status, "status"));
+  using Numbers = std::span<const Real>;
+  EXPECT_TRUE(test::same_bits(Numbers(b.impulse), Numbers(a.impulse)));
+  EXPECT_TRUE(test::same_bits(Numbers(b.twist), Numbers(a.twist)));
+  EXPECT_TRUE(test::same_bits(Numbers(b.w), Numbers(a.w)));
+  EXPECT_TRUE(test::same_bits(std::span<const EnvStatus>(b.status), std::span<const EnvStatus>(a.status)));
 }
 
 /// Every number of ranks up to 4, owners by bisection and drawn at random.
