@@ -26,7 +26,7 @@ struct SolveArguments {
   double omega = 1.0;
   std::string partition = "bisection";
   double deadline = 60;  ///< longest wait for another rank [s]
-  std::optional<std::filesystem::path> output, json;
+  std::optional<std::filesystem::path> warm_start, output, json;
   bool quiet = false;
 };
 

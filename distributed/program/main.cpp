@@ -35,6 +35,7 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--partition", a.partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
       ->capture_default_str();
   app.add_option("--deadline", a.deadline, "Longest wait for another rank in seconds")->capture_default_str();
+  app.add_option("--warm-start", a.warm_start, "Solution file to start from");
   app.add_option("-o,--output", a.output, "Solution file to write");
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
   app.add_flag("--quiet", a.quiet, "No summary");

@@ -62,6 +62,17 @@ std::vector<double> widened(const std::vector<Real>& values) {
   return {values.begin(), values.end()};
 }
 
+/// The reactions of a solution file by contact; empty without one.
+template <class Real>
+std::vector<Real> first_guess(const SolveArguments& arguments, const io::Recording& recording,
+                              const JacobianBodies<Real>& bodies) {
+  if (!arguments.warm_start) return {};
+  std::vector<Real> rows;
+  for (const double value : cli::load_solution(*arguments.warm_start, recording.batch).lambda)
+    rows.push_back(static_cast<Real>(value));
+  return to_contacts(bodies, std::span<const Real>(rows));
+}
+
 template <class Real>
 int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOptions options, JobReport& report) {
   const Clock::time_point start = Clock::now();
@@ -72,6 +83,7 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
   const std::vector<int> owner =
       seed ? random_owners(view.body_count, transport.size(), *seed) : bisect(centres_by_arms(view), transport.size());
+  const std::vector<Real> first = first_guess(arguments, recording, bodies);
   cli::SolveReport& solve = report.solve;
   solve.seconds.load = cli::seconds_since(start);
 
@@ -86,7 +98,7 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   }
   const auto data = [](auto& array) { return array.empty() ? nullptr : array.data(); };
   report.ranks = solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options,
-                                        {data(impulse), data(twist), data(w), data(status)});
+                                        {data(impulse), data(twist), data(w), data(status)}, data(first));
   if (!is_first) return cli::kExitDone;
   for (const RankReport& rank : report.ranks) solve.seconds.solve = std::max(solve.seconds.solve, rank.seconds);
   const std::vector<Real> lambda = to_rows(bodies, std::span<const Real>(impulse));
@@ -133,6 +145,7 @@ int run_solve(Transport& transport, const SolveArguments& arguments) {
   options.omega = arguments.omega;
   if (is_first && arguments.output) {
     if (!arguments.batch.empty()) cli::require_different(arguments.batch, *arguments.output);
+    if (arguments.warm_start) cli::require_different(*arguments.warm_start, *arguments.output);
     cli::require_replaceable(*arguments.output);
   }
   if (is_first && arguments.json) cli::require_writable(*arguments.json);

@@ -92,6 +92,8 @@ case $what in
   bits)
     compare wall 5 --max-iterations 200
     compare wall 3 --max-iterations 5000 --tolerance 1e-6
+    cp "$folder/one.h5" "$folder/start.h5"
+    compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
     compare pile 40 --max-iterations 150 --precision f32
     compare pyramid 3 --max-iterations 100 --law convex
     compare stack 12 --max-iterations 100 --tolerance 0

@@ -101,7 +101,8 @@ TEST(Transport, AMessageOfAnotherSizeIsRefused) {
   const std::string message = message_of([] {
     run_thread_ranks(2, 60, [](Transport& transport) {
       if (transport.rank() == 0) {
-        const Outgoing out{1, bytes_of(1)};
+        const int sent = 1;
+        const Outgoing out{1, bytes_of(sent)};
         transport.exchange({&out, 1}, {});
       } else {
         std::array<int, 2> room{};
