@@ -71,6 +71,8 @@ test_packages=(
   "libsuitesparse-dev: no SuiteSparse ordering"
   "libmetis-dev: no nested dissection"
   "libtbb-dev: oneTBB is not tested"
+  "libopenmpi-dev: no stiction-mpi, one scene over several processes is tested by threads alone"
+  "openmpi-bin: no mpirun, stiction-mpi is not tested"
   "libboost-context-dev: the GPU's generated code is not executed"
   "doxygen: comments of the public headers are not checked"
 )

@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
-SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "bench", "examples", "tools", "tests", "python"]
+SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "distributed", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
 # What an algorithm or a Team may take from the standard library: types and compile-time facts, no arithmetic.
@@ -95,6 +95,11 @@ TABLE = [
     Row("cpu_fallback", [PUBLIC]),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
+    # Ranks: what they send, and pieces of plans; a program beside the command line.
+    Row("distributed/transport", [PUBLIC, "distributed/transport"], foreign=("mpi.h", "sched.h")),
+    Row("distributed/solve", [*KERNEL, *PLANS, "distributed/transport", "distributed/solve"]),
+    Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
+        foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
@@ -124,9 +129,9 @@ WORDS = [
      "every rounding and selection goes through core/base/real.hpp"),
     (r"std::(f?min|f?max|clamp)\b", ["core/base", "core/job", "core/runtime", "core/facade", "core/machine", "core/plan", "cuda", "cpu_fallback"], [],
      "counts are compared by core/base/extents.hpp, numbers by core/base/real.hpp: the library's take NaN by position"),
-    (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api"], [],
+    (r"\b(fma_|sqrt_|div_|project_\w+)\s*\(", ["cuda", "cpu_fallback", "c_api", "distributed"], [],
      "a machine holds a Team, memory and launches; arithmetic belongs in core/algorithm"),
-    (r"\blong double\b|_Float16|__float128", ["core/algorithm", "core/base", "core/job", "core/team", "cuda", "cpu_fallback"], [],
+    (r"\blong double\b|_Float16|__float128", ["core/algorithm", "core/base", "core/job", "core/team", "cuda", "cpu_fallback", "distributed"], [],
      "float and double are the two precisions whose bits are promised"),
 ]
 

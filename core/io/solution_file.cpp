@@ -77,6 +77,47 @@ std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
   return status;
 }
 
+/// An integer attribute that a part of a solution has, at least `least`.
+std::int64_t shard_number(const InputFile& file, const std::string& name, std::int64_t least) {
+  const auto value = file.integer_attribute(name);
+  if (!value) file.refuse("attribute '" + name + "' is missing, 'shard_index' needs it");
+  if (*value < least)
+    file.refuse("attribute '" + name + "' is " + std::to_string(*value) + ", expected at least " +
+                std::to_string(least));
+  return *value;
+}
+
+/// What a part of a solution says of the whole. Nothing in a file that holds all environments.
+std::optional<SolutionShard> read_shard(const InputFile& file, const std::vector<Offset>& env_row_offsets) {
+  if (!file.integer_attribute("shard_index")) return std::nullopt;
+  if (env_row_offsets.empty()) file.refuse_dataset("env_row_ptr", "is missing, 'shard_index' needs it");
+  SolutionShard shard;
+  shard.index = shard_number(file, "shard_index", 0);
+  shard.count = shard_number(file, "shard_count", 1);
+  shard.first_environment = shard_number(file, "shard_first_environment", 0);
+  shard.environment_count = shard_number(file, "shard_environments", 0);
+  shard.input = file.text_attribute("shard_input").value_or("");
+  shard.options = file.text_attribute("shard_options").value_or("");
+  if (shard.index >= shard.count)
+    file.refuse("attribute 'shard_index' is " + std::to_string(shard.index) + ", expected less than shard_count, " +
+                std::to_string(shard.count));
+  const auto held = static_cast<Offset>(env_row_offsets.size()) - 1;
+  if (shard.first_environment > shard.environment_count || held > shard.environment_count - shard.first_environment)
+    file.refuse("attribute 'shard_first_environment' is " + std::to_string(shard.first_environment) + ", and " +
+                std::to_string(held) + " environments from there are not in " +
+                std::to_string(shard.environment_count));
+  return shard;
+}
+
+void write_shard(OutputFile& file, const SolutionShard& shard) {
+  file.attribute("shard_index", shard.index);
+  file.attribute("shard_count", shard.count);
+  file.attribute("shard_first_environment", std::int64_t{shard.first_environment});
+  file.attribute("shard_environments", std::int64_t{shard.environment_count});
+  file.attribute("shard_input", shard.input);
+  file.attribute("shard_options", shard.options);
+}
+
 }  // namespace
 
 SolutionFile read_solution(const InputFile& file) {
@@ -100,12 +141,15 @@ SolutionFile read_solution(const InputFile& file) {
   solution.law = read_law(file, Law::convex);
   solution.solver = file.text_attribute("solver").value_or("");
   solution.source = file.text_attribute("source").value_or("");
+  solution.shard = read_shard(file, solution.env_row_offsets);
   return solution;
 }
 
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution) {
   const ScopedFpEnv fp_env;
   require_length("w", solution.w.size(), solution.lambda.size());
+  if (solution.shard && solution.env_row_offsets.empty())
+    throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets is empty, shard needs it");
   if (!solution.status.empty()) {
     if (solution.env_row_offsets.empty()) {
       throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets is empty, status needs it");
@@ -126,6 +170,7 @@ void write_solution(const std::filesystem::path& path, const SolutionFile& solut
   file.attribute("solver", solution.solver);
   file.attribute("source", solution.source);
   file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
+  if (solution.shard) write_shard(file, *solution.shard);
   write_reals(file, "lambda", solution.lambda, solution.precision);
   if (!solution.w.empty()) write_reals(file, "w", solution.w, solution.precision);
   if (!solution.env_row_offsets.empty()) file.array("env_row_ptr", solution.env_row_offsets);

@@ -8,24 +8,10 @@
 
 #include "tests/cli/batches.hpp"
 #include "tests/cli/process.hpp"
+#include "tests/cli/refusal.hpp"
 
 namespace stiction::test {
 namespace {
-
-testing::AssertionResult is_refused(const Finished& finished, const std::vector<std::string>& said) {
-  const auto lines = std::count(finished.err.begin(), finished.err.end(), '\n');
-  if (finished.status != 2) return testing::AssertionFailure() << "exit status " << finished.status << ", not 2";
-  if (finished.err.rfind("stiction: ", 0) != 0 || lines != 1) {
-    return testing::AssertionFailure() << "not one sentence of stiction's: " << finished.err;
-  }
-  if (!finished.out.empty()) return testing::AssertionFailure() << "stdout is not empty: " << finished.out;
-  for (const std::string& text : said) {
-    if (finished.err.find(text) == std::string::npos) {
-      return testing::AssertionFailure() << "'" << text << "' is missing in: " << finished.err;
-    }
-  }
-  return testing::AssertionSuccess();
-}
 
 class Refused : public testing::Test {
  protected:
@@ -126,6 +112,16 @@ TEST_F(Refused, UsageErrors) {
       {"solve", batch, "--permute", "many"},
       {"solve", batch, "--permute", "-1"},
       {"solve", batch, "--repeat", "0"},
+      {"solve", batch, "--shard", "1"},
+      {"solve", batch, "--shard", "1/"},
+      {"solve", batch, "--shard", "/2"},
+      {"solve", batch, "--shard", "0/0"},
+      {"solve", batch, "--shard", "2/2"},
+      {"solve", batch, "--shard", "-1/2"},
+      {"solve", batch, "--shard", "0/2/3"},
+      {"solve", batch, "--shard", "0/4294967296"},
+      {"merge", folder_ / "x.h5"},
+      {"merge", folder_ / "x.h5", folder_ / "nowhere.h5"},
       {"generate", "stack", "--seed", "-1", "-o", folder_ / "x.h5"},
       {"verify", batch},
       {"verify", batch, batch, "--tolerance", "nan"},

@@ -43,6 +43,43 @@ TEST_F(IoSolution, ComesBackBitForBitInBothPrecisions) {
   }
 }
 
+SolutionFile sample_part() {
+  SolutionFile solution = sample(Precision::f64);
+  solution.shard = SolutionShard{1, 3, 5, 9, "00ff", "epoch=1 solver=apgd"};
+  return solution;
+}
+
+TEST_F(IoSolution, APartSaysOfWhichWhole) {
+  write_solution(at("s.h5"), sample_part());
+  const SolutionFile solution = read_solution(at("s.h5"));
+  expect_same(solution, sample_part());
+  ASSERT_TRUE(solution.shard);
+  EXPECT_EQ(solution.shard->index, 1);
+  EXPECT_EQ(solution.shard->count, 3);
+  EXPECT_EQ(solution.shard->first_environment, 5);
+  EXPECT_EQ(solution.shard->environment_count, 9);
+  EXPECT_EQ(solution.shard->input, "00ff");
+  EXPECT_EQ(solution.shard->options, "epoch=1 solver=apgd");
+  write_solution(at("s.h5"), sample(Precision::f64));
+  EXPECT_FALSE(read_solution(at("s.h5")).shard);
+}
+
+TEST_F(IoSolution, APartThatCannotBeIsRefused) {
+  const auto refusal = [&](const char* attribute, std::int64_t value) {
+    write_solution(at("s.h5"), sample_part());
+    {
+      Spoiler file(at("s.h5"));
+      file.put_attribute(attribute, H5T_NATIVE_INT64, &value);
+    }
+    return message_of(ErrorCode::bad_file, [&] { read_solution(at("s.h5")); });
+  };
+  EXPECT_THAT(refusal("shard_index", 3), HasSubstr("'shard_index' is 3, expected less than shard_count, 3"));
+  EXPECT_THAT(refusal("shard_index", -1), HasSubstr("'shard_index' is -1, expected at least 0"));
+  EXPECT_THAT(refusal("shard_count", 0), HasSubstr("'shard_count' is 0, expected at least 1"));
+  EXPECT_THAT(refusal("shard_first_environment", 8), HasSubstr("2 environments from there are not in 9"));
+  EXPECT_THAT(refusal("shard_environments", 6), HasSubstr("2 environments from there are not in 6"));
+}
+
 TEST_F(IoSolution, SinglePrecisionIsStoredInHalfTheWidth) {
   write_solution(at("s.h5"), sample(Precision::f32));
   const Spoiler file(at("s.h5"));

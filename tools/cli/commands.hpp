@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "stiction/solver.hpp"
 #include "stiction/types.hpp"
@@ -59,6 +60,7 @@ struct SolveArguments {
   bool isolate = false;
   bool quiet = false;
   std::optional<std::uint64_t> permute;
+  std::optional<std::string> shard;  ///< "I/N": part I of N of the environments, from 0
   std::optional<std::filesystem::path> warm_start, output, json, trace, convergence, record;
   std::string record_when = "failed";
 };
@@ -84,6 +86,12 @@ struct HashArguments {
 
 struct DiffArguments {
   std::filesystem::path left, right;
+};
+
+struct MergeArguments {
+  std::filesystem::path output;
+  std::vector<std::filesystem::path> parts;
+  bool quiet = false;
 };
 
 struct ConvertArguments {
@@ -122,6 +130,7 @@ int run_replay(const ReplayArguments& arguments);
 int run_verify(const VerifyArguments& arguments);
 int run_hash(const HashArguments& arguments);
 int run_diff(const DiffArguments& arguments);
+int run_merge(const MergeArguments& arguments);
 int run_convert(const ConvertArguments& arguments);
 int run_step(const StepArguments& arguments);
 

@@ -11,6 +11,7 @@
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/make_scene.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
 
@@ -86,16 +87,9 @@ int list_scenes() {
 
 }  // namespace
 
-int run_generate(const GenerateArguments& arguments) {
-  if (arguments.list) return list_scenes();
-  if (arguments.scene.empty() || arguments.output.empty()) {
-    throw Error(ErrorCode::invalid_argument, "generate needs a SCENE and -o BATCH; --list shows the scenes");
-  }
-  const Law law = law_of_scene(arguments.scene);
-  require_replaceable(arguments.output);
-
+io::Recording make_scene(const GenerateArguments& arguments) {
   io::Recording recording;
-  recording.batch = ContactBatch<double>(law);
+  recording.batch = ContactBatch<double>(law_of_scene(arguments.scene));
   recording.env_dof_offsets.push_back(0);
   recording.J.ptr.push_back(0);
   recording.M.ptr.push_back(0);
@@ -104,19 +98,30 @@ int run_generate(const GenerateArguments& arguments) {
   if (arguments.size != 0) recording.source += fmt::format(" --size {}", arguments.size);
   const unsigned threads = arguments.threads > 0 ? static_cast<unsigned>(arguments.threads)
                                                  : std::max(1U, std::thread::hardware_concurrency());
+  Progress progress("generating", arguments.environments, arguments.quiet);
+  for (std::int64_t first = 0; first < arguments.environments; first += kChunk) {
+    const std::int64_t count = std::min(kChunk, arguments.environments - first);
+    for (const scenes::SceneEnv& env : make_chunk(arguments, first, count, threads, progress)) append(recording, env);
+  }
+  return recording;
+}
+
+int run_generate(const GenerateArguments& arguments) {
+  if (arguments.list) return list_scenes();
+  if (arguments.scene.empty() || arguments.output.empty()) {
+    throw Error(ErrorCode::invalid_argument, "generate needs a SCENE and -o BATCH; --list shows the scenes");
+  }
+  law_of_scene(arguments.scene);
+  require_replaceable(arguments.output);
+  const io::Recording recording = make_scene(arguments);
   {
-    Progress progress("generating", arguments.environments, arguments.quiet);
-    for (std::int64_t first = 0; first < arguments.environments; first += kChunk) {
-      const std::int64_t count = std::min(kChunk, arguments.environments - first);
-      for (const scenes::SceneEnv& env : make_chunk(arguments, first, count, threads, progress)) append(recording, env);
-    }
-    progress.relabel("writing");
+    const Progress progress("writing", 0, arguments.quiet);
     io::write_batch(arguments.output, recording);
   }
   if (!arguments.quiet) {
     fmt::print("{}: {} environments, {} rows, {} cones, law {}\n", arguments.output.string(),
                recording.batch.env_count(), recording.batch.row_count(), recording.batch.view().cone_count,
-               to_string(law));
+               to_string(recording.batch.law()));
   }
   return kExitDone;
 }

@@ -4,13 +4,11 @@
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/hash_rows.hpp"
 #include "tools/cli/report.hpp"
 
 namespace stiction::cli {
 
-namespace {
-
-/// The file's own bits are hashed: an f32 file's values were widened exactly and narrow back exactly.
 std::uint64_t hash_rows(std::span<const double> rows, Precision precision) {
   if (precision == Precision::f64) return hash_bits(rows);
   std::vector<float> narrow;
@@ -18,8 +16,6 @@ std::uint64_t hash_rows(std::span<const double> rows, Precision precision) {
   for (const double value : rows) narrow.push_back(static_cast<float>(value));
   return hash_bits(std::span<const float>(narrow));
 }
-
-}  // namespace
 
 int run_hash(const HashArguments& arguments) {
   const io::SolutionFile solution = io::read_solution(arguments.solution);

@@ -76,6 +76,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->check(CLI::IsMember({4, 8, 16}));
   app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--shard", a.shard,
+                 "I/N: solve part I of N of the environments, I from 0; stiction merge joins parts");
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
   app.add_flag("--isolate", a.isolate, "Flag environments with broken numbers and solve the others");
   app.add_option("-o,--output", a.output, "Solution file to write");
@@ -110,6 +112,12 @@ void declare_hash(CLI::App& app, HashArguments& a) {
 void declare_diff(CLI::App& app, DiffArguments& a) {
   app.add_option("left", a.left, "Solution file")->required();
   app.add_option("right", a.right, "Solution file")->required();
+}
+
+void declare_merge(CLI::App& app, MergeArguments& a) {
+  app.add_option("output", a.output, "Solution file to write")->required();
+  app.add_option("parts", a.parts, "All parts that --shard wrote of one batch, in any order")->required();
+  app.add_flag("--quiet", a.quiet, "No summary");
 }
 
 void declare_convert(CLI::App& app, ConvertArguments& a) {
@@ -161,6 +169,7 @@ void declare_all(CLI::App& app, Command& chosen) {
               declare_verify);
   add_command(app, chosen, "hash", "Hash of a solution's bits", run_hash, declare_hash);
   add_command(app, chosen, "diff", "First difference of two solutions, in ulps", run_diff, declare_diff);
+  add_command(app, chosen, "merge", "Join the parts of a solution that shards wrote", run_merge, declare_merge);
   add_command(app, chosen, "convert", "FCLIB to contact batch and back", run_convert, declare_convert);
   add_command(app, chosen, "step", "Step environments of a scene of rigid bodies", run_step, declare_step);
   app.footer(

@@ -93,6 +93,11 @@ std::string to_json(const SolveReport& report) {
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
   if (report.form != "matrix") json["form"] = report.form;
   if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
+  if (report.shard)
+    json["shard"] = {{"index", report.shard->index},
+                     {"count", report.shard->count},
+                     {"first_environment", report.shard->first_environment},
+                     {"environments", report.shard->environment_count}};
   return dump(json);
 }
 
@@ -100,6 +105,9 @@ std::string to_text(const SolveReport& report) {
   std::string text;
   const auto line = [&](const char* name, const std::string& value) { text += fmt::format("{:<16}{}\n", name, value); };
   line("file", report.file);
+  if (report.shard)
+    line("shard", fmt::format("{}/{}, from environment {} of {}", report.shard->index, report.shard->count,
+                              report.shard->first_environment, report.shard->environment_count));
   line("environments", fmt::format("{}", report.environments));
   line("rows", fmt::format("{}", report.rows));
   line("cones", fmt::format("{}", report.cones));

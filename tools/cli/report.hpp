@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "stiction/io.hpp"
 #include "stiction/solver.hpp"
 #include "tools/cli/quantiles.hpp"
 
@@ -23,11 +24,12 @@ struct SolveReport {
   SolverOptions options;
   Law law = Law::convex;
   Precision precision = Precision::f64;
-  int threads = 0;               ///< 0: not a matter of CPU threads
-  std::string form = "matrix";   ///< what was solved: matrix, jacobian or bodies
-  std::string solver;            ///< its name
-  std::string preconditioner{};  ///< of bodies' Newton's method, empty: none
-  int pyramid = 0;               ///< sides of the pyramids that were solved; 0: the cones themselves
+  int threads = 0;                         ///< 0: not a matter of CPU threads
+  std::string form = "matrix";             ///< what was solved: matrix, jacobian or bodies
+  std::string solver;                      ///< its name
+  std::string preconditioner{};            ///< of bodies' Newton's method, empty: none
+  int pyramid = 0;                         ///< sides of the pyramids that were solved; 0: the cones themselves
+  std::optional<io::SolutionShard> shard;  ///< which part of the file's environments was solved, where not all were
   Offset environments = 0, rows = 0, cones = 0;
   Seconds seconds;
   std::optional<Quantiles<std::int32_t>> iterations;

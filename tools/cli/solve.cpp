@@ -23,6 +23,7 @@
 #include "tools/cli/permute.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/report.hpp"
+#include "tools/cli/shard.hpp"
 #include "tools/cli/solve_bodies.hpp"
 #include "tools/cli/solve_jacobian.hpp"
 #include "tools/cli/stopwatch.hpp"
@@ -194,6 +195,7 @@ io::SolutionFile solution_file(const SolveReport& report, std::vector<double> la
   file.law = report.law;
   file.solver = to_string(report.options.solver);
   file.source = fmt::format("stiction {} solve {}", kVersion, report.file);
+  file.shard = report.shard;
   return file;
 }
 
@@ -250,9 +252,15 @@ void record(const std::filesystem::path& file, const SolveArguments& arguments, 
                std::filesystem::exists(file) ? "left as an earlier run wrote it" : "not written");
 }
 
+/// J and M in the order of solving. `own` are the environments of a shard, which may have none.
 template <class Real>
-JacobianBatch<Real> jacobians_of(const std::string& file, const io::Recording& recording,
-                                 const std::vector<Offset>& order) {
+JacobianBatch<Real> jacobians_of(const std::string& file, const io::Recording& recording, std::vector<Offset> order,
+                                 const std::optional<std::vector<Offset>>& own) {
+  if (own && own->empty()) return JacobianBatch<Real>();
+  if (own && order.empty())
+    order = *own;
+  else if (own)
+    for (Offset& env : order) env = (*own)[static_cast<std::size_t>(env)];
   try {
     return io::jacobian_batch<Real>(recording, order);
   } catch (const Error& error) {
@@ -266,17 +274,28 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   std::optional<ScopedSpan> loading(std::in_place, report.options.tracer, "load");
   const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;
   const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), policy, report.options.solver);
-  const ContactBatch<double>& file_batch = loaded.recording.batch;
+  const ContactBatch<double>& whole = loaded.recording.batch;
+  std::vector<double> warm_start;
+  if (arguments.warm_start) warm_start = load_solution(*arguments.warm_start, whole).lambda;
+  report.law = whole.law();
+  std::optional<std::vector<Offset>> own;  // the shard's environments
+  std::optional<ContactBatch<double>> part;
+  if (report.shard) {
+    own = describe_shard(arguments, warm_start, whole.env_count(), report, *report.shard);
+    if (!warm_start.empty())
+      warm_start = gather_rows(std::span<const double>(warm_start),
+                               std::span<const Offset>(whole.arrays().env_row_offsets), *own);
+    part = gather(whole, std::span<const Offset>(*own));
+  }
+  const ContactBatch<double>& file_batch = part ? *part : whole;
   std::optional<PyramidBatch<double>> pyramids;
   if (arguments.pyramid > 0) pyramids = linearise(file_batch, arguments.pyramid);
   const ContactBatch<double>& batch = pyramids ? pyramids->batch : file_batch;
-  std::vector<double> warm_start;
-  if (arguments.warm_start) warm_start = load_solution(*arguments.warm_start, batch).lambda;
   std::vector<Offset> order;
   if (arguments.permute) order = random_order(batch.env_count(), *arguments.permute);
   const Work<Real> work = prepare<Real>(batch, warm_start, order);
   const JacobianBatch<Real> jacobians =
-      takes_jacobian(arguments) ? jacobians_of<Real>(report.file, loaded.recording, order) : JacobianBatch<Real>();
+      takes_jacobian(arguments) ? jacobians_of<Real>(report.file, loaded.recording, order, own) : JacobianBatch<Real>();
   report.environments = batch.env_count();
   report.rows = file_batch.row_count();
   report.cones = file_batch.view().cone_count;
@@ -342,6 +361,7 @@ int run_solve(const SolveArguments& arguments) {
   if (report.form == "bodies" && report.solver == "newton")
     report.preconditioner = to_string(body_options(arguments, report.options, Law::convex).space.preconditioner);
   report.precision = precision_from_option(arguments.precision);
+  report.shard = shard_from_option(arguments.shard);
   record_when(arguments.record_when);
   check_pyramid(arguments);
   check_form(arguments);

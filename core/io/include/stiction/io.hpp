@@ -84,6 +84,16 @@ void write_batch(const std::filesystem::path& path, const Recording& recording);
 /// every cone a friction cone of the same size, 2 or 3, with one mu for its tangential rows
 void write_fclib_local(const std::filesystem::path& path, const Recording& recording, Offset env);
 
+/// Which environments of a batch a solution file holds that does not hold all (`stiction solve --shard`).
+struct SolutionShard {
+  std::int64_t index = 0;        ///< the part's number, from 0
+  std::int64_t count = 1;        ///< parts there are
+  Offset first_environment = 0;  ///< number in the batch of the file's first environment
+  Offset environment_count = 0;  ///< environments of the whole batch
+  std::string input;             ///< hash of the file that was solved; parts of one solution have one
+  std::string options;           ///< whatever reached the bits, "name=value" each; parts of one solution have one
+};
+
 /// A solution file in memory, in the order of the batch it belongs to. Everything but lambda may be empty.
 struct SolutionFile {
   Precision precision = Precision::f64;  ///< type of lambda and w in the file; f32 is widened exactly
@@ -94,6 +104,7 @@ struct SolutionFile {
   Law law = Law::convex;                 ///< law that was solved
   std::string solver;                    ///< command-line name of the solver
   std::string source;                    ///< the batch, free text
+  std::optional<SolutionShard> shard;    ///< without: all environments of the batch
 };
 
 /// \throws Error

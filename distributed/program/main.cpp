@@ -1,0 +1,96 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "distributed/program/commands.hpp"
+#include "distributed/transport/mpi_transport.hpp"
+#include "stiction/config.hpp"
+#include "tools/cli/commands.hpp"
+
+namespace stiction::distributed {
+
+namespace {
+
+void declare_solve(CLI::App& app, SolveArguments& a) {
+  app.add_option("batch", a.batch, "Contact-batch file with J and M of rigid bodies");
+  app.add_option("--scene", a.scene, "A scene of stiction generate, made by every rank, in place of a file");
+  app.add_option("--envs", a.environments, "Environments of the scene")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--seed", a.seed, "Seed of the scene")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
+  app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
+  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
+  app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most")->capture_default_str();
+  app.add_option("--omega", a.omega, "Relaxation, between 0 and 2")->capture_default_str();
+  app.add_option("--partition", a.partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
+      ->capture_default_str();
+  app.add_option("--deadline", a.deadline, "Longest wait for another rank in seconds")->capture_default_str();
+  app.add_option("--warm-start", a.warm_start, "Solution file to start from");
+  app.add_option("-o,--output", a.output, "Solution file to write");
+  app.add_option("--json", a.json, "JSON report to write; - is standard output");
+  app.add_flag("--quiet", a.quiet, "No summary");
+}
+
+/// One sentence of one rank: the lowest that can still speak is the first, and ends the others.
+[[noreturn]] void give_up(int rank, const std::string& sentence, int status) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(250) * (rank < 16 ? rank : 16));
+  fmt::print(stderr, "stiction-mpi: {}\n", sentence);
+  std::fflush(stderr);
+  mpi_abort(status);
+}
+
+int run(int argc, char** argv, int rank) {
+  CLI::App app{"One scene over several processes, with the bits of one", "stiction-mpi"};
+  app.set_version_flag("--version", std::string("stiction ") + kVersion);
+  app.require_subcommand(1);
+  SolveArguments arguments;
+  declare_solve(*app.add_subcommand("solve", "Sequential impulses on rigid bodies that are dealt out to ranks"),
+                arguments);
+  app.footer(
+      "Run it by mpirun -n RANKS. Exit status: 0 done; 1 an environment missed the tolerance; 2 bad input or usage;\n"
+      "70 a rank did not answer.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (rank == 0) {
+      if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+      fmt::print(stderr, "stiction-mpi: {}; see stiction-mpi --help\n", error.what());
+    }
+    return error.get_exit_code() == 0 ? cli::kExitDone : cli::kExitBadInput;
+  }
+  const auto transport = mpi_transport(arguments.deadline);
+  const int status = run_solve(*transport, arguments);
+  // All ranks end with one status, which mpirun passes on.
+  std::vector<int> all(static_cast<std::size_t>(transport->size()));
+  transport->all_gather(std::as_bytes(std::span(&status, 1)), std::as_writable_bytes(std::span(all)));
+  return all.front();
+}
+
+}  // namespace
+
+}  // namespace stiction::distributed
+
+int main(int argc, char** argv) {
+  namespace distributed = stiction::distributed;
+  distributed::MpiSession session(&argc, &argv);
+  const int rank = distributed::mpi_rank();
+  try {
+    return distributed::run(argc, argv, rank);
+  } catch (const distributed::RankLost& lost) {
+    distributed::give_up(rank, lost.what(), distributed::kExitRankLost);
+  } catch (const std::bad_alloc&) {
+    distributed::give_up(rank, "out of memory; use a smaller batch or more machines", stiction::cli::kExitBadInput);
+  } catch (const std::exception& error) {
+    distributed::give_up(rank, error.what(), stiction::cli::kExitBadInput);
+  }
+}

@@ -1,0 +1,164 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <span>
+
+#include "distributed/program/commands.hpp"
+#include "distributed/program/rank_report.hpp"
+#include "distributed/solve/partition.hpp"
+#include "stiction/error.hpp"
+#include "stiction/hash.hpp"
+#include "stiction/io.hpp"
+#include "stiction/jacobian_bodies.hpp"
+#include "tools/cli/body_method.hpp"
+#include "tools/cli/load.hpp"
+#include "tools/cli/make_scene.hpp"
+#include "tools/cli/output.hpp"
+#include "tools/cli/stopwatch.hpp"
+
+namespace stiction::distributed {
+
+namespace {
+
+using cli::Clock;
+
+/// The seed of "random:SEED", nothing for "bisection".
+std::optional<std::uint64_t> partition_seed(const std::string& text) {
+  if (text == "bisection") return std::nullopt;
+  constexpr std::string_view kRandom = "random:";
+  std::uint64_t seed = 0;
+  if (text.starts_with(kRandom)) {
+    const char* const begin = text.data() + kRandom.size();
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(begin, end, seed);
+    if (error == std::errc{} && rest == end) return seed;
+  }
+  throw Error(ErrorCode::invalid_argument, fmt::format("--partition {}: expected bisection or random:SEED", text));
+}
+
+/// Every rank has the whole batch, read or made by itself.
+io::Recording recording_of(const SolveArguments& arguments) {
+  const std::optional<Law> law = cli::law_from_option(arguments.law);
+  if (arguments.batch.empty() == arguments.scene.empty())
+    throw Error(ErrorCode::invalid_argument, "give a BATCH or --scene, one of them");
+  if (!arguments.batch.empty())
+    return cli::load_batch(arguments.batch, law, cli::ValueDefects::refuse, SolverKind::automatic).recording;
+  cli::GenerateArguments scene;
+  scene.scene = arguments.scene;
+  scene.environments = arguments.environments;
+  scene.seed = arguments.seed;
+  scene.size = arguments.size;
+  scene.threads = 1;
+  scene.quiet = true;
+  io::Recording recording = cli::make_scene(scene);
+  if (law) recording.batch.set_law(*law);
+  return recording;
+}
+
+template <class Real>
+std::vector<double> widened(const std::vector<Real>& values) {
+  return {values.begin(), values.end()};
+}
+
+/// The reactions of a solution file by contact; empty without one.
+template <class Real>
+std::vector<Real> first_guess(const SolveArguments& arguments, const io::Recording& recording,
+                              const JacobianBodies<Real>& bodies) {
+  if (!arguments.warm_start) return {};
+  std::vector<Real> rows;
+  for (const double value : cli::load_solution(*arguments.warm_start, recording.batch).lambda)
+    rows.push_back(static_cast<Real>(value));
+  return to_contacts(bodies, std::span<const Real>(rows));
+}
+
+template <class Real>
+int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOptions options, JobReport& report) {
+  const Clock::time_point start = Clock::now();
+  const io::Recording recording = recording_of(arguments);
+  options.law = recording.batch.law();
+  const JacobianBodies<Real> bodies = as_bodies(io::jacobian_batch<Real>(recording).view());
+  const BodyBatchView<Real> view = bodies.batch.view();
+  const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
+  const std::vector<int> owner =
+      seed ? random_owners(view.body_count, transport.size(), *seed) : bisect(centres_by_arms(view), transport.size());
+  const std::vector<Real> first = first_guess(arguments, recording, bodies);
+  cli::SolveReport& solve = report.solve;
+  solve.seconds.load = cli::seconds_since(start);
+
+  const bool is_first = transport.rank() == 0;
+  std::vector<Real> impulse, w, twist;
+  std::vector<EnvStatus> status;
+  if (is_first) {
+    impulse.resize(static_cast<std::size_t>(3 * view.contact_count));
+    w.resize(impulse.size());
+    twist.resize(static_cast<std::size_t>(6 * view.body_count));
+    status.resize(static_cast<std::size_t>(view.env_count));
+  }
+  const auto data = [](auto& array) { return array.empty() ? nullptr : array.data(); };
+  report.ranks = solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options,
+                                        {data(impulse), data(twist), data(w), data(status)}, data(first));
+  if (!is_first) return cli::kExitDone;
+  for (const RankReport& rank : report.ranks) solve.seconds.solve = std::max(solve.seconds.solve, rank.seconds);
+  const std::vector<Real> lambda = to_rows(bodies, std::span<const Real>(impulse));
+  solve.law = options.law;
+  solve.environments = view.env_count;
+  solve.rows = recording.batch.row_count();
+  solve.cones = view.contact_count;
+  report.bodies = view.body_count;
+  solve.count(status);
+  solve.hash = hash_bits(std::span<const Real>(lambda));
+  if (arguments.output) {
+    io::SolutionFile file;
+    file.precision = solve.precision;
+    file.lambda = widened(lambda);
+    file.w = widened(to_rows(bodies, std::span<const Real>(w)));
+    file.status = status;
+    file.env_row_offsets = recording.batch.arrays().env_row_offsets;
+    file.law = solve.law;
+    file.solver = solve.solver;
+    file.source = fmt::format("stiction {} solve {}", kVersion, solve.file);
+    io::write_solution(*arguments.output, file);
+  }
+  return solve.unconverged == 0 ? cli::kExitDone : cli::kExitMissed;
+}
+
+}  // namespace
+
+int run_solve(Transport& transport, const SolveArguments& arguments) {
+  const bool is_first = transport.rank() == 0;
+  JobReport report;
+  report.partition = arguments.partition;
+  cli::SolveReport& solve = report.solve;
+  solve.file = arguments.scene.empty() ? arguments.batch.string()
+                                       : fmt::format("scene {}, seed {}", arguments.scene, arguments.seed);
+  solve.solver = "si";
+  solve.precision = cli::precision_from_option(arguments.precision);
+  solve.options.tolerance = arguments.tolerance;
+  solve.options.max_iterations = arguments.max_iterations;
+  partition_seed(arguments.partition);
+  BodySolverOptions options;
+  cli::choose_body_method("si", std::nullopt, options);
+  options.tolerance = arguments.tolerance;
+  options.iterations = arguments.max_iterations;
+  options.omega = arguments.omega;
+  if (is_first && arguments.output) {
+    if (!arguments.batch.empty()) cli::require_different(arguments.batch, *arguments.output);
+    if (arguments.warm_start) cli::require_different(*arguments.warm_start, *arguments.output);
+    cli::require_replaceable(*arguments.output);
+  }
+  if (is_first && arguments.json) cli::require_writable(*arguments.json);
+  const int status = solve.precision == Precision::f32 ? solve_in<float>(transport, arguments, options, report)
+                                                       : solve_in<double>(transport, arguments, options, report);
+  if (is_first) {
+    const bool json_on_stdout = arguments.json && *arguments.json == "-";
+    if (!arguments.quiet && !json_on_stdout) fmt::print("{}", to_text(report));
+    if (arguments.json) cli::write_text(*arguments.json, to_json(report));
+    // Once a rank has ended with another status than 0, mpirun ends the others.
+    if (std::fflush(stdout) != 0) throw Error(ErrorCode::io, "standard output cannot be written");
+  }
+  return status;
+}
+
+}  // namespace stiction::distributed

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "stiction/bodies.hpp"
+
+/// Which rank owns which body. It reaches what is sent, and no bit.
+namespace stiction::distributed {
+
+using Point = std::array<double, 3>;
+
+/// Where the bodies of a batch are, relative to one another: arms say how far apart the two bodies of a contact are.
+/// Groups of bodies that no contacts join, but for the world's, are set side by side along x.   (body_count)
+template <class Real>
+std::vector<Point> centres_by_arms(const BodyBatchView<Real>& batch);
+
+/// Recursive coordinate bisection: points are halved across their longest extent until there is a part for each rank.
+/// Points of equal coordinate go by their number. Parts of n points differ by log2(ranks) points at most.  (point
+/// count)
+/// \throws Error(invalid_argument) unless ranks >= 1
+std::vector<int> bisect(std::span<const Point> points, int ranks);
+
+/// Owners drawn at random, the same on every machine.   (count)
+std::vector<int> random_owners(Offset count, int ranks, std::uint64_t seed);
+
+}  // namespace stiction::distributed

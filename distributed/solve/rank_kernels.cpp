@@ -1,0 +1,29 @@
+// Compiled once for each instruction set, in a namespace of its own.
+#include "distributed/solve/kernels.hpp"
+#include "distributed/solve/rank_team.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+namespace {
+
+template <class Real, Law kLaw>
+distributed::RankKernels<Real> kernels() {
+  using Method = BodySweeps<kLaw, Real>;
+  using System = typename Method::System;
+  return {System::elements, System::exact_elements,
+          [](const BodyJob<Real>& piece, Real* numbers, double* exact, distributed::Halo& halo) {
+            RankTeam team(halo);
+            Method::solve(team, piece, slice_bodies(piece, 0), numbers, exact);
+          }};
+}
+
+}  // namespace
+
+distributed::RankKernels<float> rank_kernels_f32(Law law) {
+  return law == Law::convex ? kernels<float, Law::convex>() : kernels<float, Law::coulomb>();
+}
+distributed::RankKernels<double> rank_kernels_f64(Law law) {
+  return law == Law::convex ? kernels<double, Law::convex>() : kernels<double, Law::coulomb>();
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,135 @@
+#include "distributed/transport/mpi_transport.hpp"
+
+#include <mpi.h>
+#include <sched.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "distributed/transport/late.hpp"
+
+namespace stiction::distributed {
+
+namespace {
+
+constexpr int kTag = 1;
+
+int count_of(std::size_t bytes) {
+  if (bytes > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    throw Error(ErrorCode::unsupported,
+                "a message of " + std::to_string(bytes) + " bytes is more than MPI's counts hold: use more ranks");
+  return static_cast<int>(bytes);
+}
+
+void check(int rank, int result, const char* what) {
+  if (result == MPI_SUCCESS) return;
+  char text[MPI_MAX_ERROR_STRING] = {};
+  int length = 0;
+  MPI_Error_string(result, text, &length);
+  throw RankLost(
+      text_of_loss(rank, std::string(what) + " failed: " + std::string(text, static_cast<std::size_t>(length))));
+}
+
+class MpiTransport final : public Transport {
+ public:
+  explicit MpiTransport(double deadline_seconds) : deadline_(deadline_of(deadline_seconds)) {
+    // Not a copy of it: to make one, all ranks wait for each other, and for as long as it takes.
+    MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
+    MPI_Comm_size(MPI_COMM_WORLD, &size_);
+  }
+  [[nodiscard]] int rank() const override { return rank_; }
+  [[nodiscard]] int size() const override { return size_; }
+
+ private:
+  void do_exchange(std::span<const Outgoing> out, std::span<const Incoming> in) override {
+    requests_.assign(in.size() + out.size(), MPI_REQUEST_NULL);
+    peers_.clear();
+    for (const Incoming& message : in) {
+      check(rank_,
+            MPI_Irecv(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.from, kTag,
+                      MPI_COMM_WORLD, &requests_[peers_.size()]),
+            "MPI_Irecv");
+      peers_.push_back(message.from);
+    }
+    for (const Outgoing& message : out) {
+      check(rank_,
+            MPI_Isend(message.bytes.data(), count_of(message.bytes.size()), MPI_BYTE, message.to, kTag, MPI_COMM_WORLD,
+                      &requests_[peers_.size()]),
+            "MPI_Isend");
+      peers_.push_back(message.to);
+    }
+    wait();
+  }
+
+  void do_all_gather(std::span<const std::byte> mine, std::span<std::byte> all) override {
+    requests_.assign(1, MPI_REQUEST_NULL);
+    peers_.clear();
+    const int count = count_of(mine.size());
+    check(rank_,
+          MPI_Iallgather(mine.data(), count, MPI_BYTE, all.data(), count, MPI_BYTE, MPI_COMM_WORLD, requests_.data()),
+          "MPI_Iallgather");
+    wait();
+  }
+
+  /// MPI's own waits know no deadline. After some tries the core is given away: there may be more ranks than cores.
+  void wait() {
+    constexpr int kTries = 200;
+    const auto until = std::chrono::steady_clock::now() + deadline_;
+    for (int tries = 0;; ++tries) {
+      int done = 0;
+      check(rank_, MPI_Testall(static_cast<int>(requests_.size()), requests_.data(), &done, MPI_STATUSES_IGNORE),
+            "a message");
+      if (done != 0) return;
+      if (tries < kTries) continue;
+      if (std::chrono::steady_clock::now() > until) throw RankLost(silent());
+      sched_yield();
+    }
+  }
+
+  /// The other ends of the messages that are still missing.
+  [[nodiscard]] std::string silent() {
+    int done = 0;
+    std::vector<int> which(requests_.size());
+    MPI_Testsome(static_cast<int>(requests_.size()), requests_.data(), &done, which.data(), MPI_STATUSES_IGNORE);
+    std::vector<int> ranks;
+    for (std::size_t i = 0; i < peers_.size(); ++i)
+      if (requests_[i] != MPI_REQUEST_NULL && (ranks.empty() || ranks.back() != peers_[i])) ranks.push_back(peers_[i]);
+    return ranks.empty() ? text_of_loss(rank_, "some rank has not answered within the deadline")
+                         : text_of_late(rank_, ranks);
+  }
+
+  std::chrono::steady_clock::duration deadline_;
+  int rank_ = 0, size_ = 1;
+  std::vector<MPI_Request> requests_;
+  std::vector<int> peers_;  ///< of the requests, in their order; empty of a collective
+};
+
+}  // namespace
+
+MpiSession::MpiSession(int* argc, char*** argv) {
+  MPI_Init(argc, argv);
+}
+MpiSession::~MpiSession() {
+  MPI_Finalize();
+}
+
+int mpi_rank() {
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  return rank;
+}
+
+std::unique_ptr<Transport> mpi_transport(double deadline_seconds) {
+  return std::make_unique<MpiTransport>(deadline_seconds);
+}
+
+void mpi_abort(int status) {
+  MPI_Abort(MPI_COMM_WORLD, status);
+  std::_Exit(status);
+}
+
+}  // namespace stiction::distributed

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "stiction/error.hpp"
+
+/// What ranks send one another, and how long they wait for it (docs/ranks.md).
+namespace stiction::distributed {
+
+/// Bytes to a rank.
+struct Outgoing {
+  int to = 0;
+  std::span<const std::byte> bytes;
+};
+
+/// Where the bytes of a rank go: as many as it sends.
+struct Incoming {
+  int from = 0;
+  std::span<std::byte> bytes;
+};
+
+/// A rank did not answer in time, has ended, or sent something else than was expected.
+class RankLost : public Error {
+ public:
+  explicit RankLost(const std::string& message) : Error(ErrorCode::device_failure, message) {}
+};
+
+/// What one rank has sent and waited for so far.
+struct Traffic {
+  std::int64_t exchanges = 0;  ///< with neighbours
+  std::int64_t gathers = 0;    ///< with all ranks
+  std::int64_t messages = 0;   ///< sent to neighbours
+  std::int64_t bytes = 0;      ///< of those messages
+  double waited = 0;           ///< in both, until the last byte was there [s]
+};
+
+/// The ranks of a job, seen by one of them. Messages between two ranks arrive in the order they were sent. Nothing
+/// waits longer than the transport's deadline: then RankLost is thrown, and the job is over.
+class Transport {
+ public:
+  virtual ~Transport() = default;
+  [[nodiscard]] virtual int rank() const = 0;
+  [[nodiscard]] virtual int size() const = 0;
+
+  /// Sends, and receives what it waits for. No rank sends to itself. \throws RankLost
+  void exchange(std::span<const Outgoing> out, std::span<const Incoming> in);
+  /// The bytes of every rank, one after the other; all ranks give as many. \throws RankLost
+  void all_gather(std::span<const std::byte> mine, std::span<std::byte> all);
+  [[nodiscard]] const Traffic& traffic() const { return traffic_; }
+
+ private:
+  virtual void do_exchange(std::span<const Outgoing> out, std::span<const Incoming> in) = 0;
+  virtual void do_all_gather(std::span<const std::byte> mine, std::span<std::byte> all) = 0;
+  Traffic traffic_;
+};
+
+/// The only rank of a job of one.
+std::unique_ptr<Transport> self_transport();
+
+}  // namespace stiction::distributed

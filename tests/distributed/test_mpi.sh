@@ -1,0 +1,143 @@
+#!/usr/bin/env bash
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# Bits and endings are compared, never times.
+set -uo pipefail
+what=$1 stiction=$2 program=$3 mpiexec=$4
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+# As root, more ranks than cores, in a container: Open MPI 4 and 5 want to be told. Other MPIs read none of it.
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
+export PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe OMPI_MCA_btl_vader_single_copy_mechanism=none
+export OMPI_MCA_orte_execute_quiet=1
+
+fail() {
+  echo "FAILED: $*"
+  exit 1
+}
+
+ranks() {  # ranks N ARGUMENTS...
+  local count=$1
+  shift
+  timeout 200 "$mpiexec" -n "$count" "$program" "$@"
+}
+
+# One process, then 1 to 4 ranks by bisection and 3 at random: the same file of lambda, iterations and residuals.
+compare() {  # compare SCENE SIZE OPTIONS...
+  local scene=$1 size=$2 ranks partition
+  shift 2
+  "$stiction" generate "$scene" --size "$size" --seed 3 --quiet -o "$folder/batch.h5" || fail "generate $scene"
+  "$stiction" solve "$folder/batch.h5" --form bodies --solver si "$@" --json "$folder/one.json" --quiet -o "$folder/one.h5"
+  [ $? -le 1 ] || fail "solve $scene"
+  for ranks in 1 2 3 4; do
+    for partition in bisection random:7; do
+      [ "$partition" = bisection ] || [ "$ranks" -eq 3 ] || continue
+      ranks "$ranks" solve --scene "$scene" --size "$size" --seed 3 --partition "$partition" "$@" --quiet \
+        --json "$folder/ranks.json" -o "$folder/ranks.h5" 2> "$folder/err"
+      [ $? -le 1 ] || fail "$scene, $ranks ranks: $(cat "$folder/err")"
+      "$stiction" diff "$folder/one.h5" "$folder/ranks.h5" || fail "$scene, $ranks ranks, $partition"
+      python3 - "$folder/one.json" "$folder/ranks.json" << 'EOF' || fail "$scene, $ranks ranks, $partition: reports"
+import json, sys
+one, many = (json.load(open(name)) for name in sys.argv[1:])
+for key in ("hash", "iterations", "residual", "unconverged", "law", "precision", "epoch"):
+    if one[key] != many[key]:
+        sys.exit(f"{key}: {one[key]} by one process, {many[key]} by ranks")
+EOF
+      rm "$folder/ranks.h5" "$folder/ranks.json"
+    done
+  done
+  echo "$scene: 5 jobs have the bits of one process, $("$stiction" hash "$folder/one.h5")"
+}
+
+# A job that does not end by itself; sets `job`, and `victim`, the process of one of its ranks.
+start_endless() {  # start_endless RANKS OPTIONS...
+  local count=$1 child
+  shift
+  "$mpiexec" -n "$count" "$program" solve --scene wall --size 8 --tolerance 0 --max-iterations 500000000 "$@" \
+    > "$folder/out" 2> "$folder/err" &
+  job=$!
+  for _ in $(seq 300); do
+    sleep 0.2
+    victims=()
+    for child in $(cat "/proc/$job/task/$job/children" 2> /dev/null); do
+      [ "$(readlink "/proc/$child/exe")" = "$(readlink -f "$program")" ] && victims+=("$child")
+    done
+    [ ${#victims[@]} -eq "$count" ] && break
+  done
+  [ ${#victims[@]} -eq "$count" ] || fail "no $count ranks among the children of $mpiexec: $(cat "$folder/err")"
+  sleep 3  # into the iteration
+  victim=${victims[1]}
+}
+
+# The job has ended, its ranks with it. A watchdog ends one that has not, which then fails.
+finish() {
+  (sleep 100; kill -KILL "${victims[@]}" "$job") 2> /dev/null &
+  local watchdog=$! rank
+  wait "$job"
+  status=$?
+  pkill -P "$watchdog" 2> /dev/null
+  kill "$watchdog" 2> /dev/null
+  cat "$folder/err"
+  [ "$status" -ne 0 ] || fail "the job ended as if nothing had happened"
+  [ "$status" -ne 137 ] || [ "$what" = killed ] || fail "the job did not end by itself"
+  for rank in "${victims[@]}"; do
+    for _ in $(seq 50); do
+      [ -e "/proc/$rank" ] || continue 2
+      sleep 0.1
+    done
+    fail "rank with process $rank is still there"
+  done
+}
+
+case $what in
+  bits)
+    compare wall 5 --max-iterations 200
+    compare wall 3 --max-iterations 5000 --tolerance 1e-6
+    cp "$folder/one.h5" "$folder/start.h5"
+    compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
+    compare pile 40 --max-iterations 150 --precision f32
+    compare pyramid 3 --max-iterations 100 --law convex
+    compare stack 12 --max-iterations 100 --tolerance 0
+    ;;
+  json)
+    ranks 2 solve --scene wall --size 4 --tolerance 0 --max-iterations 64 --json - > "$folder/report.json" 2> "$folder/err"
+    python3 - "$folder/report.json" << 'EOF' || fail "the report"
+import json, sys
+report = json.load(open(sys.argv[1]))
+assert report["ranks"] == 2 and report["partition"] == "bisection" and report["solver"] == "si", report
+assert len(report["per_rank"]) == 2
+assert sum(rank["bodies"] for rank in report["per_rank"]) == report["bodies"]
+assert report["messages"] == sum(rank["messages"] for rank in report["per_rank"]) > 0
+assert report["bytes"] == sum(rank["bytes"] for rank in report["per_rank"]) > 0
+assert report["exchanges"] >= 64 and report["gathers"] > 0
+assert 0 <= report["synchronisation_share"] <= 1
+EOF
+    ;;
+  killed)
+    unset OMPI_MCA_orte_execute_quiet  # which process a signal has ended is mpirun's to say
+    start_endless 3
+    kill -KILL "$victim"
+    finish
+    grep -qi 'signal 9\|killed' "$folder/err" || fail "mpirun does not say that a rank was killed"
+    ;;
+  hung)
+    start_endless 3 --deadline 2
+    kill -STOP "$victim"
+    finish
+    [ "$status" -eq 70 ] || fail "exit status $status, expected 70"
+    [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "not one sentence"
+    grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
+    ;;
+  refused)
+    for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
+      "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
+      "solve --scene wall -o /nowhere/x.h5"; do
+      # shellcheck disable=SC2086
+      ranks 2 $arguments > "$folder/out" 2> "$folder/err"
+      status=$?
+      [ "$status" -eq 2 ] || fail "$arguments: exit status $status, expected 2"
+      [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "$arguments: not one sentence: $(cat "$folder/err")"
+      [ ! -s "$folder/out" ] || fail "$arguments: printed $(cat "$folder/out")"
+      grep '^stiction-mpi: ' "$folder/err"
+    done
+    ;;
+esac
