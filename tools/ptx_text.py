@@ -5,10 +5,11 @@ import re
 BYTES = {"pred": 1, "b8": 1, "u8": 1, "s8": 1, "b16": 2, "u16": 2, "s16": 2, "b32": 4, "u32": 4, "s32": 4, "f32": 4,
          "b64": 8, "u64": 8, "s64": 8, "f64": 8}
 FLOATS = ("f32", "f64")
-#: Values of registers that are no variables. Blocks and grids have one dimension.
-SPECIAL = {"%tid.x": "lane.thread", "%ntid.x": "lane.block_size", "%ctaid.x": "lane.block", "%nctaid.x": "lane.blocks",
-           "%laneid": "(lane.thread % 32)", "%tid.y": "0", "%tid.z": "0", "%ctaid.y": "0", "%ctaid.z": "0",
-           "%ntid.y": "1", "%ntid.z": "1", "%nctaid.y": "1", "%nctaid.z": "1",
+#: Values of registers that are no variables. Blocks have two dimensions, grids one.
+SPECIAL = {"%tid.x": "(lane.thread % lane.width)", "%tid.y": "(lane.thread / lane.width)", "%tid.z": "0",
+           "%ntid.x": "lane.width", "%ntid.y": "(lane.block_size / lane.width)", "%ntid.z": "1",
+           "%ctaid.x": "lane.block", "%ctaid.y": "0", "%ctaid.z": "0",
+           "%nctaid.x": "lane.blocks", "%nctaid.y": "1", "%nctaid.z": "1", "%laneid": "(lane.thread % 32)",
            "%envreg1": "lane.grid_word(1)", "%envreg2": "lane.grid_word(0)"}
 COMPARISONS = {"eq": "==", "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "lo": "<", "ls": "<=", "hi": ">", "hs": ">="}
 UNORDERED = {"equ": "==", "neu": "!=", "ltu": "<", "leu": "<=", "gtu": ">", "geu": ">="}

@@ -12,6 +12,7 @@ struct SolveBodies {
   using Real = typename Method::Real;
   using Args = cuda::BodiesArgs<Real>;
   static constexpr bool kSerial = false;
+  static constexpr bool kTakesDevice = true;  ///< where an environment is large
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {

@@ -16,6 +16,7 @@ template <class Method, Law kLaw, EnvPath kPath, class Real>
 struct SolveTeams {
   using Args = cuda::QueuedJob<Real>;
   static constexpr bool kSerial = false;
+  static constexpr bool kTakesDevice = kPath == EnvPath::sparse;  ///< where an environment is large
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {

@@ -9,6 +9,7 @@
 #include "cuda/native/cuda_device.hpp"
 #include "cuda/native/cuda_kernels.hpp"
 #include "cuda/native/launch_grid.hpp"
+#include "stiction/error.hpp"
 
 namespace stiction::cuda {
 
@@ -123,6 +124,8 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
   if (shape.teams == 0) return;
   const DeviceGuard device(ordinal_);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
+  if (shape.whole_device && !program.may_be_grid)
+    throw Error(ErrorCode::device_failure, std::string(kernel.name) + " has no team of a whole device");
   LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
   const Offset resident = Offset{facts_.processors} * resident_blocks(program, grid.block, grid.shared);
   void* parameters[] = {const_cast<void*>(arguments), &grid.shape};
@@ -131,7 +134,7 @@ void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const vo
   cooperative.val.cooperative = 1;
   cudaLaunchConfig_t config{};
   config.gridDim = dim3(static_cast<unsigned>(blocks_of(shape, grid, resident)));
-  config.blockDim = dim3(static_cast<unsigned>(grid.block));
+  config.blockDim = dim3(static_cast<unsigned>(grid.width), static_cast<unsigned>(grid.block / grid.width));
   config.dynamicSmemBytes = grid.shared;
   config.stream = stream_of(stream);
   config.attrs = &cooperative;

@@ -8,12 +8,12 @@ namespace stiction::cuda {
 struct CudaKernel {
   const void* function;  ///< a __global__ function of (Args, CudaShape)
   bool serial;           ///< every lane is a team of its own
+  bool may_be_grid;      ///< one environment may have all blocks of a launch
 };
 
-/// Beside a program's own arguments.
+/// Beside a program's own arguments. Lanes and teams of a block are its dimensions.
 struct CudaShape {
   long long teams;        ///< that have something to do
-  int lanes;              ///< of a team
   unsigned shared_bytes;  ///< of a team, beside what the team itself keeps
   void* grid_memory;      ///< CudaGridMemory if the whole grid is one team, else null
 };

@@ -9,9 +9,16 @@ namespace stiction::inline STICTION_ISA {
 
 static_assert(sizeof(CudaTeamMemory) == cuda::kTeamBytes && sizeof(CudaGridMemory) == cuda::kGridBytes);
 
+/// Whether one environment may have all blocks of a launch.
+template <class Program>
+inline constexpr bool kMayBeGrid = requires { requires Program::kTakesDevice; };
+
+template <class Program>
+using TeamOf = CudaTeam<kMayBeGrid<Program>>;
+
 /// One copy of the program in a kernel, whatever the team is.
 template <class Program>
-__device__ __noinline__ void run_as(CudaTeam& team, const cuda::TeamId& id, const typename Program::Args& args) {
+__device__ __noinline__ void run_as(TeamOf<Program>& team, const cuda::TeamId& id, const typename Program::Args& args) {
   Program::run(team, id, args);
 }
 
@@ -32,17 +39,18 @@ __global__ void __launch_bounds__(most_threads<Program>(), 1)
     const Offset count = Offset{gridDim.x} * blockDim.x;
     Program::run(team, cuda::TeamId{index, count, nullptr}, args);
   } else {
-    extern __shared__ __align__(16) unsigned char memory[];
-    if (shape.grid_memory != nullptr) {
-      CudaTeam team(static_cast<CudaGridMemory*>(shape.grid_memory));
-      run_as<Program>(team, cuda::TeamId{0, 1, nullptr}, args);
-      return;
+    if constexpr (kMayBeGrid<Program>) {
+      if (shape.grid_memory != nullptr) {
+        TeamOf<Program> team(static_cast<CudaGridMemory*>(shape.grid_memory));
+        run_as<Program>(team, cuda::TeamId{0, 1, nullptr}, args);
+        return;
+      }
     }
-    const int teams_per_block = static_cast<int>(blockDim.x) / shape.lanes;
-    const int own = static_cast<int>(threadIdx.x) / shape.lanes;
-    CudaTeam team(reinterpret_cast<CudaTeamMemory*>(memory) + own, shape.lanes);
+    const int teams_per_block = static_cast<int>(blockDim.y);
+    const int own = static_cast<int>(threadIdx.y);
+    TeamOf<Program> team;
     unsigned char* const shared =
-        memory + teams_per_block * sizeof(CudaTeamMemory) + own * static_cast<std::size_t>(shape.shared_bytes);
+        block_memory() + teams_per_block * sizeof(CudaTeamMemory) + own * static_cast<std::size_t>(shape.shared_bytes);
     const Offset index = Offset{blockIdx.x} * teams_per_block + own;
     const Offset running = Offset{gridDim.x} * teams_per_block;
     // A team beyond those that have memory of their own has nothing to do; it never meets the others at a barrier.
@@ -58,7 +66,8 @@ namespace stiction::cuda {
 struct MakeCudaKernel {
   template <class Program>
   static KernelRef kernel(const char* name) {
-    static const CudaKernel kernel{reinterpret_cast<const void*>(&run_teams<Program>), Program::kSerial};
+    static const CudaKernel kernel{reinterpret_cast<const void*>(&run_teams<Program>), Program::kSerial,
+                                   kMayBeGrid<Program>};
     return {name, &kernel, sizeof(typename Program::Args)};
   }
 };

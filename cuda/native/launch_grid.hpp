@@ -11,6 +11,7 @@ namespace stiction::cuda {
 /// A launch in CUDA's terms, but for how many blocks there are.
 struct LaunchGrid {
   int block = 0;           ///< threads of a block
+  int width = 0;           ///< of these, the first dimension: lanes of a team
   std::size_t shared = 0;  ///< fast memory of a block [bytes]
   Offset teams_per_block = 0;
   CudaShape shape{};
@@ -20,17 +21,19 @@ struct LaunchGrid {
 inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const DeviceFacts& facts, void* grid_memory) {
   const std::size_t own_bytes = in_shared(shape.shared_bytes);
   const auto shared_of = [&](int threads) {
-    return serial || shape.whole_device ? 0
-                                        : static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);
+    if (serial) return std::size_t{0};
+    if (shape.whole_device) return kTeamBytes;
+    return static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);
   };
   LaunchGrid grid;
   grid.block = larger_of(shape.lanes, kTeamThreads);
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
   while (grid.block > larger_of(shape.lanes, kWarp) && 2 * shared_of(grid.block) > facts.resident_shared_bytes)
     grid.block /= 2;
+  grid.width = serial ? grid.block : shape.lanes;
   grid.shared = shared_of(grid.block);
   grid.teams_per_block = serial ? grid.block : grid.block / shape.lanes;
-  grid.shape = {shape.teams, shape.lanes, static_cast<unsigned>(own_bytes), shape.whole_device ? grid_memory : nullptr};
+  grid.shape = {shape.teams, static_cast<unsigned>(own_bytes), shape.whole_device ? grid_memory : nullptr};
   return grid;
 }
 

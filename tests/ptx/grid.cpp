@@ -97,7 +97,14 @@ void Grid::start(const void* arguments) {
   for (u32 i = 0; i < threads_.size(); ++i) {
     Thread& thread = threads_[i];
     const u32 block = i / block_size;
-    thread.lane = {this, i % block_size, block, block_size, blocks_, static_cast<unsigned char*>(shared_[block]), {}};
+    thread.lane = {this,
+                   i % block_size,
+                   block,
+                   block_size,
+                   static_cast<u32>(grid_.width),
+                   blocks_,
+                   static_cast<unsigned char*>(shared_[block]),
+                   {}};
     thread.fiber = boost::context::fiber(std::allocator_arg, Stacks(), [this, &thread](boost::context::fiber&& caller) {
       scheduler_ = std::move(caller);
       kernel_.enter(thread.lane, parameter_.data());

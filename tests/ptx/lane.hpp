@@ -39,6 +39,7 @@ struct Lane {
   u32 thread = 0;  ///< in its block
   u32 block = 0;
   u32 block_size = 0;
+  u32 width = 1;  ///< first dimension of its block
   u32 blocks = 0;
   unsigned char* shared = nullptr;  ///< fast memory of its block
   LaneCounts counts;
