@@ -1,0 +1,150 @@
+"""Worlds of stiction.newton apart from each other, their records, warm starts, and what is refused."""
+
+import numpy as np
+import pytest
+from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, pile, rod, wp
+
+import stiction
+
+# -- worlds -----------------------------------------------------------------------------------------------------------
+
+def test_a_worlds_bits_are_its_own():
+    order = np.array([3, 0, 4, 1, 2])
+    straight = Run(pile(np.arange(5))).step(60, 0.005).q.reshape(5, -1)
+    mixed = Run(pile(order), threads=2).step(60, 0.005).q.reshape(5, -1)
+    alone = Run(pile([3])).step(60, 0.005).q.reshape(1, -1)
+    assert mixed.tobytes() == straight[order].tobytes() and alone.tobytes() == straight[3].tobytes()
+    assert len({row.tobytes() for row in straight}) == 5
+
+
+def test_nan_in_one_world_harms_no_other_and_is_named():
+    clean, dirty = Run(pile(np.arange(5))), Run(pile(np.arange(5)), hold_failed=True)
+    for run in (clean, dirty):
+        run.step(20, 0.005)
+    good = dirty.q.reshape(5, -1)[2]
+    qd = dirty.qd
+    qd[2 * 18 + 7] = np.nan
+    dirty.state.joint_qd.assign(qd)
+    for run in (clean, dirty):
+        run.step(20, 0.005)
+    assert dirty.solver.failed.tolist() == [2] and clean.solver.failed.size == 0
+    keep = [0, 1, 3, 4]
+    assert clean.q.reshape(5, -1)[keep].tobytes() == dirty.q.reshape(5, -1)[keep].tobytes()
+    assert dirty.q.reshape(5, -1)[2].tobytes() == good.tobytes()
+
+
+def test_each_world_has_its_status_and_the_judge_agrees():
+    run = Run(pile(np.arange(4)), tolerance=1e-7).step(60, 0.005)
+    status = run.solver.status
+    assert status.shape == (4,) and (status["code"] == 0).all() and (status["residual"] < 1e-7).all()
+    judged = stiction.verify(run.solver.batch, run.solver.solution)
+    np.testing.assert_allclose(judged[:, 0], status["residual"], rtol=1e-3, atol=1e-12)
+    assert run.solver.solver.stats()["solves"] == 60
+
+
+def test_warm_starts_by_newtons_matching_and_by_shapes():
+    def last_iterations(**options):
+        run = Run(pile(np.arange(3)), **options).step(60, 0.005)
+        before = run.iterations
+        return run.step(60, 0.005).iterations - before
+
+    # Of sweeps: "auto" mixes methods, and counts of them do not compare.
+    cold = last_iterations(solver="npgs", warm_start=0)
+    for how in ("latest", "disabled"):
+        assert last_iterations(solver="npgs", contact_matching=how) < 0.75 * cold
+
+
+def test_a_reset_drops_what_a_world_would_start_from():
+    run = Run(pile(np.arange(3))).step(80, 0.005)
+    mask = wp.array([False, True, False, False], dtype=wp.bool, device="cpu")
+    run.solver.reset(run.state, mask)
+    run.pipeline.collide(run.state, run.contacts)
+    rows = run.solver._rows
+    rows.collect(run.state, run.contacts, np.zeros(54), 0.005)
+    guess = [rows.guess(1.0, 0.005)[rows.offsets[e]:rows.offsets[e + 1]] for e in range(3)]
+    assert guess[0].any() and guess[2].any() and len(guess[1]) and not guess[1].any()
+    run.solver.reset(run.state)
+    assert rows.guess(1.0, 0.005) is None
+
+
+def test_the_same_contacts_may_serve_several_steps_in_place():
+    runs = [Run(pile(np.arange(2))) for _ in range(2)]
+    for _ in range(10):
+        for run in runs:
+            run.pipeline.collide(run.state, run.contacts)
+        for _ in range(3):
+            runs[0].solver.step(runs[0].state, runs[0].state, None, runs[0].contacts, 0.002)
+            runs[1].solver.step(runs[1].state, runs[1].other, None, runs[1].contacts, 0.002)
+            runs[1].state, runs[1].other = runs[1].other, runs[1].state
+    assert runs[0].q.tobytes() == runs[1].q.tobytes()
+
+
+# -- what is refused --------------------------------------------------------------------------------------------------
+
+def loop(builder):
+    links = [builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3))) for _ in range(2)]
+    joints = [builder.add_joint_revolute(-1, links[0]), builder.add_joint_revolute(links[0], links[1])]
+    builder.add_articulation(joints)
+    builder.add_joint_revolute(-1, links[1])
+
+
+def mimic(builder):
+    links = [builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3))) for _ in range(2)]
+    joints = [builder.add_joint_revolute(-1, links[0]), builder.add_joint_revolute(links[0], links[1])]
+    builder.add_articulation(joints)
+    builder.set_joint_mimic(joints[1], joints[0])
+
+
+def stopped_ball(builder):
+    rod(builder, "ball")
+    builder.joint_limit_lower[-1] = -1.0
+
+
+def off(builder):
+    rod(builder, "revolute")
+    builder.joint_enabled[-1] = False
+
+
+REFUSED = {
+    "particles": lambda builder: builder.add_particle((0, 0, 1), (0, 0, 0), 1.0),
+    "DISTANCE": lambda builder: rod(builder, "distance", min_distance=0.1, max_distance=0.2),
+    "outside articulations": loop,
+    "mimic": mimic,
+    "position limits of ball and free joints": stopped_ball,
+    "switched off": off,
+    "without a joint": lambda builder: builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3))),
+}
+
+
+@pytest.mark.parametrize("feature", REFUSED)
+def test_what_the_solver_lacks_is_refused_by_name(feature):
+    builder = newton.ModelBuilder()
+    REFUSED[feature](builder)
+    with pytest.raises(ValueError, match=f"SolverStiction has no .*{feature}"):
+        SolverStiction(builder.finalize(device="cpu"))
+
+
+def test_moving_bodies_of_all_worlds_are_refused():
+    builder = newton.ModelBuilder()
+    box()(builder, 0)
+    for _ in range(2):
+        builder.begin_world()
+        box()(builder, 0)
+        builder.end_world()
+    with pytest.raises(ValueError, match="moving bodies that all worlds share"):
+        SolverStiction(builder.finalize(device="cpu"))
+
+
+def test_more_contacts_than_room_are_an_error_and_not_a_loss():
+    model = on_ground(box())
+    pipeline = newton.CollisionPipeline(model, rigid_contact_max=2)
+    state, contacts = model.state(), pipeline.contacts()
+    pipeline.collide(state, contacts)
+    with pytest.raises(ValueError, match="4 were found and there is room for 2"):
+        SolverStiction(model).step(state, model.state(), None, contacts, 0.01)
+
+
+@pytest.mark.parametrize("options", [{"law": "sticky"}, {"contact_dim": 5}, {"warm_start": 2}])
+def test_options_out_of_range_are_refused(options):
+    with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
+        SolverStiction(hinge(), **options)
