@@ -197,14 +197,14 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
                  shape_body: wp.array[int], body_q: wp.array[wp.transform], body_qd: wp.array[wp.spatial_vector],
                  body_com: wp.array[wp.vec3], body_articulation: wp.array[int], body_link: wp.array[int],
                  dof_start: wp.array[int], dof_count: wp.array[int], J: wp.array3d[float], joint_qd: wp.array[float],
-                 prescribed: wp.array[wp.uint8], mu: wp.array[float], mu_torsional: wp.array[float],
+                 v_free: wp.array[wp.float64], prescribed: wp.array[wp.uint8], mu: wp.array[float], mu_torsional: wp.array[float],
                  mu_rolling: wp.array[float], restitution: wp.array[float], dt: wp.float64, erp: wp.float64,
                  slop: wp.float64, recovery: wp.float64, threshold: wp.float64,
                  # outputs
                  values: wp.array[wp.float64], columns: wp.array[int], target: wp.array[wp.float64],
-                 friction: wp.array[wp.float64]):
+                 friction: wp.array[wp.float64], b: wp.array[wp.float64]):
     """Rows of one contact: how fast shape 1 moves from shape 0 along the normal and two tangents, and turns about them.
-    target is the velocity that the normal row may not fall below."""
+    target is the velocity that the normal row may not fall below, b what the row has beyond it without reactions."""
     t = wp.tid()
     c = which[t]
     s0 = shape0[c]
@@ -252,6 +252,7 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
         # What bodies contribute whose motion is given; and, of the normal row, the speed at the start of the step.
         given = loose_motion(b1, a1, body_qd, linear, angular1) - loose_motion(b0, a0, body_qd, linear, angular0)
         speed = given
+        free = wp.float64(0.0)
         for block in range(2):
             a = first
             if block == 1:
@@ -268,6 +269,7 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
                     if prescribed[d] != wp.uint8(0):
                         given += value * wp.float64(joint_qd[d])
                         value = wp.float64(0.0)
+                    free += value * v_free[d]
                     values[at] = value
                     columns[at] = d - env_dof[t]
                     at += 1
@@ -281,6 +283,7 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
                 least = wp.max(least, -bounce * speed)
         row = row_start[t] + r
         target[row] = least - given
+        b[row] = free - target[row]
         if r == 1 or r == 2:
             friction[row] = wp.float64(0.5) * wp.float64(mu[s0] + mu[s1])
         if r == 3:

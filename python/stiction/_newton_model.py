@@ -30,8 +30,9 @@ def _name(labels, i):
     return f"{i} ({labels[i]})" if i < len(labels) and labels[i] else str(i)
 
 
-def check(model) -> None:
-    """Raises ValueError with one sentence that names the first feature of the model that the solver lacks."""
+def check(model, ignore=()) -> None:
+    """Raises ValueError with one sentence that names the first feature of the model that the solver lacks. ignore: rows
+    of MuJoCo's own, by frequency, that the caller leaves out."""
     if not model.device.is_cpu:
         raise ValueError(f"model: expected one on cpu, got one on {model.device}: build it with "
                          "builder.finalize(device='cpu')")
@@ -42,9 +43,9 @@ def check(model) -> None:
     if int(getattr(model, "constraint_mimic_count", 0) or 0) or (_numpy(model.joint_mimic_joint, int) >= 0).any():
         _refuse("mimic joints")
     for frequency, count in model.custom_frequency_counts.items():
-        if frequency.startswith("mujoco:") and count:
-            _refuse(f"MuJoCo attributes of '{frequency}', of which the model has {count}",
-                    "drives of joints and Control.joint_f, and without SolverMuJoCo.register_custom_attributes")
+        if frequency.startswith("mujoco:") and count and frequency not in ignore:
+            _refuse(f"'{frequency}', of which the model has {count}",
+                    f"drives of joints and Control.joint_f, or ignore=({frequency!r},) to step without them")
     _check_joints(model)
     _check_bodies(model)
 
@@ -93,8 +94,8 @@ class Structure:
     """Where articulations, bodies and degrees of freedom of each world lie. A world is an environment of the batch; a
     model without worlds is one environment."""
 
-    def __init__(self, model):
-        check(model)
+    def __init__(self, model, ignore=()):
+        check(model, ignore)
         kinds = _numpy(model.joint_type, int)
         self.env_count = max(int(model.world_count), 1)
         self.dof_count = int(model.joint_dof_count)

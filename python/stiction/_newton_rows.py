@@ -11,6 +11,8 @@ from ._newton_model import NO_LIMIT
 
 #: Change of velocity [m/s or rad/s] within which a limit is a row. A faster one is corrected in the next step.
 _REACH = 20.0
+#: What a solve in float64 can reach, relative to max |b|.
+_LEAST_TOLERANCE = 1e-13
 _LOWER, _UPPER, _DRY, _CONTACT = range(4)  # the order of a world's rows
 _CONE = np.array([KINDS["unilateral"], KINDS["unilateral"], KINDS["box"], KINDS["friction"]], np.uint8)
 _MOST_PER_PAIR = 1 << 20
@@ -34,7 +36,7 @@ class Rows:
     # -- the rows -----------------------------------------------------------------------------------------------------
 
     def collect(self, state, contacts, v_free, dt):
-        """Finds the rows of this step; fills kinds, dims, offsets, indptr, columns, values, target, mu, lo, hi."""
+        """Finds the rows of this step; fills kinds, dims, offsets, indptr, columns, values, target, mu, lo, hi, b."""
         structure = self._structure
         dofs, classes, bounds = self._of_joints(state, v_free, dt)
         which, envs, entries = self._of_contacts(contacts)
@@ -51,19 +53,20 @@ class Rows:
             raise ValueError("model: expected less than 2^31 entries of contact Jacobians in a step, got "
                              f"{entry_count}")
         self._joint_row, self._contact_row = rows[:joints], rows[joints:].astype(np.int32)
-        self.kinds, self.dims = _CONE[kind[order]], dims[order]
+        self.kinds, self.dims, self._cone_row = _CONE[kind[order]], dims[order], rows[order]
         self.offsets = offsets_of(np.bincount(env, dims, structure.env_count).astype(np.int64))
         self.indptr = offsets_of(np.repeat(entries[order], dims[order]))
         self.values, self.columns = np.zeros(entry_count), np.zeros(entry_count, np.int32)
-        self.target, self.mu, self.lo, self.hi = (np.zeros(self.row_count) for _ in range(4))
+        self.target, self.mu, self.lo, self.hi, self.b = (np.zeros(self.row_count) for _ in range(5))
         at, row = ends[:joints], self._joint_row
         self.values[at] = np.where(classes == _UPPER, -1.0, 1.0)
         self.columns[at] = dofs - structure.env_dofs[env[:joints]]
         dry = classes == _DRY
         self.target[row] = np.where(dry, 0.0, bounds)
+        self.b[row] = self.values[at] * v_free[dofs] - self.target[row]
         self.lo[row], self.hi[row] = np.where(dry, -bounds, 0.0), np.where(dry, bounds, 0.0)
         if len(which):
-            self._fill(state, contacts, ends[joints:].astype(np.int32), envs, dt)
+            self._fill(state, contacts, v_free, ends[joints:].astype(np.int32), envs, dt)
 
     @staticmethod
     def _starts(order, sizes):
@@ -137,21 +140,35 @@ class Rows:
                 contacts.rigid_contact_point1, contacts.rigid_contact_offset0, contacts.rigid_contact_offset1,
                 contacts.rigid_contact_normal]
 
-    def _fill(self, state, contacts, entry_start, envs, dt):
+    def _fill(self, state, contacts, v_free, entry_start, envs, dt):
         """The contacts' part of the arrays, by Warp, in place."""
         model, over = self._model, self._over
         env_dof = self._structure.env_dofs[envs].astype(np.int32)
         wp.launch(kernels.contact_rows, len(self._which), [
             over(self._which, int), over(self._contact_row, int), over(entry_start, int), over(env_dof, int),
             self._dim, *self._geometry(contacts), contacts.rigid_contact_margin0, contacts.rigid_contact_margin1,
-            model.shape_body, state.body_q, state.body_qd, model.body_com, *self._link, self._J, state.joint_qd, self._prescribed,
+            model.shape_body, state.body_q, state.body_qd, model.body_com, *self._link, self._J, state.joint_qd,
+            over(v_free, wp.float64), self._prescribed,
             model.shape_material_mu, model.shape_material_mu_torsional, model.shape_material_mu_rolling,
             model.shape_material_restitution, dt, self._erp, self._slop, self._recovery, self._threshold],
             [over(self.values, wp.float64), over(self.columns, int), over(self.target, wp.float64),
-             over(self.mu, wp.float64)], device=model.device)
+             over(self.mu, wp.float64), over(self.b, wp.float64)], device=model.device)
 
     def _over(self, array, dtype):
         return wp.array(array, dtype=dtype, device=self._model.device, copy=False)
+
+    def tolerances(self, tolerance):
+        """Of each world, on the residual divided by max |b|. That maximum may be of a contact far off, which forbids an
+        approach by its gap / dt: here tolerance is a share of the largest b of the rows that need a reaction."""
+        env_count = self._structure.env_count
+        cone_env = np.searchsorted(self.offsets, self._cone_row, side="right") - 1
+        largest, needed = np.zeros(env_count), np.zeros(env_count)
+        of_cone = np.fmax.reduceat(np.abs(self.b), self._cone_row) if len(self._cone_row) else np.zeros(0)
+        needs = (self.b[self._cone_row] < 0) | (self.kinds == _CONE[_DRY])
+        np.fmax.at(largest, cone_env, of_cone)
+        np.fmax.at(needed, cone_env[needs], of_cone[needs])
+        share = np.where((needed > 0) & (largest > 0), needed / np.where(largest > 0, largest, 1), 1)
+        return np.maximum(tolerance * share, _LEAST_TOLERANCE)
 
     # -- warm starts --------------------------------------------------------------------------------------------------
 

@@ -33,13 +33,15 @@ class SolverStiction(newton.solvers.SolverBase):
 
     model: on the CPU. What the solver lacks is refused by a ValueError that names it.
     law: "coulomb", exact friction, or "convex", as MuJoCo's and Drake's.
-    solver, tolerance, max_iterations, threads: as of stiction.Solver. tolerance is on each world's relative residual.
+    solver, max_iterations, threads: as of stiction.Solver.
+    tolerance: on each world's residual, divided by the largest velocity that its contacts and limits have to change.
     contact_dim: rows of a contact, 3; 4 with torsional friction (mu_torsional); 6 with rolling friction, too.
     erp: share of a penetration undone in a step, not faster than recovery_speed [m/s]; slop [m] is left alone.
     restitution_threshold: closing speed [m/s] above which shapes bounce.
     warm_start: share of a row's last impulse, by length of the step, that a solve starts from; 0: from none.
     hold_failed: leave a world as it was whose solve had no usable input or answer (NaN in its state, for instance).
         Else such a world's bodies get the velocities that the solve returned, which may be NaN.
+    ignore: what of MuJoCo's own in the model to step without, as "mujoco:actuator" of an MJCF file; else it is refused.
 
     Attributes: solver, the stiction.Solver, with stats(). Of the last step: status, failed, and batch and solution, for
     stiction.verify.
@@ -49,7 +51,7 @@ class SolverStiction(newton.solvers.SolverBase):
 
     def __init__(self, model, *, law="coulomb", solver="auto", tolerance=1e-6, max_iterations=1000, threads=0,
                  contact_dim=3, erp=0.2, slop=0.0, recovery_speed=1.0, restitution_threshold=0.1, warm_start=1.0,
-                 hold_failed=False):
+                 hold_failed=False, ignore=()):
         super().__init__(model)
         if contact_dim not in (3, 4, 6):
             raise ValueError(f"contact_dim: expected 3, 4 or 6, got {contact_dim!r}")
@@ -60,7 +62,7 @@ class SolverStiction(newton.solvers.SolverBase):
         self.solver = Solver(device="cpu", solver=solver, tolerance=tolerance, max_iterations=max_iterations,
                              threads=threads)
         self.law, self.hold_failed = law, bool(hold_failed)
-        self._share = float(warm_start)
+        self._share, self._ignore = float(warm_start), tuple(ignore)
         self._options = (int(contact_dim), float(erp), float(slop), float(recovery_speed),
                          float(restitution_threshold))
         self.batch = self.solution = None
@@ -98,7 +100,8 @@ class SolverStiction(newton.solvers.SolverBase):
         self.batch = Batch.from_jacobian(
             rows.values, self._factor.numpy(), self._v_free.numpy(), rows.target, kinds=rows.kinds, dims=rows.dims,
             offsets=rows.offsets, dof_offsets=structure.env_dofs, indptr=rows.indptr, indices=rows.columns,
-            mass_block=structure.mass_block, mass_form="factor", mu=rows.mu, lo=rows.lo, hi=rows.hi, law=self.law)
+            mass_block=structure.mass_block, mass_form="factor", mu=rows.mu, lo=rows.lo, hi=rows.hi, law=self.law,
+            env_tolerance=rows.tolerances(self.solver.tolerance))
         guess = rows.guess(self._share, dt) if self._share > 0 else None
         self.solution = self.solver.solve(self.batch, warm_start=guess)
         self._advance(state_in, state_out, dt)
@@ -120,7 +123,7 @@ class SolverStiction(newton.solvers.SolverBase):
 
     def _read_model(self):
         model = self.model
-        self._structure = structure = Structure(model)
+        self._structure = structure = Structure(model, self._ignore)
         self._failed = np.zeros(structure.env_count, bool)
         most, links = model.max_dofs_per_articulation, model.max_joints_per_articulation
 

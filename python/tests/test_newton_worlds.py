@@ -6,6 +6,8 @@ from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, pi
 
 import stiction
 
+G = 9.81
+
 # -- worlds -----------------------------------------------------------------------------------------------------------
 
 def test_a_worlds_bits_are_its_own():
@@ -42,9 +44,22 @@ def test_each_world_has_its_status_and_the_judge_agrees():
     assert run.solver.solver.stats()["solves"] == 60
 
 
+def test_a_contact_far_off_loosens_no_tolerance():
+    def add(builder, world):
+        box()(builder, world)
+        body = builder.add_body(xform=wp.transform((0, 0, 0.37), wp.quat_identity()))
+        builder.add_shape_sphere(body, radius=0.1)  # 70 mm above the box, and seen
+    run = Run(on_ground(add), tolerance=1e-5).step(1, 1e-4)
+    contacts = int(run.contacts.rigid_contact_count.numpy()[0])
+    b = run.solver._rows.b.reshape(-1, 3)
+    assert contacts == 5 and np.abs(b).max() > 600
+    # What has to change is the box's free fall of a step, g dt, and not the sphere's gap / dt.
+    assert run.solver.status["residual_abs"] <= 1e-5 * G * 1e-4 * 1.001
+
+
 def test_warm_starts_by_newtons_matching_and_by_shapes():
     def last_iterations(**options):
-        run = Run(pile(np.arange(3)), **options).step(60, 0.005)
+        run = Run(pile(np.arange(3)), tolerance=1e-4, **options).step(60, 0.005)
         before = run.iterations
         return run.step(60, 0.005).iterations - before
 
