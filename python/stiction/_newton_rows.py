@@ -158,8 +158,8 @@ class Rows:
         return wp.array(array, dtype=dtype, device=self._model.device, copy=False)
 
     def tolerances(self, tolerance):
-        """Of each world, on the residual divided by max |b|. That maximum may be of a contact far off, which forbids an
-        approach by its gap / dt: here tolerance is a share of the largest b of the rows that need a reaction."""
+        """Of each world, on the residual divided by max |b|. That maximum may be of a contact far off, whose b is about
+        its gap / dt. So tolerance is taken as a share of the largest b of cones that need a reaction."""
         env_count = self._structure.env_count
         cone_env = np.searchsorted(self.offsets, self._cone_row, side="right") - 1
         largest, needed = np.zeros(env_count), np.zeros(env_count)

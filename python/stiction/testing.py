@@ -22,7 +22,7 @@ def assert_permutation_invariant(run, environments, *, shuffles=2, seed=0):
     bits. NaN equals NaN of the same bits; 0 and -0 differ.
 
     run: takes a list of environments, returns one result for each in the same order. A result is an array, a number, or
-        a tuple, list or dict of results; arrays of PyTorch, JAX, CuPy and Warp are copied to the host. run must start
+        a tuple, list or dict of results. Arrays of PyTorch, JAX, CuPy and Warp are copied to the host. run must start
         anew in each call: what it keeps from the last one (warm starts, states, random numbers) is part of the answer.
     environments: what run takes a list of, at least one: seeds, states, matrices.
     shuffles: how many random orders; seed: of them.

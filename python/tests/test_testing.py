@@ -45,7 +45,7 @@ def test_it_passes_rollouts_of_mujoco():
     assert_permutation_invariant(rollout, range(5))
 
 
-def stub(lean):
+def leaning(lean):
     """A solver whose answers lean on something else than the environment."""
     def run(environments):
         total = np.float32(sum(float(b.sum()) for _, b in environments))
@@ -61,11 +61,11 @@ def stub(lean):
 ])
 def test_it_catches_a_solver_that_leans_on(lean):
     with pytest.raises(AssertionError, match=r"environment \d of 6 returned other bits at place \d+ of \d+ .*differ"):
-        assert_permutation_invariant(stub(lean), matrices())
+        assert_permutation_invariant(leaning(lean), matrices())
 
 
-def test_an_honest_stub_passes():
-    assert_permutation_invariant(stub(lambda *_: np.float32(0)), matrices())
+def test_an_honest_solver_passes():
+    assert_permutation_invariant(leaning(lambda *_: np.float32(0)), matrices())
 
 
 def test_one_bit_is_enough_and_is_named():
