@@ -4,11 +4,11 @@
     PYTHONPATH=build/python bench/studies/newton_side_by_side.py [--only SCENE ...] [--solvers NAME ...] [-o FOLDER]
 
 Needs newton and, for SolverMuJoCo, what `pip install "newton[sim]"` brings. Each scene is stepped for its time by each
-solver at the scene's step and, for "mujoco", with MuJoCo's C implementation and Newton's contacts turned into its
-own. After each step Newton's collision pipeline finds the contacts anew, and the table has the deepest penetration. It
-also has the fastest body in the last tenth of a second, how far bodies moved in the second half, and the scene's own
-sign of success. Of stiction also the residuals: its own, and that of the judge of shared/tools/check_solution.py where it is
-at hand. Writes FOLDER/newton_side_by_side.csv.
+solver, with the same step. "mujoco" is MuJoCo's C implementation, which finds contacts of its own. After each step
+Newton's collision pipeline finds the contacts anew, and the table has the deepest penetration. It has the fastest body
+in the last tenth of a second, and how far bodies moved in the second half. Each scene has a sign of success of its
+own. Of stiction also the residuals: its own, and that of the judge shared/tools/check_solution.py where it is at hand.
+Writes FOLDER/newton_side_by_side.csv.
 """
 
 import argparse

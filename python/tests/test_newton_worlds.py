@@ -1,10 +1,14 @@
 """Worlds of stiction.newton apart from each other, their records, warm starts, and what is refused."""
 
+import runpy
+
 import numpy as np
 import pytest
+from conftest import ROOT
 from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, pile, rod, wp
 
 import stiction
+from stiction.testing import assert_permutation_invariant
 
 G = 9.81
 
@@ -17,6 +21,18 @@ def test_a_worlds_bits_are_its_own():
     alone = Run(pile([3])).step(60, 0.005).q.reshape(1, -1)
     assert mixed.tobytes() == straight[order].tobytes() and alone.tobytes() == straight[3].tobytes()
     assert len({row.tobytes() for row in straight}) == 5
+
+
+def test_the_public_check_passes_worlds():
+    def rollout(worlds):
+        return list(Run(pile(worlds)).step(40, 0.005).q.reshape(len(worlds), -1))
+    assert_permutation_invariant(rollout, range(2), shuffles=1)
+
+
+def test_the_example_slides_as_the_formula_says(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["08_newton.py", "--worlds", "5"])
+    runpy.run_path(str(ROOT / "examples" / "python" / "08_newton.py"), run_name="__main__")
+    assert len(capsys.readouterr().out.strip().splitlines()) == 6
 
 
 def test_nan_in_one_world_harms_no_other_and_is_named():
