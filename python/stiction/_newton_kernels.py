@@ -336,18 +336,19 @@ def turned(r: wp.quatd, spin: wp.vec3d, dt: wp.float64):
 def move_joints(joint_type: wp.array[int], joint_child: wp.array[int], joint_q_start: wp.array[int],
                 joint_qd_start: wp.array[int], joint_X_c: wp.array[wp.transform], body_com: wp.array[wp.vec3],
                 joint_env: wp.array[int], held: wp.array[wp.uint8], joint_q: wp.array[float],
-                joint_qd: wp.array[float], velocity: wp.array[wp.float64], dt: wp.float64,
+                velocity: wp.array[wp.float64], dt: wp.float64, good_q: wp.array[float], good_qd: wp.array[float],
                 # outputs
                 joint_q_new: wp.array[float], joint_qd_new: wp.array[float]):
-    """Coordinates of a joint after a step of the velocity that the solve has found; those of held worlds stay."""
+    """Coordinates of a joint after a step of the velocity that the solve has found. Those of held worlds are the last
+    good ones."""
     j = wp.tid()
     q0 = joint_q_start[j]
     d0 = joint_qd_start[j]
     if held[joint_env[j]] != wp.uint8(0):
         for i in range(joint_q_start[j + 1] - q0):
-            joint_q_new[q0 + i] = joint_q[q0 + i]
+            joint_q_new[q0 + i] = good_q[q0 + i]
         for i in range(joint_qd_start[j + 1] - d0):
-            joint_qd_new[d0 + i] = joint_qd[d0 + i]
+            joint_qd_new[d0 + i] = good_qd[d0 + i]
         return
     if joint_type[j] == _FREE or joint_type[j] == _BALL:
         linear = int(0)

@@ -84,8 +84,10 @@ def _check_bodies(model):
     for body in np.flatnonzero(moved & ~carried):
         _refuse(f"bodies without a joint, as body {_name(model.body_label, body)} is",
                 "a joint for each body that moves (add_body makes a free one)")
-    if model.world_count > 1:
-        for body in np.flatnonzero((_numpy(model.body_world, int) < 0) & moved):
+    if model.world_count > 1:  # a kinematic one may have no joint: it is then where body_q says, for all of them
+        free = np.diff(_numpy(model.joint_qd_start, int)) > 0
+        for j in np.flatnonzero((_numpy(model.joint_world, int) < 0) & free):
+            body = _numpy(model.joint_child, int)[j]
             _refuse(f"moving bodies that all worlds share, as body {_name(model.body_label, body)}",
                     "each moving body in one world")
 
@@ -106,6 +108,7 @@ class Structure:
         env_of = self._env_of(_numpy(model.articulation_world, int))
         self.joint_env = self._env_of(_numpy(model.joint_world, int)).astype(np.int32)
         self.dof_env = np.repeat(self.joint_env, np.diff(qd_start))
+        self.coordinate_env = np.repeat(self.joint_env, np.diff(_numpy(model.joint_q_start, int)))
         count = np.bincount(self.dof_env, minlength=self.env_count) if self.dof_count else \
             np.zeros(self.env_count, int)
         self.env_dofs = offsets_of(count)

@@ -39,8 +39,8 @@ class SolverStiction(newton.solvers.SolverBase):
     erp: share of a penetration undone in a step, not faster than recovery_speed [m/s]; slop [m] is left alone.
     restitution_threshold: closing speed [m/s] above which shapes bounce.
     warm_start: share of a row's last impulse, by length of the step, that a solve starts from; 0: from none.
-    hold_failed: leave a world as it was whose solve had no usable input or answer (NaN in its state, for instance).
-        Else such a world's bodies get the velocities that the solve returned, which may be NaN.
+    hold_failed: put a world back to its last good state whose step had no usable input or answer (NaN in its state,
+        for instance). Else its bodies get the velocities that the solve returned, which may be NaN.
     ignore: what of MuJoCo's own in the model to step without, as "mujoco:actuator" of an MJCF file; else it is refused.
 
     Attributes: solver, the stiction.Solver, with stats(). Of the last step: status, failed, and batch and solution, for
@@ -66,6 +66,7 @@ class SolverStiction(newton.solvers.SolverBase):
         self._options = (int(contact_dim), float(erp), float(slop), float(recovery_speed),
                          float(restitution_threshold))
         self.batch = self.solution = None
+        self._good = wp.clone(model.joint_q), wp.clone(model.joint_qd)  # what failed worlds are put back to
         self._read_model()
 
     @property
@@ -104,11 +105,11 @@ class SolverStiction(newton.solvers.SolverBase):
             env_tolerance=rows.tolerances(self.solver.tolerance))
         guess = rows.guess(self._share, dt) if self._share > 0 else None
         self.solution = self.solver.solve(self.batch, warm_start=guess)
-        self._advance(state_in, state_out, dt)
         rows.keep(self.solution.lambda_, dt)
         if observables is not None and observables.is_requested(self.ObservableKind.CONTACT_F):
             observables.contact_f.zero_()
             rows.write_forces(self.solution.lambda_, state_in, contacts, dt, observables.contact_f)
+        self._advance(state_in, state_out, dt)  # last: the states may be one
 
     def reset(self, state, world_mask=None, flags=None):
         """Drops what the next solve of those worlds would start from."""
@@ -169,10 +170,16 @@ class SolverStiction(newton.solvers.SolverBase):
         finite = np.isfinite(velocity)
         self._failed = np.isin(self.solution.status["code"], _UNUSABLE)
         self._failed[structure.dof_env[~finite]] = True
+        self._failed[structure.coordinate_env[~np.isfinite(state_in.joint_q.numpy())]] = True
         held = self._failed if self.hold_failed else np.zeros_like(self._failed)
         wp.launch(kernels.move_joints, model.joint_count, [
             model.joint_type, model.joint_child, model.joint_q_start, model.joint_qd_start, model.joint_X_c,
             model.body_com, self._joint_env, wp.array(held.astype(np.uint8), device=model.device), state_in.joint_q,
-            state_in.joint_qd, wp.array(velocity, dtype=wp.float64, device=model.device, copy=False), dt],
+            wp.array(velocity, dtype=wp.float64, device=model.device, copy=False), dt, *self._good],
             [state_out.joint_q, state_out.joint_qd], device=model.device)
         newton.eval_fk(model, state_out.joint_q, state_out.joint_qd, state_out)
+        if self.hold_failed:
+            for good, new, env in zip(self._good, (state_out.joint_q, state_out.joint_qd),
+                                      (structure.coordinate_env, structure.dof_env)):
+                well = ~self._failed[env]
+                good.numpy()[well] = new.numpy()[well]

@@ -23,6 +23,42 @@ def test_a_worlds_bits_are_its_own():
     assert len({row.tobytes() for row in straight}) == 5
 
 
+def test_worlds_of_different_sizes_step_together():
+    def add(builder, world):
+        if world == 1:
+            builder.add_shape_sphere(-1, radius=0.1)  # nothing in it that moves
+            return
+        for level in range(world + 1):
+            box(height=0.1 + 0.3 * level)(builder, world)
+        if world == 2:  # and articulations of another size
+            rod(builder, "revolute", axis=(1, 0, 0))
+    run = Run(on_ground(add, 4)).step(100, 0.005)
+    assert run.solver.status.shape == (4,) and not run.solver.status["code"].any() and not run.solver.failed.size
+    heights = run.state.body_q.numpy()[:, 2]
+    worlds = run.model.body_world.numpy()
+    np.testing.assert_allclose(heights[worlds == 0], [0.1], atol=1e-5)
+    np.testing.assert_allclose(heights[worlds == 2], [0.1, 0.3, 0.5, 0], atol=1e-4)
+    np.testing.assert_allclose(heights[worlds == 3], [0.1, 0.3, 0.5, 0.7], atol=1e-4)
+
+
+def test_a_body_without_a_joint_that_all_worlds_share_carries_what_lies_on_it():
+    builder = newton.ModelBuilder()
+    belt = builder.add_link(xform=wp.transform((0, 0, 0.5), wp.quat_identity()), is_kinematic=True)
+    builder.add_shape_plane(body=belt, width=0.0, length=0.0)
+    for _ in range(2):
+        builder.begin_world()
+        box(height=0.6)(builder, 0)
+        builder.end_world()
+    run = Run(builder.finalize(device="cpu"))
+    speeds = run.state.body_qd.numpy()
+    speeds[0] = [0.5, 0, 0, 0, 0, 0]
+    for state in (run.state, run.other):
+        state.body_qd.assign(speeds)
+    run.step(100, 0.005)
+    np.testing.assert_allclose(run.qd, [0.5, 0, 0, 0, 0, 0] * 2, atol=1e-4)
+    np.testing.assert_allclose(run.state.body_qd.numpy()[0], speeds[0])
+
+
 def test_the_public_check_passes_worlds():
     def rollout(worlds):
         return list(Run(pile(worlds)).step(40, 0.005).q.reshape(len(worlds), -1))
@@ -39,16 +75,28 @@ def test_nan_in_one_world_harms_no_other_and_is_named():
     clean, dirty = Run(pile(np.arange(5))), Run(pile(np.arange(5)), hold_failed=True)
     for run in (clean, dirty):
         run.step(20, 0.005)
-    good = dirty.q.reshape(5, -1)[2]
-    qd = dirty.qd
+    good, qd = dirty.q.reshape(5, -1)[2], dirty.qd
+    good_qd = qd.reshape(5, -1)[2].copy()
     qd[2 * 18 + 7] = np.nan
     dirty.state.joint_qd.assign(qd)
     for run in (clean, dirty):
-        run.step(20, 0.005)
+        run.step(1, 0.005)
     assert dirty.solver.failed.tolist() == [2] and clean.solver.failed.size == 0
+    assert dirty.q.reshape(5, -1)[2].tobytes() == good.tobytes()
+    assert dirty.qd.reshape(5, -1)[2].tobytes() == good_qd.tobytes()
+    for run in (clean, dirty):
+        run.step(20, 0.005)
+    assert dirty.solver.failed.size == 0 and np.isfinite(dirty.q).all()  # it goes on from there
     keep = [0, 1, 3, 4]
     assert clean.q.reshape(5, -1)[keep].tobytes() == dirty.q.reshape(5, -1)[keep].tobytes()
-    assert dirty.q.reshape(5, -1)[2].tobytes() == good.tobytes()
+
+
+@pytest.mark.parametrize("name", ["joint_q", "joint_qd"])
+def test_nan_without_contact_is_a_failure_too(name):
+    run = Run(hinge(0.1))
+    getattr(run.state, name).assign(np.array([np.nan], np.float32))
+    run.step(1, 0.005)
+    assert run.solver.failed.tolist() == [0]
 
 
 def test_each_world_has_its_status_and_the_judge_agrees():
@@ -155,9 +203,11 @@ def test_what_the_solver_lacks_is_refused_by_name(feature):
         SolverStiction(builder.finalize(device="cpu"))
 
 
-def test_moving_bodies_of_all_worlds_are_refused():
+@pytest.mark.parametrize("kinematic", [False, True])
+def test_moving_bodies_of_all_worlds_are_refused(kinematic):
     builder = newton.ModelBuilder()
-    box()(builder, 0)
+    body = builder.add_body(is_kinematic=kinematic)
+    builder.add_shape_sphere(body, radius=0.1)
     for _ in range(2):
         builder.begin_world()
         box()(builder, 0)
