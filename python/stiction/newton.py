@@ -170,7 +170,6 @@ class SolverStiction(newton.solvers.SolverBase):
         finite = np.isfinite(velocity)
         self._failed = np.isin(self.solution.status["code"], _UNUSABLE)
         self._failed[structure.dof_env[~finite]] = True
-        self._failed[structure.coordinate_env[~np.isfinite(state_in.joint_q.numpy())]] = True
         held = self._failed if self.hold_failed else np.zeros_like(self._failed)
         wp.launch(kernels.move_joints, model.joint_count, [
             model.joint_type, model.joint_child, model.joint_q_start, model.joint_qd_start, model.joint_X_c,
