@@ -9,7 +9,6 @@ they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoC
 docs/mujoco.md.
 """
 
-import collections.abc
 import time
 
 import mujoco
@@ -18,7 +17,9 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
+from ._mujoco_data import Simulations, check_data
 from ._mujoco_derivative import pull
+from ._mujoco_hold import Held
 from ._mujoco_layout import LayoutError, address, layout
 from ._solution import SOLVED, Solution
 from ._solver import Solver
@@ -27,58 +28,6 @@ __all__ = ["BatchedSimulation", "LayoutError", "gather"]
 
 _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
-
-
-def _check_data(model, i, one):
-    """Raises TypeError or ValueError for what is no mjData of that model."""
-    if not isinstance(one, mujoco.MjData):
-        raise TypeError(f"data[{i}]: expected a mujoco.MjData, got {type(one).__name__}")
-    if one.model._address != model._address:
-        raise ValueError(f"data[{i}]: expected data of this simulation's model, got data of another one: make it with "
-                         "mujoco.MjData(simulation.model)")
-
-
-class Simulations(collections.abc.Sequence):
-    """The mujoco.MjData of a BatchedSimulation. One may be replaced by another of the same model, `data[i] = other`; what
-    its constraints would have started from is dropped then. Raises TypeError or ValueError for anything else."""
-
-    def __init__(self, model, data):
-        self._model, self._data, self._core = model, [], None
-        self._places = {}  # address -> simulation
-        self.replaced = 0  #: how many times one was replaced: views of their arrays are old then
-        for i, one in enumerate(data):
-            self._data.append(self._checked(i, one))
-            self._places[one._address] = i
-
-    def __len__(self):
-        return len(self._data)
-
-    def __getitem__(self, i):
-        return self._data[i]
-
-    def __repr__(self):
-        return repr(self._data)
-
-    def __setitem__(self, i, one):
-        if not isinstance(i, (int, np.integer)):
-            raise TypeError(f"data: expected one simulation at a time, data[i] = ..., got {i!r}")
-        if not -len(self) <= i < len(self):
-            raise IndexError(f"data: expected a simulation in 0..{len(self) - 1}, got {i}")
-        i = int(i) % len(self)
-        if one is self._data[i]:
-            return
-        one = self._checked(i, one)
-        self._core.replace(i, one._address)
-        del self._places[self._data[i]._address]
-        self._data[i], self._places[one._address] = one, i
-        self.replaced += 1
-
-    def _checked(self, i, one):
-        _check_data(self._model, i, one)
-        if one._address in self._places:
-            raise ValueError(f"data[{i}]: expected data of its own, got that of simulation {self._places[one._address]}: "
-                             "two threads would write to it")
-        return one
 
 
 class BatchedSimulation:
@@ -94,6 +43,8 @@ class BatchedSimulation:
     warm_start: 0: solves start from the free acceleration and no reaction. Else "auto" starts a model of up to 64
         degrees of freedom from qacc_warmstart, as MuJoCo does. Other solvers start a constraint from this part of its
         last reaction, by geoms and joints.
+    hold_failed: put a simulation back to its last good state where a step ends in NaN, or MuJoCo resets it for that.
+        `failed` has their indices. Costs a copy of the states.
 
     Attributes: model; data, a sequence of mujoco.MjData; solver. seconds is a dict of wall-clock seconds since the
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
@@ -103,7 +54,8 @@ class BatchedSimulation:
     plugins, delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
     """
 
-    def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95):
+    def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95,
+                 hold_failed=False):
         self._model = model
         is_given = isinstance(n, (list, tuple, Simulations))
         self._data = Simulations(model, n if is_given else [mujoco.MjData(model) for _ in range(n)])
@@ -130,6 +82,7 @@ class BatchedSimulation:
         self._functions = {}
         self._tolerance, self._iterations = [], []
         self._active = None
+        self._held = Held(model, len(self._data)) if hold_failed else None
         self.seconds = {}
         self.clear()
 
@@ -151,6 +104,11 @@ class BatchedSimulation:
         return f"<stiction.mujoco.BatchedSimulation of {len(self)}, {solver}>"
 
     @property
+    def failed(self):
+        """Indices of simulations whose last step failed and was taken back; None without hold_failed."""
+        return None if self._held is None else np.flatnonzero(self._held.failed)
+
+    @property
     def starts_from_reactions(self):
         """Whether solves start from the reactions of the step before, which are kept here and not in mjData."""
         return self._warm and not self._own and not self._core.starts_from_accelerations()
@@ -163,7 +121,16 @@ class BatchedSimulation:
         self._activate(active)
         if ctrl is not None:
             self._write_ctrl(ctrl)
-        for _ in range(int(nstep)):
+        if self._held is None:
+            return self._advance(int(nstep))
+        chosen = self._held.before(self.data, self._active)
+        self._activate(chosen)
+        self._advance(int(nstep))
+        self._held.after(self.data, chosen)
+        self.reset_warm_start(self.failed)
+
+    def _advance(self, nstep):
+        for _ in range(nstep):
             self._smooth(first=True)
             self._constrain()
             start = time.perf_counter()
@@ -335,7 +302,7 @@ def gather(model, data, **options):
     if not places:
         raise ValueError("data: expected at least one mujoco.MjData, got none")
     for i, one in enumerate(places):
-        _check_data(model, i, one)
+        check_data(model, i, one)
     _refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
