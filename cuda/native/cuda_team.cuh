@@ -162,7 +162,7 @@ class CudaTeam {
     return box.value;
   }
 
-  /// The same of larger values. A second barrier in place of a second slot: within a warp it costs nothing.
+  /// f() of the first lane by way of memory. A second barrier stands for a second slot: within a warp it costs nothing.
   template <class T, class F>
   __device__ T through_slot(F&& f) const {
     T* const slot = reinterpret_cast<T*>(memory().slot[0]);
