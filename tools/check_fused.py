@@ -61,13 +61,18 @@ def is_written(path, number, read=source):
 def findings(text, label, read=source):
     """What is fused in a disassembly with line numbers, and what of it was not written: (count, sentences)."""
     found, count, function, where = [], 0, "?", None
-    for line in text.splitlines():
-        header, place = FUNCTION.match(line), LINE.match(line)
-        if header:
-            function, where = header.group(1), None
-        elif place:
-            where = place.group(1), int(place.group(2))
-        operation = FUSED.search(line)
+    for line in text.splitlines():  # millions, and few are of interest: which kind a line is of shows without a pattern
+        if line.startswith("/"):
+            place = LINE.match(line)
+            if place:
+                where = place.group(1), int(place.group(2))
+            continue
+        if line.endswith(">:"):
+            header = FUNCTION.match(line)
+            if header:
+                function, where = header.group(1), None
+            continue
+        operation = FUSED.search(line) if "\tvf" in line else None
         if not operation:
             continue
         count += 1
