@@ -60,22 +60,22 @@ def is_written(path, number, read=source):
 
 def findings(text, label, read=source):
     """What is fused in a disassembly with line numbers, and what of it was not written: (count, sentences)."""
-    found, count, function, where = [], 0, "?", None
+    found, count, function, last = [], 0, "?", ""
     for line in text.splitlines():  # millions, and few are of interest: which kind a line is of shows without a pattern
         if line.startswith("/"):
-            place = LINE.match(line)
-            if place:
-                where = place.group(1), int(place.group(2))
+            last = line
             continue
         if line.endswith(">:"):
             header = FUNCTION.match(line)
             if header:
-                function, where = header.group(1), None
+                function, last = header.group(1), ""
             continue
         operation = FUSED.search(line) if "\tvf" in line else None
         if not operation:
             continue
         count += 1
+        place = LINE.match(last)
+        where = (place.group(1), int(place.group(2))) if place else None
         at = f"{where[0]}:{where[1]}" if where else "no line"
         if ALTERNATING.match(operation.group(1)):
             found.append(f"{label}: {operation.group(1)} in {function} ({at}): nothing alternating is ever written")

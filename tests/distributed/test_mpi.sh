@@ -94,9 +94,7 @@ case $what in
     compare wall 3 --max-iterations 5000 --tolerance 1e-6
     cp "$folder/one.h5" "$folder/start.h5"
     compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
-    compare pile 40 --max-iterations 150 --precision f32
-    compare pyramid 3 --max-iterations 100 --law convex
-    compare stack 12 --max-iterations 100 --tolerance 0
+    compare pile 40 --max-iterations 150 --precision f32 --law convex
     ;;
   json)
     ranks 2 solve --scene wall --size 4 --tolerance 0 --max-iterations 64 --json - > "$folder/report.json" 2> "$folder/err"
