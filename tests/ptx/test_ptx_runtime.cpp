@@ -34,7 +34,7 @@ void launch_teams(const std::string& name, int lanes, u32* out, std::size_t shar
   ptx::launch(kernel(name), launch, &arguments);
 }
 
-std::string mistake(const std::string& name, int lanes = 32) {
+std::string mistake(const std::string& name, int lanes = 128) {
   std::array<u32, 256> out{};  // what is waited for is zero
   try {
     launch_teams(name, lanes, out.data());
@@ -53,7 +53,7 @@ TEST(PtxRuntime, ABlockExchangesThroughSharedMemory) {
 
 TEST(PtxRuntime, HalvesOfAWarpExchangeByThemselves) {
   std::array<u32, 128> out{};
-  launch_teams("warps", 32, out.data());
+  launch_teams("warps", 128, out.data());
   for (u32 i = 0; i < 32; ++i) {
     const u32 first = i / 16 * 16;
     u32 sum = 0, any = 0;
