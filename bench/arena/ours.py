@@ -1,5 +1,6 @@
 """stiction's solvers as entrants, through the command line."""
 
+import dataclasses
 import json
 import pathlib
 import subprocess
@@ -12,6 +13,7 @@ from answer_file import Answer
 SOLVERS = ["auto", "npgs", "pgs", "subspace", "nsgs", "admm", "newton", "ipm", "lemke"]
 ITERATIONS = 10000
 TURNS, SHORT = 3, 0.1  # a solve shorter than that many seconds is done so many times more, and the shortest counts
+STARTING = 1.0  # [s] that a process may take beside the solve
 
 
 class Stiction:
@@ -47,20 +49,22 @@ class Stiction:
         notes.unlink(missing_ok=True)
         with h5py.File(path) as batch:
             rows, count = len(batch["b"]), len(batch["env_row_ptr"]) - 1
-        limit = max(1.0, seconds * count)
+        limit = seconds * count
+        late = Answer(np.full(rows, np.nan), claimed=np.zeros(count, bool), late=True, note=f"no answer in {limit:g} s")
 
         def call(turns):
             """(exit status, stderr, seconds of the shortest turn)."""
             command = [self.program, "solve", path, "--solver", self.solver, "--law", law, "--precision", "f64", "--form", self.form,
                        "--tolerance", repr(setting), "--max-iterations", ITERATIONS, "--threads", threads, "--repeat", turns,
                        "--isolate", "--device", "cpu", "--quiet", "-o", solution, "--json", report]
-            done = processes.run(processes.weighed(command, notes, limit), limit, self.environment)
+            done = processes.run(processes.weighed(command, notes, limit + STARTING), limit + STARTING, self.environment)
             return *done, json.loads(report.read_text())["seconds"]["solve"] if done[0] in (0, 1) else None
 
         status, message, spent = call(1)
+        if status is None or (spent is not None and spent > limit):
+            return late
         if status not in (0, 1):
-            return Answer(np.full(rows, np.nan), claimed=np.zeros(count, bool), late=status is None,
-                          note=f"no answer in {limit:g} s" if status is None else processes.last_line(message))
+            return dataclasses.replace(late, late=False, note=processes.last_line(message))
         if repeat > 1 and spent < SHORT:
             spent = min(spent, call(repeat)[2] or np.inf)
         with h5py.File(solution) as file:

@@ -9,6 +9,9 @@ from peer import Peer, one_by_one, shortest
 from peer_convex import dense
 
 ITERATIONS = 10000
+# The measure that it stops by; the other one is off. PGS calls its first sweep converged by the absolute one (pin 4.1.0), and
+# ADMM's absolute one is the nearer to the judge's.
+MEASURE = {"ADMM": "absolute", "PGS": "relative"}
 
 
 class Pinocchio(Peer):
@@ -45,7 +48,7 @@ class Pinocchio(Peer):
         return one_by_one(read_environments(path), lambda e: self._solve(e, law, setting), seconds)
 
     def _solve(self, environment, law, tolerance):
-        """Pinocchio stops on absolute and relative gaps of what it is given; units are taken out as for Clarabel."""
+        """Units are taken out as for Clarabel: max|b| and the mean diagonal become one."""
         pin, n = self.pin, environment.rows
         normal_last = np.arange(n).reshape(-1, 3)[:, [1, 2, 0]].ravel()
         matrix = dense(environment)
@@ -55,8 +58,8 @@ class Pinocchio(Peer):
         models, data = self._contacts(environment.row_param[1::3])
         settings, result = getattr(pin, f"{self.solver}SolverSettings")(), getattr(pin, f"{self.solver}SolverResult")()
         for kind in ("absolute", "relative"):
-            setattr(settings, f"{kind}_feasibility_tol", tolerance)
-            setattr(settings, f"{kind}_complementarity_tol", tolerance)
+            for of in ("feasibility", "complementarity"):
+                setattr(settings, f"{kind}_{of}_tol", tolerance if kind == MEASURE[self.solver] else 0.0)
         settings.solve_ncp, settings.max_iterations = law == "coulomb", ITERATIONS
         given = np.asfortranarray(matrix[np.ix_(normal_last, normal_last)] / scale)
         motion = environment.b[normal_last] / size

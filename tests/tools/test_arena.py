@@ -224,6 +224,12 @@ class Arena(unittest.TestCase):
         self.assertEqual((entry["solved"], entry["claimed"], entry["false_claims"], entry["setting"]), (4, 4, 0, 1e-8))
         self.assertAlmostEqual(entry["us"], 1e6 * (1e-4 + 2 * 1e-6 + 1e-8) / 4, 1)  # of the call that each answer came from
 
+    def test_a_solve_that_takes_too_long_is_no_answer(self):
+        late = self.entrant.solve(self.stack.path, self.stack.law, GOAL, 1e-9, self.folder)
+        self.assertTrue(late.late and np.isnan(late.reaction).all() and not late.claimed.any())
+        entry, _ = verdict(self.stack, late, GOAL)
+        self.assertEqual((entry["solved"], entry["false_claims"], entry["residual_max"]), (0, 0, None))
+
     def test_a_hash_is_of_bits(self):
         self.assertNotEqual(digest([0.0]), digest([-0.0]))
         self.assertEqual(digest([np.nan]), digest([-np.nan]))
