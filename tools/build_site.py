@@ -35,6 +35,7 @@ LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c
 HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
 FIRST = "---\nsearch:\n  boost: 8\n---\n\n"  # a name is looked for where it is described
 API = "docs/python_api.md"
+ARENA = ("bench/arena/page.py", "bench/results/amd-epyc-2-cores/arena.json")  # what makes the leaderboard, and of what
 STYLE = ".md-typeset td:first-child code { word-break: normal; }\n"  # names of fields stay whole on a phone
 
 
@@ -142,6 +143,16 @@ def sections():
 def title_of(path):
     match = re.search(r"^# (.+)$", (ROOT / path).read_text(encoding="utf-8"), re.M)
     return re.sub(r"`", "", match.group(1)) if match else path
+
+
+def arena_page(stage, folder):
+    """The leaderboard beside its page, which gets a link to it."""
+    (folder / "docs").mkdir(parents=True, exist_ok=True)
+    program, ledger = (ROOT / path for path in ARENA)
+    subprocess.run([sys.executable, program, ledger, folder / "docs/leaderboard.html"], check=True)
+    text = (ROOT / "docs/arena.md").read_text(encoding="utf-8")
+    title, _, rest = text.partition("\n")
+    stage.put("docs/arena.md", f"{title}\n\n**[Open the leaderboard](leaderboard.html).**\n{rest}")
 
 
 def headers_of(reference):
@@ -294,6 +305,7 @@ def main():
     stage = Stage(pages)
     for path in tracked("*.md"):
         stage.page(path)
+    arena_page(stage, pages)
     stage.write(API, api_page())
     stage.write("site.css", STYLE)
     references = api_reference.references()
