@@ -4,7 +4,7 @@ import sys
 
 
 def _bar(total, title, unit):
-    """tqdm's bar on stderr, or None where nobody would see one."""
+    """tqdm's bar on stderr, or None where there is nothing to show it on."""
     try:
         shown = sys.stderr.isatty()
     except (AttributeError, ValueError):  # no stderr, or a closed one

@@ -29,9 +29,9 @@ class Geometry(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts of one environment. point (n, 3) [m]; frame (n, 3, 3): normal and two tangents by rows; force (n, 3): in
-    that frame, on the second body [N]; mu (n, 2): by tangent; slip (n, 3): in the world's axes [m/s]; island (n,): -1 is
-    none.
+    """Contacts of one environment. point (n, 3) [m]. frame (n, 3, 3): normal and two tangents by rows. force (n, 3): in
+    that frame, on the second body [N]. mu (n, 2): by tangent [-]. slip (n, 3): in the world's axes [m/s]. island (n,):
+    label, -1 is none.
     """
 
     point: np.ndarray

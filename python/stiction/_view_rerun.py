@@ -60,7 +60,7 @@ class Stream:
     def scene(self, origin, name, middle, width):
         """A view in three dimensions of something that wide, seen from the front and above."""
         blueprint = self.rr.blueprint
-        eye = np.add(middle, np.multiply(width, (-0.35, -1.0, 0.6)))
+        eye = np.add(middle, np.multiply(width, (-0.35, -0.9, 0.8)))
         return blueprint.Spatial3DView(origin=origin, name=name, eye_controls=blueprint.EyeControls3D(
             position=eye, look_target=middle, eye_up=(0, 0, 1)))
 

@@ -40,8 +40,8 @@ class Recorder:
 
     path: of the .rrd file. None: a viewer is opened; or connect, the address of one (rerun+http://...).
     envs: how many environments are drawn, from the first; or a list of which.
-    force_scale: length of an arrow by force [m/N]. None: the weight of an environment is twice as long as it is wide; of a
-        batch's environment the largest reaction is as long as half the distance of its cones.
+    force_scale: length of an arrow by force [m/N]. None: the weight of an environment is twice as long as it is wide. Of
+        a batch the largest reaction of an environment is half as long as the distance between cones.
     slip_scale: length of an arrow by speed [s]. spacing: between environments [m]. None: so that none touch.
 
     Raises ImportError where Rerun is missing. A recorder records one world, simulation or kind of batch.

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import worlds
-from conftest import DATA
+from conftest import DATA, ROOT
 
 import stiction
 
@@ -347,3 +347,13 @@ def test_the_command_says_what_is_wrong_in_a_sentence(tmp_path, capsys):
         said = capsys.readouterr().err
         assert said.startswith("stiction.view: ") and said.count("\n") == 1, said
     assert not pathlib.Path(tmp_path / "none.rrd").exists()
+
+
+def test_the_example_records_what_it_says(tmp_path):
+    out = tmp_path / "example.rrd"
+    program = [sys.executable, str(ROOT / "examples" / "python" / "11_view.py"), "--envs", "3", "--drawn", "1", "--steps",
+               "5", "-o", str(out)]
+    done = subprocess.run(program, capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert done.stdout.startswith("5 steps of 3 environments, 1 drawn; hash ")
+    assert sorted(Recording(verified(out)).series("/residual/env_0")) == [1, 2, 3, 4, 5]
