@@ -111,6 +111,9 @@ def test_forces_at_the_contacts_move_the_bodies_as_the_world_did(recorded):
             np.testing.assert_array_equal(points, recording.at(f"/world/env_{env}/forces", "Arrows3D:origins", step))
             np.testing.assert_allclose(recording.at(f"/world/env_{env}/contacts", "normal_force", step),
                                        contacts.impulse[part, 0] / world.dt, rtol=1e-12)
+            pairs = np.stack([contacts.body_a[part], contacts.body_b[part]], axis=1)
+            np.testing.assert_array_equal(recording.at(f"/world/env_{env}/contacts", "island", step),
+                                          islands(len(world.bodies), pairs)[pairs.max(axis=1)])
 
 
 def test_forces_and_gravity_are_what_the_momentum_changes_by(tmp_path):
@@ -357,3 +360,39 @@ def test_the_example_records_what_it_says(tmp_path):
     assert done.returncode == 0 and not done.stderr, done.stderr
     assert done.stdout.startswith("5 steps of 3 environments, 1 drawn; hash ")
     assert sorted(Recording(verified(out)).series("/residual/env_0")) == [1, 2, 3, 4, 5]
+
+
+def test_cones_of_a_manifold_stand_behind_each_other_and_none_on_another(tmp_path):
+    n = 6
+    groups = [np.array([0, 0, -1, -1, 2, 2], np.int32), np.full(n, -1, np.int32)]
+    batch = stiction.Batch.from_delassus([np.eye(3 * n)] * 2, [-np.ones(3 * n)] * 2, mu=0.5, groups=groups)
+    with view.Recorder(tmp_path / "groups.rrd") as recorder:
+        recorder.log(batch)
+    recording = Recording(verified(tmp_path / "groups.rrd"), "environment")
+    for env in range(2):
+        points = recording.at("/batch/simulation_0/contacts", "Points3D:positions", env)
+        assert len(set(map(tuple, points.tolist()))) == n
+        steps = np.diff(points, axis=0)[[0, 4]]
+        assert (steps == [0, 2, 0]).all() if env == 0 else not (steps == [0, 2, 0]).all()
+
+
+@pytest.mark.parametrize("mu", [0.5, np.array([[0.5, 0.25], [0.125, 0.75]]), np.full((2, 6), 0.5)],
+                         ids=["one", "by_cone", "by_row"])
+def test_friction_is_that_of_each_cone(tmp_path, mu):
+    batch = stiction.Batch.from_delassus(np.tile(np.eye(6), (2, 1, 1)), -np.ones((2, 6)), mu=mu)
+    with view.Recorder(tmp_path / "mu.rrd") as recorder:
+        recorder.log(batch)
+    recording = Recording(tmp_path / "mu.rrd", "environment")
+    for env in range(2):
+        expected = mu[env] if np.ndim(mu) and mu.shape == (2, 2) else [0.5, 0.5]
+        np.testing.assert_array_equal(recording.at("/batch/simulation_0/contacts", "mu", env), expected)
+
+
+@pytest.mark.parametrize("options", [{"dtype": "float32"}, {"device": "emulated"}])
+def test_worlds_of_either_precision_and_device(tmp_path, options):
+    world = worlds.started(envs=2, **options)
+    world.step(count=30)
+    with view.Recorder(tmp_path / "w.rrd") as recorder:
+        recorder.log(world)
+    found = Recording(verified(tmp_path / "w.rrd")).at("/world/env_1/bodies/body_7", "Transform3D:translation", 1)[0]
+    np.testing.assert_array_equal(found, world.state().position[1, 7].astype(np.float32))
