@@ -13,12 +13,14 @@ FOLDER/mujoco_agreement.csv.
 
 import argparse
 import csv
+import itertools
 import pathlib
 
 import mujoco
 import mujoco_models as models
 import numpy as np
 
+from stiction.monitor import Progress
 from stiction.mujoco import BatchedSimulation
 
 LIMITS = (1e-9, 1e-6, 1e-3)
@@ -100,14 +102,13 @@ def main():
     parser.add_argument("--tolerance", type=float, default=1e-10)
     parser.add_argument("-o", "--output", type=pathlib.Path, help="folder for mujoco_agreement.csv")
     options = parser.parse_args()
-    rows = []
-    for name in models.MODELS:
-        for cone in models.CONES:
-            row = {"model": name, "cone": cone, "steps": options.steps, "tolerance": options.tolerance}
-            row |= at_equal_state(name, cone, options.steps, options.tolerance)
-            row |= parting(name, cone, options.steps, options.tolerance)
-            rows.append({key: f"{value:.3g}" if isinstance(value, float) else value for key, value in row.items()})
-            print(" ".join(f"{key}={value}" for key, value in rows[-1].items()), flush=True)
+    rows, bar = [], Progress(list(itertools.product(models.MODELS, models.CONES)), title="agreement", unit="model")
+    for name, cone in bar:
+        row = {"model": name, "cone": cone, "steps": options.steps, "tolerance": options.tolerance}
+        row |= at_equal_state(name, cone, options.steps, options.tolerance)
+        row |= parting(name, cone, options.steps, options.tolerance)
+        rows.append({key: f"{value:.3g}" if isinstance(value, float) else value for key, value in row.items()})
+        bar.print(" ".join(f"{key}={value}" for key, value in rows[-1].items()))
     if options.output:
         with open(options.output / "mujoco_agreement.csv", "w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, rows[0])

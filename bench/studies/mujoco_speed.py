@@ -23,6 +23,7 @@ import mujoco_models as models
 import numpy as np
 
 import stiction
+from stiction.monitor import Progress
 from stiction.mujoco import BatchedSimulation
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
@@ -93,14 +94,12 @@ def main():
     parser.add_argument("--tolerances", nargs="+", type=float, default=TOLERANCES)
     parser.add_argument("-o", "--output", type=pathlib.Path, help="folder for mujoco_speed.csv")
     options = parser.parse_args()
-    rows = []
-    for name in models.MODELS:
-        for cone in models.CONES:
-            for solver, tolerance in itertools.product(options.solvers, options.tolerances):
-                row = race(name, cone, tolerance, options.envs, options.steps, solver)
-                rows.append({key: f"{value:.3g}" if isinstance(value, float) else value
-                             for key, value in row.items()})
-                print(" ".join(f"{key}={value}" for key, value in rows[-1].items()), flush=True)
+    races = list(itertools.product(models.MODELS, models.CONES, options.solvers, options.tolerances))
+    rows, bar = [], Progress(races, title="speed", unit="race")
+    for name, cone, solver, tolerance in bar:
+        row = race(name, cone, tolerance, options.envs, options.steps, solver)
+        rows.append({key: f"{value:.3g}" if isinstance(value, float) else value for key, value in row.items()})
+        bar.print(" ".join(f"{key}={value}" for key, value in rows[-1].items()))
     if options.output:
         with open(options.output / "mujoco_speed.csv", "w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, rows[0])

@@ -22,6 +22,7 @@ import newton.examples
 import numpy as np
 import warp as wp
 
+from stiction.monitor import Progress
 from stiction.newton import SolverStiction
 
 JUDGE = pathlib.Path(__file__).resolve().parents[3] / "shared" / "tools" / "check_solution.py"
@@ -255,19 +256,16 @@ def main():
     parser.add_argument("-o", "--folder", type=pathlib.Path)
     options = parser.parse_args()
     wp.config.quiet = True
-    rows = []
-    for scene in SCENES:
-        for name in SOLVERS:
-            if (options.only and scene.__name__ not in options.only) or \
-                    (options.solvers and name not in options.solvers):
-                continue
-            try:
-                row = run(scene, name)
-            except (ValueError, RuntimeError, ImportError, NotImplementedError) as error:
-                row = {"scene": scene.__name__, "solver": name, "sign": f"{type(error).__name__}: {error}"[:200]}
-            rows.append(row)
-            print({key: (f"{value:.3g}" if isinstance(value, float) else value) for key, value in row.items()},
-                  flush=True)
+    chosen = [(scene, name) for scene in SCENES for name in SOLVERS
+              if (not options.only or scene.__name__ in options.only) and (not options.solvers or name in options.solvers)]
+    rows, bar = [], Progress(chosen, title="side by side", unit="run")
+    for scene, name in bar:
+        try:
+            row = run(scene, name)
+        except (ValueError, RuntimeError, ImportError, NotImplementedError) as error:
+            row = {"scene": scene.__name__, "solver": name, "sign": f"{type(error).__name__}: {error}"[:200]}
+        rows.append(row)
+        bar.print(str({key: (f"{value:.3g}" if isinstance(value, float) else value) for key, value in row.items()}))
     if options.folder:
         options.folder.mkdir(parents=True, exist_ok=True)
         with open(options.folder / "newton_side_by_side.csv", "w", newline="", encoding="utf-8") as file:

@@ -41,7 +41,7 @@ def main():
     force = np.zeros((STEPS, len(GOALS)))
     force[:20] = 20.0  # enough to reach the other ball
     losses = []
-    for _ in range(ROUNDS):
+    for _ in stiction.monitor.Progress(range(ROUNDS), title="planning", unit="round"):
         loss, gradient = plan(world, force)
         losses.append(loss)
         force = force - loss / (gradient ** 2).sum(0) * gradient  # Polyak's step: the least loss is known, 0

@@ -16,6 +16,7 @@ try:
     from stiction import AccuracyPolicy
     from stiction.envs import MujocoVectorEnv
     from stiction.envs.sb3 import Sb3VecEnv
+    from stiction.monitor import Progress
 except ImportError as missing:
     print(f"NOT run, because this needs stable-baselines3, torch, gymnasium and mujoco: {missing}")
     sys.exit(77)
@@ -33,6 +34,7 @@ class Curve(BaseCallback):
         self._envs, self._accuracy, self._total = envs, accuracy, total
         self.rows, self._sum, self._count = [], 0.0, 0
         self._start, self._cpu = time.perf_counter(), time.process_time()
+        self._bar = Progress(total=total, title="training", unit="step")
 
     def _on_rollout_start(self):
         self._envs.set_accuracy(self._accuracy.apply(progress=min(1.0, self.num_timesteps / self._total)))
@@ -43,6 +45,7 @@ class Curve(BaseCallback):
         rewards = self.training_env.get_original_reward()
         self._sum += float(rewards.sum())
         self._count += len(rewards)
+        self._bar.update(len(rewards))
         return True
 
     def _on_rollout_end(self):
@@ -54,8 +57,11 @@ class Curve(BaseCallback):
                           "simulation_seconds": round(now - self._began, 3),
                           "solver_seconds": round(spent["solve"] + spent["assemble"], 3),
                           "iterations_mean": round(float(iterations.mean()), 2)})
-        print("  ".join(f"{name} {value}" for name, value in self.rows[-1].items()), flush=True)
+        self._bar.print("  ".join(f"{name} {value}" for name, value in self.rows[-1].items()))
         self._sum, self._count = 0.0, 0
+
+    def _on_training_end(self):
+        self._bar.close()
 
 
 def train(task, steps, envs=32, seed=0, accuracy=None):
@@ -78,7 +84,7 @@ def evaluate(task, model, normalised, envs=8, steps=1000):
                              max_episode_steps=steps)
     observations, _ = vector.reset(seed=1000)
     total, alive = np.zeros(envs), np.ones(envs, bool)
-    for _ in range(steps):
+    for _ in Progress(range(steps), title="evaluation", unit="step"):
         actions, _ = model.predict(normalised.normalize_obs(observations.astype(np.float32)), deterministic=True)
         observations, rewards, terminations, truncations, _ = vector.step(actions)
         total += rewards * alive

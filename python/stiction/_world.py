@@ -12,12 +12,15 @@ from . import _core
 from ._arrays import FLOATS, STATUS_DTYPE, look, status_bytes, take
 from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, Gradients
+from ._progress import Progress
 from ._solution import SOLVED
 
 #: Kinds of shapes by number, and how many sizes each has.
 _KINDS = {"sphere": 1, "capsule": 2, "box": 3, "plane": 0}
 #: Methods that solve bodies.
 _METHODS = ("npgs", "pgs", "newton", "multigrid")
+#: Into how many calls many steps are divided where progress is shown.
+_PIECES = 100
 
 
 def _numbers(owner, name, value, length):
@@ -189,11 +192,12 @@ class World:
     def _taken(self, name, value, width):
         return None if value is None else take(name, value, self.dtype, self._shape(width), "cpu")
 
-    def step(self, wrench=None, count: int = 1) -> None:
+    def step(self, wrench=None, count: int = 1, progress: bool = False) -> None:
         """Makes `count` steps.
 
         wrench: force [N] and torque about the centre of mass [N m] on every body in these steps, world axes. An array
             (B, bodies, 6) of any framework on the host; None: no forces.
+        progress: a bar on the terminal (stiction.monitor.Progress). The bits are the same; Ctrl-C ends between steps.
 
         An environment whose state or wrench is not finite ends as "invalid_input" and stays where it is; no other
         environment changes a bit.
@@ -201,7 +205,15 @@ class World:
         count = _index("count", count)
         if count < 0:
             raise ValueError(f"count: expected at least 0 steps, got {count}")
-        self._core.step(self._taken("wrench", wrench, 6), count)
+        forces, done = self._taken("wrench", wrench, 6), 0
+        if not progress:
+            return self._core.step(forces, count)
+        with Progress(total=count, title="steps", unit="step") as bar:
+            while done < count:
+                piece = min(max(1, count // _PIECES), count - done)
+                self._core.step(forces, piece)
+                bar.update(piece)
+                done += piece
 
     def state(self, out=None) -> WorldState:
         """Positions, orientations and twists of all environments, in new NumPy arrays.

@@ -1,4 +1,4 @@
-"""What solves did: statistics, loggers for a training run, files of what failed.
+"""What solves did: statistics, loggers for a training run, files of what failed; a progress bar.
 
     solver = stiction.Solver(callback=stiction.monitor.CsvLogger("solves.csv"))
     solver.stats()  # totals since the solver was made
@@ -13,6 +13,7 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._flags import FLAGS, FlagCounts
+from ._progress import Progress  # noqa: F401
 from ._solution import CODES, SOLVED, solver_name
 
 #: Environments whose iterations and residuals quantiles are taken of: the last ones.
