@@ -70,7 +70,7 @@ def main():
                            autoreset_mode=AutoresetMode.SAME_STEP)
     env = RslRlEnv(envs)
     env.reset(seed=arguments.seed)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:  # the log's thread may still be writing
         runner = CpuRunner(job, env, train_cfg(), log_dir=folder if job.is_first else None)
         runner.learn(arguments.iterations, init_at_random_ep_len=False)
     weights = torch.cat([weight.detach().reshape(-1) for weight in runner.alg.actor.parameters()])
