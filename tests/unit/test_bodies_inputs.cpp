@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -197,6 +199,41 @@ TEST(BodiesInputs, APlanOfTheCallsOwnChangesNothing) {
     EXPECT_EQ(untouched.impulse, room().impulse);
     EXPECT_EQ(untouched.twist, room().twist);
   }
+}
+
+/// Found by fuzz_solve: each sub-step's impulses were finite in single precision, and their sum was not.
+TEST(BodiesInputs, ImpulsesOfSubStepsThatAddUpToInfinityAreTheLargestNumber) {
+  const float most = std::numeric_limits<float>::max();
+  BodyEnvironment<float> env;
+  env.bodies.resize(1);
+  env.bodies[0].inv_mass = 0.531373F;
+  env.bodies[0].twist = {7.9375F, 7.9375F, 7.9375F, 7.9375F, 7.9375F, -6.9375F};
+  env.bodies[0].twist_change = {0.496094F, 0.496094F, 0.496094F, -most, 0.496094F, 0.496094F};
+  const auto touch = [&](float normal, std::array<float, 3> arm, float mu, float depth) {
+    env.contacts.push_back({.body_a = -1,
+                            .body_b = 0,
+                            .arm_a = {0.992188F, 0.992188F, 0.992188F},
+                            .arm_b = arm,
+                            .normal = {normal, 0, 0},
+                            .mu = mu,
+                            .depth = depth,
+                            .restitution = 1});
+  };
+  touch(1, {0.90625F, 0.90625F, 0.90625F}, most, 0.124023F);
+  touch(-1, {0.992188F, 0.992188F, 0.992188F}, 1, 0.124023F);
+  touch(-1, {0.992188F, -0.976562F, -0.976562F}, 0.0117647F, -0.12207F);
+  BodySolverOptions options;
+  options.method = BodyMethod::newton;
+  options.space.preconditioner = BodyPreconditioner::multigrid;
+  options.iterations = 11;
+  options.tolerance = 0.5;
+  options.omega = 1.5;
+  options.substeps = 3;
+  options.law = Law::convex;
+  const auto solution = solve_bodies(batch_of<float>({env}), {}, options);
+  EXPECT_NE(solution.status[0].code, EnvCode::solved);
+  for (const float impulse : solution.impulse) EXPECT_TRUE(std::isfinite(impulse)) << impulse;
+  EXPECT_EQ(*std::max_element(solution.impulse.begin(), solution.impulse.end()), most);
 }
 
 }  // namespace stiction::test

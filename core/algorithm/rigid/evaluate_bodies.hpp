@@ -96,13 +96,15 @@ STICTION_HD double evaluate_bodies(TeamT& team, const BodyEnv<Real>& env, const 
   return reported_residual(residual_of(team, env, s, s.best, params, true), params.tolerance * scale);
 }
 
-/// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already.
+/// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already. Each is finite, and their
+/// sum may not be. (A sum of two floats in double is rounded once all the same: 53 bits are at least 2 * 24 + 2.)
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void write_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s) {
   for_each_tiled(team, s.contacts, [&](Index p) {
     for (Index k = 0; k < 3; ++k) {
       Real& total = env.impulse[3 * static_cast<Offset>(env.contact_order[p]) + k];
-      total = canonical_zero(total + returned_impulse(env, s.best, p, k));
+      const double sum = static_cast<double>(total) + static_cast<double>(returned_impulse(env, s.best, p, k));
+      total = canonical_zero(saturated<Real>(sum));
     }
   });
   for_each(team, s.bodies, [&](Index body) {
