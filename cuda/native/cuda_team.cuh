@@ -129,10 +129,7 @@ class CudaTeam {
     if constexpr (kMayBeGrid) return grid_ != nullptr;
     return false;
   }
-  [[nodiscard]] __device__ CudaTeamMemory& memory() const {
-    if (is_grid()) return grid_->team;
-    return reinterpret_cast<CudaTeamMemory*>(block_memory())[threadIdx.y];
-  }
+  [[nodiscard]] __device__ CudaTeamMemory& memory() const { return is_grid() ? grid_->team : own_block(); }
   /// The team's part of its warp.
   [[nodiscard]] static __device__ unsigned mask() {
     return kAllLanes >> (kWarp - lanes()) << (static_cast<Index>(threadIdx.y) * lanes()) % kWarp;

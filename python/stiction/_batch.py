@@ -339,6 +339,16 @@ class Batch(BatchArrays):
                     self.extras.get("source", "") or f"stiction {_core.version}, Python")
 
 
+def check_host_matrices(batch, remedy="copy its arrays to the host"):
+    """Raises where a batch is not one of matrices, or of J and M, on the host."""
+    if not isinstance(batch, Batch):
+        raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
+    if batch.form == "bodies":
+        raise ValueError("batch: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+    if batch.device != "cpu":
+        raise ValueError(f"batch: expected a batch on cpu, got one on {batch.device}: {remedy}")
+
+
 def _law(law):
     if law not in ("convex", "coulomb"):
         raise ValueError(f"law: expected 'convex' or 'coulomb', got {law!r}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import NUMPY, STATUS_DTYPE, take
-from ._batch import Batch
+from ._batch import Batch, check_host_matrices
 from ._solution import Solution
 
 #: Record of one environment's derivative. 32 bytes.
@@ -112,12 +112,7 @@ class Derivative:
 
     @staticmethod
     def _check(batch):
-        if not isinstance(batch, Batch):
-            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
-        if batch.form == "bodies":
-            raise ValueError("batch: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
-        if batch.device != "cpu":
-            raise ValueError(f"batch: expected a batch on cpu, got one on {batch.device}: copy its arrays to the host")
+        check_host_matrices(batch)
         batch._refresh()
 
     @staticmethod

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import NUMPY, as_numpy
-from ._batch import Batch
+from ._batch import Batch, check_host_matrices
 from ._derivative import _REFUSED, GRADIENT_DTYPE
 from ._guess_step import Memory, Step, ids_in_use
 from ._guess_tables import Dense, Ridge
@@ -149,12 +149,7 @@ class Guess:
 
     @staticmethod
     def _check(batch):
-        if not isinstance(batch, Batch):
-            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
-        if batch.form == "bodies":
-            raise ValueError("batch: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
-        if batch.device != "cpu":
-            raise ValueError(f"batch: expected a batch on cpu, got one on {batch.device}: guesses are made on the host")
+        check_host_matrices(batch, "guesses are made on the host")
 
     def _value(self, candidate, step, law):
         if candidate == "zero":
