@@ -28,6 +28,7 @@ PYTEST_END = re.compile(rf"^(?:=+ )?({PYTEST_KIND}(?:, {PYTEST_KIND})*) in [\d.]
 PYTEST_REASON = re.compile(r"^SKIPPED \[(\d+)\] (?:\S*/)?(\S+?\.py)(?::\d+)?: (.*)$", re.M)
 PLAIN_REASON = re.compile(r"^\s*SKIPPED: *(.*)$", re.M)
 NO_REASON = "no reason given"
+LAST_LINES = 25
 
 
 @dataclasses.dataclass
@@ -110,6 +111,11 @@ def count(case):
     return Count(1, 0, len(plain), plain).explained(output)
 
 
+def last_lines(case):
+    """What a failed <testcase> printed last: enough to know what went wrong where only a log's end is kept."""
+    return [line[:300] for line in (case.findtext("system-out") or "").splitlines() if line.strip()][-LAST_LINES:]
+
+
 def summarize(path, out=sys.stdout):
     """Prints the summary of one JUnit file and returns (passed, failed, skipped)."""
     total = Count()
@@ -121,15 +127,17 @@ def summarize(path, out=sys.stdout):
             names = skips.setdefault(reason, {})
             names[name] = names.get(name, 0) + 1
         if one.failed:
-            failures.append(name + (f": {one.why_failed}" if one.why_failed else ""))
+            failures.append((name + (f": {one.why_failed}" if one.why_failed else ""), last_lines(case)))
     if skips:
         print("skipped:", file=out)
     for reason, names in skips.items():
         print(f"  {reason}  ({', '.join(f'{name} x {n}' if n > 1 else name for name, n in names.items())})", file=out)
     if failures:
         print("failed:", file=out)
-    for name in failures:
+    for name, lines in failures:
         print(f"  {name}", file=out)
+        for line in lines:
+            print(f"    | {line}", file=out)
     print(f"{total.passed} passed, {total.failed} failed, {total.skipped} skipped", file=out)
     return total.passed, total.failed, total.skipped
 
@@ -186,7 +194,7 @@ def self_test():
         total = summarize(file.name, said)
     expected = tuple(sum(sample[column] for sample in SAMPLES) for column in (3, 4, 5))
     shown = ["  no file  (case_9 x 2)\n", "  no torch [test_b.py]  (case_14)\n",
-             "  case_7: Unable to find executable\n",
+             "  case_7: Unable to find executable\n", "  case_1\n    | bad\n",
              f"\n{expected[0]} passed, {expected[1]} failed, {expected[2]} skipped\n"]
     missing = [line for line in shown if line not in said.getvalue()]
     if total != expected or missing:

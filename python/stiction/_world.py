@@ -50,7 +50,7 @@ class Shape:
     body: its place in the world's list of bodies, -1: the world. position, orientation: of its centre and axes, in the
         body's axes; a unit quaternion (w, x, y, z).
     mu: friction; a pair has the square root of the product of its two [-]. restitution: a pair has the larger of its
-        two, in [0, 1] [-].
+        two, in [0, 1].
     """
 
     kind: str
