@@ -29,6 +29,23 @@ void check_world_options(const WorldOptions& options) {
     refuse("warm_start = " + shortest_text(options.warm_start) + ": must be in [0, 1]");
 }
 
+/// Contacts that a step is to find again by number.
+void check_remembered(const std::vector<Offset>& offsets, const std::vector<std::uint64_t>& ids, Offset env_count) {
+  expect_length("from.contact_offsets", offsets.size(), at(env_count) + 1, "one more than there are environments");
+  if (offsets.front() != 0) refuse("from.contact_offsets[0] = " + std::to_string(offsets.front()) + ": must be 0");
+  for (std::size_t env = 0; env + 1 < offsets.size(); ++env)
+    if (offsets[env + 1] < offsets[env])
+      refuse("from.contact_offsets[" + std::to_string(env + 1) + "] = " + std::to_string(offsets[env + 1]) +
+             ": must be at least the one before, " + std::to_string(offsets[env]));
+  expect_length("from.contact_id", ids.size(), at(offsets.back()), "as many as from.contact_offsets ends with");
+  for (std::size_t env = 0; env + 1 < offsets.size(); ++env)
+    for (std::size_t c = at(offsets[env]) + 1; c < at(offsets[env + 1]); ++c)
+      if (ids[c] <= ids[c - 1])
+        refuse("from.contact_id[" + std::to_string(c) + "] = " + std::to_string(ids[c]) +
+               ": must be above the one before in environment " + std::to_string(env) + ", " +
+               std::to_string(ids[c - 1]));
+}
+
 /// Broken environments are data: the others go on.
 BodySolverOptions isolating(BodySolverOptions options) {
   options.invalid = InvalidPolicy::isolate;
@@ -103,10 +120,17 @@ struct World<Real>::Parts {
     return solver.plan(what.structure);
   }
 
-  void solve(const BodyPlan& order, const WorldSolve<Real>& what) {
+  template <class F>
+  void solve(F&& answer) {
     const Stopwatch watch(seconds.solve);
-    solver.solve(order, what.batch, what.solution, what.guess, what.stream);
+    answer();
     machine->await_solve();
+  }
+
+  /// For contacts that were found, but whose impulses were not written.
+  void forget_contacts() {
+    static_cast<void>(machine->observe(WorldPart::state));
+    machine->restart(std::vector<std::uint8_t>(at(env_count), 1));
   }
 
   void integrate() {
@@ -144,7 +168,21 @@ void World<Real>::step() {
   const ScopedFpEnv fp_env;
   const WorldSolve<Real> solve = parts_->find_contacts();
   const BodyPlan plan = parts_->plan(solve);
-  parts_->solve(plan, solve);
+  parts_->solve([&] { parts_->solver.solve(plan, solve.batch, solve.solution, solve.guess, solve.stream); });
+  parts_->integrate();
+}
+
+template <class Real>
+void World<Real>::step(const StepSolver<Real>& solve) {
+  const ScopedFpEnv fp_env;
+  const WorldSolve<Real> found = parts_->find_contacts();
+  parts_->machine->await_solve();
+  try {
+    parts_->solve([&] { solve(found.batch, found.solution, found.guess); });
+  } catch (...) {
+    parts_->forget_contacts();
+    throw;
+  }
   parts_->integrate();
 }
 
@@ -204,6 +242,34 @@ template <class Real>
 void World<Real>::reset(std::span<const std::uint8_t> mask) {
   expect_length("mask", mask.size(), at(parts_->env_count), "one byte per environment");
   parts_->put_initial(mask);
+}
+
+template <class Real>
+WorldCheckpoint<Real> World<Real>::checkpoint() const {
+  WorldMachine<Real>& machine = *parts_->machine;
+  WorldCheckpoint<Real> now;
+  const WorldArrays<Real>& state = machine.observe(WorldPart::state);
+  now.position = state.position;
+  now.orientation = state.orientation;
+  now.twist = state.twist;
+  now.wrench = state.wrench;
+  const HostContacts<Real>& contacts = machine.observe(WorldPart::contacts).contacts;
+  now.contact_offsets = contacts.offsets;
+  now.contact_id = contacts.id;
+  now.impulse = contacts.impulse;
+  return now;
+}
+
+template <class Real>
+void World<Real>::resume(const WorldCheckpoint<Real>& from) {
+  const std::size_t bodies = at(parts_->env_count) * at(parts_->body_count);
+  expect_length("from.position", from.position.size(), 3 * bodies, "three numbers per body");
+  expect_length("from.orientation", from.orientation.size(), 4 * bodies, "four numbers per body");
+  expect_length("from.twist", from.twist.size(), 6 * bodies, "six numbers per body");
+  expect_length("from.wrench", from.wrench.size(), 6 * bodies, "six numbers per body");
+  check_remembered(from.contact_offsets, from.contact_id, parts_->env_count);
+  expect_length("from.impulse", from.impulse.size(), 3 * from.contact_id.size(), "three numbers per contact");
+  parts_->machine->resume(from);
 }
 
 template <class Real>

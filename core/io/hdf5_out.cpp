@@ -1,9 +1,12 @@
 #include "core/io/hdf5_out.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
+#include <cstring>
 
 #include "stiction/error.hpp"
 
@@ -28,6 +31,15 @@ Handle variable_text() {
   H5Tset_size(type.get(), H5T_VARIABLE);
   H5Tset_cset(type.get(), H5T_CSET_UTF8);
   return type;
+}
+
+/// Of a file or a folder.
+void force_to_disk(const std::filesystem::path& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool forced = file >= 0 && fsync(file) == 0;
+  const int reason = errno;
+  if (file >= 0) close(file);
+  if (!forced) throw Error(ErrorCode::io, path.string() + ": cannot be forced to the disk: " + std::strerror(reason));
 }
 
 }  // namespace
@@ -106,6 +118,14 @@ void OutputFile::array(const std::string& path, std::span<const std::uint8_t> va
   write(path, H5T_STD_U8LE, H5T_NATIVE_UINT8, sizeof(std::uint8_t), values.size(), values.data());
 }
 
+void OutputFile::reals(const std::string& path, const std::vector<double>& values, Precision precision) {
+  if (precision == Precision::f64) return array(path, std::span<const double>(values));
+  std::vector<float> narrow;
+  narrow.reserve(values.size());
+  for (const double value : values) narrow.push_back(static_cast<float>(value));
+  array(path, std::span<const float>(narrow));
+}
+
 void OutputFile::strings(const std::string& path, const std::vector<std::string>& values) {
   std::vector<const char*> texts;
   texts.reserve(values.size());
@@ -155,6 +175,13 @@ void OutputFile::commit() {
   std::filesystem::rename(temporary_, path_, trouble);
   if (trouble) throw Error(ErrorCode::io, path_.string() + ": cannot be put in place: " + trouble.message());
   committed_ = true;
+}
+
+void OutputFile::commit_to_disk() {
+  if (!file_.close()) fail("cannot be completed: is the disk full?");
+  force_to_disk(temporary_);
+  commit();
+  force_to_disk(path_.has_parent_path() ? path_.parent_path() : std::filesystem::path("."));
 }
 
 }  // namespace stiction::io

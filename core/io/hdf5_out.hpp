@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/io/hdf5_session.hpp"
+#include "stiction/types.hpp"
 
 namespace stiction::io {
 
@@ -27,6 +28,8 @@ class OutputFile {
   void array(const std::string& path, std::span<const std::uint64_t> values);
   void array(const std::string& path, std::span<const std::uint32_t> values);
   void array(const std::string& path, std::span<const std::uint8_t> values);
+  /// Numbers that are of that precision, narrowed to it.
+  void reals(const std::string& path, const std::vector<double>& values, Precision precision);
   /// Variable-length UTF-8 strings.
   void strings(const std::string& path, const std::vector<std::string>& values);
   /// One fixed-length string as a scalar dataset.
@@ -37,6 +40,8 @@ class OutputFile {
 
   /// Completes the file and moves it to its destination.
   void commit();
+  /// Likewise, and returns when both file and name are on the disk: a machine that stops then still has it.
+  void commit_to_disk();
 
  private:
   void write(const std::string& path, hid_t file_type, hid_t memory_type, std::size_t width, std::size_t count,

@@ -15,6 +15,7 @@ Recording read_fclib_global(const InputFile& file);
 
 Recording read_any(const InputFile& file);
 SolutionFile read_solution(const InputFile& file);
+CheckpointFile read_checkpoint(const InputFile& file);
 
 /// A file's law attribute. Absent: `fallback`, or refused if there is none.
 Law read_law(const InputFile& file, std::optional<Law> fallback);

@@ -5,12 +5,6 @@
 namespace stiction::io {
 namespace {
 
-void write_reals(OutputFile& file, const std::string& path, const std::vector<double>& values, Precision precision) {
-  if (precision == Precision::f64) return file.array(path, std::span<const double>(values));
-  const std::vector<float> narrow(values.begin(), values.end());
-  file.array(path, std::span<const float>(narrow));
-}
-
 /// An integer that an Index holds.
 Index read_index(const InputFile& file, const std::string& path) {
   return file.integers<Index>(path, 1).front();
@@ -70,8 +64,8 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   file.group("solve");
   file.strings("solve/solver", {to_string(solve.solver)});
   if (solve.islands != IslandMode::together) file.strings("solve/islands", {to_string(solve.islands)});
-  write_reals(file, "solve/lambda", solve.lambda, solve.precision);
-  if (!solve.warm_start.empty()) write_reals(file, "solve/warm_start", solve.warm_start, solve.precision);
+  file.reals("solve/lambda", solve.lambda, solve.precision);
+  if (!solve.warm_start.empty()) file.reals("solve/warm_start", solve.warm_start, solve.precision);
   const auto number = [&](const char* path, auto value) {
     file.array(path, std::span<const decltype(value)>(&value, 1));
   };

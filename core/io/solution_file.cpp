@@ -15,14 +15,6 @@ void require_length(const char* what, std::size_t found, std::size_t expected) {
                                                std::to_string(expected) + " or none");
 }
 
-void write_reals(OutputFile& file, const std::string& path, const std::vector<double>& values, Precision precision) {
-  if (precision == Precision::f64) return file.array(path, std::span<const double>(values));
-  std::vector<float> narrow;
-  narrow.reserve(values.size());
-  for (const double value : values) narrow.push_back(static_cast<float>(value));
-  file.array(path, std::span<const float>(narrow));
-}
-
 /// One member of every record, as an array.
 template <class T, class Member>
 std::vector<T> column(const std::vector<EnvStatus>& status, Member member) {
@@ -171,8 +163,8 @@ void write_solution(const std::filesystem::path& path, const SolutionFile& solut
   file.attribute("source", solution.source);
   file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
   if (solution.shard) write_shard(file, *solution.shard);
-  write_reals(file, "lambda", solution.lambda, solution.precision);
-  if (!solution.w.empty()) write_reals(file, "w", solution.w, solution.precision);
+  file.reals("lambda", solution.lambda, solution.precision);
+  if (!solution.w.empty()) file.reals("w", solution.w, solution.precision);
   if (!solution.env_row_offsets.empty()) file.array("env_row_ptr", solution.env_row_offsets);
   const auto& status = solution.status;
   if (!status.empty()) {

@@ -44,6 +44,20 @@ BodyBatchView<Real> WorldArrays<Real>::batch() {
 }
 
 template <class Real>
+void WorldArrays<Real>::resume(const WorldCheckpoint<Real>& from) {
+  position = from.position;
+  orientation = from.orientation;
+  twist = from.twist;
+  wrench = from.wrench;
+  status.assign(status.size(), EnvStatus{});
+  contacts = {};
+  contacts.offsets = from.contact_offsets;
+  contacts.resize(from.contact_offsets.back());
+  contacts.id = from.contact_id;
+  contacts.impulse = from.impulse;
+}
+
+template <class Real>
 BodyBatchView<Real> batch_of(const WorldJob<Real>& job, const Real* inv_mass, const Offset* body_offsets,
                              const WorldContacts<Real>& contacts, Offset env_count, Offset contact_count,
                              MemorySpace space) {

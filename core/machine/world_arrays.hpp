@@ -56,6 +56,8 @@ struct WorldArrays {
   [[nodiscard]] WorldJob<Real> job();
   /// The last step's contacts.
   [[nodiscard]] BodyBatchView<Real> batch();
+  /// What a checkpoint holds takes the place of state, wrenches, statuses and contacts.
+  void resume(const WorldCheckpoint<Real>& from);
 
   WorldModelView<Real> model;
   Offset env_count;

@@ -36,6 +36,8 @@ class WorldMachine {
   virtual WorldArrays<Real>& observe(WorldPart part) = 0;
   /// Environments of the mask go on from the state that was written into observe(state), and forget their impulses.
   virtual void restart(std::span<const std::uint8_t> mask) = 0;
+  /// Everything goes on from what a checkpoint holds, whose lengths fit.
+  virtual void resume(const WorldCheckpoint<Real>& from) = 0;
   /// Host memory that every step reads wrenches from.
   virtual std::span<Real> wrench() = 0;
   virtual void motion(std::span<WorldMotion> out) = 0;

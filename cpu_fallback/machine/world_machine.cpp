@@ -92,6 +92,7 @@ class CpuWorldMachine final : public WorldMachine<Real> {
       std::fill(now.impulse.begin() + 3 * now.offsets[begin], now.impulse.begin() + 3 * now.offsets[end], Real(0));
     });
   }
+  void resume(const WorldCheckpoint<Real>& from) override { arrays_.resume(from); }
   std::span<Real> wrench() override { return arrays_.wrench; }
   void motion(std::span<WorldMotion> out) override {
     const WorldJob<Real> job = arrays_.job();

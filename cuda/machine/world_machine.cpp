@@ -229,12 +229,17 @@ WorldArrays<Real>& DeviceWorldMachine<Real>::observe(WorldPart part) {
 }
 
 template <class Real>
-void DeviceWorldMachine<Real>::restart(std::span<const std::uint8_t> mask) {
+void DeviceWorldMachine<Real>::place_state() {
   Mover mover(*api_, stream_.get());
   const auto bodies = static_cast<Offset>(host_.inv_mass.size());
   mover.to_device(job_.position, host_.position.data(), 3 * bodies);
   mover.to_device(job_.orientation, host_.orientation.data(), 4 * bodies);
   mover.to_device(job_.twist, host_.twist.data(), 6 * bodies);
+}
+
+template <class Real>
+void DeviceWorldMachine<Real>::restart(std::span<const std::uint8_t> mask) {
+  place_state();
   const std::vector<Offset>& offsets = host_.contacts.offsets;
   for_each_run(mask, [&](std::size_t begin, std::size_t end) {
     const Offset first = offsets[begin], count = offsets[end] - first;
@@ -243,6 +248,22 @@ void DeviceWorldMachine<Real>::restart(std::span<const std::uint8_t> mask) {
   });
   contacts_here_ = contacts_here_ && offsets.back() == 0;
   api_->synchronize(stream_.get());
+}
+
+template <class Real>
+void DeviceWorldMachine<Real>::resume(const WorldCheckpoint<Real>& from) {
+  host_.resume(from);
+  place_state();
+  const Offset count = host_.contacts.offsets.back();
+  make_room(now_, count);
+  Mover mover(*api_, stream_.get());
+  mover.to_device(job_.status, host_.status.data(), env_count_);
+  mover.to_device(now_.view.offsets, host_.contacts.offsets.data(), env_count_ + 1);
+  mover.to_device(now_.view.id, host_.contacts.id.data(), count);
+  mover.to_device(now_.view.impulse, host_.contacts.impulse.data(), 3 * count);
+  api_->synchronize(stream_.get());
+  state_here_ = status_here_ = contacts_here_ = true;
+  pushed_ = true;
 }
 
 template <class Real>

@@ -22,6 +22,7 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   void integrate() override;
   WorldArrays<Real>& observe(WorldPart part) override;
   void restart(std::span<const std::uint8_t> mask) override;
+  void resume(const WorldCheckpoint<Real>& from) override;
   std::span<Real> wrench() override;
   void motion(std::span<WorldMotion> out) override;
 
@@ -34,6 +35,7 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   };
 
   void place_bodies();
+  void place_state();
   void scan_offsets();
   void count_contacts();
   void make_room(Contacts& contacts, Offset count);

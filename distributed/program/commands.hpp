@@ -7,6 +7,7 @@
 
 #include "distributed/transport/transport.hpp"
 #include "stiction/types.hpp"
+#include "tools/cli/commands.hpp"
 
 namespace stiction::distributed {
 
@@ -29,6 +30,16 @@ struct SolveArguments {
   std::optional<std::filesystem::path> warm_start, output, json;
   bool quiet = false;
 };
+
+struct StepJobArguments {
+  cli::StepArguments step;  ///< device, threads and preconditioner are not the user's
+  std::string partition = "bisection";
+  double deadline = 60;  ///< longest wait for another rank [s]
+};
+
+/// Steps a scene, contacts of each step by all ranks; rank 0 writes and prints. Returns an exit status.
+/// \throws Error, RankLost
+int run_step(Transport& transport, const StepJobArguments& arguments);
 
 /// Solves over the ranks of a transport; rank 0 writes and prints. Returns an exit status. \throws Error, RankLost
 int run_solve(Transport& transport, const SolveArguments& arguments);

@@ -41,6 +41,33 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_flag("--quiet", a.quiet, "No summary");
 }
 
+void declare_step(CLI::App& app, StepJobArguments& job) {
+  cli::StepArguments& a = job.step;
+  a.environments = 1;
+  app.add_option("scene", a.scene, "Scene of stiction step");
+  app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--seed", a.seed, "Seed of where environments begin")->check(CLI::NonNegativeNumber);
+  app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
+  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--iterations", a.iterations, "Sweeps of a step at most")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
+  app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
+  app.add_option("--partition", job.partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
+      ->capture_default_str();
+  app.add_option("--deadline", job.deadline, "Longest wait for another rank in seconds")->capture_default_str();
+  app.add_option("-o,--output", a.output, "CSV of states to write; - is standard output");
+  app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--checkpoint", a.checkpoint, "File that the job goes on from where it is there, and is written to");
+  app.add_option("--checkpoint-every", a.checkpoint_every, "Write it after every so many steps, and after the last")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--json", a.json, "JSON report to write; - is standard output");
+  app.add_flag("--quiet", a.quiet, "No progress, no summary");
+}
+
 /// One sentence of one rank: the lowest that can still speak is the first, and ends the others.
 [[noreturn]] void give_up(int rank, const std::string& sentence, int status) {
   std::this_thread::sleep_for(std::chrono::milliseconds(250) * (rank < 16 ? rank : 16));
@@ -53,9 +80,12 @@ int run(int argc, char** argv, int rank) {
   CLI::App app{"One scene over several processes, with the bits of one", "stiction-mpi"};
   app.set_version_flag("--version", std::string("stiction ") + kVersion);
   app.require_subcommand(1);
-  SolveArguments arguments;
-  declare_solve(*app.add_subcommand("solve", "Sequential impulses on rigid bodies that are dealt out to ranks"),
-                arguments);
+  SolveArguments solving;
+  StepJobArguments stepping;
+  const CLI::App& solve =
+      *app.add_subcommand("solve", "Sequential impulses on rigid bodies that are dealt out to ranks");
+  declare_solve(*app.get_subcommand("solve"), solving);
+  declare_step(*app.add_subcommand("step", "Step a scene; contacts of each step are solved by all ranks"), stepping);
   app.footer(
       "Run it by mpirun -n RANKS. Exit status: 0 done; 1 an environment missed the tolerance; 2 bad input or usage;\n"
       "70 a rank did not answer.");
@@ -68,8 +98,8 @@ int run(int argc, char** argv, int rank) {
     }
     return error.get_exit_code() == 0 ? cli::kExitDone : cli::kExitBadInput;
   }
-  const auto transport = mpi_transport(arguments.deadline);
-  const int status = run_solve(*transport, arguments);
+  const auto transport = mpi_transport(solve.parsed() ? solving.deadline : stepping.deadline);
+  const int status = solve.parsed() ? run_solve(*transport, solving) : run_step(*transport, stepping);
   // All ranks end with one status, which mpirun passes on.
   std::vector<int> all(static_cast<std::size_t>(transport->size()));
   transport->all_gather(std::as_bytes(std::span(&status, 1)), std::as_writable_bytes(std::span(all)));

@@ -31,68 +31,92 @@ struct Totals {
   [[nodiscard]] double share() const { return seconds > 0 ? waited / seconds : 0; }
 };
 
+Json json_of(const std::vector<RankReport>& ranks) {
+  Json all = Json::array();
+  for (const RankReport& rank : ranks)
+    all.push_back({{"bodies", rank.bodies - rank.ghosts},
+                   {"ghosts", rank.ghosts},
+                   {"contacts", rank.contacts},
+                   {"exchanges", rank.exchanges},
+                   {"messages", rank.messages},
+                   {"bytes", rank.bytes},
+                   {"seconds", rank.seconds},
+                   {"waited", rank.waited}});
+  return all;
+}
+
+/// What ranks did, in a report that has the rest.
+void put_ranks(Json& json, const std::vector<RankReport>& ranks, const std::string& partition) {
+  const Totals totals(ranks);
+  json["ranks"] = ranks.size();
+  json["partition"] = partition;
+  json["exchanges"] = totals.exchanges;
+  json["gathers"] = totals.gathers;
+  json["messages"] = totals.messages;
+  json["bytes"] = totals.bytes;
+  json["synchronisation_share"] = totals.share();
+  json["per_rank"] = json_of(ranks);
+}
+
+std::string line(const char* name, const std::string& value) {
+  return fmt::format("{:<16}{}\n", name, value);
+}
+
+std::string ranks_line(const std::vector<RankReport>& ranks, const std::string& partition) {
+  return line("ranks", fmt::format("{}, partition {}", ranks.size(), partition));
+}
+
+std::string traffic_lines(const std::vector<RankReport>& ranks) {
+  const Totals totals(ranks);
+  return line("exchanges", fmt::format("{} of twists, {} of single numbers", totals.exchanges, totals.gathers)) +
+         line("sent", fmt::format("{} messages, {} bytes", totals.messages, totals.bytes)) +
+         line("synchronisation", fmt::format("{:.1f} % of the ranks' time", 100 * totals.share()));
+}
+
 }  // namespace
 
 std::string to_json(const JobReport& report) {
   const cli::SolveReport& solve = report.solve;
-  const Totals totals(report.ranks);
-  Json ranks = Json::array();
-  for (const RankReport& rank : report.ranks)
-    ranks.push_back({{"bodies", rank.bodies - rank.ghosts},
-                     {"ghosts", rank.ghosts},
-                     {"contacts", rank.contacts},
-                     {"exchanges", rank.exchanges},
-                     {"messages", rank.messages},
-                     {"bytes", rank.bytes},
-                     {"seconds", rank.seconds},
-                     {"waited", rank.waited}});
-  const Json json = {{"schema_version", cli::kReportSchemaVersion},
-                     {"solver", solve.solver},
-                     {"precision", stiction::to_string(solve.precision)},
-                     {"law", to_string(solve.law)},
-                     {"environments", solve.environments},
-                     {"bodies", report.bodies},
-                     {"contacts", solve.cones},
-                     {"ranks", report.ranks.size()},
-                     {"partition", report.partition},
-                     {"seconds", {{"load", solve.seconds.load}, {"solve", solve.seconds.solve}}},
-                     {"iterations", cli::json_of(solve.iterations)},
-                     {"residual", cli::json_of(solve.residual)},
-                     {"unconverged", solve.unconverged},
-                     {"exchanges", totals.exchanges},
-                     {"gathers", totals.gathers},
-                     {"messages", totals.messages},
-                     {"bytes", totals.bytes},
-                     {"synchronisation_share", totals.share()},
-                     {"per_rank", ranks},
-                     {"hash", cli::hex(solve.hash)},
-                     {"epoch", kNumericsEpoch}};
+  Json json = {{"schema_version", cli::kReportSchemaVersion},
+               {"solver", solve.solver},
+               {"precision", stiction::to_string(solve.precision)},
+               {"law", to_string(solve.law)},
+               {"environments", solve.environments},
+               {"bodies", report.bodies},
+               {"contacts", solve.cones},
+               {"seconds", {{"load", solve.seconds.load}, {"solve", solve.seconds.solve}}},
+               {"iterations", cli::json_of(solve.iterations)},
+               {"residual", cli::json_of(solve.residual)},
+               {"unconverged", solve.unconverged},
+               {"hash", cli::hex(solve.hash)},
+               {"epoch", kNumericsEpoch}};
+  put_ranks(json, report.ranks, report.partition);
+  return cli::dump(json);
+}
+
+std::string to_json(const StepJobReport& report) {
+  Json json = cli::json_of(report.step);
+  put_ranks(json, report.ranks, report.partition);
   return cli::dump(json);
 }
 
 std::string to_text(const JobReport& report) {
   const cli::SolveReport& solve = report.solve;
-  const Totals totals(report.ranks);
-  std::string text;
-  const auto line = [&](const char* name, const std::string& value) { text += fmt::format("{:<16}{}\n", name, value); };
-  line("file", solve.file);
-  line("environments", fmt::format("{}", solve.environments));
-  line("bodies", fmt::format("{}", report.bodies));
-  line("contacts", fmt::format("{}", solve.cones));
-  line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", solve.solver, solve.options.tolerance,
-                             solve.options.max_iterations));
-  line("law", to_string(solve.law));
-  line("precision", stiction::to_string(solve.precision));
-  line("ranks", fmt::format("{}, partition {}", report.ranks.size(), report.partition));
-  line("seconds", fmt::format("load {:.4g}  solve {:.4g}", solve.seconds.load, solve.seconds.solve));
-  line("iterations", cli::quantile_text(solve.iterations));
-  line("residual", cli::quantile_text(solve.residual));
-  line("exchanges", fmt::format("{} of twists, {} of single numbers", totals.exchanges, totals.gathers));
-  line("sent", fmt::format("{} messages, {} bytes", totals.messages, totals.bytes));
-  line("synchronisation", fmt::format("{:.1f} % of the ranks' time", 100 * totals.share()));
-  line("unconverged", fmt::format("{}", solve.unconverged));
-  line("hash", fmt::format("{} (numerics epoch {})", cli::hex(solve.hash), kNumericsEpoch));
-  return text;
+  return line("file", solve.file) + line("environments", fmt::format("{}", solve.environments)) +
+         line("bodies", fmt::format("{}", report.bodies)) + line("contacts", fmt::format("{}", solve.cones)) +
+         line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", solve.solver, solve.options.tolerance,
+                                    solve.options.max_iterations)) +
+         line("law", to_string(solve.law)) + line("precision", stiction::to_string(solve.precision)) +
+         ranks_line(report.ranks, report.partition) +
+         line("seconds", fmt::format("load {:.4g}  solve {:.4g}", solve.seconds.load, solve.seconds.solve)) +
+         line("iterations", cli::quantile_text(solve.iterations)) +
+         line("residual", cli::quantile_text(solve.residual)) + traffic_lines(report.ranks) +
+         line("unconverged", fmt::format("{}", solve.unconverged)) +
+         line("hash", fmt::format("{} (numerics epoch {})", cli::hex(solve.hash), kNumericsEpoch));
+}
+
+std::string to_text(const StepJobReport& report) {
+  return cli::to_text(report.step) + ranks_line(report.ranks, report.partition) + traffic_lines(report.ranks);
 }
 
 }  // namespace stiction::distributed

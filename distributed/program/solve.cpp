@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <span>
 
 #include "distributed/program/commands.hpp"
+#include "distributed/program/partition_option.hpp"
 #include "distributed/program/rank_report.hpp"
 #include "distributed/solve/partition.hpp"
 #include "stiction/error.hpp"
@@ -23,20 +23,6 @@ namespace stiction::distributed {
 namespace {
 
 using cli::Clock;
-
-/// The seed of "random:SEED", nothing for "bisection".
-std::optional<std::uint64_t> partition_seed(const std::string& text) {
-  if (text == "bisection") return std::nullopt;
-  constexpr std::string_view kRandom = "random:";
-  std::uint64_t seed = 0;
-  if (text.starts_with(kRandom)) {
-    const char* const begin = text.data() + kRandom.size();
-    const char* const end = text.data() + text.size();
-    const auto [rest, error] = std::from_chars(begin, end, seed);
-    if (error == std::errc{} && rest == end) return seed;
-  }
-  throw Error(ErrorCode::invalid_argument, fmt::format("--partition {}: expected bisection or random:SEED", text));
-}
 
 /// Every rank has the whole batch, read or made by itself.
 io::Recording recording_of(const SolveArguments& arguments) {

@@ -8,6 +8,7 @@
 
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
+#include "python/src/world_description.hpp"
 #include "stiction/world_derivative.hpp"
 
 namespace nb = nanobind;
@@ -15,47 +16,6 @@ namespace nb = nanobind;
 namespace stiction::python {
 
 namespace {
-
-template <class Number, std::size_t N>
-std::array<Number, N> numbers(nb::handle object, const char* name) {
-  return nb::cast<std::array<Number, N>>(object.attr(name));
-}
-
-ShapeKind kind_from(nb::handle object) {
-  return static_cast<ShapeKind>(nb::cast<std::uint8_t>(object));
-}
-
-/// A shape of the package, whose class has checked names and lengths.
-WorldShape shape_from(nb::handle object) {
-  WorldShape shape;
-  shape.body = nb::cast<Index>(object.attr("body"));
-  shape.kind = kind_from(object.attr("_kind"));
-  shape.size = numbers<double, 3>(object, "_sizes");
-  shape.position = numbers<double, 3>(object, "position");
-  shape.orientation = numbers<double, 4>(object, "orientation");
-  shape.mu = nb::cast<double>(object.attr("mu"));
-  shape.restitution = nb::cast<double>(object.attr("restitution"));
-  return shape;
-}
-
-WorldBody body_from(nb::handle object) {
-  WorldBody body;
-  body.mass = nb::cast<double>(object.attr("mass"));
-  body.inertia = numbers<double, 3>(object, "inertia");
-  body.position = numbers<double, 3>(object, "position");
-  body.orientation = numbers<double, 4>(object, "orientation");
-  body.twist = numbers<double, 6>(object, "twist");
-  return body;
-}
-
-WorldDescription description_from(const nb::sequence& bodies, const nb::sequence& shapes,
-                                  const std::array<double, 3>& gravity) {
-  WorldDescription description;
-  for (const nb::handle body : bodies) description.bodies.push_back(body_from(body));
-  for (const nb::handle shape : shapes) description.shapes.push_back(shape_from(shape));
-  description.gravity = gravity;
-  return description;
-}
 
 /// What was copied out of a world, as NumPy arrays that own it.
 template <class T>
@@ -218,6 +178,45 @@ class SharedWorld {
     });
   }
 
+  nb::dict checkpoint() {
+    std::variant<std::monostate, WorldCheckpoint<float>, WorldCheckpoint<double>> found;
+    visit([&]<class Real>(World<Real>& world) { return [&] { found = world.checkpoint(); }; });
+    nb::dict to;
+    std::visit(
+        [&]<class Held>(Held& held) {
+          if constexpr (!std::is_same_v<Held, std::monostate>) {
+            to["position"] = as_numpy(std::move(held.position));
+            to["orientation"] = as_numpy(std::move(held.orientation));
+            to["twist"] = as_numpy(std::move(held.twist));
+            to["contact_offsets"] = as_numpy(std::move(held.contact_offsets));
+            to["contact_id"] = as_numpy(std::move(held.contact_id));
+            to["impulse"] = as_numpy(std::move(held.impulse));
+          }
+        },
+        found);
+    return to;
+  }
+
+  /// Forces are given with each step, so a checkpoint has none.
+  void resume(const Array& position, const Array& orientation, const Array& twist, const Array& contact_offsets,
+              const Array& contact_id, const Array& impulse) {
+    visit([&]<class Real>(World<Real>& world) {
+      const auto vector_of = [](const auto& span) { return std::vector(span.begin(), span.end()); };
+      auto from = std::make_shared<WorldCheckpoint<Real>>();
+      from->position = vector_of(span_of<Real>(position, "position"));
+      from->orientation = vector_of(span_of<Real>(orientation, "orientation"));
+      from->twist = vector_of(span_of<Real>(twist, "twist"));
+      from->wrench.assign(from->twist.size(), Real(0));
+      from->contact_offsets = vector_of(span_of<Offset>(contact_offsets, "contact_offsets"));
+      from->contact_id = vector_of(span_of<std::uint64_t>(contact_id, "contact_id"));
+      from->impulse = vector_of(span_of<Real>(impulse, "impulse"));
+      return [this, from, &world] {
+        world.resume(*from);
+        is_pushed_ = false;
+      };
+    });
+  }
+
   void status(const Array& to) {
     visit([&]<class Real>(World<Real>& world) {
       auto* const records = reinterpret_cast<EnvStatus*>(to.write<std::uint8_t>("status"));
@@ -352,6 +351,9 @@ void bind_world(nb::module_& module) {
       .def("state", &SharedWorld::state, nb::arg("position"), nb::arg("orientation"), nb::arg("twist"))
       .def("reset", &SharedWorld::reset, nb::arg("mask"), nb::arg("position").none(), nb::arg("orientation").none(),
            nb::arg("twist").none())
+      .def("checkpoint", &SharedWorld::checkpoint)
+      .def("resume", &SharedWorld::resume, nb::arg("position"), nb::arg("orientation"), nb::arg("twist"),
+           nb::arg("contact_offsets"), nb::arg("contact_id"), nb::arg("impulse"))
       .def("status", &SharedWorld::status, nb::arg("status"))
       .def("contacts", &SharedWorld::contacts)
       .def("motion", &SharedWorld::motion, nb::arg("motion"))

@@ -55,6 +55,15 @@ def take(name, obj, dtype, shape, device, writable=False):
     raise wrong(text)
 
 
+def apart(names, arrays):
+    """Refuses arrays to be written that share memory."""
+    spans = sorted((array.pointer, array.pointer + array.size * np.dtype(array.dtype).itemsize, name)
+                   for name, array in zip(names, arrays) if array.size)
+    for (_, end, first), (begin, _, second) in zip(spans, spans[1:]):
+        if begin < end:
+            raise ValueError(f"{second}: expected memory of its own, got memory that it shares with {first}")
+
+
 def status_bytes(status):
     """The memory of a structured status array as (environments, 32) bytes."""
     return status.view(np.uint8).reshape(-1, STATUS_DTYPE.itemsize)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import _core
-from ._arrays import FLOATS, STATUS_DTYPE, look, status_bytes, take
+from ._arrays import FLOATS, STATUS_DTYPE, apart, look, status_bytes, take
 from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, Gradients
 from ._progress import Progress
@@ -19,6 +19,8 @@ from ._solution import SOLVED
 _KINDS = {"sphere": 1, "capsule": 2, "box": 3, "plane": 0}
 #: Methods that solve bodies.
 _METHODS = ("npgs", "pgs", "newton", "multigrid")
+#: Arrays of a checkpoint.
+_CHECKPOINT = ("position", "orientation", "twist", "contact_offsets", "contact_id", "impulse")
 #: Into how many calls many steps are divided where progress is shown.
 _PIECES = 100
 
@@ -231,7 +233,7 @@ class World:
             raise TypeError(f"out: expected a WorldState or a dict of arrays, got {type(out).__name__}")
         seen = [take(f"out.{name}", value, self.dtype, self._shape(width), "cpu", writable=True)
                 for (name, value), width in zip(out._asdict().items(), (3, 4, 6))]
-        _apart([f"out.{name}" for name in out._fields], seen)
+        apart([f"out.{name}" for name in out._fields], seen)
         self._core.state(*seen)
         return out
 
@@ -250,6 +252,33 @@ class World:
             mask = np.asarray(mask).view(np.uint8)
         self._core.reset(take("mask", mask, "uint8", (self.env_count,), "cpu"), self._taken("position", position, 3),
                          self._taken("orientation", orientation, 4), self._taken("twist", twist, 6))
+
+    def checkpoint(self) -> dict:
+        """The world between two steps: all that the next ones depend on but description, options and forces.
+
+        New NumPy arrays, for np.savez say. position, orientation, twist: as of state(). contact_offsets int64 (B + 1),
+        contact_id uint64 (contacts,) and impulse (contacts, 3) [N s]: of the last step's contacts.
+        """
+        found = self._core.checkpoint()
+        widths = {"position": self._shape(3), "orientation": self._shape(4), "twist": self._shape(6), "impulse": (-1, 3)}
+        return {name: array.reshape(widths.get(name, -1)) for name, array in found.items()}
+
+    def resume(self, checkpoint) -> None:
+        """Goes on from a checkpoint() of a world with the same description, options and env_count, on any device.
+
+        The next steps have the bits that its next steps had. Until the next step `status` is all zero.
+
+        checkpoint: a mapping of these six arrays, an open np.load file too. Nothing is changed if one does not fit.
+        """
+        missing = [name for name in _CHECKPOINT if name not in checkpoint]
+        if missing:
+            raise ValueError(f"checkpoint: expected {', '.join(_CHECKPOINT)}, got no {', '.join(missing)}")
+        ids = np.asarray(checkpoint["contact_id"])
+        shapes = {"position": (self.dtype, self._shape(3)), "orientation": (self.dtype, self._shape(4)),
+                  "twist": (self.dtype, self._shape(6)), "contact_offsets": ("int64", (self.env_count + 1,)),
+                  "contact_id": ("uint64", ids.shape[:1]), "impulse": (self.dtype, (*ids.shape[:1], 3))}
+        self._core.resume(*(take(f"checkpoint[{name!r}]", checkpoint[name], *shapes[name], "cpu")
+                            for name in _CHECKPOINT))
 
     @property
     def status(self) -> np.ndarray:
@@ -283,15 +312,6 @@ class World:
     def seconds(self) -> dict:
         """Where the time of all steps went [s]: detect, plan, solve, integrate."""
         return self._core.seconds()
-
-
-def _apart(names, arrays):
-    """Refuses arrays to be written that share memory."""
-    spans = sorted((array.pointer, array.pointer + array.size * np.dtype(array.dtype).itemsize, name)
-                   for name, array in zip(names, arrays) if array.size)
-    for (_, end, first), (begin, _, second) in zip(spans, spans[1:]):
-        if begin < end:
-            raise ValueError(f"{second}: expected memory of its own, got memory that it shares with {first}")
 
 
 class WorldContacts:

@@ -107,6 +107,36 @@ TEST(Step, WritesStatesAsCsv) {
   EXPECT_THAT(line = read_text(path), HasSubstr("\n20,1,2,"));
 }
 
+TEST(Step, GoesOnFromItsCheckpointWithTheBitsOfARunWithoutAStop) {
+  const Folder folder;
+  const std::string file = folder / "point.h5";
+  for (const char* precision : {"f32", "f64"}) {
+    const std::string path = file + precision;
+    const auto with = [&](const char* steps, std::vector<std::string> more) {
+      const std::vector<std::string> base{"pile", "--envs", "3", "--steps", steps, "--precision", precision};
+      more.insert(more.begin(), base.begin(), base.end());
+      return report_of(more);
+    };
+    const Json whole = with("120", {});
+    const Json first = with("70", {"--checkpoint", path, "--checkpoint-every", "20"});
+    EXPECT_EQ(first["resumed_at"], 0);
+    const Json second = with("120", {"--checkpoint", path, "--device", "emulated"});
+    EXPECT_EQ(second["resumed_at"], 70);
+    EXPECT_EQ(second["hash"], whole["hash"]);
+    EXPECT_NE(second["hash"], first["hash"]);
+    EXPECT_EQ(with("120", {"--checkpoint", path})["hash"], whole["hash"]) << "nothing is left to do";
+  }
+  const Finished other = run_stiction({"step", "pile", "--envs", "4", "--steps", "120", "--checkpoint", file + "f64"});
+  EXPECT_EQ(other.status, 2);
+  EXPECT_THAT(other.err, HasSubstr("is of another run"));
+  const Finished fewer = run_stiction({"step", "pile", "--envs", "3", "--steps", "100", "--checkpoint", file + "f64"});
+  EXPECT_EQ(fewer.status, 2);
+  EXPECT_THAT(fewer.err, HasSubstr("ask for more steps"));
+  EXPECT_EQ(run_stiction({"step", "pile", "--envs", "1", "--checkpoint", "/no/such/folder/c.h5"}).status, 2);
+  write_text(folder / "text.h5", "no checkpoint");
+  EXPECT_EQ(run_stiction({"step", "pile", "--envs", "1", "--checkpoint", folder / "text.h5"}).status, 2);
+}
+
 TEST(Step, CountsOverflows) {
   EXPECT_GT(report_of({"stack", "--envs", "2", "--steps", "20", "--max-contacts", "5"})["overflows"], 0);
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4
@@ -46,6 +46,68 @@ EOF
     done
   done
   echo "$scene: 5 jobs have the bits of one process, $("$stiction" hash "$folder/one.h5")"
+}
+
+# compare_reports ONE MANY: what a run of `stiction step` and a job have in common.
+compare_reports() {
+  python3 - "$1" "$2" << 'EOF'
+import json, sys
+one, many = (json.load(open(name)) for name in sys.argv[1:])
+for key in ("hash", "contacts", "residual", "quality", "ended", "deepest", "momentum_drift", "steps", "bodies", "epoch"):
+    if one[key] != many[key]:
+        sys.exit(f"{key}: {one[key]} by one process, {many[key]} by ranks")
+EOF
+}
+
+# A world's steps by one process, then by 1 to 4 ranks.
+compare_steps() {  # compare_steps SCENE OPTIONS...
+  local scene=$1 ranks partition
+  shift
+  "$stiction" step "$scene" "$@" --json "$folder/one.json" --quiet || fail "step $scene"
+  for ranks in 1 2 3 4; do
+    for partition in bisection random:7; do
+      [ "$partition" = bisection ] || [ "$ranks" -eq 3 ] || continue
+      ranks "$ranks" step "$scene" "$@" --partition "$partition" --json "$folder/ranks.json" --quiet 2> "$folder/err" ||
+        fail "step $scene, $ranks ranks: $(cat "$folder/err")"
+      compare_reports "$folder/one.json" "$folder/ranks.json" || fail "step $scene, $ranks ranks, $partition"
+    done
+  done
+  echo "step $scene: 5 jobs have the bits of one process"
+}
+
+# Jobs of 1 to 4 ranks that are killed at random moments, and go on from their checkpoint with another number of ranks.
+restart() {  # restart KILLS STEPS
+  local kills=$1 steps=$2 kill ranks arguments=(step pile --envs 1 --seed 5 --steps "$2")
+  RANDOM=${STICTION_SEED:-11}
+  "$stiction" "${arguments[@]}" --json "$folder/one.json" --quiet || fail "one process"
+  for kill in $(seq "$kills"); do
+    ranks=$((RANDOM % 4 + 1))
+    timeout 200 "$mpiexec" -n "$ranks" "$program" "${arguments[@]}" --checkpoint "$folder/point.h5" \
+      --checkpoint-every 1 --quiet > "$folder/out" 2> "$folder/err" &
+    job=$!
+    sleep "$((RANDOM % 2)).$((RANDOM % 10))$((RANDOM % 10))"
+    pkill -KILL -P "$(pgrep -P "$job" | head -1 || echo "$job")" 2> /dev/null
+    pkill -KILL -P "$job" 2> /dev/null
+    kill -KILL "$job" 2> /dev/null
+    wait "$job" 2> /dev/null
+    pkill -KILL -f -- "--checkpoint $folder/point.h5" 2> /dev/null
+    grep -q '^stiction-mpi: ' "$folder/err" && fail "after kill $kill: $(cat "$folder/err")"
+  done
+  [ -e "$folder/point.h5" ] || fail "no job wrote a checkpoint: nothing was tested"
+  cp "$folder/point.h5" "$folder/copy.h5"
+  ranks 3 "${arguments[@]}" --checkpoint "$folder/point.h5" --json "$folder/ranks.json" --quiet 2> "$folder/err" ||
+    fail "the last job: $(cat "$folder/err")"
+  grep -q '"resumed_at": 0,' "$folder/ranks.json" && fail "the last job began anew"
+  "$stiction" step "${arguments[@]:1}" --checkpoint "$folder/copy.h5" --json "$folder/last.json" --quiet || fail "one process goes on"
+  python3 - "$kills" "$folder"/{one,ranks,last}.json << 'EOF' || fail "other bits than without a stop"
+import json, sys
+runs = [json.load(open(name)) for name in sys.argv[2:]]
+print(f"killed {sys.argv[1]} times, gone on at step {runs[1]['resumed_at']} of {runs[1]['steps']}: {runs[1]['hash']}")
+sys.exit(len({run["hash"] for run in runs}) != 1)
+EOF
+  "$stiction" step pile --envs 3 --seed 5 --steps "$steps" --checkpoint "$folder/point.h5" --quiet 2> "$folder/err"
+  [ $? -eq 2 ] || fail "a checkpoint of another run was taken"
+  grep -q 'is of another run' "$folder/err" || fail "no sentence about another run: $(cat "$folder/err")"
 }
 
 # A job that does not end by itself; sets `job`, and `victim`, the process of one of its ranks.
@@ -96,6 +158,11 @@ case $what in
     compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
     compare pile 40 --max-iterations 150 --precision f32 --law convex
     ;;
+  step)
+    compare_steps pile --envs 2 --steps 40 --seed 3
+    compare_steps walker --envs 3 --steps 60 --precision f32 --tolerance 0 --iterations 10
+    ;;
+  restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" ;;
   json)
     ranks 2 solve --scene wall --size 4 --tolerance 0 --max-iterations 64 --json - > "$folder/report.json" 2> "$folder/err"
     python3 - "$folder/report.json" << 'EOF' || fail "the report"
@@ -128,6 +195,7 @@ EOF
   refused)
     for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
       "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
+      "step" "step nothing" "step pile --partition thirds" "step pile --checkpoint /nowhere/x.h5" \
       "solve --scene wall -o /nowhere/x.h5"; do
       # shellcheck disable=SC2086
       ranks 2 $arguments > "$folder/out" 2> "$folder/err"

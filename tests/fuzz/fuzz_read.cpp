@@ -44,5 +44,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (!file) return 0;
   expect_result_or_refusal([&] { read_batch(*file); });
   expect_result_or_refusal([&] { io::read_solution(*file); });
+  expect_result_or_refusal([&] { io::read_checkpoint(*file); });
   return 0;
 }

@@ -137,12 +137,27 @@ void write_solutions(const std::filesystem::path& folder) {
   stiction::io::write_solution(folder / "solution_single.h5", solution);
 }
 
+void write_checkpoint(const std::filesystem::path& folder) {
+  stiction::io::CheckpointFile checkpoint;
+  checkpoint.run = "seed";
+  checkpoint.world.position = {1, 2, 3};
+  checkpoint.world.orientation = {1, 0, 0, 0};
+  checkpoint.world.twist.assign(6, 0.5);
+  checkpoint.world.wrench.assign(6, 0.0);
+  checkpoint.world.contact_offsets = {0, 2};
+  checkpoint.world.contact_id = {64, 65};
+  checkpoint.world.impulse.assign(6, 0.25);
+  stiction::io::write_checkpoint(folder / "checkpoint.h5", checkpoint);
+}
+
 /// Every seed is read; those of rolling problems are refused.
 void read_all(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     if (name.starts_with("solution")) {
       stiction::io::read_solution(entry.path());
+    } else if (name.starts_with("checkpoint")) {
+      stiction::io::read_checkpoint(entry.path());
     } else if (name.starts_with("rolling")) {
       if (stiction::io::detect(entry.path()) != stiction::io::FileKind::fclib_rolling) throw std::runtime_error(name);
     } else {
@@ -169,6 +184,7 @@ int main(int argc, char** argv) try {
   write_fclib_global(folder / "rolling.hdf5", true);
   write_fclib_equalities(folder / "equalities.hdf5");
   write_solutions(folder);
+  write_checkpoint(folder);
   stiction::fuzz::copy_to_latest(folder / "full.h5", folder / "full_latest.h5");
   stiction::fuzz::copy_to_latest(folder / "global.hdf5", folder / "global_latest.hdf5");
   stiction::fuzz::copy_to_latest(folder / "solution.h5", folder / "solution_latest.h5");

@@ -117,8 +117,10 @@ struct StepArguments {
   Index max_contacts = 0;
   int threads = 0;
   std::int64_t every = 0;  ///< states of every so many steps are written; 0: those of the last
+  std::int64_t checkpoint_every = 100;
   bool quiet = false;
-  std::optional<std::filesystem::path> output, json;
+  bool checkpoint_read_only = false;  ///< of processes with one file, all but one
+  std::optional<std::filesystem::path> output, json, checkpoint;
 };
 
 /// One function a command, each in the file of its name. They return an exit status and throw stiction::Error.

@@ -151,6 +151,10 @@ void declare_step(CLI::App& app, StepArguments& a) {
   app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  app.add_option("--checkpoint", a.checkpoint, "File that the run goes on from where it is there, and is written to");
+  app.add_option("--checkpoint-every", a.checkpoint_every, "Write it after every so many steps, and after the last")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
   app.add_flag("--list", a.list, "List the scenes");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");

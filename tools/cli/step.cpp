@@ -1,147 +1,20 @@
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <chrono>
-#include <cstdio>
-#include <ctime>
-#include <memory>
 #include <thread>
 
-#include "bench/scenes/worlds.hpp"
 #include "stiction/error.hpp"
-#include "tools/cli/body_method.hpp"
-#include "tools/cli/commands.hpp"
 #include "tools/cli/output.hpp"
-#include "tools/cli/progress.hpp"
 #include "tools/cli/report.hpp"
-#include "tools/cli/step_monitor.hpp"
-#include "tools/cli/step_report.hpp"
+#include "tools/cli/step_world.hpp"
 
 namespace stiction::cli {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-/// What a residual is held against where all iterations are run.
-constexpr double kQualityTolerance = 1e-3;
-
-WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
-  WorldOptions options;
-  options.stepping = stepping;
-  options.stepping.dt = arguments.dt.value_or(stepping.dt);
-  choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
-  options.solver.iterations = arguments.iterations;
-  options.solver.tolerance = arguments.tolerance;
-  options.solver.threads = arguments.threads;
-  options.solver.max_contacts_per_env = arguments.max_contacts;
-  options.warm_start = arguments.warm_start;
-  return options;
-}
-
-/// Processor seconds of this process so far.
-double cpu_seconds() {
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-}
-
-/// States as lines of a CSV file; without a path nothing.
-class StateFile {
- public:
-  explicit StateFile(const std::optional<std::filesystem::path>& path) {
-    if (!path) return;
-    require_writable(*path);
-    name_ = path->string();
-    file_.reset(*path == "-" ? stdout : std::fopen(path->c_str(), "wb"));
-    put("step,environment,body,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n");
-  }
-
-  template <class Real>
-  void write(const World<Real>& world, std::int64_t step) {
-    if (!file_) return;
-    const WorldState<Real> state = world.state();
-    for (Offset env = 0; env < world.env_count(); ++env) {
-      std::string text;
-      for (Index body = 0; body < world.body_count(); ++body) {
-        const auto place = static_cast<std::size_t>(env * world.body_count() + body);
-        text += fmt::format(
-            "{},{},{},{},{},{}\n", step, env, body, fmt::join(state.position.subspan(3 * place, 3), ","),
-            fmt::join(state.orientation.subspan(4 * place, 4), ","), fmt::join(state.twist.subspan(6 * place, 6), ","));
-      }
-      put(text);
-    }
-  }
-
-  /// \throws Error(io) if something was not written.
-  void close() {
-    if (file_ && std::fflush(file_.get()) != 0) fail();
-    file_.reset();
-  }
-
- private:
-  struct Close {
-    void operator()(std::FILE* file) const {
-      if (file != stdout) std::fclose(file);
-    }
-  };
-  void put(const std::string& text) {
-    if (!file_ || std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
-  }
-  [[noreturn]] void fail() const { throw Error(ErrorCode::io, fmt::format("{}: cannot be written", name_)); }
-
-  std::string name_;
-  std::unique_ptr<std::FILE, Close> file_;
-};
-
 std::string name_of(Device device) {
   for (const DeviceReport& report : devices())
     if (report.device.kind == device.kind && report.device.ordinal == device.ordinal) return report.name;
   return "the GPU's kernels on the CPU";
-}
-
-template <class Real>
-StepReport step_all(const StepArguments& arguments, const scenes::WorldScene& scene, Device device) {
-  const WorldOptions options = world_options(arguments, scene.stepping);
-  World<Real> world(device, scene.description, arguments.environments, options);
-  scenes::start_all(world, arguments.scene, arguments.seed);
-  const double tolerance = arguments.tolerance > 0 ? arguments.tolerance : kQualityTolerance;
-  StepMonitor<Real> monitor(world, tolerance, arguments.steps);
-  StateFile states(arguments.output);
-  StepReport report;
-  if (arguments.every > 0) states.write(world, 0);
-  {
-    Progress progress("step", arguments.steps, arguments.quiet);
-    for (std::int64_t step = 1; step <= arguments.steps; ++step) {
-      const double cpu_start = cpu_seconds();
-      const Clock::time_point start = Clock::now();
-      world.step();
-      report.wall += std::chrono::duration<double>(Clock::now() - start).count();
-      report.cpu += cpu_seconds() - cpu_start;
-      monitor.look(world);
-      if (arguments.every > 0 && step % arguments.every == 0) states.write(world, step);
-      progress.advance();
-    }
-  }
-  if (arguments.every == 0) states.write(world, arguments.steps);
-  states.close();
-  report.bodies = world.body_count();
-  report.dt = options.stepping.dt;
-  report.solver = arguments.solver;
-  if (arguments.solver == "newton") report.preconditioner = to_string(options.solver.space.preconditioner);
-  report.iterations = options.solver.iterations;
-  report.tolerance = tolerance;
-  report.seconds = world.seconds();
-  report.quality = monitor.quality();
-  report.residual = quantiles(monitor.residuals());
-  report.codes = monitor.codes();
-  report.contacts = monitor.contacts();
-  report.overflows = monitor.overflows();
-  report.energy_begin = monitor.energy_begin();
-  report.energy_end = monitor.energy_end();
-  report.largest_rise = monitor.largest_rise();
-  report.momentum_drift = monitor.momentum_drift();
-  report.deepest = monitor.deepest();
-  report.hash = world.hash();
-  return report;
 }
 
 int list_scenes() {
@@ -157,11 +30,12 @@ int run_step(const StepArguments& arguments) {
   if (arguments.scene.empty())
     throw Error(ErrorCode::invalid_argument, "a scene is missing: stiction step --list shows them");
   if (arguments.json) require_writable(*arguments.json);
+  if (arguments.checkpoint) require_replaceable(*arguments.checkpoint);
   const scenes::WorldScene scene = scenes::make_world(arguments.scene);
   const Precision precision = precision_from_option(arguments.precision);
   const Device device = Device::from_string(arguments.device);
-  StepReport report = precision == Precision::f32 ? step_all<float>(arguments, scene, device)
-                                                  : step_all<double>(arguments, scene, device);
+  StepReport report = precision == Precision::f32 ? step_world<float>(arguments, scene, device)
+                                                  : step_world<double>(arguments, scene, device);
   report.scene = arguments.scene;
   report.device = to_string(device);
   report.device_name = name_of(device);
@@ -173,9 +47,7 @@ int run_step(const StepArguments& arguments) {
   if (arguments.json) write_text(*arguments.json, to_json(report));
   const bool printed = arguments.json == "-" || arguments.output == "-";
   if (!arguments.quiet && !printed) fmt::print("{}", to_text(report));
-  const auto broken = report.codes[static_cast<std::size_t>(EnvCode::numerical)] +
-                      report.codes[static_cast<std::size_t>(EnvCode::invalid_input)];
-  return broken == 0 ? kExitDone : kExitMissed;
+  return exit_status(report);
 }
 
 }  // namespace stiction::cli

@@ -11,7 +11,7 @@
 namespace stiction::cli {
 
 double StepReport::rate() const {
-  return wall > 0 ? static_cast<double>(environments) * static_cast<double>(steps) / wall : 0;
+  return wall > 0 ? static_cast<double>(environments) * static_cast<double>(steps - resumed_at) / wall : 0;
 }
 double StepReport::solver_share() const {
   return wall > 0 ? seconds.solve / wall : 0;
@@ -20,7 +20,7 @@ double StepReport::utilisation() const {
   return wall > 0 && threads > 0 ? cpu / (wall * threads) : 0;
 }
 
-std::string to_json(const StepReport& report) {
+Json json_of(const StepReport& report) {
   Json codes = Json::object();
   for (std::size_t code = 0; code < report.codes.size(); ++code)
     codes[to_string(static_cast<EnvCode>(code))] = report.codes[code];
@@ -32,6 +32,7 @@ std::string to_json(const StepReport& report) {
       {"precision", to_string(report.precision)},
       {"environments", report.environments},
       {"steps", report.steps},
+      {"resumed_at", report.resumed_at},
       {"bodies", report.bodies},
       {"seed", report.seed},
       {"dt", report.dt},
@@ -60,16 +61,28 @@ std::string to_json(const StepReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
-  return dump(json);
+  return json;
+}
+
+std::string to_json(const StepReport& report) {
+  return dump(json_of(report));
+}
+
+int exit_status(const StepReport& report) {
+  const auto broken = report.codes[static_cast<std::size_t>(EnvCode::numerical)] +
+                      report.codes[static_cast<std::size_t>(EnvCode::invalid_input)];
+  return broken == 0 ? kExitDone : kExitMissed;
 }
 
 std::string to_text(const StepReport& report) {
   std::string text;
   const auto line = [&](const char* name, const std::string& value) { text += fmt::format("{:<16}{}\n", name, value); };
-  const double env_steps = static_cast<double>(report.environments) * static_cast<double>(report.steps);
+  const double env_steps =
+      static_cast<double>(report.environments) * static_cast<double>(report.steps - report.resumed_at);
   line("scene", fmt::format("{}, {} bodies, seed {}", report.scene, report.bodies, report.seed));
   line("environments", fmt::format("{}", report.environments));
-  line("steps", fmt::format("{} of {:g} s", report.steps, report.dt));
+  line("steps", fmt::format("{} of {:g} s{}", report.steps, report.dt,
+                            report.resumed_at > 0 ? fmt::format(", from {} on", report.resumed_at) : ""));
   line("solver",
        fmt::format("{}, at most {} {}, tolerance {:g}",
                    report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "stiction/world.hpp"
+#include "tools/cli/json_text.hpp"
 #include "tools/cli/quantiles.hpp"
 
 namespace stiction::cli {
@@ -16,6 +17,7 @@ struct StepReport {
   std::string solver, preconditioner;  ///< the latter of newton alone
   Precision precision = Precision::f64;
   std::int64_t environments = 0, steps = 0, bodies = 0;
+  std::int64_t resumed_at = 0;  ///< of the steps, those that a checkpoint had
   std::uint64_t seed = 0;
   double dt = 0, tolerance = 0;
   Index iterations = 0;
@@ -38,6 +40,10 @@ struct StepReport {
   [[nodiscard]] double utilisation() const;
 };
 
+/// What the command ends with: kExitMissed if an environment-step was not finite or not valid.
+int exit_status(const StepReport& report);
+/// As to_json gives it to dump().
+Json json_of(const StepReport& report);
 /// Keys: docs/cli.md. Closed by a line feed.
 std::string to_json(const StepReport& report);
 /// The table a person reads.

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -68,6 +69,23 @@ struct WorldState {
   std::span<const Real> twist;        ///< velocity [m/s], spin [rad/s]           (6 * body_count * env_count)
 };
 
+/// A world between two steps, in host memory: all that its next step depends on beside description and options.
+template <class Real>
+struct WorldCheckpoint {
+  std::vector<Real> position, orientation, twist;  ///< shapes and units of WorldState
+  std::vector<Real> wrench;                        ///< shape and unit of World::wrench()
+  std::vector<Offset> contact_offsets;             ///< where each environment's contacts begin      (env_count + 1)
+  std::vector<std::uint64_t> contact_id;           ///< of the last step, ascending in an environment     (contacts)
+  std::vector<Real> impulse;                       ///< what they ended with [N s]                    (3 * contacts)
+};
+
+/// Solves the contacts of one step. `batch` and `solution` are as BodySolver::solve has them, in the memory of the
+/// world's device. Every array of `solution` but w is there, and is to be written. `guess` is a first guess
+/// (3 * contacts), or null.
+template <class Real>
+using StepSolver =
+    std::function<void(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* guess)>;
+
 /// What is conserved, or should be, of one environment; summed in double.
 struct WorldMotion {
   double kinetic = 0;                      ///< [J]
@@ -104,6 +122,10 @@ class World {
   /// One step of options.stepping.dt. An environment whose state or wrench is not finite ends as `invalid_input` and
   /// stays where it is; no other environment changes.
   void step();
+  /// One step whose contacts `solve` answers in place of the world's own solver: several processes, say
+  /// (docs/ranks.md). What it throws is passed on: bodies are then where they were, and impulses to start from are
+  /// forgotten.
+  void step(const StepSolver<Real>& solve);
 
   /// Positions, orientations and twists of all environments; valid until the next step or reset.
   [[nodiscard]] WorldState<Real> state() const;
@@ -115,6 +137,14 @@ class World {
   void reset(std::span<const std::uint8_t> mask, const WorldState<Real>& state);
   /// Puts masked environments into the description's state.
   void reset(std::span<const std::uint8_t> mask);
+
+  /// A copy of the world between two steps.
+  [[nodiscard]] WorldCheckpoint<Real> checkpoint() const;
+  /// Goes on from a checkpoint of a world with the same description, options and env_count, on whatever device. The
+  /// next steps have the bits that its next steps had. Until then status() is all zero, and contacts() has nothing but
+  /// offsets, ids and impulses. A call that throws changes nothing. \throws Error(invalid_argument) if a length is
+  /// wrong. Also if offsets do not begin at 0 or decrease, or the ids of an environment do not ascend.
+  void resume(const WorldCheckpoint<Real>& from);
 
   /// How the last step's solve ended: a record per environment, all zero before the first step.
   [[nodiscard]] std::span<const EnvStatus> status() const;

@@ -11,6 +11,7 @@
 #include "stiction/jacobian.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
+#include "stiction/world.hpp"
 
 /// Problems and solutions in HDF5 files (docs/file_formats.md). Every function may be called from any thread; calls
 /// wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when the
@@ -112,5 +113,19 @@ SolutionFile read_solution(const std::filesystem::path& path);
 
 /// Writes like write_batch. \throws Error(invalid_argument) if the lengths do not fit one another, Error(io)
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution);
+
+/// A world between two steps on disk (docs/file_formats.md): what `stiction step --checkpoint` writes.
+struct CheckpointFile {
+  Precision precision = Precision::f64;  ///< type of the numbers in the file; f32 is widened exactly
+  std::string run;                       ///< whatever reaches the bits of the run, "name=value" each
+  std::int64_t step = 0;                 ///< steps that were made, >= 0
+  WorldCheckpoint<double> world;         ///< of any number of environments and bodies
+};
+
+/// Reads a checkpoint, and compares what it holds with the checksum that it was written with. \throws Error
+CheckpointFile read_checkpoint(const std::filesystem::path& path);
+
+/// Writes like write_batch, and returns when the file is on the disk. \throws Error(io)
+void write_checkpoint(const std::filesystem::path& path, const CheckpointFile& checkpoint);
 
 }  // namespace stiction::io

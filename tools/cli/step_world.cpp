@@ -1,0 +1,152 @@
+#include "tools/cli/step_world.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+
+#include "stiction/error.hpp"
+#include "tools/cli/body_method.hpp"
+#include "tools/cli/output.hpp"
+#include "tools/cli/progress.hpp"
+#include "tools/cli/step_checkpoint.hpp"
+#include "tools/cli/step_monitor.hpp"
+
+namespace stiction::cli {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// What a residual is held against where all iterations are run.
+constexpr double kQualityTolerance = 1e-3;
+
+/// Processor seconds of this process so far.
+double cpu_seconds() {
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+}
+
+/// States as lines of a CSV file; without a path nothing.
+class StateFile {
+ public:
+  explicit StateFile(const std::optional<std::filesystem::path>& path) {
+    if (!path) return;
+    require_writable(*path);
+    name_ = path->string();
+    file_.reset(*path == "-" ? stdout : std::fopen(path->c_str(), "wb"));
+    put("step,environment,body,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n");
+  }
+
+  template <class Real>
+  void write(const World<Real>& world, std::int64_t step) {
+    if (!file_) return;
+    const WorldState<Real> state = world.state();
+    for (Offset env = 0; env < world.env_count(); ++env) {
+      std::string text;
+      for (Index body = 0; body < world.body_count(); ++body) {
+        const auto place = static_cast<std::size_t>(env * world.body_count() + body);
+        text += fmt::format(
+            "{},{},{},{},{},{}\n", step, env, body, fmt::join(state.position.subspan(3 * place, 3), ","),
+            fmt::join(state.orientation.subspan(4 * place, 4), ","), fmt::join(state.twist.subspan(6 * place, 6), ","));
+      }
+      put(text);
+    }
+  }
+
+  /// \throws Error(io) if something was not written.
+  void close() {
+    if (file_ && std::fflush(file_.get()) != 0) fail();
+    file_.reset();
+  }
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const {
+      if (file != stdout) std::fclose(file);
+    }
+  };
+  void put(const std::string& text) {
+    if (!file_ || std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
+  }
+  [[noreturn]] void fail() const { throw Error(ErrorCode::io, fmt::format("{}: cannot be written", name_)); }
+
+  std::string name_;
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
+}  // namespace
+
+WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
+  WorldOptions options;
+  options.stepping = stepping;
+  options.stepping.dt = arguments.dt.value_or(stepping.dt);
+  choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
+  options.solver.iterations = arguments.iterations;
+  options.solver.tolerance = arguments.tolerance;
+  options.solver.threads = arguments.threads;
+  options.solver.max_contacts_per_env = arguments.max_contacts;
+  options.warm_start = arguments.warm_start;
+  return options;
+}
+
+template <class Real>
+StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& scene, Device device,
+                      const StepSolver<Real>& solve) {
+  const WorldOptions options = world_options(arguments, scene.stepping);
+  World<Real> world(device, scene.description, arguments.environments, options);
+  scenes::start_all(world, arguments.scene, arguments.seed);
+  const StepCheckpoint checkpoint(arguments, options);
+  const std::int64_t done = checkpoint.resume(world);
+  const double tolerance = arguments.tolerance > 0 ? arguments.tolerance : kQualityTolerance;
+  StepMonitor<Real> monitor(world, tolerance, arguments.steps - done);
+  StateFile states(arguments.output);
+  StepReport report;
+  if (arguments.every > 0) states.write(world, done);
+  {
+    Progress progress("step", arguments.steps - done, arguments.quiet);
+    for (std::int64_t step = done + 1; step <= arguments.steps; ++step) {
+      const double cpu_start = cpu_seconds();
+      const Clock::time_point start = Clock::now();
+      if (solve) {
+        world.step(solve);
+      } else {
+        world.step();
+      }
+      report.wall += std::chrono::duration<double>(Clock::now() - start).count();
+      report.cpu += cpu_seconds() - cpu_start;
+      monitor.look(world);
+      if (arguments.every > 0 && step % arguments.every == 0) states.write(world, step);
+      checkpoint.after(step, world);
+      progress.advance();
+    }
+  }
+  if (arguments.every == 0) states.write(world, arguments.steps);
+  states.close();
+  report.resumed_at = done;
+  report.bodies = world.body_count();
+  report.dt = options.stepping.dt;
+  report.solver = arguments.solver;
+  if (arguments.solver == "newton") report.preconditioner = to_string(options.solver.space.preconditioner);
+  report.iterations = options.solver.iterations;
+  report.tolerance = tolerance;
+  report.seconds = world.seconds();
+  report.quality = monitor.quality();
+  report.residual = quantiles(monitor.residuals());
+  report.codes = monitor.codes();
+  report.contacts = monitor.contacts();
+  report.overflows = monitor.overflows();
+  report.energy_begin = monitor.energy_begin();
+  report.energy_end = monitor.energy_end();
+  report.largest_rise = monitor.largest_rise();
+  report.momentum_drift = monitor.momentum_drift();
+  report.deepest = monitor.deepest();
+  report.hash = world.hash();
+  return report;
+}
+
+template StepReport step_world(const StepArguments&, const scenes::WorldScene&, Device, const StepSolver<float>&);
+template StepReport step_world(const StepArguments&, const scenes::WorldScene&, Device, const StepSolver<double>&);
+
+}  // namespace stiction::cli
