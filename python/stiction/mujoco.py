@@ -1,7 +1,7 @@
 """MuJoCo with stiction as its constraint solver: n simulations of one model, whose constraints are solved in one call.
 
     simulation = stiction.mujoco.BatchedSimulation(model, 1024, tolerance=1e-6)
-    simulation.step(ctrl)                 # ctrl (1024, nu); Euler, implicit, implicitfast and RK4
+    simulation.step(ctrl)                 # ctrl (1024, nu); all of MuJoCo's integrators
     simulation.data[3].qpos               # each simulation is an ordinary mujoco.MjData
 
 MuJoCo collects the rows (contacts, limits, friction loss, equalities), and stiction solves the convex problem that
@@ -9,6 +9,7 @@ they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoC
 docs/mujoco.md.
 """
 
+import contextlib
 import time
 
 import mujoco
@@ -21,12 +22,14 @@ from ._mujoco_data import Simulations, check_data
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
 from ._mujoco_layout import LayoutError, address, layout
+from ._mujoco_metric import Metric
 from ._solution import SOLVED, Solution
 from ._solver import Solver
 
 __all__ = ["BatchedSimulation", "LayoutError", "gather"]
 
 _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
+_DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)  # since 3.13
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
@@ -50,8 +53,8 @@ class BatchedSimulation:
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
     "solve" and "advance".
 
-    Raises ValueError for what cannot be stepped so. That is the integrator "discrete", RK4 with actuator states,
-    plugins, delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
+    Raises ValueError for what cannot be stepped so. That is RK4 with actuator states, plugins, delays, plasticity or
+    sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
     """
 
     def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95,
@@ -83,6 +86,8 @@ class BatchedSimulation:
         self._tolerance, self._iterations = [], []
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
+        self._metric = None
+        self._feels = bool((np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any())
         self.seconds = {}
         self.clear()
 
@@ -134,13 +139,18 @@ class BatchedSimulation:
             self._smooth(first=True)
             self._constrain()
             start = time.perf_counter()
-            self._run("mj_sensorAcc", "mj_checkAcc")
+            self._sense()
+            self._run("mj_checkAcc")
             integrator = self.model.opt.integrator
             if integrator == mujoco.mjtIntegrator.mjINT_RK4:
                 self.seconds["advance"] += time.perf_counter() - start
                 self._runge_kutta()
                 continue
-            self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
+            if integrator == _DISCRETE:  # its own step: velocities by qacc, without damping once more
+                with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
+                    self._run("mj_Euler")
+            else:
+                self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
             self.seconds["advance"] += time.perf_counter() - start
 
     def forward(self, active=None):
@@ -148,7 +158,7 @@ class BatchedSimulation:
         self._activate(active)
         self._smooth(first=True, check=False)
         self._constrain()
-        self._run("mj_sensorAcc")
+        self._sense()
 
     def run(self, *functions, active=None):
         """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
@@ -238,9 +248,42 @@ class BatchedSimulation:
                 self._functions[name] = address(name)
         self._core.run([self._functions[name] for name in functions])
 
+    @contextlib.contextmanager
+    def _options(self, ls_iterations=None, disable=0):
+        """Other options of the model for what runs within it."""
+        opt = self.model.opt
+        kept = opt.ls_iterations, opt.disableflags
+        try:
+            opt.ls_iterations = kept[0] if ls_iterations is None else ls_iterations
+            opt.disableflags |= int(disable)
+            yield
+        finally:
+            opt.ls_iterations, opt.disableflags = kept
+
+    def _sense(self):
+        """Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new."""
+        if self._feels:
+            for i, one in enumerate(self.data):
+                if self._active is None or self._active[i]:
+                    one.flg_rnepost = False
+        self._run("mj_sensorAcc")
+
+    def _smooth_discretely(self, check):
+        """Up to the solve with integrator `discrete`, whose metric some functions build that only mj_forward calls: it runs
+        with a solver that makes no iteration."""
+        checks = ("mj_checkPos", "mj_checkVel") if check else ()
+        if self._own:
+            self._run(*checks, "mj_forward")
+            return
+        with self._options(ls_iterations=0, disable=mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            self._run(*checks, "mj_forward")
+        self._run("mj_sensorPos", "mj_sensorVel")
+
     def _smooth(self, first, check=True):
         start = time.perf_counter()
-        if not first:
+        if self.model.opt.integrator == _DISCRETE:
+            self._smooth_discretely(check)
+        elif not first:
             self._run(*_SMOOTH)
         else:
             energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -251,15 +294,23 @@ class BatchedSimulation:
 
     def _constrain(self):
         start = time.perf_counter()
+        discrete = self.model.opt.integrator == _DISCRETE
         if self._own:
-            self._run("mj_fwdConstraint")
+            if not discrete:
+                self._run("mj_fwdConstraint")
             self.seconds["solve"] += time.perf_counter() - start
             return
         self._core.gather()
+        if discrete:
+            self._metric = self._metric or Metric(self.model)
+            self._metric.before(self._core, [one for i, one in enumerate(self.data)
+                                             if self._active is None or self._active[i]])
         gathered = time.perf_counter()
         self._core.solve(self._tolerance, self._iterations)
         solved = time.perf_counter()
         self._core.scatter()
+        if discrete:
+            self._metric.after()
         end = time.perf_counter()
         self.seconds["assemble"] += gathered - start + end - solved
         self.seconds["solve"] += solved - gathered
@@ -331,11 +382,13 @@ def _batch_of(arrays, nv):
 def _refuse(model):
     """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
     opt = model.opt
-    if opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1):
-        raise ValueError("model.opt.integrator: expected Euler, implicit, implicitfast or RK4, got discrete, whose solve "
-                         "is in another metric: set mjINT_IMPLICITFAST")
-    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0):
-        raise ValueError("model.opt.enableflags: expected no sleeping bodies, got mjENBL_SLEEP: clear it")
+    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_IPC", 0):
+        raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: clear "
+                         "it")
+    sleeps = opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
+    if sleeps and opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        raise ValueError("model.opt.enableflags: expected no sleeping bodies with RK4, got mjENBL_SLEEP: set "
+                         "model.opt.integrator to mjINT_IMPLICITFAST")
     if opt.noslip_iterations:
         raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
                          "solution; a tighter tolerance does not need it")
