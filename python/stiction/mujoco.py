@@ -18,7 +18,7 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
-from ._mujoco_data import Simulations, check_data
+from ._mujoco_data import Simulations, check_data, refuse
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
 from ._mujoco_layout import LayoutError, address, layout
@@ -30,7 +30,6 @@ __all__ = ["BatchedSimulation", "LayoutError", "gather"]
 
 _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
 _DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)  # since 3.13
-_CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
 class BatchedSimulation:
@@ -74,7 +73,7 @@ class BatchedSimulation:
         else:
             self.solver = Solver(solver="auto" if self._own else solver, tolerance=tolerance,
                                  max_iterations=max_iterations, threads=threads)
-        _refuse(model)
+        refuse(model)
         mujoco.mj_forward(model, self.data[0])  # in the module that turns MuJoCo's errors into exceptions
         self._layout = layout(model, self.data[0])
         self._core = _core.MujocoSimulations(
@@ -221,7 +220,7 @@ class BatchedSimulation:
     # -- the stages ---------------------------------------------------------------------------------------------------
 
     def _activate(self, active):
-        _refuse(self.model)
+        refuse(self.model)
         self._core.configure(float(self.model.opt.timestep), bool(mujoco.mj_isSparse(self.model)))
         if active is None:
             if self._active is not None:
@@ -354,7 +353,7 @@ def gather(model, data, **options):
         raise ValueError("data: expected at least one mujoco.MjData, got none")
     for i, one in enumerate(places):
         check_data(model, i, one)
-    _refuse(model)
+    refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
     core.gather()
@@ -377,28 +376,3 @@ def _batch_of(arrays, nv):
         lo=arrays["lo"], hi=arrays["hi"], law="convex")
     batch.extras = {"cone_id": arrays["ids"], "lambda_": arrays["lambda_"], "velocities": arrays["velocities"]}
     return batch
-
-
-def _refuse(model):
-    """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
-    opt = model.opt
-    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_IPC", 0):
-        raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: clear "
-                         "it")
-    sleeps = opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
-    if sleeps and opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        raise ValueError("model.opt.enableflags: expected no sleeping bodies with RK4, got mjENBL_SLEEP: set "
-                         "model.opt.integrator to mjINT_IMPLICITFAST")
-    if opt.noslip_iterations:
-        raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
-                         "solution; a tighter tolerance does not need it")
-    for name in _CALLBACKS:
-        if getattr(mujoco, f"get_mjcb_{name}", lambda: None)() is not None:
-            raise ValueError(f"mjcb_{name}: expected no callback, got one, which simulations on several threads cannot "
-                             f"call: mujoco.set_mjcb_{name}(None)")
-    if opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        for name, why in (("na", "actuator states"), ("nplugin", "plugins"), ("nhistory", "delays"),
-                          ("nplastic", "plasticity")):
-            if getattr(model, name, 0):
-                raise ValueError(f"model.{name}: expected 0 with RK4, got {getattr(model, name)} ({why}): set "
-                                 "model.opt.integrator to mjINT_IMPLICITFAST")

@@ -68,8 +68,8 @@ def dense_rows(model, d, world):
 
 
 def sweep_to_the_end(model, d, world=0, iterations=20_000):
-    """Accelerations that MuJoCo's noslip aims at, from the forces of d: friction without softness at the normal forces
-    there, in double by Nesterov's method on disks and intervals. Also the largest step that it would still make."""
+    """Accelerations that MuJoCo's noslip aims at: friction without softness, at the normal forces of d. In double, by
+    Nesterov's method on disks and intervals. Also the largest step that it would still make."""
     J, M = dense_rows(model, d, world)
     n = len(J)
     force, aref, loss = (getattr(d.efc, name).numpy()[world, :n].astype(float) for name in ("force", "aref", "frictionloss"))

@@ -1,17 +1,19 @@
 """stiction as MuJoCo Warp's constraint solver: its rows as they are, and answers as MuJoCo has them in double."""
 
 import pathlib
+import runpy
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
-from mujoco_warp_worlds import (LACKING, controls, disturbed, mujoco, mujoco_warp, numbers, dense_rows, sweep_to_the_end, worlds_of, wp, zoo,
-                                zoo_worlds)
+from mujoco_warp_worlds import (controls, dense_rows, disturbed, mujoco, mujoco_warp, numbers, sweep_to_the_end,
+                                worlds_of, wp, zoo, zoo_worlds)
+from mujoco_warp._src import solver as theirs
+from mujoco_warp._src import types
 
 import stiction
 import stiction.mujoco_warp as drop_in
-from mujoco_warp._src import solver as theirs
-from mujoco_warp._src import types
 
 CONES, JACOBIANS = ("pyramidal", "elliptic"), ("dense", "sparse")
 DROPPED = 1 << stiction.FLAGS.index("contacts_dropped")
@@ -378,3 +380,21 @@ def test_a_model_without_room_for_rows_moves_freely():
     d.qacc.zero_()
     assert drop_in.solve(m, d) is None and drop_in.noslip(m, d) is None
     np.testing.assert_allclose(numbers(d, "qacc")[0][0], data.qacc, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("room, dropped", [("32", 0), ("8", 1)])
+def test_the_example_runs(room, dropped, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["12_mujoco_warp.py", "--worlds", "3", "--njmax", room])
+    runpy.run_path(str(ROOT / "examples" / "python" / "12_mujoco_warp.py"), run_name="__main__")
+    lines = [line for line in capsys.readouterr().out.splitlines() if " solved " in line]
+    assert len(lines) == 3 and sum("contacts_dropped" in line for line in lines) == dropped
+
+
+def test_the_page_s_first_lines_run(tmp_path, monkeypatch):
+    (tmp_path / "robot.xml").write_text(CREEPING.format(cone="elliptic", jacobian="dense"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "mujoco_warp.md").read_text(encoding="utf-8")
+    block = page.partition("```python\n")[2].partition("```")[0].replace("4096", "4").replace("1000", "5")
+    names = {}
+    exec(compile(block, "docs/mujoco_warp.md", "exec"), names)
+    assert names["solution"].solved.all() and (names["d"].time.numpy() > 0).all()
