@@ -105,11 +105,10 @@ def fill_mass(rownnz: wp.array[int], rowadr: wp.array[int], colind: wp.array[int
               dense: wp.array3d[float]):
     """Lower triangle of the mass matrix. A frozen degree of freedom is alone, with a mass of 1."""
     world, i = wp.tid()
-    still = frozen and place[world, i] < 0
     for k in range(rownnz[i]):
         j = colind[rowadr[i] + k]
         entry = M[world, rowadr[i] + k]
-        if still:
+        if frozen and (place[world, i] < 0 or place[world, j] < 0):
             entry = wp.where(i == j, 1.0, 0.0)
         dense[world, i, j] = entry
 
@@ -162,12 +161,12 @@ def fill_jacobian(row_count: wp.array[int], sparse: bool, rownnz: wp.array2d[int
 
 
 @wp.kernel
-def fill_free(place: wp.array2d[int], qacc_smooth: wp.array2d[float],
-              # outputs
-              free: wp.array2d[float]):
-    """Accelerations without constraints; none of frozen degrees of freedom."""
+def fill_awake(dof_tree: wp.array[int], tree_awake: wp.array2d[int],
+               # outputs
+               place: wp.array2d[int]):
+    """Which degrees of freedom sleep: those with a place below 0, as in MuJoCo Warp's dof_cdof."""
     world, i = wp.tid()
-    free[world, i] = wp.where(place[world, i] < 0, 0.0, qacc_smooth[world, i])
+    place[world, i] = wp.where(tree_awake[world, dof_tree[i]] == 0, -1, i)
 
 
 @wp.kernel

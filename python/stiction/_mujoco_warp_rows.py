@@ -90,9 +90,11 @@ class Rows:
         # Rows of its sparse J are in no order, and sleeping degrees of freedom must not be seen.
         packs = model.is_sparse or self.frozen
         self.J = zeros((worlds, room, dofs)) if packs else data.efc.J
-        self.free = zeros((worlds, dofs)) if self.frozen else data.qacc_smooth
-        if self.discrete:
+        self.free = data.qacc_smooth  # 0 where it sleeps
+        self.place = data.dof_cdof
+        if self.discrete:  # whose solve MuJoCo Warp does not compact
             self._unit, self._product = zeros((worlds, dofs)), zeros((worlds, dofs))
+            self.place = zeros((worlds, dofs), int)
         self.friction = wp.array(ptr=data.contact.friction.ptr, dtype=float, shape=(data.contact.friction.shape[0], 5),
                                  device=device)
         layout = _Layout(worlds, room, self.kinds, self.cone_rows, self.row_count, self.cone_count, self.flags)
@@ -129,20 +131,20 @@ class Rows:
         self.launch(kernels.fill_rows, self._per_row,
                     [self.row_count, efc.type, efc.id, efc.D, efc.frictionloss, self.friction, data.contact.efc_address],
                     [self.R, self.mu, self.lo, self.hi])
+        if self.frozen and self.discrete:
+            self.launch(kernels.fill_awake, self._per_dof, [model.dof_treeid, data.tree_awake], [self.place])
         if self.J is not efc.J:
             self.launch(kernels.fill_jacobian, self._per_row,
-                        [self.row_count, model.is_sparse, efc.J_rownnz, efc.J_rowadr, efc.J_colind, efc.J, data.dof_cdof,
+                        [self.row_count, model.is_sparse, efc.J_rownnz, efc.J_rowadr, efc.J_colind, efc.J, self.place,
                          self.frozen], [self.J])
-        if self.frozen:
-            self.launch(kernels.fill_free, self._per_dof, [data.dof_cdof, data.qacc_smooth], [self.free])
         if not self.discrete:
             self.launch(kernels.fill_mass, self._per_dof,
-                        [model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.dof_cdof, self.frozen], [self.M])
+                        [model.M_rownnz, model.M_rowadr, model.M_colind, data.M, self.place, self.frozen], [self.M])
             return
         for column in range(model.nv):  # its effective metric is known by products alone
             self.launch(kernels.unit_vector, self._per_dof, [column], [self._unit])
             derivative.eff_mul_m(model, data, self._product, self._unit)
-            self.launch(kernels.fill_mass_column, self._per_dof, [column, self._product, data.dof_cdof, self.frozen],
+            self.launch(kernels.fill_mass_column, self._per_dof, [column, self._product, self.place, self.frozen],
                         [self.M])
 
     def write(self, words, more=False):

@@ -61,7 +61,7 @@ def solve(model, data, *, solver="auto", tolerance=1e-5, max_iterations=1000):
 
 
 def step(model, data, **options):
-    """As mjx.step. Returns data and the status of the step's first solve. options: of `solve`."""
+    """As mjx.step. Returns data and the status of the step's last solve. options: of `solve`."""
     statuses = []
 
     def replaced(model, data):
@@ -71,7 +71,7 @@ def step(model, data, **options):
 
     with _replaced(replaced):
         data = mjx.step(model, data)
-    return data, statuses[0]
+    return data, statuses[-1]
 
 
 def _cones(kinds, dims, addresses):

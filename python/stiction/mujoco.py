@@ -271,12 +271,8 @@ class BatchedSimulation:
         """Up to the solve with integrator `discrete`, whose metric some functions build that only mj_forward calls: it runs
         with a solver that makes no iteration."""
         checks = ("mj_checkPos", "mj_checkVel") if check else ()
-        if self._own:
+        with self._options(ls_iterations=None if self._own else 0):
             self._run(*checks, "mj_forward")
-            return
-        with self._options(ls_iterations=0, disable=mujoco.mjtDisableBit.mjDSBL_SENSOR):
-            self._run(*checks, "mj_forward")
-        self._run("mj_sensorPos", "mj_sensorVel")
 
     def _smooth(self, first, check=True):
         start = time.perf_counter()

@@ -19,8 +19,9 @@ CONES, JACOBIANS = ("pyramidal", "elliptic"), ("dense", "sparse")
 DROPPED = 1 << stiction.FLAGS.index("contacts_dropped")
 
 
-def compare(datas, m, d, limit):
-    """One solve of the worlds beside MuJoCo Warp's own and MuJoCo's. limit: on accelerations, by their largest."""
+def compare(datas, m, d, limit, ties):
+    """One solve of the worlds beside MuJoCo Warp's own and MuJoCo's. limit: on accelerations, by their largest. ties: share of
+    rows that may be so near to the border of a zone that their state is another one's."""
     mujoco_warp.forward(m, d)
     names = ("qacc", "qfrc_constraint", "force", "Ma", "state", "nefc")
     their_qacc, _, their_force, their_Ma, their_state, nefc = numbers(d, *names)
@@ -37,7 +38,7 @@ def compare(datas, m, d, limit):
         for ours, expected in ((qfrc[world], data.qfrc_constraint), (force[world, :n], their_force[world, :n]),
                                (Ma[world], their_Ma[world])):
             np.testing.assert_allclose(ours, expected, rtol=0, atol=5 * limit * np.abs(expected).max(initial=0))
-        assert (state[world, :n] != their_state[world, :n]).sum() <= 0.05 * n
+        assert (state[world, :n] != their_state[world, :n]).sum() <= ties * n
     return solution
 
 
@@ -46,9 +47,11 @@ def compare(datas, m, d, limit):
 def test_answers_are_those_of_mujoco_and_of_its_warp(cone, jacobian):
     model, datas, m, d = zoo_worlds(cone, jacobian)
     # float32: numbers are rounded by 6e-8 of their size, and what adds up to qacc is several times qacc.
-    solution = compare(datas, m, d, 4e-6)
+    solution = compare(datas, m, d, 4e-6, 0)
     types_seen = np.unique(d.efc.type.numpy()[0, :datas[0].nefc])
     assert set(types_seen) == {0, 1, 2, 3, 4, 5, 6 if cone == "pyramidal" else 7}
+    states_seen = np.unique(d.efc.state.numpy()[:, :min(data.nefc for data in datas)])
+    assert set(states_seen) >= ({1, 2, 3, 4} if cone == "elliptic" else {0, 1, 2, 3})
     batch = drop_in.solution_of(d)._batch
     assert (stiction.verify(batch, solution)[:, 0] < 5e-6).all()
     if jacobian == "dense":
@@ -67,7 +70,7 @@ def test_gymnasiums_models(name, cone):
     datas = [disturbed(model, seed, steps=150) for seed in range(3)]
     assert any(data.nefc for data in datas)
     # A humanoid's limbs weigh a tenth of a per cent of it: its J and M round worse.
-    compare(datas, *worlds_of(model, datas, njmax=96, nconmax=48), 1e-5)
+    compare(datas, *worlds_of(model, datas, njmax=96, nconmax=48), 1e-5, 0.05)
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4", "discrete"])
@@ -260,7 +263,7 @@ def test_data_with_other_memory_is_read_anew():
 
 CREEPING = """
 <mujoco><option timestep="0.004" gravity="2 1 -9.81" cone="{cone}" jacobian="{jacobian}"/><worldbody>
-  <geom type="plane" size="5 5 1" friction="0.3 0.005 0.0001" solimp="0.5 0.5 0.001"/>
+  <geom type="plane" size="5 5 1" friction="0.1 0.005 0.0001" solimp="0.5 0.5 0.001"/>
   <body pos="0 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.3"/></body>
   <body pos="1 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.1"/></body>
   <body pos="-1 0 1"><joint axis="0 1 0" frictionloss="1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
@@ -318,6 +321,8 @@ SLEEPERS = """
   <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
   <body pos="1 0 1.5"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
   <body pos="-1 0 .5"><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
+  <body pos="-2 0 .5"><joint axis="0 1 0" range="-90 0" limited="true" damping="2"/>
+    <geom type="capsule" fromto="0 0 0 .1 0 0" size=".04"/></body>
 </worldbody></mujoco>"""
 
 
@@ -330,11 +335,10 @@ def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
     start = [disturbed(model, 0, steps=0, speed=0)] * 2
     m, d = worlds_of(model, start, njmax=48, nconmax=16)
     _, peer = worlds_of(model, start, njmax=48, nconmax=16)
-    peers, data, slept = [], mujoco.MjData(model), 0
+    peers, data, slept, rested = [], mujoco.MjData(model), 0, 0
     for _ in range(75):
         mujoco.mj_step(model, data)
         peers.append(data.tree_awake.tolist())
-    falls_asleep = next(step for step, awake in enumerate(peers) if not awake[0])
     for step in range(75):
         before = numbers(d, "qpos", "tree_awake")
         if jacobian == "dense":
@@ -344,7 +348,7 @@ def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
         drop_in.step(m, d)
         awake = numbers(d, "tree_awake")[0]
         assert awake[0].tolist() == awake[1].tolist()
-        if abs(step - falls_asleep) > 3:
+        if peers[max(step - 8, 0)] == peers[min(step + 8, 74)]:  # not about to fall asleep
             assert awake[0].tolist() == peers[step], step
         if jacobian == "dense":
             np.testing.assert_array_equal(awake, numbers(peer, "tree_awake")[0])
@@ -354,7 +358,15 @@ def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
             slept += 1
             assert numbers(d, "qpos")[0][:, :7].tobytes() == before[0][:, :7].tobytes()
             assert (numbers(d, "qacc")[0][:, :6] == 0).all() and (numbers(d, "qfrc_constraint")[0][:, :6] == 0).all()
-    assert slept > 20 and awake[0].tolist() == [0, 1, 1]
+            mass = np.tril(drop_in.solution_of(d)._batch.arrays["M"].numpy()[0])
+            np.testing.assert_array_equal(mass[:6], np.eye(6, model.nv))  # alone, with a mass of 1
+        rested += not before[1][0, 3] and not awake[0, 3]
+    assert slept > 20 and rested > 10 and awake[0].tolist() == [0, 1, 1, 0]
+    with drop_in.replaces_solver():
+        mujoco_warp.forward(m, d)  # a step ends by zeros for what sleeps
+    assert d.nl.numpy()[0] == 1  # a row of the arm that sleeps on its limit
+    for name in ("qacc", "qfrc_constraint"):
+        assert (numbers(d, name)[0][:, [0, 1, 2, 3, 4, 5, -1]] == 0).all(), name
 
 
 def test_what_would_be_solved_otherwise_is_refused():
