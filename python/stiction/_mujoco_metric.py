@@ -10,7 +10,6 @@ from ._mujoco_layout import LayoutError, library
 
 _HINGE = """<mujoco><option integrator="discrete" timestep="0.01"/><worldbody><body><joint axis="0 1 0" damping="0.5"
 stiffness="2"/><geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>"""
-_NUMBERS = ctypes.POINTER(ctypes.c_double)
 _known = {}
 
 
@@ -24,7 +23,7 @@ def _functions():
             raise LayoutError(f"MuJoCo {mujoco.__version__} has no mj_effMulAdd, by which the metric of integrator discrete "
                               "is read: set mjINT_IMPLICITFAST, or use a version that the package's tests pass with "
                               "(4.0.0)") from None
-        add.argtypes, add.restype = [ctypes.c_void_p, ctypes.c_void_p, _NUMBERS, _NUMBERS, ctypes.c_int], None
+        add.argtypes, add.restype = 4 * [ctypes.c_void_p] + [ctypes.c_int], None
         possible.argtypes, possible.restype = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int], ctypes.c_int
         model = mujoco.MjModel.from_xml_string(_HINGE)
         data = mujoco.MjData(model)
@@ -43,12 +42,10 @@ def effective_mass(model, data, add=None):
     nv = model.nv
     mass = np.zeros((nv, nv))
     mujoco.mj_fullM(model, data, mass)
-    unit = np.zeros(nv)
-    at_unit = unit.ctypes.data_as(_NUMBERS)
-    for i in range(nv):  # symmetric: a row is a column
-        unit[i] = 1
-        add(model._address, data._address, mass[i].ctypes.data_as(_NUMBERS), at_unit, 1)
-        unit[i] = 0
+    units = np.eye(nv)
+    row, unit, m, d = mass.ctypes.data, units.ctypes.data, model._address, data._address
+    for offset in range(0, mass.nbytes, nv * mass.itemsize):  # symmetric: a row is a column
+        add(m, d, row + offset, unit + offset, 1)
     return mass
 
 

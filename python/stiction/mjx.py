@@ -10,8 +10,6 @@ docs/mujoco_warp.md.
 
 from __future__ import annotations
 
-import contextlib
-
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -22,6 +20,7 @@ from mujoco.mjx._src import solver as _theirs
 
 from . import jax as stiction_jax
 from ._arrays import STATUS_DTYPE
+from ._replaced import replaced
 
 __all__ = ["solve", "step"]
 
@@ -64,12 +63,12 @@ def step(model, data, **options):
     """As mjx.step. Returns data and the status of the step's last solve. options: of `solve`."""
     statuses = []
 
-    def replaced(model, data):
+    def solve_and_keep(model, data):
         data, status = solve(model, data, **options)
         statuses.append(status)
         return data
 
-    with _replaced(replaced):
+    with replaced(_theirs, "solve", solve_and_keep):
         data = mjx.step(model, data)
     return data, statuses[-1]
 
@@ -89,12 +88,3 @@ def _cones(kinds, dims, addresses):
         cones.append("free" if equality else "box" if kinds[row] in _BOXES else "unilateral")
         row += 1
     return tuple(cones), places
-
-
-@contextlib.contextmanager
-def _replaced(function):
-    before, _theirs.solve = _theirs.solve, function
-    try:
-        yield
-    finally:
-        _theirs.solve = before

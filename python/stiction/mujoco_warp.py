@@ -17,10 +17,11 @@ from mujoco_warp._src import island, smooth, types
 from mujoco_warp._src import solver as _theirs
 
 from ._mujoco_warp_rows import Friction, Rows, memory_of
+from ._replaced import replaced
 from ._solution import Solution
 from ._solver import Solver
 
-__all__ = ["ConstraintSolver", "noslip", "replaces_solver", "solve", "step"]
+__all__ = ["ConstraintSolver", "noslip", "replaces_solver", "solution_of", "solve", "step"]
 
 
 class ConstraintSolver:
@@ -83,7 +84,7 @@ class ConstraintSolver:
 
     def step(self) -> Solution | None:
         """mujoco_warp.step with this solver. Returns the Solution of its last solve."""
-        with _replaced(lambda model, data: self.solve()):
+        with replaced(_theirs, "solve", lambda model, data: self.solve()):
             mujoco_warp.step(self.model, self.data)
         return self.solution
 
@@ -134,7 +135,7 @@ def step(model, data, **options) -> Solution | None:
 def replaces_solver(**options):
     """Within it, step, forward and whatever else of mujoco_warp solves constraints does it with `solve`: for code that
     calls MuJoCo Warp itself. For the process, not for a thread. `solution_of(data)` has the last Solution."""
-    with _replaced(lambda model, data: solve(model, data, **options)):
+    with replaced(_theirs, "solve", lambda model, data: solve(model, data, **options)):
         yield
 
 
@@ -155,15 +156,6 @@ def _solver_of(model, data, options):
         known = (key, ConstraintSolver(model, data, **options))
         setattr(data, _KEPT, known)
     return known[1]
-
-
-@contextlib.contextmanager
-def _replaced(function):
-    before, _theirs.solve = _theirs.solve, function
-    try:
-        yield
-    finally:
-        _theirs.solve = before
 
 
 def _check(model, data):

@@ -14,6 +14,15 @@ from mujoco_zoo import controls, zoo  # noqa: E402
 #: Capacities that the zoo's worlds fit.
 ROOM = {"njmax": 72, "nconmax": 40}
 
+#: A box that sticks on a slope, one that slides, and a joint with friction.
+CREEPING = """
+<mujoco><option timestep="0.004" gravity="2 1 -9.81" cone="{cone}" jacobian="{jacobian}"/><worldbody>
+  <geom type="plane" size="5 5 1" friction="0.1 0.005 0.0001" solimp="0.5 0.5 0.001"/>
+  <body pos="0 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.3"/></body>
+  <body pos="1 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.1"/></body>
+  <body pos="-1 0 1"><joint axis="0 1 0" frictionloss="1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
+</worldbody></mujoco>"""
+
 
 def disturbed(model, seed, steps=30, speed=0.3):
     """MuJoCo's data of the model, some steps after a start with random velocities, and its forward dynamics."""

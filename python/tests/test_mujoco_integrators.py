@@ -67,6 +67,24 @@ def test_discrete_is_solved_in_its_metric(solver, cone, jacobian):
     assert (found[0].diagonal() / mass.diagonal()).max() > 1.5  # another one than M
 
 
+def test_discrete_steps_those_that_are_asked_for():
+    model = stiff()
+    simulation, peer = BatchedSimulation(model, 3, tolerance=1e-12, hold_failed=True), mujoco.MjData(model)
+    start(simulation, peer)
+    before = simulation.data[1].qpos.copy()
+    for step in range(10):
+        peer.ctrl[:] = controls(model, step)
+        simulation.step(np.tile(peer.ctrl, (3, 1)), active=[True, False, True])
+        mujoco.mj_step(model, peer)
+    np.testing.assert_array_equal(simulation.data[1].qpos, before)
+    for i in (0, 2):
+        np.testing.assert_allclose(simulation.data[i].qpos, peer.qpos, rtol=0, atol=1e-11)
+    simulation.data[2].qvel[3] = np.nan
+    simulation.step()
+    assert simulation.failed.tolist() == [2]
+    assert all(np.isfinite(data.qpos).all() for data in simulation.data)
+
+
 def test_the_metric_is_the_one_of_the_smooth_acceleration():
     model = stiff()
     data = mujoco.MjData(model)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from mujoco_warp_worlds import (controls, dense_rows, disturbed, mujoco, mujoco_warp, numbers, sweep_to_the_end,
-                                worlds_of, wp, zoo, zoo_worlds)
+from mujoco_warp_worlds import (CREEPING, controls, dense_rows, disturbed, mujoco, mujoco_warp, numbers, worlds_of, wp,
+                                zoo, zoo_worlds)
 from mujoco_warp._src import solver as theirs
 from mujoco_warp._src import types
 
@@ -256,61 +256,6 @@ def test_data_with_other_memory_is_read_anew():
     d.qacc = wp.zeros_like(d.qacc)
     drop_in.solve(m, d)
     assert numbers(d, "qacc")[0].tobytes() == qacc.tobytes()
-
-
-# -- noslip -----------------------------------------------------------------------------------------------------------
-
-
-CREEPING = """
-<mujoco><option timestep="0.004" gravity="2 1 -9.81" cone="{cone}" jacobian="{jacobian}"/><worldbody>
-  <geom type="plane" size="5 5 1" friction="0.1 0.005 0.0001" solimp="0.5 0.5 0.001"/>
-  <body pos="0 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.3"/></body>
-  <body pos="1 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.1"/></body>
-  <body pos="-1 0 1"><joint axis="0 1 0" frictionloss="1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
-</worldbody></mujoco>"""
-
-
-@pytest.mark.parametrize("jacobian", JACOBIANS)
-@pytest.mark.parametrize("cone", CONES)
-def test_noslip_goes_to_the_end_of_the_sweeps(cone, jacobian):
-    """Against the solution in double: a box that sticks, one that slides, and a joint with friction."""
-    model = mujoco.MjModel.from_xml_string(CREEPING.format(cone=cone, jacobian=jacobian))
-    m, d = worlds_of(model, [disturbed(model, 0, steps=1, speed=0.02)] * 2)
-    mujoco_warp.forward(m, d)
-    expected, left = sweep_to_the_end(model, d)
-    assert left < 1e-7
-    force, softly = numbers(d, "force", "qacc")
-    solution = drop_in.noslip(m, d)
-    assert solution.solved.all(), solution.status
-    qacc, found, qfrc, Ma = numbers(d, "qacc", "force", "qfrc_constraint", "Ma")
-    assert np.abs(softly[0] - expected).max() > 0.2
-    assert np.abs(qacc[0] - expected).max() < 1e-4
-    # Normal forces are as they were, friction within its cone, and the rest of the data says the same.
-    n, kind = int(d.nefc.numpy()[0]), d.efc.type.numpy()[0]
-    still = np.isin(kind[:n], (0, 3, 4, 5))
-    np.testing.assert_array_equal(found[0, :n][still], force[0, :n][still])
-    if cone == "pyramidal":
-        pairs = lambda values: values[0, :n][kind[:n] == 6].reshape(-1, 2).sum(axis=1)  # noqa: E731
-        np.testing.assert_allclose(pairs(found), pairs(force), rtol=1e-6)
-        assert (found[0, :n][kind[:n] == 6] >= 0).all()
-    else:
-        first = d.contact.efc_address.numpy()[:, 0]
-        normals = [row for row in range(n) if kind[row] == 7 and row == first[d.efc.id.numpy()[0, row]]]
-        np.testing.assert_array_equal(found[0, normals], force[0, normals])
-    np.testing.assert_allclose(Ma, d.qfrc_smooth.numpy() + qfrc, rtol=0, atol=1e-4 * np.abs(Ma).max())
-
-
-def test_noslip_is_part_of_a_solve_that_asks_for_it():
-    _, _, m, d = zoo_worlds(count=2)
-    mujoco_warp.forward(m, d)
-    drop_in.solve(m, d)
-    iterations = numbers(d, "solver_niter")[0]
-    drop_in.noslip(m, d)
-    expected, counted = numbers(d, "qacc", "solver_niter")
-    assert (counted > iterations).all()
-    m.opt.noslip_iterations = 1
-    drop_in.solve(m, d)
-    assert numbers(d, "qacc")[0].tobytes() == expected.tobytes()
 
 
 # -- sleep, discrete, what is refused ---------------------------------------------------------------------------------
