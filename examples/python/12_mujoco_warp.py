@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""MuJoCo Warp's loop with stiction as its constraint solver: a box on a slope in each world, thrown up at its own speed.
+"""MuJoCo Warp's loop with stiction as its constraint solver: a box in each world, pushed up a slope.
 
     pip install mujoco-warp
     examples/python/12_mujoco_warp.py [--worlds 8] [--njmax 32] [--cone elliptic]
@@ -58,8 +58,8 @@ def main():
     for world, record in enumerate(solution.status):
         flags = " ".join(name for bit, name in enumerate(stiction.FLAGS) if record["flags"] & 1 << bit) or "-"
         print(f"{world:5d}  {d.nefc.numpy()[world]:4d}  {d.qpos.numpy()[world, 0]:7.4f}  "
-              f"{stiction.CODES[record['code']]:6s}  {flags:17s}  {record['iterations']:10d}  {record['residual']:8.1e}  "
-              f"{difference[world]:.1e}")
+              f"{stiction.CODES[record['code']]:6s}  {flags:17s}  {record['iterations']:10d}  "
+              f"{record['residual']:8.1e}  {difference[world]:.1e}")
     if not solution.solved.all():
         sys.exit("a world was not solved")
 

@@ -64,8 +64,8 @@ def refuse(model):
     """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
     opt = model.opt
     if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_IPC", 0):
-        raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: clear "
-                         "it")
+        raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: "
+                         "clear it")
     sleeps = opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
     if sleeps and opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise ValueError("model.opt.enableflags: expected no sleeping bodies with RK4, got mjENBL_SLEEP: set "

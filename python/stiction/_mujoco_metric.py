@@ -20,9 +20,9 @@ def _functions():
         try:
             add, possible = where.mj_effMulAdd, where.mjd_freeGyroPossible
         except AttributeError:
-            raise LayoutError(f"MuJoCo {mujoco.__version__} has no mj_effMulAdd, by which the metric of integrator discrete "
-                              "is read: set mjINT_IMPLICITFAST, or use a version that the package's tests pass with "
-                              "(4.0.0)") from None
+            raise LayoutError(f"MuJoCo {mujoco.__version__} has no mj_effMulAdd, by which the metric of integrator "
+                              "discrete is read: set mjINT_IMPLICITFAST, or use a version that the package's tests "
+                              "pass with (4.0.0)") from None
         add.argtypes, add.restype = 4 * [ctypes.c_void_p] + [ctypes.c_int], None
         possible.argtypes, possible.restype = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int], ctypes.c_int
         model = mujoco.MjModel.from_xml_string(_HINGE)
@@ -60,8 +60,8 @@ class Metric:
         self._kept = []
 
     def before(self, core, data):
-        """Gives the gathered batch the metrics of these simulations for their mass matrices. Keeps the accelerations that
-        MuJoCo has found for free bodies which nothing touches: implicit in the spin, they are the constraints' no
+        """Gives the gathered batch the metrics of these simulations for their mass matrices. Keeps the accelerations
+        that MuJoCo has found for free bodies which nothing touches: they are implicit in the spin, and no constraint's
         concern."""
         model, possible = self._model, _functions()[1]
         self._kept = [(one, first, one.qacc[first:first + 6].copy()) for one in data for joint, first in self._free

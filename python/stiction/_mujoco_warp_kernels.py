@@ -37,7 +37,7 @@ def fill_cones(nefc: wp.array[int], room: int, efc_type: wp.array2d[int], efc_id
                # outputs
                row_count: wp.array[int], cone_count: wp.array[int], flags: wp.array[int],
                cone_kind: wp.array[wp.uint8], cone_row: wp.array[wp.int64]):
-    """Cones of one world, behind one another. A contact that the room has cut is left out, and with it what follows."""
+    """Cones of one world, behind one another. A contact that the room has cut is left out, and so is what follows."""
     world = wp.tid()
     limit = wp.min(nefc[world], room)
     dropped = nefc[world] > room or contacts[0] > contact_room or pairs[0] > contact_room
@@ -271,8 +271,8 @@ def fill_friction(row_count: wp.array[int], efc_type: wp.array2d[int], efc_id: w
                   # outputs
                   own_J: wp.array3d[float], target: wp.array2d[float], R: wp.array2d[float], lo: wp.array2d[float],
                   hi: wp.array2d[float]):
-    """Rows of friction alone. A normal force is that of a row that nothing moves, so that w = force - held = 0 there. A
-    pair of edges is one row of their difference, within their sum. Every other row is empty."""
+    """Rows of friction alone. A normal force is that of a row that nothing moves, so that w = force - held = 0 there.
+    A pair of edges is one row of their difference, within their sum. Every other row is empty."""
     world, row = wp.tid()
     if row >= row_count[world]:
         return

@@ -1,4 +1,4 @@
-"""MuJoCo Warp's constraint rows as batches of J and M: its arrays where they lie, and beside them what it does not have."""
+"""MuJoCo Warp's constraint rows as batches of J and M: its arrays where they lie, and beside them what it has not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ _LOST = int(types.OverflowType.NJMAX_NNZ | types.OverflowType.CCD | types.Overfl
 
 def words_of(status):
     """Status records as eight 32-bit words each, over the same memory."""
-    return wp.array(ptr=status.ptr, dtype=int, shape=(status.shape[0], STATUS_DTYPE.itemsize // 4), device=status.device)
+    shape = status.shape[0], STATUS_DTYPE.itemsize // 4
+    return wp.array(ptr=status.ptr, dtype=int, shape=shape, device=status.device)
 
 
 def memory_of(model, data):
@@ -98,9 +99,11 @@ class Rows:
         self.friction = wp.array(ptr=data.contact.friction.ptr, dtype=float, shape=(data.contact.friction.shape[0], 5),
                                  device=device)
         layout = _Layout(worlds, room, self.kinds, self.cone_rows, self.row_count, self.cone_count, self.flags)
-        self.batch = _batch(layout, self.J, self.M, self.free, data.efc.aref, self.R, self.mu, self.lo, self.hi, "convex")
+        self.batch = _batch(layout, self.J, self.M, self.free, data.efc.aref, self.R, self.mu, self.lo, self.hi,
+                            "convex")
         status = zeros((worlds, STATUS_DTYPE.itemsize), wp.uint8)
-        self.solution = Solution.over(self.batch, {"lambda_": data.efc.force, "velocities": data.qacc, "status": status})
+        self.solution = Solution.over(self.batch, {"lambda_": data.efc.force, "velocities": data.qacc,
+                                                   "status": status})
         self.words = words_of(status)
 
     def cones(self):
@@ -129,7 +132,8 @@ class Rows:
                      data.naconmax, data.overflow, _LOST],
                     [self.row_count, self.cone_count, self.flags, self.kinds, self.cone_rows])
         self.launch(kernels.fill_rows, self._per_row,
-                    [self.row_count, efc.type, efc.id, efc.D, efc.frictionloss, self.friction, data.contact.efc_address],
+                    [self.row_count, efc.type, efc.id, efc.D, efc.frictionloss, self.friction,
+                     data.contact.efc_address],
                     [self.R, self.mu, self.lo, self.hi])
         if self.frozen and self.discrete:
             self.launch(kernels.fill_awake, self._per_dof, [model.dof_treeid, data.tree_awake], [self.place])
@@ -161,8 +165,8 @@ class Rows:
 
 
 class Friction:
-    """The problem that MuJoCo's noslip sweeps: friction without softness, all other forces held. Two batches: one whose
-    forces are all held, for the accelerations that they make, and one of friction alone."""
+    """The problem that MuJoCo's noslip sweeps: friction without softness, all other forces held. Two batches: one
+    whose forces are all held, for the accelerations that they make, and one of friction alone."""
 
     def __init__(self, rows):
         self._rows, data = rows, rows.data
@@ -181,14 +185,17 @@ class Friction:
         self.batch = _batch(layout, self._J, rows.M, self._pushed, self._target, self._R, rows.mu, self._lo, self._hi,
                             "coulomb")
         status = [zeros((worlds, STATUS_DTYPE.itemsize), wp.uint8) for _ in range(2)]
-        self.pushed = Solution.over(self.held, {"lambda_": self._found, "velocities": self._pushed, "status": status[0]})
-        self.solution = Solution.over(self.batch, {"lambda_": self._found, "velocities": data.qacc, "status": status[1]})
+        self.pushed = Solution.over(self.held, {"lambda_": self._found, "velocities": self._pushed,
+                                                "status": status[0]})
+        self.solution = Solution.over(self.batch, {"lambda_": self._found, "velocities": data.qacc,
+                                                   "status": status[1]})
         self.words = words_of(status[1])
 
     def hold(self):
         """Reads the forces that stay."""
         rows, efc, address = self._rows, self._rows.data.efc, self._rows.data.contact.efc_address
-        rows.launch(kernels.hold_forces, rows._per_row, [rows.row_count, efc.type, efc.id, address, efc.force], [self._held])
+        rows.launch(kernels.hold_forces, rows._per_row, [rows.row_count, efc.type, efc.id, address, efc.force],
+                    [self._held])
         rows.launch(kernels.fill_friction_cones, rows.data.nworld,
                     [rows.row_count, rows.cone_count, efc.type, rows.kinds, rows.cone_rows, rows.data.njmax],
                     [self._kinds, self._held_kinds, self._held_rows])

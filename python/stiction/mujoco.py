@@ -268,8 +268,8 @@ class BatchedSimulation:
         self._run("mj_sensorAcc")
 
     def _smooth_discretely(self, check):
-        """Up to the solve with integrator `discrete`, whose metric some functions build that only mj_forward calls: it runs
-        with a solver that makes no iteration."""
+        """Up to the solve with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
+        solver whose line search makes no step."""
         checks = ("mj_checkPos", "mj_checkVel") if check else ()
         with self._options(ls_iterations=None if self._own else 0):
             self._run(*checks, "mj_forward")

@@ -3,8 +3,8 @@
     solution = stiction.mujoco_warp.step(model, data)       # mujoco_warp.step with this solver
     solution.solved, solution.residual                      # of each world
 
-`solve` and `noslip` stand in for MuJoCo Warp's functions of those names: they read its arrays where they lie, and write
-what it writes. docs/mujoco_warp.md.
+`solve` and `noslip` stand in for MuJoCo Warp's functions of those names: they read its arrays where they lie, and
+write what it writes. docs/mujoco_warp.md.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class ConstraintSolver:
     device: None: the one that data is on. "emulated": the GPU's programs on the CPU, for tests.
 
     Attributes: model, data; solver, the stiction.Solver, with stats(). solution and batch are those of the last solve:
-    a stiction.Solution, whose reactions are efc.force and whose velocities are qacc, and its rows, for stiction.verify.
+    a stiction.Solution, whose reactions are efc.force and whose velocities are qacc, and its rows for stiction.verify.
     """
 
     def __init__(self, model, data, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, device=None):
@@ -116,8 +116,8 @@ class ConstraintSolver:
 
 
 def solve(model, data, **options) -> Solution | None:
-    """Solves the constraints of all worlds, as mujoco_warp.solve. options: of ConstraintSolver, which is made at the first
-    call and kept with data."""
+    """Solves the constraints of all worlds, as mujoco_warp.solve. options: of ConstraintSolver, which is made at the
+    first call and kept with data."""
     return _solver_of(model, data, options).solve()
 
 

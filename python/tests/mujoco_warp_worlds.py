@@ -20,7 +20,8 @@ CREEPING = """
   <geom type="plane" size="5 5 1" friction="0.1 0.005 0.0001" solimp="0.5 0.5 0.001"/>
   <body pos="0 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.3"/></body>
   <body pos="1 0 .0999"><freejoint/><geom type="box" size=".1 .1 .1" friction="0.1"/></body>
-  <body pos="-1 0 1"><joint axis="0 1 0" frictionloss="1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
+  <body pos="-1 0 1"><joint axis="0 1 0" frictionloss="1"/>
+    <geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
 </worldbody></mujoco>"""
 
 
@@ -81,7 +82,8 @@ def sweep_to_the_end(model, d, world=0, iterations=20_000):
     Nesterov's method on disks and intervals. Also the largest step that it would still make."""
     J, M = dense_rows(model, d, world)
     n = len(J)
-    force, aref, loss = (getattr(d.efc, name).numpy()[world, :n].astype(float) for name in ("force", "aref", "frictionloss"))
+    force, aref, loss = (getattr(d.efc, name).numpy()[world, :n].astype(float)
+                         for name in ("force", "aref", "frictionloss"))
     kind, ids = d.efc.type.numpy()[world, :n], d.efc.id.numpy()[world, :n]
     friction, dim = d.contact.friction.numpy().astype(float), d.contact.dim.numpy()
     base, directions, sets, row = force.copy(), [], [], 0

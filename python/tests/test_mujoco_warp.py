@@ -20,8 +20,8 @@ DROPPED = 1 << stiction.FLAGS.index("contacts_dropped")
 
 
 def compare(datas, m, d, limit, ties):
-    """One solve of the worlds beside MuJoCo Warp's own and MuJoCo's. limit: on accelerations, by their largest. ties: share of
-    rows that may be so near to the border of a zone that their state is another one's."""
+    """One solve of the worlds beside MuJoCo Warp's own and MuJoCo's. limit: on accelerations, by their largest. ties:
+    share of rows that may be so near to the border of a zone that their state is another one's."""
     mujoco_warp.forward(m, d)
     names = ("qacc", "qfrc_constraint", "force", "Ma", "state", "nefc")
     their_qacc, _, their_force, their_Ma, their_state, nefc = numbers(d, *names)
@@ -174,8 +174,8 @@ def answer_to(model, d, rows):
             name = ("friction", int(dim[ids[row]])) if row == first else None
         cones += [name] if name else []
     batch = stiction.Batch.from_jacobian(
-        [J[:rows]], [M], [d.qacc_smooth.numpy()[0].astype(float)], [aref], cones=[cones], mu=[mu], R=[1 / R], lo=[-bound],
-        hi=[bound])
+        [J[:rows]], [M], [d.qacc_smooth.numpy()[0].astype(float)], [aref], cones=[cones], mu=[mu], R=[1 / R],
+        lo=[-bound], hi=[bound])
     return stiction.Solver(tolerance=1e-12).solve(batch).velocities
 
 
@@ -261,7 +261,8 @@ def test_data_with_other_memory_is_read_anew():
 # -- sleep, discrete, what is refused ---------------------------------------------------------------------------------
 
 SLEEPERS = """
-<mujoco><option timestep="0.004" cone="{cone}" jacobian="{jacobian}" integrator="{integrator}"><flag sleep="enable"/></option>
+<mujoco><option timestep="0.004" cone="{cone}" jacobian="{jacobian}" integrator="{integrator}">
+<flag sleep="enable"/></option>
 <worldbody><geom type="plane" size="5 5 1"/>
   <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
   <body pos="1 0 1.5"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
@@ -274,8 +275,8 @@ SLEEPERS = """
 @pytest.mark.parametrize("integrator", ["Euler", "discrete"])
 @pytest.mark.parametrize("cone, jacobian", [("pyramidal", "sparse"), ("elliptic", "dense")])
 def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
-    """Trees fall asleep when MuJoCo's do. Beside MuJoCo Warp's solver where J is dense: with a sparse one, version 4.0.0 has
-    NaN in its first step at times, on the CPU."""
+    """Trees fall asleep when MuJoCo's do. Beside MuJoCo Warp's solver where J is dense: with a sparse one, its version
+    4.0.0 has NaN in its first step at times, on the CPU."""
     model = mujoco.MjModel.from_xml_string(SLEEPERS.format(cone=cone, jacobian=jacobian, integrator=integrator))
     start = [disturbed(model, 0, steps=0, speed=0)] * 2
     m, d = worlds_of(model, start, njmax=48, nconmax=16)
@@ -316,7 +317,7 @@ def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
 
 def test_what_would_be_solved_otherwise_is_refused():
     model, _, m, d = zoo_worlds(count=1, integrator="discrete")
-    with pytest.raises(ValueError, match=r"model.opt.integrator: expected another one with noslip, got discrete.*noslip_iter"):
+    with pytest.raises(ValueError, match="model.opt.integrator: expected another one with noslip, got discrete"):
         drop_in.noslip(m, d)
     with pytest.raises(TypeError, match="model: expected a mujoco_warp.Model .*put_model.*, got MjModel"):
         drop_in.solve(model, d)
@@ -329,8 +330,8 @@ def test_what_would_be_solved_otherwise_is_refused():
 
 def test_a_model_without_room_for_rows_moves_freely():
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><option><flag contact="disable"/></option><worldbody><body><freejoint/><geom size=".1"/></body></worldbody>'
-        "</mujoco>")
+        '<mujoco><option><flag contact="disable"/></option><worldbody><body><freejoint/><geom size=".1"/></body>'
+        "</worldbody></mujoco>")
     data = disturbed(model, 0, steps=1)
     m, d = worlds_of(model, [data], njmax=0, nconmax=0)
     mujoco_warp.forward(m, d)
