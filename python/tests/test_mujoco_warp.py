@@ -275,7 +275,7 @@ SLEEPERS = """
 @pytest.mark.parametrize("integrator", ["Euler", "discrete"])
 @pytest.mark.parametrize("cone, jacobian", [("pyramidal", "sparse"), ("elliptic", "dense")])
 def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
-    """Trees fall asleep when MuJoCo's do. Beside MuJoCo Warp's solver where J is dense: with a sparse one, its version
+    """Trees fall asleep when MuJoCo's do. Beside MuJoCo Warp's solver where J is dense. With a sparse one, its version
     4.0.0 has NaN in its first step at times, on the CPU."""
     model = mujoco.MjModel.from_xml_string(SLEEPERS.format(cone=cone, jacobian=jacobian, integrator=integrator))
     start = [disturbed(model, 0, steps=0, speed=0)] * 2
