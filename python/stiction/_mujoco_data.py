@@ -1,9 +1,11 @@
-"""The mujoco.MjData of a BatchedSimulation."""
+"""The mujoco.MjData of a BatchedSimulation, and the models that it does not step."""
 
 import collections.abc
 
 import mujoco
 import numpy as np
+
+_CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
 def check_data(model, i, one):
@@ -56,3 +58,28 @@ class Simulations(collections.abc.Sequence):
             raise ValueError(f"data[{i}]: expected data of its own, got that of simulation {self._places[one._address]}: "
                              "two threads would write to it")
         return one
+
+
+def refuse(model):
+    """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
+    opt = model.opt
+    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_IPC", 0):
+        raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: "
+                         "clear it")
+    sleeps = opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
+    if sleeps and opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        raise ValueError("model.opt.enableflags: expected no sleeping bodies with RK4, got mjENBL_SLEEP: set "
+                         "model.opt.integrator to mjINT_IMPLICITFAST")
+    if opt.noslip_iterations:
+        raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
+                         "solution; a tighter tolerance does not need it")
+    for name in _CALLBACKS:
+        if getattr(mujoco, f"get_mjcb_{name}", lambda: None)() is not None:
+            raise ValueError(f"mjcb_{name}: expected no callback, got one, which simulations on several threads cannot "
+                             f"call: mujoco.set_mjcb_{name}(None)")
+    if opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        for name, why in (("na", "actuator states"), ("nplugin", "plugins"), ("nhistory", "delays"),
+                          ("nplastic", "plasticity")):
+            if getattr(model, name, 0):
+                raise ValueError(f"model.{name}: expected 0 with RK4, got {getattr(model, name)} ({why}): set "
+                                 "model.opt.integrator to mjINT_IMPLICITFAST")

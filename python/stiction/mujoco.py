@@ -1,7 +1,7 @@
 """MuJoCo with stiction as its constraint solver: n simulations of one model, whose constraints are solved in one call.
 
     simulation = stiction.mujoco.BatchedSimulation(model, 1024, tolerance=1e-6)
-    simulation.step(ctrl)                 # ctrl (1024, nu); Euler, implicit, implicitfast and RK4
+    simulation.step(ctrl)                 # ctrl (1024, nu); all of MuJoCo's integrators
     simulation.data[3].qpos               # each simulation is an ordinary mujoco.MjData
 
 MuJoCo collects the rows (contacts, limits, friction loss, equalities), and stiction solves the convex problem that
@@ -9,6 +9,7 @@ they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoC
 docs/mujoco.md.
 """
 
+import contextlib
 import time
 
 import mujoco
@@ -17,17 +18,18 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
-from ._mujoco_data import Simulations, check_data
+from ._mujoco_data import Simulations, check_data, refuse
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
 from ._mujoco_layout import LayoutError, address, layout
+from ._mujoco_metric import Metric
 from ._solution import SOLVED, Solution
 from ._solver import Solver
 
 __all__ = ["BatchedSimulation", "LayoutError", "gather"]
 
 _SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
-_CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
+_DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)  # since 3.13
 
 
 class BatchedSimulation:
@@ -50,8 +52,8 @@ class BatchedSimulation:
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
     "solve" and "advance".
 
-    Raises ValueError for what cannot be stepped so. That is the integrator "discrete", RK4 with actuator states,
-    plugins, delays or plasticity, sleeping bodies, noslip iterations, Python callbacks (mjcb_*).
+    Raises ValueError for what cannot be stepped so. That is RK4 with actuator states, plugins, delays, plasticity or
+    sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
     """
 
     def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95,
@@ -71,7 +73,7 @@ class BatchedSimulation:
         else:
             self.solver = Solver(solver="auto" if self._own else solver, tolerance=tolerance,
                                  max_iterations=max_iterations, threads=threads)
-        _refuse(model)
+        refuse(model)
         mujoco.mj_forward(model, self.data[0])  # in the module that turns MuJoCo's errors into exceptions
         self._layout = layout(model, self.data[0])
         self._core = _core.MujocoSimulations(
@@ -83,6 +85,8 @@ class BatchedSimulation:
         self._tolerance, self._iterations = [], []
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
+        self._metric = None
+        self._feels = bool((np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any())
         self.seconds = {}
         self.clear()
 
@@ -134,13 +138,18 @@ class BatchedSimulation:
             self._smooth(first=True)
             self._constrain()
             start = time.perf_counter()
-            self._run("mj_sensorAcc", "mj_checkAcc")
+            self._sense()
+            self._run("mj_checkAcc")
             integrator = self.model.opt.integrator
             if integrator == mujoco.mjtIntegrator.mjINT_RK4:
                 self.seconds["advance"] += time.perf_counter() - start
                 self._runge_kutta()
                 continue
-            self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
+            if integrator == _DISCRETE:  # its own step: velocities by qacc, without damping once more
+                with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
+                    self._run("mj_Euler")
+            else:
+                self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
             self.seconds["advance"] += time.perf_counter() - start
 
     def forward(self, active=None):
@@ -148,7 +157,7 @@ class BatchedSimulation:
         self._activate(active)
         self._smooth(first=True, check=False)
         self._constrain()
-        self._run("mj_sensorAcc")
+        self._sense()
 
     def run(self, *functions, active=None):
         """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
@@ -211,7 +220,7 @@ class BatchedSimulation:
     # -- the stages ---------------------------------------------------------------------------------------------------
 
     def _activate(self, active):
-        _refuse(self.model)
+        refuse(self.model)
         self._core.configure(float(self.model.opt.timestep), bool(mujoco.mj_isSparse(self.model)))
         if active is None:
             if self._active is not None:
@@ -238,9 +247,38 @@ class BatchedSimulation:
                 self._functions[name] = address(name)
         self._core.run([self._functions[name] for name in functions])
 
+    @contextlib.contextmanager
+    def _options(self, ls_iterations=None, disable=0):
+        """Other options of the model for what runs within it."""
+        opt = self.model.opt
+        kept = opt.ls_iterations, opt.disableflags
+        try:
+            opt.ls_iterations = kept[0] if ls_iterations is None else ls_iterations
+            opt.disableflags |= int(disable)
+            yield
+        finally:
+            opt.ls_iterations, opt.disableflags = kept
+
+    def _sense(self):
+        """Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new."""
+        if self._feels:
+            for i, one in enumerate(self.data):
+                if self._active is None or self._active[i]:
+                    one.flg_rnepost = False
+        self._run("mj_sensorAcc")
+
+    def _smooth_discretely(self, check):
+        """Up to the solve with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
+        solver whose line search makes no step."""
+        checks = ("mj_checkPos", "mj_checkVel") if check else ()
+        with self._options(ls_iterations=None if self._own else 0):
+            self._run(*checks, "mj_forward")
+
     def _smooth(self, first, check=True):
         start = time.perf_counter()
-        if not first:
+        if self.model.opt.integrator == _DISCRETE:
+            self._smooth_discretely(check)
+        elif not first:
             self._run(*_SMOOTH)
         else:
             energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -251,15 +289,23 @@ class BatchedSimulation:
 
     def _constrain(self):
         start = time.perf_counter()
+        discrete = self.model.opt.integrator == _DISCRETE
         if self._own:
-            self._run("mj_fwdConstraint")
+            if not discrete:
+                self._run("mj_fwdConstraint")
             self.seconds["solve"] += time.perf_counter() - start
             return
         self._core.gather()
+        if discrete:
+            self._metric = self._metric or Metric(self.model)
+            self._metric.before(self._core, [one for i, one in enumerate(self.data)
+                                             if self._active is None or self._active[i]])
         gathered = time.perf_counter()
         self._core.solve(self._tolerance, self._iterations)
         solved = time.perf_counter()
         self._core.scatter()
+        if discrete:
+            self._metric.after()
         end = time.perf_counter()
         self.seconds["assemble"] += gathered - start + end - solved
         self.seconds["solve"] += solved - gathered
@@ -303,7 +349,7 @@ def gather(model, data, **options):
         raise ValueError("data: expected at least one mujoco.MjData, got none")
     for i, one in enumerate(places):
         check_data(model, i, one)
-    _refuse(model)
+    refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
     core.gather()
@@ -326,26 +372,3 @@ def _batch_of(arrays, nv):
         lo=arrays["lo"], hi=arrays["hi"], law="convex")
     batch.extras = {"cone_id": arrays["ids"], "lambda_": arrays["lambda_"], "velocities": arrays["velocities"]}
     return batch
-
-
-def _refuse(model):
-    """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
-    opt = model.opt
-    if opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1):
-        raise ValueError("model.opt.integrator: expected Euler, implicit, implicitfast or RK4, got discrete, whose solve "
-                         "is in another metric: set mjINT_IMPLICITFAST")
-    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0):
-        raise ValueError("model.opt.enableflags: expected no sleeping bodies, got mjENBL_SLEEP: clear it")
-    if opt.noslip_iterations:
-        raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
-                         "solution; a tighter tolerance does not need it")
-    for name in _CALLBACKS:
-        if getattr(mujoco, f"get_mjcb_{name}", lambda: None)() is not None:
-            raise ValueError(f"mjcb_{name}: expected no callback, got one, which simulations on several threads cannot "
-                             f"call: mujoco.set_mjcb_{name}(None)")
-    if opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        for name, why in (("na", "actuator states"), ("nplugin", "plugins"), ("nhistory", "delays"),
-                          ("nplastic", "plasticity")):
-            if getattr(model, name, 0):
-                raise ValueError(f"model.{name}: expected 0 with RK4, got {getattr(model, name)} ({why}): set "
-                                 "model.opt.integrator to mjINT_IMPLICITFAST")
