@@ -6,8 +6,8 @@
 First every solver solves every batch (a recorded file, a law, a tolerance), the processor's time of one thread, least
 of three. A batch is charged as TunedSolver charges: ten times the time for the share of environments that missed the
 tolerance. Then choices are replayed on those costs: nothing of what follows depends on the clock any more. Batches are
-drawn at random with equal probability, decision after decision. `learning` is what a training run pays, passes of
---decisions each; `frozen` is a tuner that learned on half of the files and is held to the other half. Intervals:
+drawn at random with equal probability, decision after decision. `learning` is what a training run pays, in passes of
+--decisions each. `frozen` is a tuner that learned on half of the files and is held to the other half. Intervals:
 bootstrap over seeds.
 """
 

@@ -53,8 +53,8 @@ class Tuner:
     control: of so many decisions one takes the default whatever is known, so that its cost stays known. 0: none.
     log: a file that gets a line of JSON for each decision that was learned from.
 
-    Attributes: `frozen`, `stopped` (a sentence that says why, or None), `decisions`, `regret` (sum over decisions of the
-    logarithm of cost over the least that any choice was predicted to cost). One thread at a time may use it.
+    Attributes: `frozen`, `stopped` (a sentence that says why, or None), `decisions`, `regret`. The regret is the sum over
+    decisions of log(cost) over the least that any choice was predicted to cost. One thread at a time may use it.
     """
 
     def __init__(self, choices, *, exploration: float = 0.5, patience: int = 200, margin: float = 1.05,
