@@ -90,8 +90,9 @@ def run(arguments):
 
 
 def compete(entrant, problems, goals, seconds, folder, found):
-    takes_law = entrant.takes_boxes or not problems.is_boxed
-    reason = entrant.refuses(problems) if takes_law else "boxed friction is not its law"
+    reason = entrant.refuses(problems)
+    if problems.is_boxed and not entrant.takes_boxes and not reason:
+        reason = "boxed friction is not its law"
     if reason:
         own = next((r for r in found["refusals"] if (r["solver"], r["reason"]) == (entrant.name, reason)), None)
         if own is None:

@@ -112,20 +112,25 @@ STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row
   for (int k = 0; k < M; ++k) step.d[k] = select(is_boxed, own.d[k], step.d[k]);
 }
 
-/// `step`, or that of boxed friction where a cone has it.
-template <class Real, int M, class System>
-STICTION_HD ConeStep<Real, M> with_box_friction(const System& s, Index cone, Index row, const Real (&y)[M], Real omega,
-                                                const ConeStep<Real, M>& step) {
-  if constexpr (kMayHaveBoxFriction<System>) {
-    if (has_box_friction(s)) {
-      ConeStep<Real, M> motion;
-      ConeStep<Real, M> changed = step;
-      for (int k = 0; k < M; ++k) motion.d[k] = y[k];
-      box_friction_step(s, cone, row, motion, omega, changed);
-      return changed;
-    }
+/// The step of a cone with friction: of boxed friction where it has that, else usual(), which is not called if no lane
+/// needs it.
+template <int M, class System, class Usual>
+STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                                    typename System::Real omega, Usual&& usual) {
+  using Real = typename System::Real;
+  if constexpr (!kMayHaveBoxFriction<System>) {
+    return usual();
+  } else {
+    const bool has_boxes = has_box_friction(s);
+    ConeStep<Real, M> step{};
+    if (!has_boxes || any(not_(s.lo[cone] < Real(0)))) step = usual();
+    if (!has_boxes) return step;
+    ConeStep<Real, M> motion;
+    ConeStep<Real, M> changed = step;
+    for (int k = 0; k < M; ++k) motion.d[k] = y[k];
+    box_friction_step(s, cone, row, motion, omega, changed);
+    return changed;
   }
-  return step;
 }
 
 /// z becomes `from` projected where `is_boxed`: the normal onto the half line, then each axis between the bounds that
@@ -158,9 +163,11 @@ STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
   using Real = typename System::Real;
   constexpr int kRows = Shape::kRows;
   if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-    return with_box_friction(s, cone, row, y, omega, coulomb_step<kRows>(s, cone, row, y, omega));
+    return step_with_friction<kRows>(s, cone, row, y, omega,
+                                     [&] { return coulomb_step<kRows>(s, cone, row, y, omega); });
   } else if constexpr (Shape::kKind == ConeKind::friction) {
-    return with_box_friction(s, cone, row, y, omega, convex_step<kRows>(s, cone, row, y, omega));
+    return step_with_friction<kRows>(s, cone, row, y, omega,
+                                     [&] { return convex_step<kRows>(s, cone, row, y, omega); });
   } else {
     const Real x = s.x[row];
     const Real z = fma_(Real(0) - omega * s.inv_n[cone], y[0], x);
