@@ -68,8 +68,8 @@ class Rewriter {
     arrays_.row_offsets.push_back(static_cast<Offset>(arrays_.column.size()));
     arrays_.b.push_back(static_cast<Real>(b));
     arrays_.R.push_back(compliance);
-    for (const auto& [to, from] : {std::pair{&arrays_.mu, from_.mu}, std::pair{&arrays_.lo, from_.lo},
-                                   std::pair{&arrays_.hi, from_.hi}})
+    for (const auto& [to, from] :
+         {std::pair{&arrays_.mu, from_.mu}, std::pair{&arrays_.lo, from_.lo}, std::pair{&arrays_.hi, from_.hi}})
       to->push_back(original < 0 ? Real(0) : from[original]);
   }
 
@@ -112,9 +112,9 @@ void check_friction(const ContactBatchView<Real>& view) {
     if (view.cone_kind[cone] != ConeKind::box_friction) continue;
     for (Offset row = view.cone_row_offsets[cone] + 1; row < view.cone_row_offsets[cone + 1]; ++row)
       if (!(view.mu[row] >= Real(0)) || !std::isfinite(view.mu[row]))
-        refuse("mu[cone " + std::to_string(cone) + ", row " + std::to_string(row) + "] = " +
-               std::to_string(view.mu[row]) + ": friction must be >= 0 and finite; correct the batch (validate() lists " +
-               "every defect)");
+        refuse("mu[cone " + std::to_string(cone) + ", row " + std::to_string(row) +
+               "] = " + std::to_string(view.mu[row]) +
+               ": friction must be >= 0 and finite; correct the batch (validate() lists " + "every defect)");
   }
 }
 
@@ -134,8 +134,8 @@ ComplementarityBatch<Real> as_complementarity(const ContactBatch<Real>& batch) {
   if (const auto defects = validate_structure(view, 1); !defects.empty()) refuse(defects.front().message);
   for (Offset env = 0; env < view.env_count; ++env)
     if (view.env_dofs(env) != 0)
-      throw Error(ErrorCode::unsupported,
-                  "env " + std::to_string(env) + " stores A as a factor, which half lines cannot be made of; assemble A");
+      throw Error(ErrorCode::unsupported, "env " + std::to_string(env) +
+                                              " stores A as a factor, which half lines cannot be made of; assemble A");
   check_friction(view);
   ComplementarityBatch<Real> result;
   result.first_row = {0};

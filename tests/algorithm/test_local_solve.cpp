@@ -47,9 +47,9 @@ TEST(LocalSolve, ABoxRowStopsAtItsBounds) {
 }
 
 TEST(LocalSolve, BoxedFrictionStepsRowByRowBetweenBoundsOfTheFreshNormal) {
-  // mu = 1, so rows are not rescaled. x_n = 1 leaves the motions (-1/2 + 0.1, -0.5). The first row steps to 0.4, inside,
-  // and leaves the second -0.5 + 0.4 / 2 = -0.3. With b_2 = -3 that is -2.8, and the row stops at its bound. b is scaled
-  // by 1/2 then, and so is x.
+  // mu = 1, so rows are not rescaled. x_n = 1 leaves the motions (-1/2 + 0.1, -0.5). The first row steps to 0.4,
+  // inside, and leaves the second -0.5 + 0.4 / 2 = -0.3. With b_2 = -3 that is -2.8, and the row stops at its bound. b
+  // is scaled by 1/2 then, and so is x.
   auto env = system({{ConeKind::box_friction, 3, -1}}, {1, -0.5, 0, -0.5, 1, 0.5, 0, 0.5, 1}, {-1, 0.1, -0.5});
   env.mu = {0, 1, 1};
   const auto step_of = [&] {

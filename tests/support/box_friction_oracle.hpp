@@ -7,17 +7,17 @@
 
 #include "tests/support/oracle.hpp"
 
-/// Boxed friction decided from the law itself, in extended precision and from no header of core/algorithm: every
-/// combination of contact states by enumeration, and a certificate of an answer.
+/// Boxed friction decided from the law itself, in extended precision and from no header of core/algorithm. All
+/// combinations of contact states by enumeration, and a certificate of an answer.
 namespace stiction::oracle {
 
-/// Every solution that some combination of states has. Each row of an environment is in one of a few states, in which
-/// one equation holds for it; the linear system of all rows has a solution, and that is checked against the
-/// inequalities. Rows of friction are inside their box, or at its upper or lower end. Small systems only: there are up
-/// to 3 states a row.
+/// Every solution that some combination of states has. Each row of an environment is in one of a few states, and one
+/// equation holds for it in each. The solution of the linear system of all rows is checked against the inequalities.
+/// Rows of friction are inside their box, or at its upper or lower end. Small systems only: up to 3 states a row.
 class BoxFrictionStates {
  public:
-  explicit BoxFrictionStates(const Environment<double>& env) : env_(env), n_(env.b.size()), a_(detail::dense_matrix(env)) {
+  explicit BoxFrictionStates(const Environment<double>& env)
+      : env_(env), n_(env.b.size()), a_(detail::dense_matrix(env)) {
     std::size_t row = 0;
     for (const auto& cone : env.cones)
       for (Index k = 0; k < cone.row_count; ++k) {

@@ -80,8 +80,8 @@ TEST(BoxFriction, TheBoundIsThatOfTheAnswersOwnNormal) {
 }
 
 TEST(BoxFriction, EveryFurtherAxisHasItsOwnBound) {
-  Environment<double> env = system({{ConeKind::box_friction, 6, -1}}, diagonal({2, 1, 1, 1, 1, 1}),
-                                   {-4, 10, -10, 0.001, 10, -10});
+  Environment<double> env =
+      system({{ConeKind::box_friction, 6, -1}}, diagonal({2, 1, 1, 1, 1, 1}), {-4, 10, -10, 0.001, 10, -10});
   env.mu = {0, 0.5, 0.25, 0.1, 0.01, 0};
   for (const SolverKind solver : kTake) {
     const Solution<double> solution = solve_one(env, solver);

@@ -12,8 +12,8 @@ struct ExactStep {
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
                              const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
     if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-      return step_with_friction<Shape::kRows>(
-          s, cone, row, y, omega, [&] { return exact_coulomb_step<Shape::kRows>(s, cone, row, y, omega); });
+      return step_with_friction<Shape::kRows>(s, cone, row, y, omega,
+                                              [&] { return exact_coulomb_step<Shape::kRows>(s, cone, row, y, omega); });
     } else {
       return local_step<kLaw>(shape, s, cone, row, y, omega);
     }
