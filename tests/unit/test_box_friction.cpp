@@ -14,6 +14,7 @@
 #include "stiction/residual.hpp"
 #include "tests/support/box_friction_oracle.hpp"
 #include "tests/support/derivative_cases.hpp"
+#include "tests/support/factor_systems.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -251,6 +252,41 @@ void expect_equal_bits_everywhere() {
 TEST(BoxFriction, BitsDependNeitherOnThreadsNorOnPacksNorOnTheMachine) {
   expect_equal_bits_everywhere<float>();
   expect_equal_bits_everywhere<double>();
+}
+
+// A from J and M, stored or as a factor, planned on the host and on the emulated device. auto does not give it to
+// Newton's method in velocities, which would answer by Coulomb's law.
+TEST(BoxFriction, FormsWithJacobiansAreAnsweredToo) {
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::automatic})
+    for (const FactorUse use : {FactorUse::never, FactorUse::always}) {
+      JacobianBatch<double> batch(Law::convex);
+      std::vector<Environment<double>> matrices;
+      for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+        JacobianRecipe recipe;
+        recipe.seed = seed;
+        recipe.dofs = 24;
+        recipe.compliance = 0.2;
+        JacobianEnvironment<double> env = random_jacobian(recipe);
+        for (auto& cone : env.cones)
+          if (cone.kind == ConeKind::friction) cone.kind = ConeKind::box_friction;
+        batch.add(env);
+        matrices.push_back(as_matrix(env));
+      }
+      SCOPED_TRACE(std::string(to_string(solver)) + (use == FactorUse::always ? ", factor" : ", A"));
+      const SolverOptions own = options(solver, 1e-9, 20000);
+      const auto found = solve(batch, own, Device::cpu(), {}, use);
+      std::size_t row = 0;
+      for (std::size_t e = 0; e < matrices.size(); ++e) {
+        EXPECT_EQ(found.contact.status[e].code, EnvCode::solved) << e;
+        EXPECT_NE(found.contact.status[e].solver, SolverKind::velocity_newton) << e;
+        const auto first = found.contact.lambda.begin() + static_cast<std::ptrdiff_t>(row);
+        const std::vector<double> lambda(first, first + static_cast<std::ptrdiff_t>(matrices[e].b.size()));
+        EXPECT_LT(oracle::box_friction_violation(matrices[e], lambda), 1e-7) << e;
+        row += matrices[e].b.size();
+      }
+      const auto emulated = solve(batch, own, Device::emulated(), {}, use);
+      EXPECT_EQ(emulated.contact.lambda, found.contact.lambda) << "on the emulated device";
+    }
 }
 
 TEST(BoxFriction, AFrictionConeBesideItHasTheBitsThatItHasWithoutIt) {
