@@ -88,14 +88,16 @@ STICTION_HD bool has_box_friction(const System& s) {
 }
 
 /// Boxed friction, row by row (docs/math/box_friction.md). The normal row steps alone. Then each further row steps
-/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Changes
-/// `step` in the lanes whose cone has boxed friction. Kept out of line, so that visits of other cones stay short.
-template <class Real, int M, class System>
+/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Sets
+/// `step` to that in the lanes whose cone has boxed friction, and to the step of Usual in all others, if there are any.
+/// Kept out of line, so that visits where nothing is boxed stay short.
+template <class Usual, class Real, int M, class System>
 STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row, const ConeStep<Real, M>& motion,
                                           Real omega, ConeStep<Real, M>& step) {
   // A row that couples to nothing still needs a finite step: it slides to its bound.
   constexpr float kLargestRelative = 0x1p60F;
   const auto is_boxed = s.lo[cone] < Real(0);
+  if (any(not_(is_boxed))) step = Usual::of(s, cone, row, motion.d, omega);
   ConeStep<Real, M> own;
   const Real fresh = project_half_line(fma_(Real(0) - omega * s.inv_n[cone], motion.d[0], s.x[row]));
   own.d[0] = fresh - s.x[row];
@@ -112,26 +114,39 @@ STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row
   for (int k = 0; k < M; ++k) step.d[k] = select(is_boxed, own.d[k], step.d[k]);
 }
 
-/// The step of a cone with friction: of boxed friction where it has that, else usual(), which is not called if no lane
-/// needs it.
-template <int M, class System, class Usual>
+/// The step of a cone with friction, that of Usual where no friction is boxed.
+template <class Usual, int M, class System>
 STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
-                                    typename System::Real omega, Usual&& usual) {
+                                    typename System::Real omega) {
   using Real = typename System::Real;
-  if constexpr (!kMayHaveBoxFriction<System>) {
-    return usual();
-  } else {
-    const bool has_boxes = has_box_friction(s);
-    ConeStep<Real, M> step{};
-    if (!has_boxes || any(not_(s.lo[cone] < Real(0)))) step = usual();
-    if (!has_boxes) return step;
-    ConeStep<Real, M> motion;
-    ConeStep<Real, M> changed = step;
-    for (int k = 0; k < M; ++k) motion.d[k] = y[k];
-    box_friction_step(s, cone, row, motion, omega, changed);
-    return changed;
+  if constexpr (kMayHaveBoxFriction<System>) {
+    if (has_box_friction(s)) {
+      ConeStep<Real, M> motion;
+      ConeStep<Real, M> step;
+      for (int k = 0; k < M; ++k) {
+        motion.d[k] = y[k];
+        step.d[k] = Real(0);
+      }
+      box_friction_step<Usual>(s, cone, row, motion, omega, step);
+      return step;
+    }
   }
+  return Usual::of(s, cone, row, y, omega);
 }
+
+/// The steps of friction cones under either law, for step_with_friction().
+template <Law kLaw>
+struct FrictionConeStep {
+  template <int M, class System>
+  static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                             typename System::Real omega) {
+    if constexpr (kLaw == Law::coulomb) {
+      return coulomb_step<M>(s, cone, row, y, omega);
+    } else {
+      return convex_step<M>(s, cone, row, y, omega);
+    }
+  }
+};
 
 /// z becomes `from` projected where `is_boxed`: the normal onto the half line, then each axis between the bounds that
 /// the projected normal gives it.
@@ -162,12 +177,8 @@ STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
                             const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
   using Real = typename System::Real;
   constexpr int kRows = Shape::kRows;
-  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-    return step_with_friction<kRows>(s, cone, row, y, omega,
-                                     [&] { return coulomb_step<kRows>(s, cone, row, y, omega); });
-  } else if constexpr (Shape::kKind == ConeKind::friction) {
-    return step_with_friction<kRows>(s, cone, row, y, omega,
-                                     [&] { return convex_step<kRows>(s, cone, row, y, omega); });
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    return step_with_friction<FrictionConeStep<kLaw>, kRows>(s, cone, row, y, omega);
   } else {
     const Real x = s.x[row];
     const Real z = fma_(Real(0) - omega * s.inv_n[cone], y[0], x);
