@@ -54,6 +54,7 @@ constexpr bool same(stiction_cone_kind kind, ConeKind cpp) {
 }
 static_assert(same(STICTION_CONE_FREE, ConeKind::free) && same(STICTION_CONE_UNILATERAL, ConeKind::unilateral));
 static_assert(same(STICTION_CONE_BOX, ConeKind::box) && same(STICTION_CONE_FRICTION, ConeKind::friction));
+static_assert(same(STICTION_CONE_BOX_FRICTION, ConeKind::box_friction));
 
 }  // namespace
 

@@ -91,6 +91,8 @@ def run(arguments):
 
 def compete(entrant, problems, goals, seconds, folder, found):
     reason = entrant.refuses(problems)
+    if problems.is_boxed and not entrant.takes_boxes and not reason:
+        reason = "boxed friction is not its law"
     if reason:
         own = next((r for r in found["refusals"] if (r["solver"], r["reason"]) == (entrant.name, reason)), None)
         if own is None:

@@ -8,11 +8,12 @@ import sys
 import h5py
 import numpy as np
 from batch_file import take
-from judge import FRICTION, UNILATERAL, law_of
+from judge import BOX_FRICTION, FRICTION, UNILATERAL, law_of
 
 FOLDERS = ("mujoco", "coulomb", "lcp", "sequences", "fclib")
 SIZES = {"stack": 4, "wall": 3, "pyramid": 2, "pile": 30, "chain": 12, "column": 20, "grasp": 0, "walker": 0, "mixed": 40,
          "adversarial": 4}
+BOXED_SIZES = {"stack": 4, "wall": 2, "pyramid": 2, "pile": 20}  # of the family `boxed`: few enough rows for dense solvers
 QUICK_SIZES = {"stack": 2, "column": 8, "walker": 0}
 SEED = 7  # of the family `generated`
 
@@ -51,12 +52,21 @@ class Problems:
 
     @property
     def has_friction(self):
-        return bool((self.kinds == FRICTION).any())
+        return bool(np.isin(self.kinds, (FRICTION, BOX_FRICTION)).any())
+
+    @property
+    def is_boxed(self):
+        return bool((self.kinds == BOX_FRICTION).any())
 
     @property
     def laws(self):
-        """The law, or that both are the same."""
-        return self.law if self.has_friction else "either"
+        """The law, or that both are the same, or that friction is boxed."""
+        return "boxed" if self.is_boxed else self.law if self.has_friction else "either"
+
+    @property
+    def is_pushed(self):
+        """Whether every cone pushes and does not pull, with boxed friction or with none."""
+        return bool(np.isin(self.kinds, (UNILATERAL, BOX_FRICTION)).all())
 
     @property
     def is_lcp(self):
@@ -106,14 +116,15 @@ class Sets:
                         continue
                 yield self._cut(family, path.stem, source)
 
-    def scenes(self, family, seed, sizes):
+    def scenes(self, family, seed, sizes, *more):
         for scene, size in sizes.items():
             source = self._place("whole", f"{family}_{scene}")
             subprocess.run([self.program, "generate", scene, "--size", str(size), "--envs", str(self.most), "--seed", str(seed),
-                            "-o", str(source), "--quiet"], check=True)
+                            "-o", str(source), "--quiet", *more], check=True)
             yield self._cut(family, scene, source)
 
     def all(self, data, seed, quick):
         yield from self.recorded(data, quick)
         yield from self.scenes("generated", SEED, QUICK_SIZES if quick else SIZES)
+        yield from self.scenes("boxed", SEED, {"stack": 2} if quick else BOXED_SIZES, "--box-friction")
         yield from self.scenes("hidden", seed, {"stack": 2} if quick else SIZES)

@@ -5,7 +5,7 @@ It shares no code with any solver, nor with `stiction verify`; tests/tools/test_
 
 import numpy as np
 
-FREE, UNILATERAL, BOX, FRICTION = range(4)  # cone_kind of the file
+FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION = range(5)  # cone_kind of the file
 SMALLEST = 1e-300  # that an environment's motion is measured by
 SLACK = 1.02  # solvers add in another order than the judge
 
@@ -61,6 +61,8 @@ def cone_residuals(batch, x, w, diagonal, law):
             r = force - np.maximum(force - moves, 0)
         elif kind == BOX:
             r = force - np.clip(force - moves, a * low[rows], a * high[rows])
+        elif kind == BOX_FRICTION:
+            r = boxed(force, moves, parameter[rows][:, 1:])
         else:
             r = friction(force, moves, parameter[rows][:, 1:], law)
         found[own] = np.sqrt((r * r).sum(axis=1))
@@ -76,6 +78,15 @@ def friction(force, moves, mu, law):
     x, y = np.column_stack((force[:, 0], x)), np.column_stack((moves[:, 0] + shift, y))
     carried = np.abs(np.where(grips, 0.0, force[:, 1:])).max(axis=1, initial=0.0)
     return np.column_stack((x - nearest(x - y), carried))
+
+
+def boxed(force, moves, mu):
+    """r of boxed friction: each axis between bounds of its own. Axes without friction must carry nothing."""
+    grips, normal = mu > 0, force[:, :1]
+    x = force[:, 1:] / np.where(grips, mu, 1.0)
+    bound = np.maximum(normal, 0)
+    along = x - np.where(grips, np.clip(x - mu * moves[:, 1:], -bound, bound), 0.0)
+    return np.column_stack((normal - np.maximum(normal - moves[:, :1], 0), along))
 
 
 def nearest(z):

@@ -10,6 +10,7 @@ import numpy as np
 import processes
 from answer_file import Answer
 
+BOXED = {"auto", "npgs", "pgs", "subspace", "nsgs"}  # those that take boxed friction
 SOLVERS = ["auto", "npgs", "pgs", "subspace", "nsgs", "admm", "newton", "ipm", "lemke"]
 ITERATIONS = 10000
 TURNS, SHORT = 3, 0.1  # a solve shorter than that many seconds is done so many times more, and the shortest counts
@@ -25,6 +26,7 @@ class Stiction:
         self.program, self.solver, self.form = str(program), solver, form
         self.name = f"stiction {solver}" + (" (J, M)" if form == "jacobian" else "")
         self.given = "A" if form == "matrix" else "J and M"
+        self.takes_boxes = solver in BOXED and form == "matrix"
         self.environment, self.idle = None, None
 
     def prepare(self, folder, clock):

@@ -19,6 +19,7 @@ TURNS, TURNS_SECONDS = 5, 0.05  # a solve is done again while all of its turns a
 
 class Peer:
     given, version, has_threads = "A", "", False
+    takes_boxes = False  # boxed friction
 
     def prepare(self, folder, clock):
         """None, or why it cannot run; what it compiles lies in `folder`."""

@@ -68,11 +68,12 @@ class Siconos(Peer):
 
 
 class Engine(Peer):
-    """A solver of boxed complementarity problems inside a physics engine; only problems without friction are such."""
+    """A solver of boxed complementarity problems inside a physics engine."""
 
     def __init__(self, program, solver):
         self.program, self.solver = program, solver
         self.name, self.iterative = f"{program.removesuffix(' f64')} {solver}", solver == "pgs"
+        self.takes_boxes = solver != "lemke"  # which leaves bounds and findex out
 
     def prepare(self, folder, clock):
         built = pathlib.Path(folder, self.program.replace(" ", "_"))
@@ -82,9 +83,9 @@ class Engine(Peer):
         return None
 
     def refuses(self, problems):
-        if problems.has_friction:
+        if problems.has_friction and not problems.is_boxed:
             return "its friction is boxed, axis by axis: another law than either of the cones'"
-        if not problems.is_lcp:
+        if not problems.is_pushed:
             return "is given rows that push and do not pull; here are others"
         if problems.largest > MOST_ROWS:
             return f"is given at most {MOST_ROWS} rows"
@@ -101,7 +102,7 @@ class Engine(Peer):
         into = pathlib.Path(folder, "boxed.bin")
 
         def run(chosen):
-            engine_programs.write(into, [engine_programs.boxed_records(boxed.plain(e)) for e in chosen])
+            engine_programs.write(into, [engine_programs.boxed_records(boxed.of_environment(e)) for e in chosen])
             return engine_programs.solve(program, self.solver, int(setting), CALL_SECONDS, into, [e.rows for e in chosen], folder)
 
         run([least(1)])

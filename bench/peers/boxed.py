@@ -8,7 +8,7 @@ the cone of contact batches (docs/math/contact_problem.md), neither under Coulom
 import dataclasses
 
 import numpy as np
-from environments import FRICTION, UNILATERAL, Environment
+from environments import BOX_FRICTION, FRICTION, UNILATERAL, Environment
 
 FAR = 1e30  # a bound that is none
 
@@ -34,7 +34,7 @@ def dense(environment):
 
 def of_environment(environment):
     """Every friction cone boxed. ValueError where there are cones of other kinds than friction and half lines."""
-    if not np.isin(environment.kinds, (UNILATERAL, FRICTION)).all():
+    if not np.isin(environment.kinds, (UNILATERAL, FRICTION, BOX_FRICTION)).all():
         raise ValueError(f"cones of kinds {sorted(set(environment.kinds.tolist()))}: half lines and friction can be boxed")
     normal = np.repeat(environment.cone_offsets[:-1], environment.cone_sizes)
     rubs = normal != np.arange(environment.rows)
@@ -54,6 +54,11 @@ def residual(problem, x):
     bound = problem.hi * np.maximum(x[problem.findex], 0)
     low, high = np.where(rubs, -bound, problem.lo), np.where(rubs, bound, problem.hi)
     return float(np.abs((x - np.clip(x - motion / scale, low, high)) * scale).max() / max(np.abs(problem.b).max(), 1e-300))
+
+
+def in_boxes(environment):
+    """The contacts as stiction has boxed friction."""
+    return dataclasses.replace(environment, kinds=np.where(environment.kinds == FRICTION, BOX_FRICTION, environment.kinds))
 
 
 def lcp(matrix, b):

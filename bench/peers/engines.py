@@ -11,8 +11,8 @@ and engines.md into DIR.
 Three races to a residual of --goal, on problems that both sides solve under the same law:
   lcp       recorded linear complementarity problems as they are;
   pyramids  friction as pyramids of four edges under the convex law: symmetric LCPs (docs/pyramid.md);
-  boxed     friction as engines have it (boxed.py). stiction, which has cones, gets the LCP with the same solutions, five
-            rows a contact.
+  boxed     friction as engines have it (boxed.py). stiction's sweeps take it as it is, its lemke the LCP with the same
+            solutions, five rows a contact.
 and one comparison of sweeps, 20 and 60 of them: time for a contact and a sweep, and the residual, each in its own law.
 
 Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts).
@@ -111,9 +111,9 @@ class Engine:
 
 
 class Stiction:
-    def __init__(self, program, solver, clock, in_cones=False):
-        self.program, self.solver, self.clock, self.in_cones = program, solver, clock, in_cones
-        self.name = f"stiction {solver}" + (", cones" if in_cones else "")
+    def __init__(self, program, solver, clock, in_cones=False, in_boxes=False):
+        self.program, self.solver, self.clock, self.in_cones, self.in_boxes = program, solver, clock, in_cones, in_boxes
+        self.name = f"stiction {solver}" + (", cones" if in_cones else ", boxes" if in_boxes else "")
         self.copies = {}
 
     def call(self, race, i, copies, answer=None):
@@ -122,6 +122,8 @@ class Stiction:
         problem = race.problems[i]
         if not path.exists():
             environment = problem.cones if self.in_cones else problem.environment
+            if self.in_boxes:
+                environment = boxed.in_boxes(problem.cones)
             write_batch(path, [environment] * copies, "coulomb" if self.in_cones else "convex", "engines.py")
         report = pathlib.Path(race.folder, "report.json")
         command = [self.program, "solve", str(path), "--solver", self.solver, "--precision", "f64", "--tolerance", repr(race.goal),
@@ -147,7 +149,7 @@ class Stiction:
             if self.in_cones:
                 residual = race.cone_residual(i, reaction)
             else:
-                reaction = reaction if problem.back is None else problem.back @ reaction
+                reaction = reaction if problem.back is None or self.in_boxes else problem.back @ reaction
                 residual = race.residual(i, reaction)
             found.append(Answer(reaction, residual, bool(claimed), 0))
         return found
@@ -257,7 +259,8 @@ def races(bench, built, arguments, judge):
                 given = boxed.of_environment(e)
                 problems.append(Problem(given, *boxed.as_lcp(given), scene=found[i] if found else None, cones=e))
             yield (Race("boxed", name, problems, judge, arguments.goal, bench.folder),
-                   [ours("lemke"), ours("npgs", in_cones=True)] + engines(MATRIX_ENGINES, False)
+                   [ours("lemke"), ours("npgs", in_boxes=True), ours("auto", in_boxes=True), ours("npgs", in_cones=True)]
+                   + engines(MATRIX_ENGINES, False)
                    + (engines(SCENE_ENGINES, True) if found else []))
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import h5py
 import numpy as np
 
-FREE, UNILATERAL, BOX, FRICTION = range(4)
+FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION = range(5)
 
 
 @dataclasses.dataclass

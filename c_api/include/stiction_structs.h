@@ -37,10 +37,11 @@ typedef enum stiction_space {
 
 /** Kind of a cone; one byte each in cone_kind. */
 typedef enum stiction_cone_kind {
-  STICTION_CONE_FREE = 0,       /**< 1 row, w = 0 */
-  STICTION_CONE_UNILATERAL = 1, /**< 1 row, 0 <= lambda _|_ w >= 0 */
-  STICTION_CONE_BOX = 2,        /**< 1 row, lo <= lambda <= hi */
-  STICTION_CONE_FRICTION = 3    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
+  STICTION_CONE_FREE = 0,        /**< 1 row, w = 0 */
+  STICTION_CONE_UNILATERAL = 1,  /**< 1 row, 0 <= lambda _|_ w >= 0 */
+  STICTION_CONE_BOX = 2,         /**< 1 row, lo <= lambda <= hi */
+  STICTION_CONE_FRICTION = 3,    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
+  STICTION_CONE_BOX_FRICTION = 4 /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
 } stiction_cone_kind;
 
 /** Law of the friction cones. */

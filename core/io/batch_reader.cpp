@@ -50,7 +50,7 @@ void read_row_parameters(const InputFile& file, ContactBatch<double>::Arrays& ar
     const auto begin = static_cast<std::size_t>(arrays.cone_row_offsets[cone]);
     const auto end = static_cast<std::size_t>(arrays.cone_row_offsets[cone + 1]);
     for (std::size_t row = begin; row < end; ++row) {
-      if (arrays.cone_kind[cone] == ConeKind::friction) arrays.mu[row] = parameter[row];
+      if (carries_friction(arrays.cone_kind[cone])) arrays.mu[row] = parameter[row];
       if (arrays.cone_kind[cone] == ConeKind::box) {
         arrays.lo[row] = asymmetric ? lo[row] : -parameter[row];
         arrays.hi[row] = asymmetric ? hi[row] : parameter[row];

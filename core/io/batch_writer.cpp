@@ -74,7 +74,7 @@ RowParameters row_parameters(const ContactBatch<double>::Arrays& arrays) {
     const auto begin = static_cast<std::size_t>(arrays.cone_row_offsets[cone]);
     const auto end = static_cast<std::size_t>(arrays.cone_row_offsets[cone + 1]);
     for (std::size_t row = begin; row < end; ++row) {
-      if (arrays.cone_kind[cone] == ConeKind::friction) out.param[row] = arrays.mu[row];
+      if (carries_friction(arrays.cone_kind[cone])) out.param[row] = arrays.mu[row];
       if (arrays.cone_kind[cone] != ConeKind::box) continue;
       const double lo = arrays.lo[row], hi = arrays.hi[row];
       out.lo[row] = lo;

@@ -26,12 +26,14 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz) {
 }
 
 /// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count (free,
-/// unilateral, box, friction of 2, 3, ... 6 rows). The sort is stable, so these counts say where every cone begins.
+/// unilateral, box, friction of 2, 3, ... 6 rows). Boxed friction has the rows and the place of a friction cone. The
+/// sort is stable, so these counts say where every cone begins.
 struct ConeCounts {
   Index free = 0;
   Index unilateral = 0;
   Index box = 0;
-  Index friction[kMaxConeRows + 1] = {};  ///< by row count m; entries 0 and 1 stay zero
+  Index friction[kMaxConeRows + 1] = {};  ///< by row count m, boxed or not; entries 0 and 1 stay zero
+  Index box_friction = 0;                 ///< how many of those have boxed friction, of any row count
 
   friend constexpr auto operator<=>(const ConeCounts&, const ConeCounts&) = default;
 };
@@ -41,6 +43,10 @@ inline constexpr int kConeShapes = 2 + kMaxConeRows;
 /// Rows of a cone of that shape.
 STICTION_HD constexpr Index shape_rows(int shape) {
   return shape < 3 ? 1 : shape - 1;
+}
+/// The shape of a cone.
+STICTION_HD constexpr int shape_of(ConeKind kind, Index rows) {
+  return carries_friction(kind) ? static_cast<int>(rows) + 1 : static_cast<int>(kind);
 }
 /// How many cones of it there are.
 STICTION_HD constexpr Index shape_count(const ConeCounts& counts, int shape) {

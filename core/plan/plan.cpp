@@ -91,6 +91,9 @@ ConeCounts count_cones(const EnvStructure& env) {
       case ConeKind::box:
         ++counts.box;
         break;
+      case ConeKind::box_friction:
+        ++counts.box_friction;
+        [[fallthrough]];
       case ConeKind::friction:
         ++counts.friction[at(env.cone_rows(c))];
         break;
@@ -101,9 +104,7 @@ ConeCounts count_cones(const EnvStructure& env) {
 
 /// Cones by kind and row count, stably: each goes behind those of its shape that came before.
 void write_canonical_order(const EnvStructure& env, const ConeCounts& counts, Index* cone_order) {
-  const auto shape_of = [&](Index c) {
-    return env.kind(c) == ConeKind::friction ? env.cone_rows(c) + 1 : static_cast<Index>(env.kind(c));
-  };
+  const auto shape_of = [&](Index c) { return stiction::shape_of(env.kind(c), env.cone_rows(c)); };
   // Cones that are all alike are in that order already.
   if (env.cones == 0 || shape_count(counts, shape_of(0)) == env.cones) {
     std::iota(cone_order, cone_order + env.cones, 0);
@@ -340,12 +341,12 @@ PlanData plan_structure(const Structure& structure, const ParallelFor& parallel_
 
 /// A dense environment's cones, taken in the plan's order, are sorted by kind and row count.
 bool in_canonical_order(const EnvStructure& env, const Index* order) {
-  std::pair<ConeKind, Index> last{ConeKind::free, 0};
+  int last = 0;
   for (Index p = 0; p < env.cones; ++p) {
     if (order[p] < 0 || order[p] >= env.cones) return false;
-    const std::pair<ConeKind, Index> cone{env.kind(order[p]), env.cone_rows(order[p])};
-    if (cone < last) return false;
-    last = cone;
+    const int shape = shape_of(env.kind(order[p]), env.cone_rows(order[p]));
+    if (shape < last) return false;
+    last = shape;
   }
   return true;
 }

@@ -18,11 +18,12 @@ bool has_positive_diagonal(const ContactBatchView<Real>& batch, Offset first, In
   return positive;
 }
 
+/// Whether an environment has friction cones, boxed or not.
 template <class Real>
 bool has_friction_cones(const ContactBatchView<Real>& batch, Offset env) {
   const ConeKind* const begin = batch.cone_kind + batch.env_cone_offsets[env];
   const ConeKind* const end = begin + batch.env_cones(env);
-  return std::find(begin, end, ConeKind::friction) != end;
+  return std::any_of(begin, end, carries_friction);
 }
 
 /// The entry of A in that column of a row that stores columns 0, 1, 2, ...

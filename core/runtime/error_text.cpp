@@ -153,6 +153,8 @@ const char* to_string(ConeKind kind) noexcept {
       return "box";
     case ConeKind::friction:
       return "friction";
+    case ConeKind::box_friction:
+      return "box_friction";
   }
   return kUnknown;
 }

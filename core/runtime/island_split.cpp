@@ -105,7 +105,7 @@ void IslandSplit<Real>::add_cone(Offset env, Offset cone, Arrays& to) {
   for (Offset row = batch_.cone_row_offsets[cone]; row < batch_.cone_row_offsets[cone + 1]; ++row)
     if (row != normal) add_row(row);
   // Friction is read where a cone has some: offsets of a shared mu need not be sound elsewhere.
-  const bool friction = batch_.cone_kind[cone] == ConeKind::friction;
+  const bool friction = carries_friction(batch_.cone_kind[cone]);
   for (std::size_t i = at(to.cone_row_offsets.back()); i < source_row_.size(); ++i)
     to.mu.push_back(friction && source_row_[i] != normal ? batch_.mu[batch_.mu_at(source_row_[i])] : Real(0));
   to.cone_kind.push_back(batch_.cone_kind[cone]);

@@ -44,7 +44,7 @@ void PaddedLayout<Real>::add(Index room, std::span<const Cone> cones, bool overf
   if (first_mu >= 0) {
     mu_offsets_.resize(static_cast<std::size_t>(first_row), 0);
     for (const Cone& cone : cones.first(fitting)) {
-      const bool friction = cone.kind == ConeKind::friction;
+      const bool friction = carries_friction(cone.kind);
       mu_offsets_.resize(mu_offsets_.size() + static_cast<std::size_t>(cone.row_count), friction ? first_mu++ : 0);
       if (friction) mu_count_ = larger_of(mu_count_, first_mu);
     }

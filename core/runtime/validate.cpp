@@ -221,17 +221,17 @@ class Validator {
   void check_cone(Offset env, Index cone, Offset c) {
     const Offset rows = batch_.cone_row_offsets[c + 1] - batch_.cone_row_offsets[c];
     const ConeKind kind = batch_.cone_kind[c];
-    const bool friction = kind == ConeKind::friction;
-    if (kind <= ConeKind::friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) {
+    const bool friction = carries_friction(kind);
+    if (kind <= ConeKind::box_friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) {
       if (friction && batch_.mu_offsets != nullptr) check_mu_offsets(env, cone, c);
       return;
     }
 
     const std::string where = "[env " + std::to_string(env) + ", cone " + std::to_string(cone) + "]";
-    if (kind > ConeKind::friction) {
+    if (kind > ConeKind::box_friction) {
       fail_env(env, cone, -1,
                "cone_kind" + where + " = " + std::to_string(static_cast<int>(kind)) +
-                   ": kinds are 0 free, 1 unilateral, 2 box, 3 friction; fix the kind");
+                   ": kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction; fix the kind");
     } else {
       fail_env(env, cone, -1,
                std::string("the ") + to_string(kind) + " cone" + where + " has " + std::to_string(rows) +

@@ -77,7 +77,7 @@ class ValueValidator {
     check_rows(
         "mu", batch_.mu,
         [&](Offset cone, Offset row) {
-          if (batch_.cone_kind[cone] != ConeKind::friction || row == batch_.normal_row(cone)) return "";
+          if (!carries_friction(batch_.cone_kind[cone]) || row == batch_.normal_row(cone)) return "";
           const Real mu = batch_.mu[batch_.mu_at(row)];
           if (!std::isfinite(mu)) return "friction must be finite";
           return mu < 0 ? "friction must be >= 0" : "";

@@ -104,6 +104,22 @@ double friction_residual(const double* lambda, const double* w, const std::array
   return norm(r.data(), x.size + 1);
 }
 
+/// The norm of r of a cone of boxed friction, in units of x = lambda / mu and y = mu w. r_n = a x_n - max(0, a x_n -
+/// y_n), and r_k is a x_k less a x_k - y_k, held between -a x_n and a x_n.
+template <class Real>
+double box_friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu,
+                             std::size_t m, double a) {
+  std::array<double, kMaxConeRows> r{};
+  r[0] = a * lambda[0] - clamp(a * lambda[0] - w[0], 0.0, kInfinity);
+  const double bound = lambda[0] > 0.0 ? a * lambda[0] : 0.0;
+  for (std::size_t k = 1; k < m; ++k) {
+    const auto axis = static_cast<double>(mu[k]);
+    const double scaled = axis > 0.0 ? a * (lambda[k] / axis) : a * lambda[k];
+    r[k] = axis > 0.0 ? scaled - clamp(scaled - w[k] * axis, -bound, bound) : scaled;
+  }
+  return norm(r.data(), m);
+}
+
 /// `env_*` count from the environment's first row.
 template <class Real>
 double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset env_first_row,
@@ -138,6 +154,8 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset en
                                             a * static_cast<double>(batch.hi[row])));
     case ConeKind::friction:
       return friction_residual(lambda.data(), w.data(), mu, m, a, batch.law);
+    case ConeKind::box_friction:
+      return box_friction_residual(lambda.data(), w.data(), mu, m, a);
   }
   return kInfinity;
 }

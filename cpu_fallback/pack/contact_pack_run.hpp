@@ -150,7 +150,7 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
     for (int k = 0; k < load_count; ++k) {
       const int l = loads[k].lane;
       LaneState& state = states_[l];
-      state.flags = loads[k].flags | unsupported_flags<Method>(lanes_[l]);
+      state.flags = loads[k].flags | unsupported_flags<Method>(state.env, lanes_[l]);
       if (is_solvable(state.flags)) {
         state.residual_scale = residual_scale(team_, state.env);
         searches_.begin(l, state.rule);

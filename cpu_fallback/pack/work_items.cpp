@@ -33,6 +33,7 @@ ConeCounts join(const ConeCounts& a, const ConeCounts& b) {
   both.unilateral = larger_of(a.unilateral, b.unilateral);
   both.box = larger_of(a.box, b.box);
   for (Index m = 2; m <= kMaxConeRows; ++m) both.friction[m] = larger_of(a.friction[m], b.friction[m]);
+  both.box_friction = larger_of(a.box_friction, b.box_friction);
   return both;
 }
 PackShape join(const PackShape& a, const PackShape& b) {

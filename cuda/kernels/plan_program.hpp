@@ -47,9 +47,16 @@ struct InspectEnvironments {
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
     const PlanTarget target = target_of(args, env, first_cone);
     const SizeClass own = size_class(path, s.rows, args.limits);
+    // Of a factor, whose cones stay in file order, a solve asks no more than whether friction is boxed.
+    std::uint32_t boxed = 0;
+    if (path == EnvPath::factor)
+      for (Index cone = team.rank(); cone < s.cones; cone += team.size())
+        boxed |= s.kind[cone] == ConeKind::box_friction ? 1U : 0U;
+    boxed = team.combine(boxed);
     single(team, [&] {
       *target.path = path;
       *target.counts = ConeCounts{};
+      target.counts->box_friction = static_cast<Index>(boxed);
       *target.color_count = 0;
       args.plan.env_vertex_offsets[env] = first_cone + env;
       args.plan.flags[env] = flags;

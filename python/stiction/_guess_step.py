@@ -69,6 +69,11 @@ class Step:
                 out[first] = np.minimum(np.maximum(out[first], self.lo[first]), self.hi[first])
             elif kind == KINDS["friction"]:
                 self._project_friction(out, first, dim)
+            elif kind == KINDS["box_friction"]:
+                out[first] = np.maximum(out[first], 0.0)
+                for rows in (first + k for k in range(1, dim)):
+                    bound = self.mu[rows] * out[first]
+                    out[rows] = np.minimum(np.maximum(out[rows], -bound), bound)
         return out
 
     def _project_friction(self, out, first, dim):

@@ -96,7 +96,7 @@ class BatchSource:
             seen = slice(int(begin), int(min(end, begin + 3)))
             width = seen.stop - seen.start
             force[i, :width] = self._rows["lambda_"][seen]
-            if kind == KINDS["friction"]:
+            if kind in (KINDS["friction"], KINDS["box_friction"]):
                 slip[i, :width - 1] = self._rows["w"][seen][1:]  # tangents are x and y here
                 mu[i, :width - 1] = self._friction(env, i, seen)[1:]
         return Contacts(self._grid(env, count), np.broadcast_to(_UP, (count, 3, 3)), force, mu, slip,

@@ -180,7 +180,7 @@ class Guess:
         motion = step.motion(step.last)
         # A contact that was not there is open: as open as it takes to stay so.
         target = step.recall(self._memory.w)
-        opened = ~step.known[step.first[:-1]] & np.isin(step.kind, [KINDS["unilateral"], KINDS["friction"]])
+        opened = ~step.known[step.first[:-1]] & np.isin(step.kind, [KINDS[kind] for kind in ("unilateral", "friction", "box_friction")])
         target[step.first[:-1][opened]] = np.maximum(np.abs(motion[step.first[:-1][opened]]), np.finfo(float).tiny)
         change = motion - target
         arrays["b"], arrays["R"] = step.b - change - softer * step.last, step.R + softer

@@ -46,6 +46,27 @@ TEST(LocalSolve, ABoxRowStopsAtItsBounds) {
   EXPECT_EQ((first_step<Law::convex, ConeKind::box, 1>(down).d[0]), -0.25);
 }
 
+TEST(LocalSolve, BoxedFrictionStepsRowByRowBetweenBoundsOfTheFreshNormal) {
+  // mu = 1, so rows are not rescaled. x_n = 1 leaves the motions (-1/2 + 0.1, -0.5). The first row steps to 0.4,
+  // inside, and leaves the second -0.5 + 0.4 / 2 = -0.3. With b_2 = -3 that is -2.8, and the row stops at its bound. b
+  // is scaled by 1/2 then, and so is x.
+  auto env = system({{ConeKind::box_friction, 3, -1}}, {1, -0.5, 0, -0.5, 1, 0.5, 0, 0.5, 1}, {-1, 0.1, -0.5});
+  env.mu = {0, 1, 1};
+  const auto step_of = [&] {
+    Prepared<Pgs, Law::convex, Dense> p(env);
+    return first_step<Law::convex, ConeKind::friction, 3>(p);
+  };
+  const auto inside = step_of();
+  EXPECT_EQ(inside.d[0], 1.0);
+  EXPECT_NEAR(inside.d[1], 0.4, 1e-15);
+  EXPECT_NEAR(inside.d[2], 0.3, 1e-15);
+  env.b[2] = -3;
+  EXPECT_EQ(step_of().d[2], 0.5);
+  env.b = {1, 0.1, -3};
+  const auto open = step_of();
+  for (const double d : open.d) EXPECT_EQ(d, 0.0);
+}
+
 TEST(LocalSolve, CoulombsStepSolvesTheNormalAloneAndCorrectsTheTangentForIt) {
   // Normal 1, coupling -1/2 to the first tangent: x_n = 1 moves the tangent's motion from 0 to -1/2 * mu, and the
   // tangent answers towards +. Team [1 -.5; -.5 1] with mu = 1, so rows are not rescaled.

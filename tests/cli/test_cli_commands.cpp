@@ -51,6 +51,19 @@ TEST(Info, NamesTheVersionAndTheDevicesOrWhyNot) {
   EXPECT_EQ(field(text.out, "stiction"), kVersion);
 }
 
+TEST(Generate, BoxedFrictionIsWrittenSolvedAndCounted) {
+  const Folder folder;
+  const std::string path = folder / "boxed.h5", solution = folder / "solution.h5";
+  ASSERT_EQ(run_stiction({"generate", "stack", "--size", "2", "--envs", "3", "--box-friction", "-o", path}).status, 0);
+  const Json seen = Json::parse(run_stiction({"inspect", path, "--json"}).out);
+  EXPECT_EQ(seen["cones"]["box_friction"]["3"], 24);
+  EXPECT_EQ(seen["cones"]["friction"]["3"], 0);
+  EXPECT_NE(run_stiction({"inspect", path}).out.find("24 box_friction of 3 rows"), std::string::npos);
+  EXPECT_EQ(run_stiction({"solve", path, "--tolerance", "1e-8", "-o", solution}).status, 0);
+  EXPECT_EQ(run_stiction({"verify", path, solution, "--tolerance", "1e-8"}).status, 0);
+  EXPECT_EQ(run_stiction({"solve", path, "--solver", "lemke"}).status, 1) << "another law's solver has no answer";
+}
+
 TEST(Generate, EverySceneIsAValidBatchWithItsOrigin) {
   const Folder folder;
   const Finished list = run_stiction({"generate", "--list"});

@@ -164,6 +164,8 @@ TEST(Golden, BothPathsAndEveryKindOfConeAreInTheTable) {
       largest = std::max(largest, static_cast<std::size_t>(arrays.env_row_offsets[e + 1] - arrays.env_row_offsets[e]));
   }
   EXPECT_EQ(kinds.size(), 4U);
+  const auto boxed = with_box_friction(golden_batch(kGoldenScenes[0]));
+  EXPECT_EQ(boxed.arrays().cone_kind.front(), ConeKind::box_friction) << "the fifth kind has rows of its own";
   EXPECT_GT(largest, 64U) << "up to 64 rows every environment is dense";
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "stiction/box_friction.hpp"
 #include "stiction/pyramid.hpp"
 #include "tests/support/golden_case.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -112,6 +113,32 @@ inline void add_option_goldens(GoldenCases& cases) {
   SolverOptions impatient = options(SolverKind::npgs, 0, 1000);
   impatient.stall_window = 32;
   add("npgs stall 32", impatient);
+}
+
+/// The batch with boxed friction in every other of its friction cones.
+inline ContactBatch<double> half_boxed(const ContactBatch<double>& batch) {
+  ContactBatch<double>::Arrays arrays = batch.arrays();
+  std::size_t met = 0;
+  for (ConeKind& kind : arrays.cone_kind)
+    if (kind == ConeKind::friction && met++ % 2 == 1) kind = ConeKind::box_friction;
+  return ContactBatch<double>::from_arrays(batch.law(), std::move(arrays));
+}
+
+/// Boxed friction. Where all is boxed, no law of the batch reaches a bit, and nsgs visits as pgs does. Beside friction
+/// cones both count.
+inline void add_box_friction_goldens(GoldenCases& cases) {
+  for (const std::size_t k : {0, 2, 4}) {
+    const GoldenScene& golden = kGoldenScenes[k];
+    const ContactBatch<double> scene = golden_batch(golden);
+    const auto all = std::make_shared<const ContactBatch<double>>(with_box_friction(scene));
+    const std::string name = std::string("matrix/boxed ") + golden.scene + "/";
+    for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi})
+      add_law(cases, name + to_string(solver), Law::convex, HashOfMatrix{all, golden_options(solver)});
+    const auto half = std::make_shared<const ContactBatch<double>>(half_boxed(scene));
+    const std::string half_name = std::string("matrix/half boxed ") + golden.scene + "/";
+    add_laws(cases, half_name + "npgs", HashOfMatrix{half, golden_options(SolverKind::npgs)});
+    add_law(cases, half_name + "nsgs", Law::coulomb, HashOfMatrix{half, golden_options(SolverKind::nsgs)});
+  }
 }
 
 /// The environments of a batch with all friction zero, so that a pyramid is its normal row.

@@ -148,6 +148,21 @@ TEST_F(IoBatch, ABoxWithBothBoundsPlusZeroKeepsTheirSigns) {
   expect_same(read_batch(at("a.h5")), recording);
 }
 
+TEST_F(IoBatch, BoxedFrictionKeepsItsKindAndItsFriction) {
+  Environment<double> environment;
+  environment.cones = {{ConeKind::box_friction, 3, -1}, {ConeKind::friction, 2, -1}};
+  environment.set_dense(std::vector<double>{1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1},
+                        5);
+  environment.b = {1, 2, 3, 4, 5};
+  environment.mu = {0, 0.5, 0.25, 0, 0.75};
+  Recording recording;
+  recording.batch.add(environment);
+  write_batch(at("a.h5"), recording);
+  const Recording back = read_batch(at("a.h5"));
+  EXPECT_EQ(back.batch.arrays().cone_kind, (std::vector<ConeKind>{ConeKind::box_friction, ConeKind::friction}));
+  EXPECT_EQ(back.batch.arrays().mu, environment.mu);
+}
+
 TEST_F(IoBatch, ParametersThatNoConeUsesAreNotKept) {
   Environment<double> environment;
   environment.cones = {{ConeKind::unilateral, 1, -1}};

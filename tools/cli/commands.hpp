@@ -30,6 +30,7 @@ struct GenerateArguments {
   std::uint64_t seed = 0;
   int size = 0;     ///< 0: the scene's default
   int threads = 0;  ///< 0: all cores
+  bool box_friction = false;
   std::filesystem::path output;
   bool quiet = false;
 };

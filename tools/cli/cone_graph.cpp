@@ -62,6 +62,8 @@ const char* shape(ConeKind kind) {
       return "box";
     case ConeKind::friction:
       return "circle";
+    case ConeKind::box_friction:
+      return "square";
   }
   return "circle";
 }

@@ -33,7 +33,8 @@ void count_cones(const ContactBatchView<double>& batch, Features& features) {
         ++features.box;
         break;
       case ConeKind::friction:
-        ++features.friction[at(last - first)];
+      case ConeKind::box_friction:
+        ++(batch.cone_kind[cone] == ConeKind::friction ? features.friction : features.box_friction)[at(last - first)];
         for (Offset row = first + 1; row < last; ++row) widen(features.friction_coefficient, batch.mu[row]);
         break;
     }

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "bench/scenes/scenes.hpp"
+#include "stiction/box_friction.hpp"
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
 #include "tools/cli/commands.hpp"
@@ -96,6 +97,7 @@ io::Recording make_scene(const GenerateArguments& arguments) {
   recording.source = fmt::format("stiction {} generate {} --envs {} --seed {}", kVersion, arguments.scene,
                                  arguments.environments, arguments.seed);
   if (arguments.size != 0) recording.source += fmt::format(" --size {}", arguments.size);
+  if (arguments.box_friction) recording.source += " --box-friction";
   const unsigned threads = arguments.threads > 0 ? static_cast<unsigned>(arguments.threads)
                                                  : std::max(1U, std::thread::hardware_concurrency());
   Progress progress("generating", arguments.environments, arguments.quiet);
@@ -103,6 +105,7 @@ io::Recording make_scene(const GenerateArguments& arguments) {
     const std::int64_t count = std::min(kChunk, arguments.environments - first);
     for (const scenes::SceneEnv& env : make_chunk(arguments, first, count, threads, progress)) append(recording, env);
   }
+  if (arguments.box_friction) recording.batch = with_box_friction(recording.batch);
   return recording;
 }
 

@@ -74,6 +74,8 @@ std::string cones_text(const Features& features) {
   std::string text = fmt::format("{} free, {} unilateral, {} box", features.free, features.unilateral, features.box);
   for (std::size_t rows = 2; rows < features.friction.size(); ++rows) {
     if (features.friction[rows] != 0) text += fmt::format(", {} friction of {} rows", features.friction[rows], rows);
+    if (features.box_friction[rows] != 0)
+      text += fmt::format(", {} box_friction of {} rows", features.box_friction[rows], rows);
   }
   return text;
 }
@@ -186,9 +188,10 @@ std::string to_json(const InspectReport& report) {
   cones["free"] = features.free;
   cones["unilateral"] = features.unilateral;
   cones["box"] = features.box;
-  cones["friction"] = Json::object();
+  cones["friction"] = cones["box_friction"] = Json::object();
   for (std::size_t rows = 2; rows < features.friction.size(); ++rows) {
     cones["friction"][std::to_string(rows)] = features.friction[rows];
+    cones["box_friction"][std::to_string(rows)] = features.box_friction[rows];
   }
   const ConditionCounts counts = condition_counts(features);
   Json condition = spread(conditions(features));

@@ -38,6 +38,7 @@ void declare_generate(CLI::App& app, GenerateArguments& a) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
   app.add_option("--threads", a.threads, "Threads (0: all cores)")->check(CLI::NonNegativeNumber);
+  app.add_flag("--box-friction", a.box_friction, "Boxed friction in place of friction cones");
   app.add_option("-o,--output", a.output, "Contact-batch file to write");
   app.add_flag("--list", a.list, "List the scenes");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");

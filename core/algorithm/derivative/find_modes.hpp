@@ -20,7 +20,7 @@ template <class Real>
 STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Index k, Index row) {
   bool is_finite = true;
   bool is_valid = !(env.R[row] < Real(0));
-  if (kind == ConeKind::friction && k > 0) {
+  if (carries_friction(kind) && k > 0) {
     is_finite = finite_(env.friction(row));
     is_valid = is_valid && !(env.friction(row) < Real(0));
   }
@@ -136,6 +136,7 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   double largest = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
+    if (env.kind[cone] == ConeKind::box_friction) flags |= kGradientInvalidInput;
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
       const auto point = cone_point(shape, env, rows, lambda, s.w, first, flags);
       largest = max_(cone_residual(shape, point, job.law), largest);

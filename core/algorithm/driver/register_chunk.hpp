@@ -23,6 +23,7 @@ template <class Real, int kStride>
 STICTION_HD_OUTLINE Index register_capacity(const DenseSystem<Real, kStride>& s) {
   using Shape = ConeShape<ConeKind::friction, 3>;
   if (s.cones == 0 || s.cones > kLargeWindow || s.counts.friction[Shape::kRows] != s.cones) return 0;
+  if (has_box_friction(s)) return 0;
   unsigned differ = 0;
   for (Index j = 0; j < s.n; ++j)
     for (Index i = 0; i < j; ++i)

@@ -102,7 +102,7 @@ STICTION_HD void solve_environment(TeamT& team, const EnvView<Real>& env, System
                                    const StopRule& rule) {
   LoadRules rules = load_rules<Method>(kLaw, s);
   if (params.is_fallback_stage) rules.needs_symmetry = false;
-  const std::uint32_t flags = load_system(team, env, s, rules) | unsupported_flags<Method>(s);
+  const std::uint32_t flags = load_system(team, env, s, rules) | unsupported_flags<Method>(env, s);
   solve_loaded<Method, kLaw>(team, env, s, params, rule, flags);
 }
 

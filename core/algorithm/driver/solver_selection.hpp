@@ -11,7 +11,8 @@ namespace stiction::inline STICTION_ISA {
 /// What the choice depends on.
 struct EnvFeatures {
   Index rows = 0;
-  Index friction_cones = 0;
+  Index friction_cones = 0;   ///< boxed or not
+  bool is_boxed = false;      ///< some cone has boxed friction: for sweeps only
   bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
   bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
   double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
@@ -23,8 +24,12 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a team has.
   double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
   Index friction_cones = 0;
+  bool is_boxed = false;
   for (Index cone = 0; cone < env.cone_count; ++cone)
-    if (env.kind[cone] == ConeKind::friction) ++friction_cones;
+    if (carries_friction(env.kind[cone])) {
+      ++friction_cones;
+      is_boxed = is_boxed || env.kind[cone] == ConeKind::box_friction;
+    }
   for (Index cone = team.rank(); cone < env.cone_count; cone += team.size()) {
     const Index first = env.cone_row(cone);
     const Index size = env.cone_size(cone);
@@ -51,6 +56,7 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   EnvFeatures seen;
   seen.rows = env.n;
   seen.friction_cones = friction_cones;
+  seen.is_boxed = is_boxed;
   seen.spread = team.max(largest) * team.max(inverse);
   seen.is_pivots = team.max(flat) != 0.0;
   seen.is_compliant = team.max(rigid) == 0.0;
@@ -67,7 +73,9 @@ STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (seen.is_pivots && solver != SolverKind::lemke) return false;
-  if (solver == SolverKind::subspace || solver == SolverKind::npgs || solver == SolverKind::apgd) return true;
+  if (solver == SolverKind::subspace || solver == SolverKind::npgs) return true;
+  if (seen.is_boxed) return false;
+  if (solver == SolverKind::apgd) return true;
   if (seen.rows > kDirectRows) return false;
   return solver != SolverKind::lemke || seen.friction_cones == 0;
 }

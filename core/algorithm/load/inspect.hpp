@@ -91,7 +91,7 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
       const Index i = env.row_of(first, size, k);
       const RowScan<Real> row = scan_row(env, s, i, is_finite);
       bool finite = row.finite;
-      if (kind == ConeKind::friction && k > 0) {
+      if (carries_friction(kind) && k > 0) {
         finite = finite && finite_(env.friction(i));
         if (env.friction(i) < Real(0)) flags |= kFlagNegativeFriction;
       }

@@ -29,8 +29,8 @@ STICTION_HD void load_row(const EnvView<Real>& env, System& s, Index cone, ConeS
   s.best[row] = row_scale(env, kind, k, i);
   if (k == 0) {
     s.inv_cone[slot.cone] = 1;
-    s.lo[slot.cone] = kind == ConeKind::box ? env.lo[i] : Real(0);
-    s.hi[slot.cone] = kind == ConeKind::box ? env.hi[i] : Real(0);
+    s.lo[slot.cone] = kind == ConeKind::box ? env.lo[i] : kind == ConeKind::box_friction ? Real(-1) : Real(0);
+    s.hi[slot.cone] = kind == ConeKind::box ? env.hi[i] : kind == ConeKind::box_friction ? Real(1) : Real(0);
   }
 }
 
@@ -95,12 +95,14 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
 }
 
 /// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
-template <class Method, class System>
-STICTION_HD std::uint32_t unsupported_flags(const System& s) {
+template <class Method, class Real, class System>
+STICTION_HD std::uint32_t unsupported_flags(const EnvView<Real>& env, const System& s) {
   constexpr Workspace kWorkspace = Method::workspace();
   std::uint32_t flags =
       kWorkspace.dense_matrices > 0 && kWorkspace.matrix_free_vectors == 0 && !s.has_matrices ? kFlagOverCapacity : 0U;
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
+  if constexpr (!requires { requires Method::kTakesBoxFriction; })
+    flags |= env.counts.box_friction > 0 ? kFlagUnsupportedCone : 0U;
   return flags;
 }
 
@@ -129,7 +131,8 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 /// Loads a system and begins the method. Returns the flags.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD std::uint32_t prepare(TeamT& team, const EnvView<Real>& env, System& s) {
-  const std::uint32_t flags = load_system(team, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(s);
+  const std::uint32_t flags =
+      load_system(team, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(env, s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(team, env, s);
   return flags;
 }

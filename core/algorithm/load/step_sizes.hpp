@@ -119,8 +119,13 @@ STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
     z[k] = select(scale > Real(0), div_(s.x[row + k] * scales.x, scale), Real(0));
     still[k] = Real(0);
   }
-  proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
-  for (int k = 0; k < kRows; ++k) put(s.x[row + k], canonical_zero(z[k]));
+  Real x[kRows];
+  for (int k = 0; k < kRows; ++k) x[k] = z[k];
+  proximal_point<Law::convex>(shape, x, still, Real(0), s.lo[cone], s.hi[cone]);
+  if constexpr (kRows > 1) {
+    if (has_box_friction(s)) project_box_friction(x, z, s.lo[cone] < Real(0));
+  }
+  for (int k = 0; k < kRows; ++k) put(s.x[row + k], canonical_zero(x[k]));
 }
 
 }  // namespace stiction::inline STICTION_ISA

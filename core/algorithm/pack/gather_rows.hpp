@@ -151,6 +151,14 @@ void gather_rows(PendingLoad<Real>& load, const DenseSystem<Real, W>& s, const P
       for (Index k = 1; k < kRows && i >= 0; ++k) scale[row + k] = env.friction(batch_row[row + k]);
     }
   });
+  if (env.counts.box_friction > 0) {
+    SerialTeam team;
+    for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
+      if (env.kind[cone] != ConeKind::box_friction) return;
+      lo[slot.cone] = Real(-1);
+      hi[slot.cone] = Real(1);
+    });
+  }
 }
 
 /// The diagonal of A + diag R in the batch's units, once those of A and of R are there.

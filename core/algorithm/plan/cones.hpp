@@ -7,15 +7,16 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Kinds and sizes of cones in canonical order: free, unilateral, box, friction of 2, 3, ... rows.
-inline constexpr Index kConeBins = kMaxConeRows + 2;
-
-STICTION_HD Index cone_bin(ConeKind kind, Index rows) {
-  return kind == ConeKind::friction ? 1 + rows : static_cast<Index>(kind);
-}
+inline constexpr Index kConeBins = kConeShapes;
+/// And one more bin, for how many of them have boxed friction.
+inline constexpr Index kCountedBins = kConeBins + 1;
 
 STICTION_HD void count_bins(const StructureView& s, Index begin, Index end, Index* bins) {
-  for (Index bin = 0; bin < kConeBins; ++bin) bins[bin] = 0;
-  for (Index cone = begin; cone < end; ++cone) ++bins[cone_bin(s.kind[cone], s.cone_size(cone))];
+  for (Index bin = 0; bin < kCountedBins; ++bin) bins[bin] = 0;
+  for (Index cone = begin; cone < end; ++cone) {
+    ++bins[shape_of(s.kind[cone], s.cone_size(cone))];
+    bins[kConeBins] += s.kind[cone] == ConeKind::box_friction ? 1 : 0;
+  }
 }
 
 STICTION_HD ConeCounts counts_of(const Index* bins) {
@@ -24,18 +25,20 @@ STICTION_HD ConeCounts counts_of(const Index* bins) {
   counts.unilateral = bins[1];
   counts.box = bins[2];
   for (Index rows = 2; rows <= kMaxConeRows; ++rows) counts.friction[rows] = bins[1 + rows];
+  counts.box_friction = bins[kConeBins];
   return counts;
 }
 
 /// How many cones of each kind there are, on every lane; `parts` has room for kScanParts.
 template <Team TeamT>
 STICTION_HD ConeCounts count_cones(TeamT& team, const StructureView& s, Index* parts) {
-  constexpr Index kParts = kScanParts / kConeBins;
+  constexpr Index kParts = kScanParts / kCountedBins;
   for_each(team, kParts, [&](Index part) {
-    count_bins(s, part_begin(s.cones, part, kParts), part_begin(s.cones, part + 1, kParts), parts + part * kConeBins);
+    count_bins(s, part_begin(s.cones, part, kParts), part_begin(s.cones, part + 1, kParts),
+               parts + part * kCountedBins);
   });
   return team.broadcast([&] {
-    for (Index i = kConeBins; i < kParts * kConeBins; ++i) parts[i % kConeBins] += parts[i];
+    for (Index i = kCountedBins; i < kParts * kCountedBins; ++i) parts[i % kCountedBins] += parts[i];
     return counts_of(parts);
   });
 }
@@ -45,7 +48,7 @@ STICTION_HD ConeCounts count_cones(TeamT& team, const StructureView& s, Index* p
 template <Team TeamT>
 STICTION_HD void plan_dense(TeamT& team, const StructureView& s, ConeCounts* counts, Index* cone_order) {
   single(team, [&] {
-    Index next[kConeBins];
+    Index next[kCountedBins];
     count_bins(s, 0, s.cones, next);
     *counts = counts_of(next);
     Index position = 0;
@@ -54,7 +57,7 @@ STICTION_HD void plan_dense(TeamT& team, const StructureView& s, ConeCounts* cou
       next[bin] = position;
       position += count;
     }
-    for (Index cone = 0; cone < s.cones; ++cone) cone_order[next[cone_bin(s.kind[cone], s.cone_size(cone))]++] = cone;
+    for (Index cone = 0; cone < s.cones; ++cone) cone_order[next[shape_of(s.kind[cone], s.cone_size(cone))]++] = cone;
   });
 }
 

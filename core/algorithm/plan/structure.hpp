@@ -78,7 +78,7 @@ STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset 
 }
 
 STICTION_HD bool is_cone(ConeKind kind, Offset rows) {
-  if (kind == ConeKind::friction) return rows >= 2 && rows <= kMaxConeRows;
+  if (carries_friction(kind)) return rows >= 2 && rows <= kMaxConeRows;
   return kind < ConeKind::friction && rows == 1;
 }
 
@@ -123,7 +123,7 @@ STICTION_HD bool has_sound_factor(const ContactBatchView<Real>& batch, Offset en
 /// Whether the friction of a cone's rows lies where there is friction.
 template <class Real>
 STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) {
-  if (batch.mu_offsets == nullptr || batch.cone_kind[cone] != ConeKind::friction) return true;
+  if (batch.mu_offsets == nullptr || !carries_friction(batch.cone_kind[cone])) return true;
   for (Offset row = batch.cone_row_offsets[cone]; row < batch.cone_row_offsets[cone + 1]; ++row) {
     if (row == batch.normal_row(cone)) continue;
     if (batch.mu_offsets[row] < 0 || batch.mu_offsets[row] >= batch.mu_count) return false;

@@ -29,6 +29,12 @@ STICTION_HD void project_disk(Real (&z)[M], Real radius) {
   for (int k = 1; k < M; ++k) z[k] = z[k] * factor;
 }
 
+/// z's tangential part onto the box [-radius, radius] of each axis, radius >= 0; z[0] is not read.
+template <int M, class Real>
+STICTION_HD void project_box(Real (&z)[M], Real radius) {
+  for (int k = 1; k < M; ++k) z[k] = clamp_(z[k], Real(0) - radius, radius);
+}
+
 /// z onto the unit second-order cone, in the metric diag(1 - share, share, share, ...): 1/2 is Euclid's. The polar
 /// cone is tested as well as the cone itself: at mu = 0 membership alone would leave (-z, 0) where it is.
 template <int M, class Real>

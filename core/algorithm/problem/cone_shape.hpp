@@ -5,7 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Kind and row count of a cone as a type, so that loops over its rows unroll.
+/// Kind and row count of a cone as a type, so that loops over its rows unroll. Boxed friction has the shape of a
+/// friction cone: a system's `lo` tells the two apart (docs/math/box_friction.md).
 template <ConeKind kKindValue, int kRowsValue>
 struct ConeShape {
   static constexpr ConeKind kKind = kKindValue;
@@ -35,7 +36,7 @@ STICTION_HD void for_each_segment(const ConeCounts& counts, F&& f) {
 /// f(shape) for a cone whose kind and size are known at run time only.
 template <class F>
 STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
-  if (kind == ConeKind::friction) {
+  if (carries_friction(kind)) {
     switch (rows) {
       case 2:
         return f(ConeShape<ConeKind::friction, 2>{});

@@ -85,7 +85,7 @@ STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
 /// `k` is the row's number in its cone, with the normal first.
 template <class Real>
 STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index k, Index row) {
-  return kind == ConeKind::friction && k > 0 ? env.friction(row) : Real(1);
+  return carries_friction(kind) && k > 0 ? env.friction(row) : Real(1);
 }
 
 /// Slices the problem alone. What comes from a plan or a solution is not set.

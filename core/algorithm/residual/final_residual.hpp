@@ -100,8 +100,8 @@ struct FinalResidual {
 /// What squares hide of any number but zero, at least.
 inline constexpr double kHiddenBySquares = 0x1p-480;
 
-/// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law if it does
-/// not move inward, however fast it slides.
+/// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law, and that
+/// of boxed friction, if it does not move inward, however fast it slides.
 ///
 /// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half
 /// of the smallest subnormal, 2^-1075. So a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is
@@ -110,18 +110,18 @@ inline constexpr double kHiddenBySquares = 0x1p-480;
 /// Nor may a square overflow: de Saxce's shift, the norm of y's tangential part, would be infinite and let any contact
 /// go. Of at most kMaxConeRows numbers up to 2^510 the squares have a finite sum; beyond that all is hidden.
 template <Law kLaw, class Real, int M>
-STICTION_HD Real rounding_floor_of(const Real (&x)[M], const Real (&y)[M], Real a) {
+STICTION_HD Real rounding_floor_of(const Real (&x)[M], const Real (&y)[M], Real a, Mask<Real> is_boxed) {
   Real reaction(0);
   Real size = abs_(y[0]);
   for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
   Real tangential(0);
   for (int k = 1; k < M; ++k) tangential = max_(abs_(y[k]), tangential);
+  const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
   if constexpr (kLaw == Law::coulomb) {
-    const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
     tangential = select(tangential > Real(0x1p510), Real(__builtin_huge_val()), tangential);
     size = select(is_open, size, max_(tangential, size));
   } else {
-    size = max_(tangential, size);
+    size = select(and_(is_boxed, is_open), size, max_(tangential, size));
   }
   const Real largest = max_(reaction, size);
   return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
@@ -137,7 +137,8 @@ struct LargestResidual {
   /// vanish, too, and it may come out as zero. It counts as 2^-532 then, more than such norms can be off by.
   template <Law kLaw, class Shape, int M>
   STICTION_HD void add(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
-    const Real own_floor = rounding_floor_of<kLaw>(x, y, a);
+    const auto is_boxed = Shape::kKind == ConeKind::friction ? lo < Real(0) : Real(0) < Real(0);
+    const Real own_floor = rounding_floor_of<kLaw>(x, y, a, is_boxed);
     const Real own_square = natural_map_square<kLaw>(shape, x, y, a, lo, hi);
     square = max_(own_square, square);
     square = select(own_floor == Real(kHiddenBySquares), max_(Real(0x1p-1064), square), square);
@@ -186,7 +187,9 @@ STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>
         y[k] = mu * motion;
       }
       const double a = residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
-      const double lo = kind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
+      const double lo = kind == ConeKind::box            ? static_cast<double>(env.lo[first])
+                        : kind == ConeKind::box_friction ? -1.0
+                                                         : 0.0;
       const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
       if (env.law == Law::coulomb) {
         largest.template add<Law::coulomb>(shape, x, y, a, lo, hi);

@@ -5,15 +5,24 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Square of the norm of the natural map of one cone, a x - P(a x - y). Under the Coulomb law y has de Saxce's term
-/// (docs/math/residual.md). The cones are cones, so the weight a goes inside the projection and no division is needed.
-/// Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded root is
-/// monotone, so the largest norm is the root of the largest square, bit for bit.
+/// (docs/math/residual.md). A friction cone with lo < 0 has boxed friction: its tangential rows are bounded by the
+/// normal reaction that x has. The cones are cones, so the weight a goes inside the projection and no division is
+/// needed. Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded
+/// root is monotone, so the largest norm is the root of the largest square, bit for bit.
 template <Law kLaw, class Shape, class Real, int M>
 STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
   Real ax[M];
   Real z[M];
   for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
   proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    if (const auto is_boxed = lo < Real(0); any(is_boxed)) {
+      const Real normal = project_half_line(ax[0] - y[0]);
+      const Real radius = project_half_line(ax[0]);
+      z[0] = select(is_boxed, normal, z[0]);
+      for (int k = 1; k < M; ++k) z[k] = select(is_boxed, clamp_(ax[k] - y[k], Real(0) - radius, radius), z[k]);
+    }
+  }
   Real sum(0);
   Real largest(0);
   for (int k = 0; k < M; ++k) {
@@ -44,6 +53,7 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
   using Real = typename System::Real;
   if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
   Real largest(0);
+  const bool is_boxed = has_box_friction(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr int kRows = decltype(shape)::kRows;
     Real x[kRows];
@@ -52,8 +62,9 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
       x[k] = s.x[row + k];
       y[k] = s.y[row + k];
     }
-    const Real lo = decltype(shape)::kKind == ConeKind::box ? s.lo[cone] : Real(0);
-    const Real hi = decltype(shape)::kKind == ConeKind::box ? s.hi[cone] : Real(0);
+    const bool is_bounded = decltype(shape)::kKind == ConeKind::box || (kRows > 1 && is_boxed);
+    const Real lo = is_bounded ? s.lo[cone] : Real(0);
+    const Real hi = is_bounded ? s.hi[cone] : Real(0);
     largest = max_(natural_map_square<kLaw>(shape, x, y, s.residual_weight[cone], lo, hi), largest);
   });
   const Real residual = div_(sqrt_(team.max(largest)), s.scalar[kNormB]);

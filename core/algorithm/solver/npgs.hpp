@@ -14,7 +14,8 @@ struct Npgs {
   static constexpr SolverKind kKind = SolverKind::npgs;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = 2}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
-  static constexpr bool kTakesPairs = true;  ///< as Pgs
+  static constexpr bool kTakesPairs = true;        ///< as Pgs
+  static constexpr bool kTakesBoxFriction = true;  ///< as Pgs
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 

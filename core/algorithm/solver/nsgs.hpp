@@ -5,6 +5,15 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// Of friction cones, for step_with_friction().
+struct ExactConeStep {
+  template <int M, class System>
+  static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                             typename System::Real omega) {
+    return exact_coulomb_step<M>(s, cone, row, y, omega);
+  }
+};
+
 /// A cone's step that solves Coulomb's law of a friction cone exactly. Single rows have that already, and under the
 /// convex law the visit stays the usual one.
 struct ExactStep {
@@ -12,7 +21,7 @@ struct ExactStep {
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
                              const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
     if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-      return exact_coulomb_step<Shape::kRows>(s, cone, row, y, omega);
+      return step_with_friction<ExactConeStep, Shape::kRows>(s, cone, row, y, omega);
     } else {
       return local_step<kLaw>(shape, s, cone, row, y, omega);
     }

@@ -13,6 +13,8 @@ struct Pgs {
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   /// Whether it iterates on a SystemPair as well.
   static constexpr bool kTakesPairs = true;
+  /// Whether it can treat cones of box_friction.
+  static constexpr bool kTakesBoxFriction = true;
   /// Whether y is the motion of x after every iteration; if not, what needs it computes it.
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;

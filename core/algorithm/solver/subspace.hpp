@@ -15,13 +15,16 @@ struct Subspace {
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = kVectors, .real_matrices = 1}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   static constexpr bool kTakesPairs = Npgs::kTakesPairs;
+  /// It sweeps, without steps: contact states of boxed friction are not looked for.
+  static constexpr bool kTakesBoxFriction = true;
   template <class System>
   static constexpr bool kKeepsMotion = Npgs::kKeepsMotion<System>;
 
   /// The environment's own rows, which a pack's slots are not.
   template <Team TeamT, class Real, class System>
   static STICTION_HD void load(TeamT& team, const EnvView<Real>& env, System& s) {
-    single(team, [&] { s.scalar[kOwnRows] = static_cast<Real>(env.n); });
+    const bool sweeps_only = env.counts.box_friction > 0 && env.n <= kMostRows;
+    single(team, [&] { s.scalar[kOwnRows] = static_cast<Real>(sweeps_only ? kMostRows + 1 : env.n); });
   }
 
   template <Law kLaw, Team TeamT, class System>

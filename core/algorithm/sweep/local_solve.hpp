@@ -70,16 +70,115 @@ STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typen
   return step;
 }
 
+/// Whether a form of system can have cones of boxed friction. Bodies and windows of registers have none.
+template <class System>
+inline constexpr bool kMayHaveBoxFriction =
+    requires(const System& s) { s.counts.box_friction; } || requires(const System& s) { s.env->counts.box_friction; };
+
+/// Whether a system has some, or in some lane of a pack.
+template <class System>
+STICTION_HD bool has_box_friction(const System& s) {
+  if constexpr (requires { s.counts.box_friction; }) {
+    return s.counts.box_friction > 0;
+  } else if constexpr (kMayHaveBoxFriction<System>) {
+    return s.env->counts.box_friction > 0;
+  } else {
+    return false;
+  }
+}
+
+/// Boxed friction, row by row (docs/math/box_friction.md). The normal row steps alone. Then each further row steps
+/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Sets
+/// `step` to that in the lanes whose cone has boxed friction, and to the step of Usual in all others, if there are any.
+/// Kept out of line, so that visits where nothing is boxed stay short.
+template <class Usual, class Real, int M, class System>
+STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row, const ConeStep<Real, M>& motion,
+                                          Real omega, ConeStep<Real, M>& step) {
+  // A row that couples to nothing still needs a finite step: it slides to its bound.
+  constexpr float kLargestRelative = 0x1p60F;
+  const auto is_boxed = s.lo[cone] < Real(0);
+  if (any(not_(is_boxed))) step = Usual::of(s, cone, row, motion.d, omega);
+  ConeStep<Real, M> own;
+  const Real fresh = project_half_line(fma_(Real(0) - omega * s.inv_n[cone], motion.d[0], s.x[row]));
+  own.d[0] = fresh - s.x[row];
+  const Real largest = s.inv_t[cone] * Real(kLargestRelative);
+  for (int k = 1; k < M; ++k) {
+    Real moved = motion.d[k];
+    for (int j = 0; j < k; ++j) moved = fma_(s.block_entry(row, k, j), own.d[j], moved);
+    const Real diagonal = s.block_entry(row, k, k);
+    const Real inverse = div_(Real(1), diagonal);
+    const Real gain = select(and_(diagonal > Real(0), inverse < largest), inverse, largest);
+    const Real z = fma_(Real(0) - omega * gain, moved, s.x[row + k]);
+    own.d[k] = clamp_(z, Real(0) - fresh, fresh) - s.x[row + k];
+  }
+  for (int k = 0; k < M; ++k) step.d[k] = select(is_boxed, own.d[k], step.d[k]);
+}
+
+/// The step of a cone with friction, that of Usual where no friction is boxed.
+template <class Usual, int M, class System>
+STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                                    typename System::Real omega) {
+  using Real = typename System::Real;
+  if constexpr (kMayHaveBoxFriction<System>) {
+    if (has_box_friction(s)) {
+      ConeStep<Real, M> motion;
+      ConeStep<Real, M> step;
+      for (int k = 0; k < M; ++k) {
+        motion.d[k] = y[k];
+        step.d[k] = Real(0);
+      }
+      box_friction_step<Usual>(s, cone, row, motion, omega, step);
+      return step;
+    }
+  }
+  return Usual::of(s, cone, row, y, omega);
+}
+
+/// The steps of friction cones under either law, for step_with_friction().
+template <Law kLaw>
+struct FrictionConeStep {
+  template <int M, class System>
+  static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                             typename System::Real omega) {
+    if constexpr (kLaw == Law::coulomb) {
+      return coulomb_step<M>(s, cone, row, y, omega);
+    } else {
+      return convex_step<M>(s, cone, row, y, omega);
+    }
+  }
+};
+
+/// z becomes `from` projected where `is_boxed`: the normal onto the half line, then each axis between the bounds that
+/// the projected normal gives it.
+template <int M, class Real>
+STICTION_HD void project_box_friction(Real (&z)[M], const Real (&from)[M], Mask<Real> is_boxed) {
+  Real own[M];
+  for (int k = 0; k < M; ++k) own[k] = from[k];
+  own[0] = project_half_line(own[0]);
+  project_box<M>(own, own[0]);
+  for (int k = 0; k < M; ++k) z[k] = select(is_boxed, own[k], z[k]);
+}
+
+/// proximal_point() of a cone of boxed friction into z, all of whose rows step at once; of other cones z stays.
+template <int M, class System, class Real>
+STICTION_HD void box_proximal_point(const System& s, Index cone, Index row, Real (&z)[M], const Real (&y)[M],
+                                    Real gain) {
+  if constexpr (M > 1) {
+    if (!has_box_friction(s)) return;
+    Real moved[M];
+    for (int k = 0; k < M; ++k) moved[k] = fma_(Real(0) - gain, y[k], s.x[row + k]);
+    project_box_friction(z, moved, s.lo[cone] < Real(0));
+  }
+}
+
 /// The step of any cone.
 template <Law kLaw, class Shape, class System>
 STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
                             const typename System::Real (&y)[Shape::kRows], typename System::Real omega) {
   using Real = typename System::Real;
   constexpr int kRows = Shape::kRows;
-  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-    return coulomb_step<kRows>(s, cone, row, y, omega);
-  } else if constexpr (Shape::kKind == ConeKind::friction) {
-    return convex_step<kRows>(s, cone, row, y, omega);
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    return step_with_friction<FrictionConeStep<kLaw>, kRows>(s, cone, row, y, omega);
   } else {
     const Real x = s.x[row];
     const Real z = fma_(Real(0) - omega * s.inv_n[cone], y[0], x);

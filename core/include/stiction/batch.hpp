@@ -63,8 +63,8 @@ struct ContactBatchView {
   Offset factor_count = 0;                 ///< length of factor
   const Real* b = nullptr;                 ///< right-hand side [w]                                  (row_count)
   const Real* R = nullptr;                 ///< compliance, >= 0 [w / lambda]                        (row_count)
-  const Real* mu = nullptr;            ///< friction per axis, on a friction cone's rows after the first [-; torsional
-                                       ///< and rolling: m]; ignored elsewhere                   (row_count)
+  const Real* mu = nullptr;  ///< friction per axis, on a friction cone's rows after the first, boxed or not [-;
+                             ///< torsional and rolling: m]; ignored elsewhere                   (row_count)
   const Offset* mu_offsets = nullptr;  ///< where in mu the friction of each row is, where rows share it; null: at the
                                        ///< row                                       (row_count)
   Offset mu_count = 0;                 ///< length of mu where mu_offsets is given
@@ -118,7 +118,7 @@ struct Environment {
   /// One cone; its rows follow those of the cone before it.
   struct Cone {
     ConeKind kind = ConeKind::unilateral;  ///< kind
-    Index row_count = 1;                   ///< rows: 1, of a friction cone 2 to 6
+    Index row_count = 1;                   ///< rows: 1, of a friction cone, boxed or not, 2 to 6
     Index group = -1;                      ///< manifold id, -1: a separate vertex
   };
   std::vector<Cone> cones;            ///< cones, in the order of their rows

@@ -20,12 +20,21 @@ enum class ConeKind : std::uint8_t {
   unilateral = 1,  ///< 1 row, 0 <= lambda _|_ w >= 0
   box = 2,         ///< 1 row, lo <= lambda <= hi; w >= 0 at lo, w <= 0 at hi, w = 0 inside
   friction = 3,    ///< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu), one mu per axis
+  /// 2..6 rows, normal first: 0 <= lambda_n _|_ w_n >= 0, then |lambda_k| <= mu_k lambda_n axis by axis. w_k = 0
+  /// inside,
+  /// <= 0 at the upper bound, >= 0 at the lower. Boxed friction, as Bullet, DART, ODE and PhysX have it
+  box_friction = 4,
 };
+
+/// Whether a cone has a normal row and then rows with mu: friction or box_friction.
+STICTION_HD constexpr bool carries_friction(ConeKind kind) {
+  return kind == ConeKind::friction || kind == ConeKind::box_friction;
+}
 
 /// The largest number of rows of a friction cone: normal, two tangential, torsional, two rolling.
 inline constexpr Index kMaxConeRows = 6;
 
-/// Law of the friction cones.
+/// Law of the friction cones. Cones of box_friction have their own, whichever this is.
 enum class Law : std::uint8_t {
   convex = 0,   ///< associated law: lambda minimises 1/2 lambda'(A+R)lambda + b'lambda over the cones
   coulomb = 1,  ///< exact Coulomb law: w is replaced by w + (norm(mu * w_t), 0) (de Saxce 1998)
