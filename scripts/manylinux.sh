@@ -98,8 +98,8 @@ inside() {
   read -r -a more <<< "${STICTION_WHEEL_DEFINES:-}"
   define+=("${more[@]}")
   rm -rf "/out/raw-$suite"
-  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" -C wheel.py-api=cp312 -C "build-dir=/out/build-$suite" \
-    "${define[@]/#/-Ccmake.define.}" /src 2>&1 | tee "/out/wheel-$suite.log" | only_progress=1 show_progress; then
+  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/out/build-$suite" \
+    "${define[@]/#/--config-settings=cmake.define.}" /src 2>&1 | tee "/out/wheel-$suite.log" | only_progress=1 show_progress; then
     tail -n 60 "/out/wheel-$suite.log"
     return 1
   fi

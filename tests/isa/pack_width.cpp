@@ -11,8 +11,8 @@ cpu::VelocityKernelSet velocity_kernels();
 
 namespace {
 
-/// What every other kernel is taken from. Vectors of 64 bytes are split into those of AVX2 or of NEON.
-constexpr const char* kSingle = STICTION_SINGLE_ISA;
+/// What every other kernel is taken from. Vectors of 64 bytes are split into those of AVX2.
+constexpr const char* kSingle = STICTION_VECTOR_BYTES > 16 ? "avx2" : "baseline";
 
 const cpu::Isa& single_environments() {
   return *cpu::find_isa(kSingle);

@@ -11,7 +11,7 @@ namespace stiction::test {
 
 /// The builds of the library, narrowest first.
 inline constexpr const char* kShippedIsas[] = {"baseline", "avx2", "avx512"};
-/// Packs of 16 and 64 bytes that tests add (tests/isa/pack_width.cpp) where the build has AVX2. On AArch64 those of 64.
+/// Packs of 16 and 64 bytes that tests add (tests/isa/pack_width.cpp), where the build has AVX2.
 inline constexpr const char* kTestedWidths[] = {"narrow", "wide"};
 
 /// Requests one build of the kernels while it lives, of solvers that are made then. best_isa() reads the variable: a
