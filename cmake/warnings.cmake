@@ -5,6 +5,10 @@ set(_w -Wall -Wextra -Wshadow -Wdouble-promotion -Wfloat-conversion -Wnon-virtua
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   list(APPEND _w -Wno-restrict)
 endif()
+# g++ notes on AArch64 what is passed otherwise than by its versions before 10.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64|ARM64")
+  list(APPEND _w -Wno-psabi)
+endif()
 # clang 19 reports that std::stable_sort of g++ 12's library calls a function of it that is deprecated.
 if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
   list(APPEND _w -Wno-deprecated-declarations)

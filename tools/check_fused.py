@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Looks in the CPU's objects for fused operations that were not written.
 
-    check_fused.py OBJECT ...
+    check_fused.py [--objdump PROGRAM] OBJECT ...
     check_fused.py --self-test
 
 Fused is only what says fma_() (docs/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
 does where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
-instruction of x86 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses
+instruction of x86 or AArch64 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses
 has the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() requested keeps
 the line of fma_() or of its intrinsic. Or it takes that of a negation or a selection that it swallowed, which round
 nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse wherever it stands, since no body writes one. Exit status
@@ -26,9 +26,9 @@ import sys
 
 FUNCTION = re.compile(r"^[0-9a-f]+ <(.*)>:$")
 LINE = re.compile(r"^(/\S+?):(\d+)(?: \(discriminator \d+\))?$")
-FUSED = re.compile(r"\t(vfn?m(?:add|sub|addsub|subadd)[0-9]*[ps][sd])\b")
+FUSED = re.compile(r"\t(vfn?m(?:add|sub|addsub|subadd)[0-9]*[ps][sd]|fn?m(?:add|sub)|fml[as])\b")
 ALTERNATING = re.compile(r"vfm(?:addsub|subadd)")
-INTRINSICS = re.compile(r"/(?:fma|avx512[a-z]*)intrin\.h$")
+INTRINSICS = re.compile(r"/(?:(?:fma|avx512[a-z]*)intrin|arm_neon)\.h$")
 WRITTEN = re.compile(r"\bfma_\(|__builtin_fmaf?\(")
 SUM = re.compile(r"\s[+-]=?(?:\s|$)")  # clang-format puts spaces around what has two operands
 # Lines that GCC names for a fused operation which is written elsewhere, each read in the disassembly.
@@ -70,7 +70,7 @@ def findings(text, label, read=source):
             if header:
                 function, last = header.group(1), ""
             continue
-        operation = FUSED.search(line) if "\tvf" in line else None
+        operation = FUSED.search(line) if "\tvf" in line or "\tf" in line else None
         if not operation:
             continue
         count += 1
@@ -84,9 +84,9 @@ def findings(text, label, read=source):
     return count, found
 
 
-def look_at(path):
+def look_at(path, program="objdump"):
     """The findings of one object. Looking up lines takes long, and most objects have nothing fused."""
-    objdump = ["objdump", "--no-show-raw-insn"]
+    objdump = [program, "--no-show-raw-insn"]
     listing = subprocess.run([*objdump, "-d", path], capture_output=True, text=True, check=True).stdout
     if FUSED.search(listing) is None:
         return 0, []
@@ -110,6 +110,11 @@ def self_test():
              (begin + "/s/body.hpp:2\n   0:\tvfmadd213pd %ymm2,%ymm4,%ymm8\n", 0),
              (begin + "/s/real.hpp:2\n   0:\tvfnmadd231ss %xmm2,%xmm4,%xmm8\n", 0),
              (begin + "/usr/lib/gcc/x86_64-linux-gnu/12/include/fmaintrin.h:49\n   0:\tvfmadd213ps %ymm2,%ymm4,%ymm8\n", 0),
+             (begin + "/s/body.hpp:1\n   0:\tfmadd\td0, d1, d2, d3\n", 1),
+             (begin + "/s/body.hpp:1\n   0:\tfmls\tv0.4s, v1.4s, v2.4s\n", 1),
+             (begin + "/s/body.hpp:2\n   0:\tfnmsub\ts0, s1, s2, s3\n", 0),
+             (begin + "/usr/lib/gcc-cross/aarch64-linux-gnu/12/include/arm_neon.h:9\n   0:\tfmla\tv0.2d, v1.2d, v2.2d\n", 0),
+             (begin + "/s/body.hpp:1\n   0:\tfmul\td0, d1, d2\n", 0),
              (begin + "/s/body.hpp:1\n   4:\tvaddsubpd %xmm1,%xmm2,%xmm3\n", 0)]
     failed = [text for text, expected in cases
               if len(findings(text, "planted", lambda path: sources.get(path, []))[1]) != expected]
@@ -122,6 +127,7 @@ def self_test():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--self-test", action="store_true", help="check that planted instructions are found")
+    parser.add_argument("--objdump", default="objdump", help="the program that reads the objects")
     parser.add_argument("objects", nargs="*", type=pathlib.Path)
     arguments = parser.parse_args()
     if arguments.self_test:
@@ -129,12 +135,12 @@ def main():
     arguments.objects = [path for path in arguments.objects if path.suffix not in (".gch", ".pch")]  # precompiled headers
     if not arguments.objects:
         parser.error("no objects given")
-    if shutil.which("objdump") is None:
-        print("SKIPPED: objdump is missing: nothing was checked")
+    if shutil.which(arguments.objdump) is None:
+        print(f"SKIPPED: {arguments.objdump} is missing: nothing was checked")
         return SKIPPED
     found, fused = collections.OrderedDict(), 0
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        looked_at = list(pool.map(look_at, arguments.objects))
+        looked_at = list(pool.map(functools.partial(look_at, program=arguments.objdump), arguments.objects))
     for count, sentences in looked_at:
         fused += count
         for sentence in sentences:

@@ -64,7 +64,7 @@ class Row:
 # Longest folder first: the first row that contains a file is the one that speaks.
 TABLE = [
     Row(PUBLIC, [PUBLIC]),
-    Row("core/base", [PUBLIC, "core/base"], foreign=("immintrin.h", "xmmintrin.h")),
+    Row("core/base", [PUBLIC, "core/base"], foreign=("arm_neon.h", "immintrin.h", "xmmintrin.h")),
     Row("core/team", [PUBLIC, "core/base", "core/team"], std=STD_TYPES),
     *(Row(f"core/algorithm/{room}", [PUBLIC, "core/base", "core/job", "core/team", f"core/algorithm/{room}"] +
           [f"core/algorithm/{other}" for other in below], std=STD_TYPES) for room, below in ALGORITHM.items()),

@@ -4,6 +4,8 @@
 
 #if defined(__SSE2__)
 #include <xmmintrin.h>
+#elif defined(__aarch64__)
+#include <cstdint>
 #endif
 
 namespace stiction {
@@ -13,7 +15,7 @@ namespace stiction {
 /// and every public function that computes sets it and puts back what it found
 /// (tests/determinism/test_fp_entries.cpp). With SSE the algorithms never use the x87 unit, whose whole environment
 /// takes longer to save and load than a small solve's sweeps. Its rounding is kept in step, so that std::fegetround()
-/// tells the truth.
+/// tells the truth. On AArch64 both modes are bits of FPCR, and std::fesetround() leaves flush-to-zero as it is.
 class ScopedFpEnv {
  public:
 #if defined(__SSE2__)
@@ -28,6 +30,18 @@ class ScopedFpEnv {
     keep_order();
     if (rounding_ != FE_TONEAREST) std::fesetround(rounding_);
     _mm_setcsr(saved_);
+  }
+#elif defined(__aarch64__)
+  ScopedFpEnv() {
+    asm volatile("mrs %0, fpcr" : "=r"(control_));
+    asm volatile("mrs %0, fpsr" : "=r"(status_));
+    set_control(control_ & ~kModes);
+    keep_order();
+  }
+  ~ScopedFpEnv() {
+    keep_order();
+    set_control(control_);
+    asm volatile("msr fpsr, %0" : : "r"(status_));
   }
 #else
   ScopedFpEnv() {
@@ -52,6 +66,14 @@ class ScopedFpEnv {
 #if defined(__SSE2__)
   int rounding_;    ///< of the x87 unit
   unsigned saved_;  ///< control and status of SSE
+#elif defined(__aarch64__)
+  /// Of FPCR: flushed inputs, alternate handling and NEP of FEAT_AFP; flushed halves; the rounding mode; flush-to-zero;
+  /// default NaN (Arm Architecture Reference Manual, FPCR).
+  static constexpr std::uint64_t kModes = 0x7U | 1U << 19 | 3U << 22 | 1U << 24 | 1U << 25;
+  static void set_control(std::uint64_t value) { asm volatile("msr fpcr, %0" : : "r"(value)); }
+
+  std::uint64_t control_;  ///< FPCR
+  std::uint64_t status_;   ///< FPSR
 #else
   std::fenv_t saved_{};
 #endif

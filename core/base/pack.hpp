@@ -5,6 +5,8 @@
 
 #if defined(__AVX__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 #include "core/base/real.hpp"
@@ -191,6 +193,29 @@ STICTION_HD unsigned lane_bits(PackMask<float, 8> a) {
 }
 STICTION_HD unsigned lane_bits(PackMask<double, 4> a) {
   return static_cast<unsigned>(_mm256_movemask_pd((__m256d)a.v));
+}
+#endif
+
+#if defined(__aarch64__) && defined(__ARM_NEON)
+STICTION_HD Pack<float, 4> fma_(Pack<float, 4> a, Pack<float, 4> b, Pack<float, 4> c) {
+  return Pack<float, 4>(vfmaq_f32(c.v, a.v, b.v));
+}
+STICTION_HD Pack<double, 2> fma_(Pack<double, 2> a, Pack<double, 2> b, Pack<double, 2> c) {
+  return Pack<double, 2>(vfmaq_f64(c.v, a.v, b.v));
+}
+STICTION_HD Pack<float, 4> sqrt_(Pack<float, 4> a) {
+  return Pack<float, 4>(vsqrtq_f32(a.v));
+}
+STICTION_HD Pack<double, 2> sqrt_(Pack<double, 2> a) {
+  return Pack<double, 2>(vsqrtq_f64(a.v));
+}
+STICTION_HD unsigned lane_bits(PackMask<float, 4> a) {
+  constexpr uint32x4_t kLanes = {1, 2, 4, 8};
+  return vaddvq_u32(vandq_u32((uint32x4_t)a.v, kLanes));
+}
+STICTION_HD unsigned lane_bits(PackMask<double, 2> a) {
+  constexpr uint64x2_t kLanes = {1, 2};
+  return static_cast<unsigned>(vaddvq_u64(vandq_u64((uint64x2_t)a.v, kLanes)));
 }
 #endif
 

@@ -10,10 +10,6 @@
 #include <map>
 #include <span>
 
-#if defined(__SSE2__)
-#include <xmmintrin.h>
-#endif
-
 #include "stiction/analysis.hpp"
 #include "stiction/contact_graph.hpp"
 #include "stiction/error.hpp"
@@ -23,6 +19,7 @@
 #include "stiction/stepping.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/derivative_cases.hpp"
+#include "tests/support/flush_modes.hpp"
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/worlds.hpp"
@@ -329,21 +326,13 @@ Table entries() {
 /// A rounding mode and what happens to subnormals, as the caller has them.
 struct Modes {
   int rounding;
-  unsigned flush;  ///< bits of MXCSR
+  unsigned flush;  ///< one of kFlushModes, or 0
 
   void set() const {
     std::fesetround(rounding);
-#if defined(__SSE2__)
-    _mm_setcsr(_mm_getcsr() | flush);
-#endif
+    set_fp_control(fp_control() | flush);
   }
-  [[nodiscard]] bool are_set() const {
-#if defined(__SSE2__)
-    constexpr unsigned kBoth = 0x8040U;
-    if ((_mm_getcsr() & kBoth) != flush) return false;
-#endif
-    return std::fegetround() == rounding;
-  }
+  [[nodiscard]] bool are_set() const { return (fp_control() & kFlushBits) == flush && std::fegetround() == rounding; }
   [[nodiscard]] std::string text() const {
     return "rounding " + std::to_string(rounding) + ", flush " + std::to_string(flush);
   }
@@ -353,9 +342,7 @@ std::vector<Modes> all_modes() {
   std::vector<Modes> all;
   for (const int rounding : {FE_TONEAREST, FE_UPWARD, FE_DOWNWARD, FE_TOWARDZERO}) {
     all.push_back({rounding, 0});
-#if defined(__SSE2__)
-    for (const unsigned flush : {0x8000U, 0x0040U, 0x8040U}) all.push_back({rounding, flush});
-#endif
+    for (const unsigned flush : kFlushModes) all.push_back({rounding, flush});
   }
   return all;
 }

