@@ -23,8 +23,8 @@ template <class Real>
 std::vector<typename Environment<Real>::Cone> cones(Bytes& bytes, int most) {
   std::vector<typename Environment<Real>::Cone> result(static_cast<std::size_t>(1 + bytes.below(most)));
   for (auto& cone : result) {
-    cone.kind = static_cast<ConeKind>(bytes.below(4));
-    if (cone.kind == ConeKind::friction) cone.row_count = 2 + bytes.below(5);
+    cone.kind = static_cast<ConeKind>(bytes.below(5));
+    if (carries_friction(cone.kind)) cone.row_count = 2 + bytes.below(5);
     if (bytes.once_in(8)) cone.group = bytes.below(2);
   }
   return result;
