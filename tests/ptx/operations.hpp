@@ -147,8 +147,10 @@ T remainder(T x, T y) {
 }
 template <class T>
 T high_product(T x, T y) {
-  static_assert(sizeof(T) <= 4);
-  using Wide = std::conditional_t<std::is_signed_v<T>, i64, u64>;
+  static_assert(sizeof(T) == 4 || sizeof(T) == 8);
+  __extension__ using Wide8 = std::conditional_t<std::is_signed_v<T>, __int128, unsigned __int128>;
+  using Wide4 = std::conditional_t<std::is_signed_v<T>, i64, u64>;
+  using Wide = std::conditional_t<sizeof(T) == 4, Wide4, Wide8>;
   return static_cast<T>((Wide(x) * Wide(y)) >> kBits<T>);
 }
 template <class T>

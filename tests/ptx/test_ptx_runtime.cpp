@@ -121,6 +121,10 @@ TEST(PtxOperations, BitsAreMovedAsDescribed) {
   EXPECT_EQ(reverse_bits<u32>(1), 0x80000000U);
   EXPECT_EQ(leading_zeros<u32>(0), 32U);
   EXPECT_EQ(high_product<i32>(-2, std::numeric_limits<i32>::max()), -1);
+  EXPECT_EQ(high_product<u32>(0x80000001U, 6U), 3U);
+  EXPECT_EQ(high_product<i64>(-2, std::numeric_limits<i64>::max()), -1);
+  EXPECT_EQ(high_product<i64>(-7, 0x5555555555555556), -3);  // a third, rounded down
+  EXPECT_EQ(high_product<u64>(0x8000000000000001U, 6U), 3U);
 }
 
 TEST(PtxOperations, NumbersAtTheEndsAreThoseOfTheDescription) {
