@@ -38,8 +38,7 @@ double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const R
     double trace = 0, reaction = 0;
     for (Offset row = begin; row < end; ++row) {
       const auto own = static_cast<double>(lambda[row]);
-      const double mu =
-          carries_friction(batch.cone_kind[cone]) && row > begin ? static_cast<double>(batch.mu[row]) : 1;
+      const double mu = carries_friction(batch.cone_kind[cone]) && row > begin ? static_cast<double>(batch.mu[row]) : 1;
       double w = static_cast<double>(batch.b[row]) + static_cast<double>(batch.R[row]) * own;
       trace += static_cast<double>(batch.R[row]);
       for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {

@@ -23,8 +23,9 @@ std::vector<To> converted(const std::vector<From>& values) {
 /// Exact where `To` holds the numbers.
 template <class To, class From>
 WorldCheckpoint<To> converted(const WorldCheckpoint<From>& from) {
-  return {converted<To>(from.position), converted<To>(from.orientation), converted<To>(from.twist),
-          converted<To>(from.wrench),   from.contact_offsets,            from.contact_id,
+  return {converted<To>(from.position), converted<To>(from.orientation),
+          converted<To>(from.twist),    converted<To>(from.wrench),
+          from.contact_offsets,         from.contact_id,
           converted<To>(from.impulse)};
 }
 
@@ -51,9 +52,8 @@ std::int64_t StepCheckpoint::resume(World<Real>& world) const {
                                                  "another file, or remove it",
                                                  name, file.run, run_));
   if (file.step > arguments_.steps)
-    throw Error(ErrorCode::bad_file,
-                fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name, file.step,
-                            arguments_.steps));
+    throw Error(ErrorCode::bad_file, fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name,
+                                                 file.step, arguments_.steps));
   world.resume(converted<Real>(file.world));
   return file.step;
 }
@@ -62,8 +62,7 @@ template <class Real>
 void StepCheckpoint::after(std::int64_t step, const World<Real>& world) const {
   if (!arguments_.checkpoint || arguments_.checkpoint_read_only) return;
   if (step != arguments_.steps && step % arguments_.checkpoint_every != 0) return;
-  io::write_checkpoint(*arguments_.checkpoint,
-                       {kPrecision<Real>, run_, step, converted<double>(world.checkpoint())});
+  io::write_checkpoint(*arguments_.checkpoint, {kPrecision<Real>, run_, step, converted<double>(world.checkpoint())});
 }
 
 template std::int64_t StepCheckpoint::resume(World<float>&) const;

@@ -11,7 +11,8 @@ namespace stiction::cli {
 /// Where a run of `stiction step` stands, in a file that a run with the same arguments goes on from.
 class StepCheckpoint {
  public:
-  /// `options` and `arguments` say what reaches the run's bits. Without arguments.checkpoint nothing is read or written.
+  /// `options` and `arguments` say what reaches the run's bits. Without arguments.checkpoint nothing is read or
+  /// written.
   StepCheckpoint(const StepArguments& arguments, const WorldOptions& options);
 
   /// Puts the world where the file says, if it is there. Returns how many steps were made. \throws Error(bad_file) for
