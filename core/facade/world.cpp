@@ -174,6 +174,7 @@ void World<Real>::step() {
 
 template <class Real>
 void World<Real>::step(const StepSolver<Real>& solve) {
+  if (!solve) refuse("solve is empty: give a function, or call step() without one");
   const ScopedFpEnv fp_env;
   const WorldSolve<Real> found = parts_->find_contacts();
   parts_->machine->await_solve();

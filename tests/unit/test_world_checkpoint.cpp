@@ -147,6 +147,17 @@ TEST(WorldStepSolver, TheSameSolverFromOutsideHasTheSameBits) {
   EXPECT_EQ(outside.hash(), inside.hash());
 }
 
+TEST(WorldStepSolver, AnEmptyOneIsRefusedBeforeAnythingChanges) {
+  World<double> world = started<double>("pile", kEnvs, with_momentum());
+  World<double> other = started<double>("pile", kEnvs, with_momentum());
+  run(world, 60);
+  run(other, 60);
+  EXPECT_THAT(error_message([&] { world.step(StepSolver<double>()); }), HasSubstr("solve is empty"));
+  run(world, 5);
+  run(other, 5);
+  EXPECT_EQ(world.hash(), other.hash());
+}
+
 TEST(WorldStepSolver, WhatItThrowsIsPassedOnAndTheBodiesStayWhereTheyWere) {
   World<double> world = started<double>("pile", kEnvs, with_momentum());
   run(world, 60);

@@ -124,7 +124,7 @@ class World {
   void step();
   /// One step whose contacts `solve` answers in place of the world's own solver: several processes, say
   /// (docs/ranks.md). What it throws is passed on: bodies are then where they were, and impulses to start from are
-  /// forgotten.
+  /// forgotten. \throws Error(invalid_argument) for an empty function.
   void step(const StepSolver<Real>& solve);
 
   /// Positions, orientations and twists of all environments; valid until the next step or reset.
