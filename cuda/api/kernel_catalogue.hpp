@@ -56,11 +56,15 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;             ///< what each environment takes
-  KernelRef place;             ///< where each begins
-  KernelRef write;             ///< rows, A or Y, and b
-  KernelRef move;              ///< velocities
-  KernelRef newton;            ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+  KernelRef count;  ///< what each environment takes
+  KernelRef place;  ///< where each begins
+  KernelRef write;  ///< rows, A or Y, and b
+  KernelRef move;   ///< velocities
+};
+
+/// Newton's method in velocities, in one precision, before the Jacobian form's `place` (kernels/velocity_program.hpp).
+struct VelocityKernels {
+  KernelRef newton;            ///< a lane for each environment
   KernelRef newton_in_parts;   ///< the same where environments have more degrees of freedom than a lane takes
   KernelRef newton_in_blocks;  ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
 };
@@ -90,6 +94,7 @@ struct KernelCatalogue {
   BodyKernels bodies;
   NewtonBodyKernels newton_bodies;
   JacobianKernels jacobian[2];      ///< by Precision
+  VelocityKernels velocity[2];      ///< by Precision
   WorldKernels world[2];            ///< by Precision
   DerivativeKernels derivative[2];  ///< by Precision
 };
