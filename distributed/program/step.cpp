@@ -98,6 +98,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   done.steps = step.steps;
   done.seed = step.seed;
   done.threads = transport.size();
+  done.thread_use = {};  // of this rank alone
   if (is_first) {
     if (step.json) cli::write_text(*step.json, to_json(report));
     const bool printed = step.json == "-" || step.output == "-";

@@ -42,6 +42,7 @@ TEST(Step, ReportsWhatItDid) {
   EXPECT_EQ(ended, 3 * 90);
   EXPECT_LT(report["energy"]["end"], report["energy"]["begin"]);
   EXPECT_LT(report["momentum_drift"], 1e-9);
+  EXPECT_EQ(report["thread_use"]["busy"].size(), report["threads"]);
 }
 
 TEST(Step, TheHashIsThatOfScenePrecisionSeedAndStepsAlone) {

@@ -175,6 +175,8 @@ assert report["messages"] == sum(rank["messages"] for rank in report["per_rank"]
 assert report["bytes"] == sum(rank["bytes"] for rank in report["per_rank"]) > 0
 assert report["exchanges"] >= 64 and report["gathers"] > 0
 assert 0 <= report["synchronisation_share"] <= 1
+work = [rank["seconds"] - rank["waited"] for rank in report["per_rank"]]
+assert abs(report["imbalance"] - 2 * max(work) / sum(work)) < 1e-9, (report["imbalance"], work)
 EOF
     ;;
   killed)

@@ -6,9 +6,14 @@
 #include <cstdio>
 #include <ctime>
 #include <memory>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "stiction/error.hpp"
+#include "stiction/hash.hpp"
 #include "tools/cli/body_method.hpp"
+#include "tools/cli/gpu_meter.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/step_checkpoint.hpp"
@@ -76,6 +81,20 @@ class StateFile {
   std::unique_ptr<std::FILE, Close> file_;
 };
 
+/// World::hash() of a world of the first `count` environments.
+template <class Real>
+std::uint64_t hash_of_first(const World<Real>& world, Offset count) {
+  const WorldState<Real> state = world.state();
+  const auto bodies = static_cast<std::size_t>(count * world.body_count());
+  std::vector<Real> first;
+  for (const auto& [values, each] :
+       {std::pair{state.position, 3U}, std::pair{state.orientation, 4U}, std::pair{state.twist, 6U}}) {
+    const auto part = values.first(each * bodies);
+    first.insert(first.end(), part.begin(), part.end());
+  }
+  return hash_bits(std::span<const Real>(first));
+}
+
 }  // namespace
 
 WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
@@ -105,6 +124,8 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   StepReport report;
   if (arguments.every > 0) states.write(world, done);
   {
+    const ThreadMeter meter;
+    GpuMeter gpu(device);
     Progress progress("step", arguments.steps - done, arguments.quiet);
     for (std::int64_t step = done + 1; step <= arguments.steps; ++step) {
       const double cpu_start = cpu_seconds();
@@ -121,6 +142,8 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
       checkpoint.after(step, world);
       progress.advance();
     }
+    report.thread_use = meter.use();
+    report.gpu = gpu.end();
   }
   if (arguments.every == 0) states.write(world, arguments.steps);
   states.close();
@@ -142,7 +165,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   report.largest_rise = monitor.largest_rise();
   report.momentum_drift = monitor.momentum_drift();
   report.deepest = monitor.deepest();
-  report.hash = world.hash();
+  report.hash = arguments.hashed ? hash_of_first(world, *arguments.hashed) : world.hash();
   return report;
 }
 
