@@ -96,6 +96,7 @@ def lines(label, xs, rows, name) -> str:
         body += [f'<line x1="{_LEFT}" x2="{_LEFT + room}" y1="{up(value):.1f}" y2="{up(value):.1f}" class="grid"/>',
                  _text(_LEFT - 8, up(value) + 4, number(value), "tick", "end")]
     body.append(_text(_LEFT + room / 2, height - 6, name, "tick", "middle"))
+    ends = []
     for k, (title, row) in enumerate(rows.items()):
         points = [(at, up(value), value) for at, value in zip(across, row) if value is not None]
         path = " ".join(f"{at:.1f},{y:.1f}" for at, y, _ in points)
@@ -103,8 +104,11 @@ def lines(label, xs, rows, name) -> str:
         body.append(f'<polyline points="{path}" fill="none" class="whisker"{dash}/>')
         body += [f'<circle cx="{at:.1f}" cy="{y:.1f}" r="4" class="dot"><title>{html.escape(title)} {number(value)}'
                  "</title></circle>" for at, y, value in points]
-        if points:
-            body.append(_text(points[-1][0] + 8, points[-1][1] + 4, title, "name"))
+        ends += [(points[-1][1], points[-1][0], title)] if points else []
+    lowest = -math.inf
+    for y, at, title in sorted(ends):  # names under one another where lines end together
+        lowest = max(y, lowest + 15)
+        body.append(_text(at + 8, lowest + 4, title, "name"))
     return _svg(height, label, body)
 
 

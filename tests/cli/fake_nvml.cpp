@@ -1,5 +1,5 @@
-// What the command line calls of NVML and of the CUDA driver, with answers that a test knows: CUDA's device 0 is at bus
-// id 0000:3B:00.0 and device 1 at 0000:1A:00.0. Samples are 30, 60, 90, 30, ... percent, of device 1 one percent more.
+// What the command line calls of NVML and of the CUDA driver, with answers that a test knows. CUDA's device 0 is at bus
+// id 0000:3B:00.0, device 1 at 0000:1A:00.0. Samples are 30, 60, 90, 30, ... percent; of device 1 one percent more.
 // FAKE_NVML in the environment names a call that fails.
 #include <atomic>
 #include <cstddef>

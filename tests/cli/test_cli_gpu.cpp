@@ -15,8 +15,8 @@
 namespace stiction::cli {
 namespace {
 
-using testing::HasSubstr;
 using std::chrono::milliseconds;
+using testing::HasSubstr;
 
 class GpuMeters : public testing::Test {
  protected:

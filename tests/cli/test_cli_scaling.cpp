@@ -20,7 +20,7 @@ cli::ScalingPoint point(int threads, std::int64_t environments, double seconds, 
 }
 
 TEST(Scaling, SpeedUpAndEfficiencyOfNumbersThatOneCanWorkOut) {
-  // Strong: 8 s on 2 threads are 4 on 4 (perfect) and 2 on 16, which is half of what 8 times the threads might give.
+  // Strong: 8 s on 2 threads are 4 s on 4, which is perfect. They are 2 s on 16, which is half.
   const cli::ScalingSeries strong{{point(2, 100, 8), point(4, 100, 4), point(16, 100, 2)}};
   EXPECT_DOUBLE_EQ(*strong.speedup(strong.points[0]), 1);
   EXPECT_DOUBLE_EQ(*strong.efficiency(strong.points[0]), 1);
@@ -101,8 +101,8 @@ TEST(Scaling, AFileIsSolvedWithTheBitsOfSolve) {
 }
 
 TEST(Scaling, ASceneIsSteppedWithTheBitsOfStep) {
-  const Json report = report_of(
-      {"scaling", "pile", "--envs", "9", "--steps", "12", "--seed", "4", "--threads", "1,2,3", "--weak", "--repeat", "1"});
+  const Json report = report_of({"scaling", "pile", "--envs", "9", "--steps", "12", "--seed", "4", "--threads", "1,2,3",
+                                 "--weak", "--repeat", "1"});
   const Json step = report_of({"step", "pile", "--envs", "9", "--steps", "12", "--seed", "4"});
   EXPECT_EQ(report["scene"], "pile");
   EXPECT_EQ(report["solver"], "si");

@@ -79,9 +79,8 @@ Run run_of_file(const ScalingArguments& arguments, ScalingReport& report) {
 Run run_of_scene(const ScalingArguments& arguments, ScalingReport& report) {
   const std::vector<std::string> names = scenes::world_names();
   if (std::find(names.begin(), names.end(), arguments.target) == names.end())
-    throw Error(ErrorCode::invalid_argument,
-                fmt::format("{}: neither a file nor a scene of stiction step ({})", arguments.target,
-                            fmt::join(names, ", ")));
+    throw Error(ErrorCode::invalid_argument, fmt::format("{}: neither a file nor a scene of stiction step ({})",
+                                                         arguments.target, fmt::join(names, ", ")));
   StepArguments step;
   step.scene = arguments.target;
   step.steps = arguments.steps;
@@ -125,8 +124,7 @@ int run_scaling(const ScalingArguments& arguments) {
   const Run run = report.is_scene ? run_of_scene(arguments, report) : run_of_file(arguments, report);
   const std::vector<int> threads = sorted_threads(arguments.threads, report.cores);
   {
-    Progress progress("scaling", static_cast<std::int64_t>(threads.size()) * (arguments.weak ? 2 : 1),
-                      arguments.quiet);
+    Progress progress("scaling", static_cast<std::int64_t>(threads.size()) * (arguments.weak ? 2 : 1), arguments.quiet);
     for (const int count : threads) {
       report.strong.points.push_back(run(count, 1));
       progress.advance();

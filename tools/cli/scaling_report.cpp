@@ -41,8 +41,8 @@ std::string percent(const std::optional<double>& share) {
 }
 
 std::string table_of(const ScalingSeries& series) {
-  std::string text = fmt::format(kRow, "threads", "environments", "seconds", "speed-up", "efficiency",
-                                 "serial", "synchronisation", "imbalance", "hash");
+  std::string text = fmt::format(kRow, "threads", "environments", "seconds", "speed-up", "efficiency", "serial",
+                                 "synchronisation", "imbalance", "hash");
   for (const ScalingPoint& point : series.points)
     text += fmt::format(kRow, point.threads, point.environments, fmt::format("{:.4g}", point.seconds),
                         number(series.speedup(point)), number(series.efficiency(point)), percent(serial_share(point)),

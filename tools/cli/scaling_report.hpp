@@ -25,8 +25,8 @@ struct ScalingSeries {
 
   /// How many times the first point's environments per second; none where no time was measured.
   [[nodiscard]] std::optional<double> speedup(const ScalingPoint& point) const;
-  /// The speed-up over how many times the first point's threads there are: 1 is perfect, of strong scaling (the same
-  /// environments) as of weak scaling (environments that grow with the threads).
+  /// The speed-up over how many times the first point's threads there are; 1 is perfect. That holds for strong scaling,
+  /// the same environments, as for weak scaling, where environments grow with the threads.
   [[nodiscard]] std::optional<double> efficiency(const ScalingPoint& point) const;
 };
 
