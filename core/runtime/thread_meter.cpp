@@ -1,6 +1,7 @@
 #include "stiction/thread_meter.hpp"
 
 #include <cstddef>
+#include <utility>
 
 namespace stiction {
 
@@ -27,6 +28,14 @@ double ThreadUse::imbalance() const noexcept {
   return work > 0 ? largest * static_cast<double>(busy.size()) / work : 1;
 }
 
+ThreadUse& ThreadUse::operator+=(const ThreadUse& more) {
+  seconds += more.seconds;
+  available += more.available;
+  if (busy.size() < more.busy.size()) busy.resize(more.busy.size());
+  for (std::size_t k = 0; k < more.busy.size(); ++k) busy[k] += more.busy[k];
+  return *this;
+}
+
 ThreadMeter::ThreadMeter(Tracer* tracer) noexcept : tracer_(tracer), outer_(current_meter) {
   current_meter = this;
 }
@@ -39,11 +48,9 @@ ThreadMeter* ThreadMeter::current() noexcept {
   return current_meter;
 }
 
-void ThreadMeter::add(double seconds, std::span<const double> busy) {
-  use_.seconds += seconds;
-  use_.available += seconds * static_cast<double>(busy.size());
-  if (use_.busy.size() < busy.size()) use_.busy.resize(busy.size());
-  for (std::size_t k = 0; k < busy.size(); ++k) use_.busy[k] += busy[k];
+void ThreadMeter::add(double seconds, std::vector<double> busy) {
+  const double available = seconds * static_cast<double>(busy.size());
+  use_ += {seconds, available, std::move(busy)};
 }
 
 }  // namespace stiction

@@ -1,6 +1,7 @@
 #include "cpu_fallback/threads/section.hpp"
 
 #include <cstddef>
+#include <utility>
 
 #include "stiction/trace.hpp"
 
@@ -32,7 +33,7 @@ Section::~Section() {
   const Clock::time_point end = Clock::now();
   std::vector<double> busy;
   for (const Place& place : places_) busy.push_back(seconds_of(place.busy));
-  meter_.add(seconds_of(end - begin_), busy);
+  meter_.add(seconds_of(end - begin_), std::move(busy));
   Tracer* const tracer = meter_.tracer();
   if (tracer == nullptr) return;
   const double now = tracer->now();

@@ -171,7 +171,7 @@ TEST(ThreadMeterOfASolve, ChangesNoBitAndSeesItsThreads) {
 
 TEST(ThreadMeterOfASolve, ChangesNoBitOfATeamAndSeesItsThreads) {
   BodyBatch<double> batch;
-  batch.add(scenes::make_body_pile(2, 2500));  // above 4096 contacts a team of threads sweeps it together
+  batch.add(scenes::make_body_pile(2, 5000));  // above 4096 contacts a team of threads sweeps it together
   ASSERT_GE(batch.view().contact_count, 4096);
   BodySolverOptions o;
   o.iterations = 5;

@@ -124,10 +124,10 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   StepReport report;
   if (arguments.every > 0) states.write(world, done);
   {
-    const ThreadMeter meter;
     GpuMeter gpu(device);
     Progress progress("step", arguments.steps - done, arguments.quiet);
     for (std::int64_t step = done + 1; step <= arguments.steps; ++step) {
+      const ThreadMeter meter;
       const double cpu_start = cpu_seconds();
       const Clock::time_point start = Clock::now();
       if (solve) {
@@ -137,12 +137,12 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
       }
       report.wall += std::chrono::duration<double>(Clock::now() - start).count();
       report.cpu += cpu_seconds() - cpu_start;
+      report.thread_use += meter.use();
       monitor.look(world);
       if (arguments.every > 0 && step % arguments.every == 0) states.write(world, step);
       checkpoint.after(step, world);
       progress.advance();
     }
-    report.thread_use = meter.use();
     report.gpu = gpu.end();
   }
   if (arguments.every == 0) states.write(world, arguments.steps);

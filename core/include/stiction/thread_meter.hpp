@@ -3,7 +3,6 @@
 /// \file
 /// What the CPU's threads do in solves: work, or wait for one another (docs/threads.md).
 
-#include <span>
 #include <vector>
 
 namespace stiction {
@@ -21,6 +20,9 @@ struct ThreadUse {
   [[nodiscard]] double synchronisation_share() const noexcept;
   /// Largest of the busy times over their mean; 1 is even. 1 without sections.
   [[nodiscard]] double imbalance() const noexcept;
+
+  /// Takes in sections that were measured apart, threads by their place.
+  ThreadUse& operator+=(const ThreadUse& more);
 };
 
 /// Measures the sections of whatever its thread calls while it lives; of several, the last one made. Sections within
@@ -41,7 +43,7 @@ class ThreadMeter {
   /// The meter of the calling thread, null without one. For those who share work out.
   [[nodiscard]] static ThreadMeter* current() noexcept;
   /// Takes in a section of so many seconds, and the busy times of its threads. For those who share work out.
-  void add(double seconds, std::span<const double> busy);
+  void add(double seconds, std::vector<double> busy);
   /// Where spans go, null: nowhere.
   [[nodiscard]] Tracer* tracer() const noexcept { return tracer_; }
 
