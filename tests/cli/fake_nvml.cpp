@@ -25,6 +25,8 @@ bool fails(const char* call) {
 
 }  // namespace
 
+// The names are those of the libraries.
+// NOLINTBEGIN(readability-identifier-naming)
 extern "C" {
 
 std::atomic<int> fake_nvml_samples{0};
@@ -70,3 +72,4 @@ int cuDeviceGetPCIBusId(char* id, int length, int device) {
   return 0;
 }
 }
+// NOLINTEND(readability-identifier-naming)

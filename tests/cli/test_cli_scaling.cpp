@@ -22,22 +22,22 @@ cli::ScalingPoint point(int threads, std::int64_t environments, double seconds, 
 TEST(Scaling, SpeedUpAndEfficiencyOfNumbersThatOneCanWorkOut) {
   // Strong: 8 s on 2 threads are 4 s on 4, which is perfect. They are 2 s on 16, which is half.
   const cli::ScalingSeries strong{{point(2, 100, 8), point(4, 100, 4), point(16, 100, 2)}};
-  EXPECT_DOUBLE_EQ(*strong.speedup(strong.points[0]), 1);
-  EXPECT_DOUBLE_EQ(*strong.efficiency(strong.points[0]), 1);
-  EXPECT_DOUBLE_EQ(*strong.speedup(strong.points[1]), 2);
-  EXPECT_DOUBLE_EQ(*strong.efficiency(strong.points[1]), 1);
-  EXPECT_DOUBLE_EQ(*strong.speedup(strong.points[2]), 4);
-  EXPECT_DOUBLE_EQ(*strong.efficiency(strong.points[2]), 0.5);
+  EXPECT_DOUBLE_EQ(strong.speedup(strong.points[0]).value_or(-1), 1);
+  EXPECT_DOUBLE_EQ(strong.efficiency(strong.points[0]).value_or(-1), 1);
+  EXPECT_DOUBLE_EQ(strong.speedup(strong.points[1]).value_or(-1), 2);
+  EXPECT_DOUBLE_EQ(strong.efficiency(strong.points[1]).value_or(-1), 1);
+  EXPECT_DOUBLE_EQ(strong.speedup(strong.points[2]).value_or(-1), 4);
+  EXPECT_DOUBLE_EQ(strong.efficiency(strong.points[2]).value_or(-1), 0.5);
   // Weak: three times the work on three threads in 4 s where one thread took 3 s.
   const cli::ScalingSeries weak{{point(1, 100, 3), point(3, 300, 4)}};
-  EXPECT_DOUBLE_EQ(*weak.speedup(weak.points[1]), 2.25);
-  EXPECT_DOUBLE_EQ(*weak.efficiency(weak.points[1]), 0.75);
+  EXPECT_DOUBLE_EQ(weak.speedup(weak.points[1]).value_or(-1), 2.25);
+  EXPECT_DOUBLE_EQ(weak.efficiency(weak.points[1]).value_or(-1), 0.75);
   const cli::ScalingSeries nothing{{point(1, 0, 0)}};
   EXPECT_FALSE(nothing.speedup(nothing.points[0]));
   EXPECT_FALSE(nothing.efficiency(nothing.points[0]));
   cli::ScalingPoint half = point(1, 1, 4);
   half.use.seconds = 3;
-  EXPECT_DOUBLE_EQ(*cli::serial_share(half), 0.25);
+  EXPECT_DOUBLE_EQ(cli::serial_share(half).value_or(-1), 0.25);
 }
 
 TEST(Scaling, OtherBitsAreFoundInEitherSeries) {

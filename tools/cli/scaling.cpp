@@ -125,15 +125,16 @@ int run_scaling(const ScalingArguments& arguments) {
   const std::vector<int> threads = sorted_threads(arguments.threads, report.cores);
   {
     Progress progress("scaling", static_cast<std::int64_t>(threads.size()) * (arguments.weak ? 2 : 1), arguments.quiet);
-    for (const int count : threads) {
-      report.strong.points.push_back(run(count, 1));
-      progress.advance();
-    }
-    if (arguments.weak) report.weak.emplace();
-    for (const int count : arguments.weak ? threads : std::vector<int>{}) {
-      report.weak->points.push_back(run(count, count));
-      progress.advance();
-    }
+    const auto series = [&](bool is_weak) {
+      ScalingSeries all;
+      for (const int count : threads) {
+        all.points.push_back(run(count, is_weak ? count : 1));
+        progress.advance();
+      }
+      return all;
+    };
+    report.strong = series(false);
+    if (arguments.weak) report.weak = series(true);
   }
   if (!arguments.quiet && arguments.json != "-") fmt::print("{}", to_text(report));
   if (arguments.json) write_text(*arguments.json, to_json(report));
