@@ -1,6 +1,6 @@
 """One page of a run: `stiction solve --json RUN.json` or `stiction step --json RUN.json` with plots. docs/view.md.
 
-    python -m stiction.report RUN.json -o report.html [--solution SOLUTION.h5]
+    stiction report RUN.json -o report.html [--solution SOLUTION.h5]
 """
 
 from __future__ import annotations
@@ -185,9 +185,9 @@ def _no_constant(name):
     raise ReportError(f"expected JSON, got {name}, which JSON has not")
 
 
-def main(arguments=None) -> int:
-    """The command `python -m stiction.report`. Returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m stiction.report",
+def main(arguments=None, program="python -m stiction.report") -> int:
+    """The command `stiction report`. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog=program,
                                      description="Makes one HTML page of a report of stiction solve or step --json.")
     parser.add_argument("run", type=pathlib.Path, help="the report, JSON")
     parser.add_argument("-o", "--out", type=pathlib.Path, help="the page, default: RUN with .html")

@@ -10,6 +10,7 @@
 
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/python_command.hpp"
 
 namespace stiction::cli {
 
@@ -178,11 +179,13 @@ void declare_all(CLI::App& app, Command& chosen) {
   add_command(app, chosen, "convert", "FCLIB to contact batch and back", run_convert, declare_convert);
   add_command(app, chosen, "step", "Step environments of a scene of rigid bodies", run_step, declare_step);
   app.footer(
+      "view and report are the Python package's, and are run by python3.\n"
       "Exit status: 0 done; 1 solved but an environment missed the tolerance, or a difference was found;\n"
       "2 bad input or usage.");
 }
 
 int run(int argc, char** argv) {
+  if (is_python_command(argc, argv)) return run_python_command(argv);
   CLI::App app{"Batched frictional contact solver with the same bits on GPU and CPU", "stiction"};
   Command chosen;
   declare_all(app, chosen);
