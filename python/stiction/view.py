@@ -157,7 +157,7 @@ class Recorder:
         where = places(len(drawn), width + 1)
         writer.open("batch", where.mean(axis=0) if len(where) else np.zeros(3), 0.8 * (width + where.max(initial=0.0)))
         for simulation, place in zip(drawn, where):
-            writer.place(["batch", f"simulation_{simulation}"], place, (0, 0, 1.5))
+            writer.place(["batch", f"simulation_{simulation}"], place, (0, 0.5 * width, 1.0))
         with Progress(total=source.env_count, title="recording", unit="env") as bar:
             for env in range(source.env_count):
                 bar.update()

@@ -14,10 +14,12 @@ from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, pi
 import stiction
 from stiction.testing import assert_permutation_invariant
 
+pytestmark = pytest.mark.warp
 G = 9.81
 
 # -- worlds -----------------------------------------------------------------------------------------------------------
 
+@pytest.mark.quick
 def test_a_worlds_bits_are_its_own():
     order = np.array([3, 0, 4, 1, 2])
     straight = Run(pile(np.arange(5))).step(60, 0.005).q.reshape(5, -1)
@@ -75,6 +77,7 @@ def test_the_example_slides_as_the_formula_says(monkeypatch, capsys):
     assert len(capsys.readouterr().out.strip().splitlines()) == 6
 
 
+@pytest.mark.quick
 def test_the_lines_for_isaac_lab_build_a_solver_that_steps(monkeypatch):
     """Isaac Lab's two modules are stand-ins here: what is tested is that the page's class fills the documented slots."""
     physics, utils = types.ModuleType("isaaclab_newton.physics"), types.ModuleType("isaaclab.utils.configclass")
@@ -99,6 +102,7 @@ def test_the_lines_for_isaac_lab_build_a_solver_that_steps(monkeypatch):
     np.testing.assert_allclose(run.step(10, 0.01).qd[2], -G * 0.1, rtol=1e-5)  # it falls
 
 
+@pytest.mark.quick
 def test_nan_in_one_world_harms_no_other_and_is_named():
     clean, dirty = Run(pile(np.arange(5))), Run(pile(np.arange(5)), hold_failed=True)
     for run in (clean, dirty):

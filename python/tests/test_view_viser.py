@@ -265,3 +265,9 @@ def test_shapes_of_mujoco_are_those_of_the_model(tmp_path):
     corners = wedge["vertices"].reshape(-1, 3)
     edges = np.sort([np.linalg.norm(corners[a] - corners[b]) for a in range(4) for b in range(a)])
     np.testing.assert_allclose(edges, [0.2] * 3 + [0.2 * np.sqrt(2)] * 3, rtol=1e-6)
+    assert data.ncon > 0
+    data.xpos[1], data.qvel[:] = np.nan, np.nan
+    with view.Recorder(tmp_path / "nan.viser") as recorder:
+        recorder.log(simulation)
+    nodes = Recording(tmp_path / "nan.viser").at(0)
+    assert nodes["/world/env_0/contacts"]["points"].size == 0 and nodes["/world/env_0/bodies/can_1"]["visible"] is False
