@@ -11,8 +11,8 @@ def square(half):
 
 
 def capsule(radius, half):
-    """Vertices (n, 3) and triangles (m, 3), seen from outside, of a capsule along z: a cylinder from -half to half and
-    half a ball at either end."""
+    """Vertices (n, 3) and triangles (m, 3) of a capsule along z, which face outwards. It is a cylinder from -half to half
+    with half a ball at either end."""
     height = np.linspace(-np.pi / 2, np.pi / 2, 2 * _RINGS)  # of rings: as many below as above
     angle = np.arange(_AROUND) * (2 * np.pi / _AROUND)
     shift = np.where(height < 0, -half, half)

@@ -66,8 +66,8 @@ class Writer(abc.ABC):
 
     @abc.abstractmethod
     def cones(self, path, title, reactions, positions, island, couplings):
-        """What is known of a batch's environment besides contacts: what the file calls it, reactions by row, and which
-        cones (positions (n, 3), island (n,)) are coupled: pairs (m, 2), or None where they are too many to be drawn."""
+        """Draws what a batch's environment has besides contacts. title: what the file calls it. reactions: by row. Cones
+        have positions (n, 3) and an island (n,). couplings: pairs (m, 2) of them; None where they are too many."""
 
     # -- what all backends share --------------------------------------------------------------------------------------
 
