@@ -1,11 +1,13 @@
 """Recordings for viser are written, read back by their format, and compared with what they show."""
 
+import subprocess
+import sys
 import urllib.request
 
 import numpy as np
 import pytest
 import worlds
-from conftest import DATA
+from conftest import DATA, ROOT
 from viser_files import Recording
 
 import stiction
@@ -201,6 +203,16 @@ def test_a_batch_is_recorded_as_a_page_with_its_reactions_and_couplings(tmp_path
         expected = {(tuple(points[a]), tuple(points[b])) for a, b in coupled}
         assert {(tuple(a), tuple(b)) for a, b in lines} == expected and len(lines) == len(coupled)
     assert len(own) > 5 and coupled
+
+
+def test_the_example_makes_a_page(tmp_path):
+    out = tmp_path / "example.html"
+    program = [sys.executable, str(ROOT / "examples" / "python" / "11_view.py"), "--envs", "3", "--drawn", "1", "--steps",
+               "5", "-o", str(out)]
+    done = subprocess.run(program, capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert done.stdout.startswith("5 steps of 3 environments, 1 drawn; hash ") and done.stdout.endswith(f"look: {out}\n")
+    assert Recording(out).duration == pytest.approx(4 * 0.005)  # steps of 5 ms, from the first to the last
 
 
 def test_a_page_is_served_and_the_slider_goes_back(monkeypatch):
