@@ -73,7 +73,8 @@ struct DerivativeKernels {
 
 /// Worlds, in one precision (kernels/world_program.hpp).
 struct WorldKernels {
-  KernelRef find;           ///< inputs of the solve, contacts
+  KernelRef find;           ///< inputs of the solve, contacts of all pairs
+  KernelRef find_near;      ///< inputs of the solve, contacts of the pairs that a tree finds
   KernelRef emit_contacts;  ///< contacts to the solver, with first guesses
   KernelRef integrate;      ///< positions
   KernelRef measure;        ///< energy and momentum

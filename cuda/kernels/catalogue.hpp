@@ -58,6 +58,7 @@ WarmStartKernels warm_start_kernels() {
 template <class Make, class Real>
 WorldKernels world_kernels() {
   return {Make::template kernel<FindWorldContacts<Real>>("world_find"),
+          Make::template kernel<FindNearWorldContacts<Real>>("world_find_near"),
           Make::template kernel<EmitWorldContacts<Real>>("world_emit_contacts"),
           Make::template kernel<IntegrateWorlds<Real>>("world_integrate"),
           Make::template kernel<MeasureWorlds<Real>>("world_measure")};

@@ -45,6 +45,7 @@ void declare_step(CLI::App& app, StepJobArguments& job) {
   cli::StepArguments& a = job.step;
   a.environments = 1;
   app.add_option("scene", a.scene, "Scene of stiction step");
+  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(CLI::PositiveNumber);
   app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--seed", a.seed, "Seed of where environments begin")->check(CLI::NonNegativeNumber);

@@ -83,7 +83,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   partition_seed(arguments.partition);
   if (is_first && step.json) cli::require_writable(*step.json);
   if (is_first && step.checkpoint) cli::require_replaceable(*step.checkpoint);
-  const scenes::WorldScene scene = scenes::make_world(step.scene);
+  const scenes::WorldScene scene = scenes::make_world(step.scene, step.size);
   const Precision precision = cli::precision_from_option(step.precision);
   StepJobReport report;
   report.partition = arguments.partition;

@@ -141,6 +141,17 @@ TEST(Step, CountsOverflows) {
   EXPECT_GT(report_of({"stack", "--envs", "2", "--steps", "20", "--max-contacts", "5"})["overflows"], 0);
 }
 
+TEST(Step, APileHasAsManyBodiesAsAreAskedFor) {
+  const Json report = report_of({"pile", "--size", "2500", "--envs", "1", "--steps", "2"});
+  EXPECT_EQ(report["bodies"], 2500);
+  EXPECT_LT(report["momentum_drift"], 1e-6);
+  const Json own = report_of({"pile", "--envs", "1", "--steps", "40"});
+  EXPECT_EQ(report_of({"pile", "--size", "12", "--envs", "1", "--steps", "40"})["hash"], own["hash"]);
+  const Finished refused = run_stiction({"step", "walker", "--size", "9"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("scene 'walker' has no size"));
+}
+
 TEST(Step, ListsScenesAndRefusesOthers) {
   EXPECT_THAT(run_stiction({"step", "--list"}).out, HasSubstr("walker"));
   const Finished unknown = run_stiction({"step", "nonsense"});

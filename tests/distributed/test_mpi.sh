@@ -160,6 +160,7 @@ case $what in
     ;;
   step)
     compare_steps pile --envs 2 --steps 40 --seed 3
+    compare_steps pile --size 150 --envs 1 --steps 30
     compare_steps walker --envs 3 --steps 60 --precision f32 --tolerance 0 --iterations 10
     ;;
   restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" ;;

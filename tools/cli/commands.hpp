@@ -104,6 +104,7 @@ struct ConvertArguments {
 struct StepArguments {
   bool list = false;
   std::string scene;
+  int size = 0;  ///< bodies of an environment; 0: the scene's
   std::int64_t environments = 4096;
   std::int64_t steps = 200;
   std::uint64_t seed = 0;

@@ -33,6 +33,7 @@ void declare_info(CLI::App& app, InfoArguments& a) {
 
 void declare_generate(CLI::App& app, GenerateArguments& a) {
   app.add_option("scene", a.scene, "Scene; --list shows them");
+  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(CLI::PositiveNumber);
   app.add_option("--envs", a.environments, "Number of environments")->check(CLI::NonNegativeNumber);
   app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone")
       ->check(CLI::NonNegativeNumber);

@@ -96,7 +96,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
                       const StepSolver<Real>& solve) {
   const WorldOptions options = world_options(arguments, scene.stepping);
   World<Real> world(device, scene.description, arguments.environments, options);
-  scenes::start_all(world, arguments.scene, arguments.seed);
+  scenes::start_all(world, arguments.scene, arguments.seed, arguments.size);
   const StepCheckpoint checkpoint(arguments, options);
   const std::int64_t done = checkpoint.resume(world);
   const double tolerance = arguments.tolerance > 0 ? arguments.tolerance : kQualityTolerance;
