@@ -1,5 +1,5 @@
-// Environments whose pairs of shapes a tree finds: steps have the bits of a world that tests all pairs, and those do
-// not depend on threads, instruction sets or the device.
+// Environments whose pairs of shapes a tree finds. Steps have the bits of a world that tests all pairs. They do not
+// depend on threads, instruction sets or the device.
 #include <gtest/gtest.h>
 
 #include <optional>

@@ -43,8 +43,8 @@ struct NearWorkspace {
   }
 };
 
-/// f(the other shape) for every near pair that this shape counts as its own: those with shapes of the world, and those
-/// with shapes after it. A shape of the world has none.
+/// f(the other shape) for every near pair that this shape counts as its own. Those are the ones with shapes of the
+/// world, and with shapes after it. A shape of the world has none.
 template <class Real, class F>
 STICTION_HD void for_each_own_pair(const WorldModelView<Real>& model, const ShapeTree<Real>& tree, Index shape, F&& f) {
   const Index body = model.shape[shape].body;
