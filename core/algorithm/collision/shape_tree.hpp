@@ -5,18 +5,17 @@
 #include "core/algorithm/collision/moving_shape.hpp"
 #include "core/algorithm/plan/sort_network.hpp"
 
-/// A tree of boxes about the shapes of one environment, which are sorted along a space-filling curve. The children of
-/// node k are 2 k and 2 k + 1 (Chitalu, Dubach and Komura, Binary ostensibly-implicit trees for fast collision
-/// detection, Computer Graphics Forum 39(2), 2020). So there are no pointers, and the tree follows from the shapes.
+/// A tree of boxes about the shapes of one environment, which are sorted along a space-filling curve. Node k has the
+/// children 2 k and 2 k + 1, so there are no pointers, and the tree follows from the shapes. (Chitalu, Dubach and
+/// Komura, Binary ostensibly-implicit trees for fast collision detection, Computer Graphics Forum 39(2), 2020.)
 ///
 /// The tree only spares tests: bounds_overlap() has the last word on every pair. So no rounding in the order of the
 /// shapes reaches a contact, and boxes may be larger than need be. They must not be too small: two shapes that pass
 /// bounds_overlap() have boxes that overlap. Let u be half an ulp of 1, and r what reach_of() computes, with half the
 /// margin. The test rounds a handful of times. So on each axis the centres of such a pair are at most
-/// (r_a + r_b) (1 + 16 u) + t apart. Underflow can hide t: the root of four of the smallest normal numbers, below 1e-18.
-/// A box goes r (1 + 64 u) + kUnderflow from the centre on both sides, so in exact numbers the ends overlap. Rounding is
-/// monotone, so they do when they are rounded.
-/// Unions of boxes and comparisons do not round.
+/// (r_a + r_b) (1 + 16 u) + t apart. Underflow can hide t: the root of four of the smallest normal numbers, below
+/// 1e-18. A box goes r (1 + 64 u) + kUnderflow from the centre on both sides, so in exact numbers the ends overlap.
+/// Rounding is monotone, so they do when they are rounded. Unions of boxes and comparisons do not round.
 namespace stiction::inline STICTION_ISA {
 
 /// Coordinates and reaches from which squares may overflow [m]. Such shapes are tested against all others.
