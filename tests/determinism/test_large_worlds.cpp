@@ -130,6 +130,7 @@ TEST(LargeWorlds, BitsDoNotDependOnTheDevice) {
   EXPECT_EQ(hash_after<float>(1, 50, 1, Device::emulated()), hash_after<float>(1, 50, 1));
 }
 
+/// Testing all pairs, with room for 12 million of them, gives this hash, too.
 TEST(LargeWorlds, ThousandsOfSpheresHaveTheBitsTheyHad) {
   const WorldDescription description = heap_of_spheres(17);
   for (const int threads : {1, 2}) {
