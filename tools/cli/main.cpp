@@ -33,7 +33,6 @@ void declare_info(CLI::App& app, InfoArguments& a) {
 
 void declare_generate(CLI::App& app, GenerateArguments& a) {
   app.add_option("scene", a.scene, "Scene; --list shows them");
-  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(CLI::PositiveNumber);
   app.add_option("--envs", a.environments, "Number of environments")->check(CLI::NonNegativeNumber);
   app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone")
       ->check(CLI::NonNegativeNumber);
@@ -131,6 +130,7 @@ void declare_convert(CLI::App& app, ConvertArguments& a) {
 
 void declare_step(CLI::App& app, StepArguments& a) {
   app.add_option("scene", a.scene, "Scene; --list shows them");
+  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(CLI::PositiveNumber);
   app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--seed", a.seed, "Seed; where an environment begins depends on scene, seed and its index alone")
