@@ -11,7 +11,7 @@ MARGIN = 0.01
 def spheres(count, seed):
     """(bodies, shapes, positions (count, 3), radii (count,)) in a cube, on no floor."""
     random = np.random.default_rng(seed)
-    side = 0.11 * count ** (1 / 3)
+    side = 0.08 * count ** (1 / 3)
     position, radius = random.uniform(-side, side, (count, 3)), random.uniform(0.03, 0.12, count)
     shapes = [Shape("sphere", float(r), body=k) for k, r in enumerate(radius)]
     bodies = [Body.solid(shape, 1000.0, position=tuple(p)) for shape, p in zip(shapes, position)]
@@ -26,7 +26,7 @@ def pairs_of(world):
 def test_spheres_touch_where_their_centres_say_so():
     count = 2500
     bodies, shapes, position, radius = spheres(count, 1)
-    world = World(bodies, shapes, gravity=(0, 0, 0), margin=MARGIN, max_iterations=5)
+    world = World(bodies, shapes, 1, gravity=(0, 0, 0), margin=MARGIN, max_iterations=5)
     world.step()
     touching = set()
     for k in range(count - 1):
@@ -47,7 +47,7 @@ def test_mujoco_finds_the_same_spheres():
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    world = World(bodies, shapes, gravity=(0, 0, 0), margin=0.0, max_iterations=5)
+    world = World(bodies, shapes, 1, gravity=(0, 0, 0), margin=0.0, max_iterations=5)
     world.step()
     theirs = {tuple(sorted(int(g) for g in data.contact.geom[k])) for k in range(data.ncon) if data.contact.dist[k] <= 0}
     assert len(theirs) > 300
@@ -58,7 +58,7 @@ def test_a_row_of_boxes_stands_on_four_corners_each():
     count = 3000
     boxes = [Shape("box", (0.1, 0.1, 0.1), body=k) for k in range(count)]
     bodies = [Body.solid(box, 1000.0, position=(0.3 * k, 0.0, 0.1)) for k, box in enumerate(boxes)]
-    world = World(bodies, [Shape("plane", mu=0.5), *boxes], max_iterations=5)
+    world = World(bodies, [Shape("plane", mu=0.5), *boxes], 1, max_iterations=5)
     world.step()
     contacts = world.contacts()
     assert np.array_equal(contacts.body_b, np.repeat(np.arange(count), 4)) and (contacts.body_a == -1).all()

@@ -94,8 +94,9 @@ WorldDescription heap_of_spheres(int side) {
   add_floor(world);
   for (int k = 0; k < side * side * side; ++k) {
     const auto off = [&] { return static_cast<double>(random() >> 40) * 0x1p-24 * 0.01; };
-    add_body(world, ShapeKind::sphere, {0.1, 0, 0}).position = {
-        0.195 * (k % side) + off(), 0.195 * (k / side % side) + off(), 0.1 + 0.195 * (k / side / side) + off()};
+    const int row = k / side % side, layer = k / side / side;
+    add_body(world, ShapeKind::sphere, {0.1, 0, 0}).position = {0.195 * (k % side) + off(), 0.195 * row + off(),
+                                                                0.1 + 0.195 * layer + off()};
   }
   return world;
 }
