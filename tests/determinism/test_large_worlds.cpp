@@ -18,19 +18,10 @@ namespace {
 constexpr int kBodies = 150;
 
 template <class Real>
-World<Real> pile_of(int bodies, Offset envs, int threads, Device device = Device::cpu()) {
-  const scenes::WorldScene scene = scenes::make_world("pile", bodies);
-  WorldOptions options;
-  options.stepping = scene.stepping;
-  options.solver.threads = threads;
-  World<Real> world(device, scene.description, envs, options);
-  scenes::start_all(world, "pile", 0, bodies);
-  return world;
-}
-
-template <class Real>
 std::uint64_t hash_after(Offset envs, int steps, int threads, Device device = Device::cpu()) {
-  World<Real> world = pile_of<Real>(kBodies, envs, threads, device);
+  WorldOptions options;
+  options.solver.threads = threads;
+  World<Real> world = started<Real>("pile", envs, options, device, 0, kBodies);
   run(world, steps);
   EXPECT_GT(world.contact_offsets().back(), 40);
   return world.hash();
