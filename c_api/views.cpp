@@ -115,7 +115,8 @@ TimeStepping to_cpp(const stiction_time_stepping& stepping) {
 
 BodySolverOptions to_cpp(const stiction_body_options& options) {
   BodySolverOptions cpp;
-  cpp.law = law_of("options.law", options.law);
+  cpp.box_friction = options.law == STICTION_LAW_BOXED;
+  if (!cpp.box_friction) cpp.law = law_of("options.law", options.law);
   cpp.method = body_method_of("options.method", options.method);
   cpp.space.preconditioner = preconditioner_of("options.preconditioner", options.preconditioner);
   cpp.space.multigrid.prolongation = prolongation_of("options.prolongation", options.prolongation);

@@ -48,7 +48,8 @@ typedef enum stiction_cone_kind {
 typedef enum stiction_law {
   STICTION_LAW_OF_BATCH = -1, /**< in options alone: what the batch says */
   STICTION_LAW_CONVEX = 0,    /**< associated: lambda minimises a quadratic over the cones */
-  STICTION_LAW_COULOMB = 1    /**< exact Coulomb law */
+  STICTION_LAW_COULOMB = 1,   /**< exact Coulomb law */
+  STICTION_LAW_BOXED = 2      /**< in body options alone: boxed friction (docs/math/box_friction.md) */
 } stiction_law;
 
 /** What to do with an environment whose numbers break a precondition. */

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 
+#include "core/job/body_job.hpp"
 #include "core/job/workspace.hpp"
 #include "cuda/api/kernel.hpp"
 
@@ -44,9 +45,9 @@ struct SolveBodyKernels {
   KernelRef teams;    ///< one team per environment             (kernels/bodies_program.hpp)
 };
 
-/// Bodies by precision (Precision) and law (Law).
+/// Bodies by precision (Precision) and law of contacts (contact_law).
 struct BodyKernels {
-  SolveBodyKernels by_precision_and_law[2][2];
+  SolveBodyKernels by_precision_and_law[2][kContactLaws];
 };
 
 /// Bodies by Newton's method, one team per environment, by precision and law  (kernels/bodies_program.hpp).

@@ -71,8 +71,10 @@ SolveBodyKernels solve_body_kernels() {
 
 template <class Make>
 BodyKernels body_kernels() {
-  return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>()},
-           {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>()}}};
+  return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>(),
+            solve_body_kernels<Make, kBoxFriction, float>()},
+           {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>(),
+            solve_body_kernels<Make, kBoxFriction, double>()}}};
 }
 
 template <class Make, Law kLaw, class Real>

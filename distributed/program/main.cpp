@@ -50,6 +50,7 @@ void declare_step(CLI::App& app, StepJobArguments& job) {
   app.add_option("--seed", a.seed, "Seed of where environments begin")->check(CLI::NonNegativeNumber);
   app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--law", a.law, "Of contacts: coulomb, convex or boxed")->capture_default_str();
   app.add_option("--iterations", a.iterations, "Sweeps of a step at most")->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
   app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();

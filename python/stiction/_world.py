@@ -140,8 +140,8 @@ class World:
 
     bodies, shapes: of Body and of Shape. env_count: environments. device: as for Solver. gravity [m/s2]. dtype:
     "float64" or "float32".
-    dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies. law: "coulomb" or
-    "convex".
+    dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies. law: "coulomb",
+    "convex" or "boxed" (docs/math/box_friction.md, for "npgs" and "pgs").
     solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid".
     max_iterations: of each step. tolerance: on the relative residual, 0: all iterations. omega: relaxation.
     margin: gap up to which a pair is a contact even if it does not close [m]. warm_start: share of a contact's last

@@ -42,6 +42,7 @@ static void defaults(void) {
   STICTION_CHECK(options.invalid == STICTION_INVALID_REJECT && options.islands == STICTION_ISLANDS_TOGETHER);
   STICTION_CHECK(options.direct_rows == 1024);
   STICTION_CHECK_OK(stiction_body_options_init(&bodies, sizeof bodies));
+  STICTION_CHECK(STICTION_LAW_BOXED == 2);
   STICTION_CHECK(bodies.iterations == 50 && bodies.law == STICTION_LAW_COULOMB && bodies.momentum == 1);
   STICTION_CHECK(bodies.substeps == 1 && bodies.preconditioner == STICTION_PRECONDITIONER_MULTIGRID);
   STICTION_CHECK(bodies.cycle == STICTION_CYCLE_V && bodies.ordering == STICTION_ORDERING_REVERSE_CUTHILL_MCKEE);

@@ -87,6 +87,32 @@ TEST(Step, NewtonsMethodReachesWhatSweepsDoNot) {
   EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--preconditioner", "factor"}).status, 2);
 }
 
+TEST(Step, TheLawOfContactsIsAnOption) {
+  const auto with = [](std::vector<std::string> more) {
+    more.insert(more.begin(), {"pile", "--envs", "2", "--steps", "80"});
+    return report_of(more);
+  };
+  const Json plain = with({}), boxed = with({"--law", "boxed"});
+  EXPECT_EQ(plain["law"], "coulomb");
+  EXPECT_EQ(boxed["law"], "boxed");
+  EXPECT_EQ(with({"--law", "coulomb"})["hash"], plain["hash"]);
+  EXPECT_NE(boxed["hash"], plain["hash"]);
+  EXPECT_NE(with({"--law", "convex"})["hash"], plain["hash"]);
+  EXPECT_EQ(with({"--law", "boxed", "--device", "emulated"})["hash"], boxed["hash"]);
+  const Finished newton = run_stiction({"step", "stack", "--envs", "1", "--law", "boxed", "--solver", "multigrid"});
+  EXPECT_EQ(newton.status, 2);
+  EXPECT_THAT(newton.err, HasSubstr("choose --solver si"));
+  EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--law", "ice"}).status, 2);
+  const Folder folder;
+  const std::string file = folder / "point.h5";
+  const auto go_on = [&](const char* law) {
+    return run_stiction({"step", "slide", "--envs", "1", "--steps", "2", "--law", law, "--checkpoint", file, "--quiet"});
+  };
+  EXPECT_EQ(go_on("boxed").status, 0);
+  EXPECT_EQ(go_on("boxed").status, 0);
+  EXPECT_THAT(go_on("coulomb").err, HasSubstr("is of another run"));
+}
+
 TEST(Step, WritesStatesAsCsv) {
   const Folder folder;
   const std::string path = folder / "states.csv";

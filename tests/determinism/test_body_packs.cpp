@@ -4,6 +4,7 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
+#include "core/job/body_job.hpp"
 #include "cpu_fallback/pack/work_items.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
@@ -72,7 +73,9 @@ struct Setting {
 constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false},
                                  {Law::coulomb, false, 3, 0, true},
                                  {Law::convex, true, 2, 1e-5, true},
-                                 {Law::convex, false, 1, 1e-2, false}};
+                                 {Law::convex, false, 1, 1e-2, false},
+                                 {kBoxFriction, true, 2, 1e-4, true},
+                                 {kBoxFriction, false, 1, 1e-3, false}};
 
 template <class Real>
 void expect_packs_change_nothing(const Setting& setting) {
@@ -80,7 +83,8 @@ void expect_packs_change_nothing(const Setting& setting) {
   const auto batch = batch_of<Real>(envs);
   const auto view = batch.view();
   BodySolverOptions options;
-  options.law = setting.law;
+  options.box_friction = setting.law == kBoxFriction;
+  if (!options.box_friction) options.law = setting.law;
   options.momentum = setting.momentum;
   options.substeps = setting.substeps;
   options.tolerance = setting.tolerance;

@@ -112,6 +112,7 @@ struct StepArguments {
   std::string precision = "f64";
   std::string solver = "si";                  ///< si, newton or multigrid
   std::optional<std::string> preconditioner;  ///< of newton; without it: block_diagonal
+  std::string law = "coulomb";                ///< coulomb, convex or boxed
   Index iterations = 50;
   double tolerance = 1e-3;
   double warm_start = 0.95;

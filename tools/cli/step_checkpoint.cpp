@@ -40,7 +40,9 @@ StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOption
                        "warm-start={} max-contacts={} precision={} epoch={}",
                        arguments.scene, arguments.environments, arguments.seed, options.stepping.dt, arguments.solver,
                        arguments.preconditioner.value_or("none"), arguments.iterations, arguments.tolerance,
-                       arguments.warm_start, arguments.max_contacts, arguments.precision, kNumericsEpoch)) {}
+                       arguments.warm_start, arguments.max_contacts, arguments.precision, kNumericsEpoch)) {
+  if (arguments.law != StepArguments{}.law) run_ += " law=" + arguments.law;
+}
 
 template <class Real>
 std::int64_t StepCheckpoint::resume(World<Real>& world) const {

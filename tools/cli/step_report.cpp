@@ -29,6 +29,7 @@ Json json_of(const StepReport& report) {
       {"scene", report.scene},
       {"device", report.device},
       {"solver", report.solver},
+      {"law", report.law},
       {"precision", to_string(report.precision)},
       {"environments", report.environments},
       {"steps", report.steps},
@@ -87,6 +88,7 @@ std::string to_text(const StepReport& report) {
        fmt::format("{}, at most {} {}, tolerance {:g}",
                    report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,
                    report.iterations, report.solver == "si" ? "sweeps" : "steps", report.tolerance));
+  line("law", report.law);
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", fmt::format("{}", report.threads));

@@ -83,6 +83,7 @@ WorldOptions world_options(const StepArguments& arguments, const TimeStepping& s
   options.stepping = stepping;
   options.stepping.dt = arguments.dt.value_or(stepping.dt);
   choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
+  choose_contact_law(arguments.law, options.solver);
   options.solver.iterations = arguments.iterations;
   options.solver.tolerance = arguments.tolerance;
   options.solver.threads = arguments.threads;
@@ -128,6 +129,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   report.bodies = world.body_count();
   report.dt = options.stepping.dt;
   report.solver = arguments.solver;
+  report.law = arguments.law;
   if (arguments.solver == "newton") report.preconditioner = to_string(options.solver.space.preconditioner);
   report.iterations = options.solver.iterations;
   report.tolerance = tolerance;
