@@ -221,8 +221,7 @@ typedef struct stiction_warm_start_options {
 
 /* ---- Contact batches: (A + diag R) lambda + b = w in every environment ---- */
 
-/** Rows of all environments follow one another; columns of A count from the environment's own first row. Arrays marked
- * "or null" may be left out. */
+/** Rows of all environments follow one another; columns of A count from the environment's own. "or null": optional. */
 typedef struct stiction_batch_view {
   size_t size;                       /**< sizeof of the struct that the caller has */
   int32_t precision;                 /**< stiction_precision of A, factor, b, R, mu, lo, hi and of the solution */

@@ -20,8 +20,9 @@ World<Real>& checked(World<Real>& world) {
     refuse("world: solver.max_contacts_per_env = " + std::to_string(world.options().solver.max_contacts_per_env) +
            ", and what a capacity drops is not told: differentiate a world without one (0)");
   if (world.options().solver.box_friction)
-    refuse("world: solver.box_friction = true, and boxed friction has no derivative: differentiate a world with "
-           "friction cones (false)");
+    refuse(
+        "world: solver.box_friction = true, and boxed friction has no derivative: differentiate a world with "
+        "friction cones (false)");
   return world;
 }
 

@@ -106,7 +106,8 @@ TEST(Step, TheLawOfContactsIsAnOption) {
   const Folder folder;
   const std::string file = folder / "point.h5";
   const auto go_on = [&](const char* law) {
-    return run_stiction({"step", "slide", "--envs", "1", "--steps", "2", "--law", law, "--checkpoint", file, "--quiet"});
+    return run_stiction(
+        {"step", "slide", "--envs", "1", "--steps", "2", "--law", law, "--checkpoint", file, "--quiet"});
   };
   EXPECT_EQ(go_on("boxed").status, 0);
   EXPECT_EQ(go_on("boxed").status, 0);

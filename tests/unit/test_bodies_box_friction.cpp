@@ -1,5 +1,5 @@
-// Boxed friction of bodies: answers by hand, by enumeration of all states, by the matrix of the same bodies, and by the
-// law; what refuses it; hostile numbers.
+// Boxed friction of bodies: answers by hand, by enumeration of all states, and by the matrix of the same bodies. What
+// refuses it; hostile numbers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -115,7 +115,8 @@ TEST(BodiesBoxFriction, EnumerationOfAllStatesFindsTheSameImpulses) {
       << inside << " inside, " << at_a_bound << " at a bound, " << corners << " in a corner, " << open << " open";
 }
 
-/// Larger scenes: the solver of matrices on A of the same bodies, a judge that shares nothing with either, and products.
+/// Larger scenes: the solver of matrices on A of the same bodies, a judge that shares nothing with either, and
+/// products.
 TEST(BodiesBoxFriction, AMatrixOfTheSameBodiesHasTheSameMotion) {
   TimeStepping stepping;
   stepping.cfm = 1e-4;
@@ -149,14 +150,14 @@ TEST(BodiesBoxFriction, SubStepsAndWarmStartsLeadToTheSameAnswer) {
   // A corner of the box is no point of the cone: a start there is an answer, and no sweep is needed.
   const Env env = sledge(0.5, 1, 1);
   const std::vector<double> corner{2 * kFall, -2 * brake, -2 * brake};
-  const auto warm = solve_bodies(batch_of<double>({env}), {}, boxed_options(1e-9), Device::cpu(),
-                                 std::span<const double>(corner));
+  const auto warm =
+      solve_bodies(batch_of<double>({env}), {}, boxed_options(1e-9), Device::cpu(), std::span<const double>(corner));
   EXPECT_EQ(warm.status[0].iterations, 0);
   EXPECT_EQ(warm.status[0].code, EnvCode::solved);
   // One beyond it is clamped to it.
   const std::vector<double> outside{2 * kFall, -7, -7};
-  const auto clamped = solve_bodies(batch_of<double>({env}), {}, boxed_options(1e-9), Device::cpu(),
-                                    std::span<const double>(outside));
+  const auto clamped =
+      solve_bodies(batch_of<double>({env}), {}, boxed_options(1e-9), Device::cpu(), std::span<const double>(outside));
   EXPECT_EQ(clamped.status[0].iterations, 0);
   EXPECT_EQ(clamped.impulse, warm.impulse);
 }

@@ -41,7 +41,9 @@ enum ContactField : Index {
 };
 
 template <Law kLaw>
-inline constexpr Index kContactFields = kFieldBlock + (kLaw == Law::coulomb ? 2 : kLaw == kBoxFriction ? 4 : 8);
+inline constexpr Index kContactFields = kFieldBlock + (kLaw == Law::coulomb   ? 2
+                                                       : kLaw == kBoxFriction ? 4
+                                                                              : 8);
 
 /// The twist whose six numbers begin an array, of one precision, in another.
 template <class T, class Array>

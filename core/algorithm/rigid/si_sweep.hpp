@@ -33,8 +33,7 @@ struct LocalProblem {
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
-/// The bound of a contact's tangential rows in the unit of its normal one, as a residual takes `lo` of a cone: -1 says
-/// that friction is boxed.
+/// A contact's `lo`, as a residual takes that of a cone: -1 says that friction is boxed.
 template <class Real, Law kLaw>
 inline constexpr Real kLowerBound = Real(kLaw == kBoxFriction ? -1 : 0);
 
@@ -244,8 +243,8 @@ STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const Sy
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
     const Real lo(kLowerBound<Scalar<Real>, System::kLaw>);
-    largest = max_(natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), lo, Real(0)),
-                   largest);
+    largest =
+        max_(natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), lo, Real(0)), largest);
   });
   return sqrt_(team.max(largest));
 }
