@@ -366,14 +366,15 @@ class WorldStep:
     Exact means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
     corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
 
-    wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads: as for Derivative.
+    wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads, kappa: as for Derivative. kappa [J]
+    relaxes the contact problem; how the twists after it turn the bodies is differentiated at the exact twists.
     """
 
     def __init__(self, world: World, wrench=None, *, residual_limit: float = 1e-3, tie_tolerance: float = 1e-6,
-                 max_unknowns: int = 1024, threads: int = 0):
+                 max_unknowns: int = 1024, threads: int = 0, kappa: float = 0.0):
         _checked("world", world, World)
         self._core = world._core.keep(world._taken("wrench", wrench, 6), float(residual_limit), float(tie_tolerance),
-                                      _index("max_unknowns", max_unknowns), _index("threads", threads))
+                                      _index("max_unknowns", max_unknowns), _index("threads", threads), float(kappa))
         self._dtype, self._shape = world.dtype, world._shape
         self._counts = world.env_count, len(world.shapes)
 

@@ -21,7 +21,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_body_options) == 72 && offsetof(stiction_body_options, ordering) == 68);
   STICTION_CHECK(sizeof(stiction_body_view) == 160 && offsetof(stiction_body_view, restitution) == 152);
   STICTION_CHECK(sizeof(stiction_body_solution) == 40);
-  STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 40);
+  STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 48);
   STICTION_CHECK(sizeof(stiction_solution_numbers) == 32 && sizeof(stiction_batch_numbers) == 64);
   STICTION_CHECK(sizeof(stiction_jacobian_numbers) == 72);
 }

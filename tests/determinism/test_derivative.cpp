@@ -5,8 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "core/algorithm/derivative/jacobian_jvp.hpp"
-#include "core/algorithm/derivative/jacobian_vjp.hpp"
+#include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
@@ -57,7 +56,8 @@ void append(std::string& bytes, const std::vector<T>& numbers, Offset first, Off
 
 /// What vjp() and jvp() give for the environments of `order`.
 template <class Real>
-std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1) {
+std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1,
+                                 double kappa = 0.0) {
   const ContactBatch<Real> batch = gather<Real>(problem.batch, order);
   const auto view = batch.view();
   std::vector<Real> lambda, bar;
@@ -69,6 +69,7 @@ std::vector<std::string> answers(const Problem<Real>& problem, const std::vector
   }
   DerivativeOptions o;
   o.threads = threads;
+  o.kappa = kappa;
   const auto own = vjp(view, lambda, bar, bar, o);
   const auto forward =
       jvp(view, lambda,
@@ -102,8 +103,10 @@ TYPED_TEST_SUITE(DerivativeBits, Precisions);
 TYPED_TEST(DerivativeBits, AreThoseOfAnyNumberOfThreads) {
   for (const Law law : kBothLaws) {
     const Problem<TypeParam> problem(law);
-    const auto expected = answers(problem, in_order());
-    for (const int threads : {2, 7}) EXPECT_EQ(answers(problem, in_order(), threads), expected) << threads;
+    for (const double kappa : {0.0, 1e-2}) {
+      const auto expected = answers(problem, in_order(), 1, kappa);
+      for (const int threads : {2, 7}) EXPECT_EQ(answers(problem, in_order(), threads, kappa), expected) << threads;
+    }
   }
 }
 
@@ -125,11 +128,13 @@ TYPED_TEST(DerivativeBits, AreThoseOfAnyOrderAndAnyNeighbours) {
 TYPED_TEST(DerivativeBits, AreThoseOfEveryInstructionSet) {
   for (const Law law : kBothLaws) {
     const Problem<TypeParam> problem(law);
-    const auto expected = answers(problem, in_order());
     ASSERT_GE(usable_isas().size(), 1U);
-    for (const char* isa : usable_isas()) {
-      const ScopedIsa scoped(isa);
-      EXPECT_EQ(answers(problem, in_order()), expected) << isa;
+    for (const double kappa : {0.0, 1e-2}) {
+      const auto expected = answers(problem, in_order(), 1, kappa);
+      for (const char* isa : usable_isas()) {
+        const ScopedIsa scoped(isa);
+        EXPECT_EQ(answers(problem, in_order(), 1, kappa), expected) << isa;
+      }
     }
   }
 }
@@ -174,6 +179,10 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
       const auto solution = solve(batch, options(SolverKind::npgs, 1e-5, 2000));
       const auto bar = random_numbers<Real>(2 * rows, 1), w_bar = random_numbers<Real>(2 * rows, 2);
       const auto expected = vjp(view, solution.lambda, bar, w_bar, {}, nullptr, 2);
+      DerivativeOptions with_kappa;
+      with_kappa.kappa = 1e-2;
+      const auto relaxed = vjp(view, solution.lambda, bar, w_bar, with_kappa, nullptr, 2);
+      EXPECT_EQ(relaxed.status[0].flags & kGradientRefused, 0U);
       EXPECT_EQ(expected.status[0].flags, 0U);
       for (const Index width : {1, 2, 3, 8, 33}) {
         Gradients<Real> own = expected;
@@ -193,9 +202,18 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
         job.gradients = own.view();
         std::vector<double> memory(static_cast<std::size_t>(derivative_elements(job, 0)), __builtin_nan(""));
         run_stressed<1>(width, [&](auto& team) { vjp_env(team, job, 0, memory.data()); });
-        const auto one = expected.all(), two = own.all();
-        EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
-        EXPECT_EQ(std::memcmp(&own.status[0], &expected.status[0], sizeof(GradientStatus)), 0) << width;
+        const auto compare = [&](const Gradients<Real>& wanted) {
+          const auto one = wanted.all(), two = own.all();
+          EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
+          EXPECT_EQ(std::memcmp(&own.status[0], &wanted.status[0], sizeof(GradientStatus)), 0) << width;
+        };
+        compare(expected);
+        // The relaxed problem.
+        std::vector<Real> reactions(rows);
+        const RelaxedJob<VjpJob<Real>, Real> smooth{job, 1e-2, reactions.data()};
+        std::vector<double> room(static_cast<std::size_t>(relaxed_elements(job, 0)), __builtin_nan(""));
+        run_stressed<1>(width, [&](auto& team) { relaxed_vjp_env(team, smooth, 0, room.data()); });
+        compare(relaxed);
       }
     }
 }

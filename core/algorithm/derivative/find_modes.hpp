@@ -32,8 +32,8 @@ STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Ind
 }
 
 /// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` what forbids a solve.
-template <class Shape, class Real, class Rows>
-STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Real* lambda, const double* w,
+template <class Shape, class Real, class Rows, class Reaction>
+STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Reaction* lambda, const double* w,
                             Index first, std::uint32_t& flags) {
   constexpr int kRows = Shape::kRows;
   ModePoint<kRows> point;
@@ -121,6 +121,20 @@ STICTION_HD Index count_degenerate(TeamT& team, const DerivativeScratch& s, Inde
   }
 }
 
+/// Closes the list of unknowns and lists the rows of cones that have some.
+template <Team TeamT, class Real>
+STICTION_HD void list_moving_rows(TeamT& team, const EnvView<Real>& env, const DerivativeScratch& s, Index unknowns) {
+  single(team, [&] {
+    s.first[env.cone_count] = unknowns;
+    Index count = 0;
+    for (Index i = 0; i < env.n; ++i) {
+      s.moving[count] = i;
+      count += s.first[s.cone_of_row[i] + 1] > s.first[s.cone_of_row[i]] ? 1 : 0;
+    }
+    s.moving[env.n] = count;
+  });
+}
+
 /// Motions, modes and directions of all cones of an environment, and whether its derivative can be had.
 template <Team TeamT, class Real, class Rows>
 STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
@@ -149,15 +163,7 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   if (!(result.forward_residual <= job.residual_limit)) flags |= kGradientUnconverged;
   result.unknowns = scan_unknowns(team, s.first, env.cone_count, s.parts);
   result.degenerate = count_degenerate(team, s, env.cone_count);
-  single(team, [&] {
-    s.first[env.cone_count] = result.unknowns;
-    Index count = 0;
-    for (Index i = 0; i < env.n; ++i) {
-      s.moving[count] = i;
-      count += s.first[s.cone_of_row[i] + 1] > s.first[s.cone_of_row[i]] ? 1 : 0;
-    }
-    s.moving[env.n] = count;
-  });
+  list_moving_rows(team, env, s, result.unknowns);
   if (result.degenerate > 0) flags |= kGradientSubgradient;
   if (result.unknowns > most_unknowns(job, index)) flags |= kGradientOverCapacity;
   result.flags = team.combine(flags);
