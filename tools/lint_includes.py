@@ -46,6 +46,7 @@ ALGORITHM = {
     "collision": ["rigid", "plan"],
     "jacobian": [],
     "derivative": ["problem", "system", "sweep", "residual", "linear", "jacobian"],
+    "unrolled": ["problem", "system", "sweep", "residual", "load", "driver", "derivative"],
     "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian"],
     "warm_start": ["plan"],
 }

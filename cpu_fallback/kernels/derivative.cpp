@@ -1,5 +1,5 @@
 #include "core/algorithm/derivative/relaxed_derivative.hpp"
-#include "core/algorithm/derivative/unrolled.hpp"
+#include "core/algorithm/unrolled/unrolled_vjp.hpp"
 #include "cpu_fallback/kernels/derivative_kernels.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
 

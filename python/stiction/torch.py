@@ -223,8 +223,8 @@ def step_world(world, position, orientation, twist, wrench=None, *, kappa=0.0):
     world is put into that state, so it forgets the last step's contacts and starts from no reactions. What comes out
     depends on the arguments and the world's options alone.
 
-    position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep,
-    where is said what is frozen, and what kappa does. orientation has none. Environments without a derivative have
+    position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep.
+    There is said what is frozen, and what kappa does. orientation has none. Environments without a derivative have
     zeros. Solve to a small tolerance, and give contacts compliance (cfm > 0).
     """
     return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world, kappa))

@@ -23,8 +23,10 @@ class RelaxedOracle {
       const auto size = static_cast<std::size_t>(env.cones[cone].row_count);
       for (std::size_t i = row; i < row + size; ++i)
         exchange_[cone] += (entry(i, i) + env.R[i]) / static_cast<double>(size);
-      if (env.cones[cone].kind == ConeKind::box) first_part_.push_back(rows_ + 2 * boxes_++);
-      else first_part_.push_back(0);
+      if (env.cones[cone].kind == ConeKind::box)
+        first_part_.push_back(rows_ + 2 * boxes_++);
+      else
+        first_part_.push_back(0);
       row += size;
     }
     for (const double b : env.b) scale_ = std::max(scale_, std::abs(b));
@@ -195,7 +197,7 @@ class RelaxedOracle {
   std::size_t rows_, boxes_ = 0;
   double scale_ = 0.0;
   std::vector<std::size_t> first_part_;  ///< of a box row's cone: where the parts of its motion are
-  std::vector<double> exchange_;  ///< mean diagonal of a cone [w / lambda]
+  std::vector<double> exchange_;         ///< mean diagonal of a cone [w / lambda]
 };
 
 }  // namespace stiction::test

@@ -59,9 +59,8 @@ double loss_of(const Environment<double>& env, const std::vector<double>& lambda
 }
 
 class RelaxedDerivative : public testing::TestWithParam<Law> {};
-INSTANTIATE_TEST_SUITE_P(BothLaws, RelaxedDerivative, testing::ValuesIn(kBothLaws), [](const auto& test) {
-  return std::string(to_string(test.param));
-});
+INSTANTIATE_TEST_SUITE_P(BothLaws, RelaxedDerivative, testing::ValuesIn(kBothLaws),
+                         [](const auto& test) { return std::string(to_string(test.param)); });
 
 TEST_P(RelaxedDerivative, IsThatOfDifferencesOfTheRelaxedProblem) {
   double worst[6] = {};
@@ -168,12 +167,12 @@ TEST_P(RelaxedDerivative, ForwardIsTheTransposeOfReverse) {
     const auto dA = random_numbers(env.A.size(), seed + 2), db = random_numbers(n, seed + 3),
                dR = random_numbers(n, seed + 4), dmu = random_numbers(n, seed + 5), dlo = random_numbers(n, seed + 6),
                dhi = random_numbers(n, seed + 7);
-    const auto front = jvp(
-        batch.view(), lambda,
-        BatchTangentView<double>{dA.data(), nullptr, db.data(), dR.data(), dmu.data(), dlo.data(), dhi.data()},
-        relaxed(1e-3));
-    const double reverse = dot(back.A, dA) + dot(back.b, db) + dot(back.R, dR) + dot(back.mu, dmu) + dot(back.lo, dlo) +
-                           dot(back.hi, dhi);
+    const auto front =
+        jvp(batch.view(), lambda,
+            BatchTangentView<double>{dA.data(), nullptr, db.data(), dR.data(), dmu.data(), dlo.data(), dhi.data()},
+            relaxed(1e-3));
+    const double reverse =
+        dot(back.A, dA) + dot(back.b, db) + dot(back.R, dR) + dot(back.mu, dmu) + dot(back.lo, dlo) + dot(back.hi, dhi);
     const double forward = dot(front.lambda, bar) + dot(front.w, w_bar);
     worst = std::max(worst, std::abs(reverse - forward) / (1.0 + std::abs(forward)));
   }

@@ -87,26 +87,25 @@ struct Parameter {
   std::vector<double> Environment<double>::* numbers;
   std::vector<double> Unrolled::* gradient;
 };
-const Parameter kParameters[] = {{"A", &Environment<double>::A, &Unrolled::A},
-                                 {"b", &Environment<double>::b, &Unrolled::b},
-                                 {"R", &Environment<double>::R, &Unrolled::R},
-                                 {"mu", &Environment<double>::mu, &Unrolled::mu},
-                                 {"lo", &Environment<double>::lo, &Unrolled::lo},
-                                 {"hi", &Environment<double>::hi, &Unrolled::hi},
-                                 {"warm start", nullptr, &Unrolled::by_warm_start}};
+const Parameter kParameters[] = {
+    {"A", &Environment<double>::A, &Unrolled::A},     {"b", &Environment<double>::b, &Unrolled::b},
+    {"R", &Environment<double>::R, &Unrolled::R},     {"mu", &Environment<double>::mu, &Unrolled::mu},
+    {"lo", &Environment<double>::lo, &Unrolled::lo},  {"hi", &Environment<double>::hi, &Unrolled::hi},
+    {"warm start", nullptr, &Unrolled::by_warm_start}};
 
 std::vector<double> motion(const Environment<double>& env, const std::vector<double>& lambda) {
   std::vector<double> w = env.b;
   for (std::size_t i = 0; i < w.size(); ++i) {
     w[i] += env.R[i] * lambda[i];
-    for (auto k = static_cast<std::size_t>(env.row_offsets[i]); k < static_cast<std::size_t>(env.row_offsets[i + 1]); ++k)
+    for (auto k = static_cast<std::size_t>(env.row_offsets[i]); k < static_cast<std::size_t>(env.row_offsets[i + 1]);
+         ++k)
       w[i] += env.A[k] * lambda[static_cast<std::size_t>(env.column[k])];
   }
   return w;
 }
 
-/// The largest error against central differences, for each parameter; a change across which the sweeps are not smooth
-/// (their two one-sided differences differ) is counted and left out.
+/// The largest error against central differences, for each parameter. Where the two one-sided differences differ,
+/// sweeps are not smooth; such a change is counted and left out.
 struct Comparison {
   double worst[7] = {};
   int used = 0, left_out = 0;
@@ -165,9 +164,8 @@ struct Comparison {
 };
 
 class UnrolledDerivative : public testing::TestWithParam<Law> {};
-INSTANTIATE_TEST_SUITE_P(BothLaws, UnrolledDerivative, testing::ValuesIn(kBothLaws), [](const auto& test) {
-  return std::string(to_string(test.param));
-});
+INSTANTIATE_TEST_SUITE_P(BothLaws, UnrolledDerivative, testing::ValuesIn(kBothLaws),
+                         [](const auto& test) { return std::string(to_string(test.param)); });
 
 /// Dense environments, in canonical order: cones of every kind and size, axes without friction, bounds that are not.
 TEST_P(UnrolledDerivative, IsThatOfDifferencesOfSoManySweeps) {

@@ -3,8 +3,8 @@
 #include "core/algorithm/derivative/mode_system.hpp"
 #include "core/algorithm/derivative/relaxed_cone.hpp"
 
-/// The relaxed problem of an environment, solved from the reactions of the exact one by Newton's method on its smooth
-/// natural map (docs/math/derivative.md, (22) to (27)). In double whatever the batch's precision.
+/// The relaxed problem of an environment, in double whatever the batch's precision. Newton's method on its smooth
+/// natural map begins at the reactions of the exact one (docs/math/derivative.md, (22) to (27)).
 namespace stiction::inline STICTION_ISA {
 
 /// Scratch of one environment, with what the relaxed problem needs beside.
@@ -114,8 +114,8 @@ inline constexpr int kRelaxedSteps = 100, kRelaxedHalvings = 30;
 
 /// Newton's method from `s.lambda`, each step halved until the map shrinks. Returns flags, on every lane.
 template <Team TeamT, class Real, class Rows>
-STICTION_HD std::uint32_t solve_relaxed(TeamT& team, const EnvView<Real>& env, const Relaxing& relaxing, const Rows& rows,
-                                        const RelaxedScratch& s, RelaxedPoint point) {
+STICTION_HD std::uint32_t solve_relaxed(TeamT& team, const EnvView<Real>& env, const Relaxing& relaxing,
+                                        const Rows& rows, const RelaxedScratch& s, RelaxedPoint point) {
   const auto move = [&](double length) {
     for_each(team, env.n, [&](Index i) { s.lambda[i] = fma_(length, s.step[i], s.kept[i]); });
     return evaluate_relaxed(team, env, relaxing, rows, s);
@@ -156,9 +156,8 @@ STICTION_HD ModesFound find_relaxed(TeamT& team, const EnvView<Real>& env, const
     s.lambda[i] = static_cast<double>(given[i]);
   });
   if ((found.flags & kGradientRefused) != 0) return found;
-  const Relaxing relaxing{
-      job.law, kappa,
-      max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); })};
+  const Relaxing relaxing{job.law, kappa,
+                          max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); })};
   const auto relax = [&](const auto& rows) {
     const RelaxedPoint point = evaluate_relaxed(team, env, relaxing, rows, s);
     found.unknowns = point.unknowns;

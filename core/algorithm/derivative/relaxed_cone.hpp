@@ -8,7 +8,7 @@
 /// natural map becomes smooth, and what was a mode becomes a share between 0 and 1.
 namespace stiction::inline STICTION_ISA {
 
-/// p(t) = (t + sqrt(t² + 4c)) / 2, smooth in place of max(t, 0), at t and at -t: p(t) p(-t) = c (Chen and Harker 1993,
+/// p(t) = (t + sqrt(t² + 4c)) / 2, smooth in place of max(t, 0), at t and at -t. p(t) p(-t) = c (Chen and Harker 1993,
 /// Kanzow 1996, Smale 1987). Nothing cancels.
 struct SmoothStep {
   double above;    ///< p(t)
@@ -133,12 +133,8 @@ STICTION_HD RelaxedCone<M> relaxed_friction(const ModePoint<M>& point, const Rel
   found.directions.unknowns = axes + 1;
   found.size = point.a * abs_(point.x[0]) + abs_(point.y[0]) + length;
   for (int j = 0; j <= axes; ++j) {
-    const double opening = j == 0   ? outer.opening
-                           : j == 1 ? inner.opening
-                                    : div_(outer.above + inner.above, roots);
-    const double closing = j == 0   ? outer.closing
-                           : j == 1 ? inner.closing
-                                    : div_(outer.below + inner.below, roots);
+    const double opening = j == 0 ? outer.opening : j == 1 ? inner.opening : div_(outer.above + inner.above, roots);
+    const double closing = j == 0 ? outer.closing : j == 1 ? inner.closing : div_(outer.below + inner.below, roots);
     const double normal = j < 2 ? kHalfRoot : 0.0;
     double along = normal * (point.a * point.x[0]);
     found.directions.E[0][j] = normal;

@@ -56,9 +56,9 @@ struct DerivativeOptions {
   double tie_tolerance = 1e-6;   ///< a cone this close to another mode, over max|b|, is degenerate [-]
   Index max_unknowns = 1024;     ///< of an environment; each thread keeps a square of doubles of the largest
   int threads = 0;               ///< CPU threads; 0: all cores
-  double kappa = 0.0;            ///< above 0: the derivative of the problem in which reaction times motion is kappa and
-                                 ///< not 0, so that open contacts pass some on and none jumps; on the CPU alone
-                                 ///< (docs/math/derivative.md, "Relaxed") [lambda w]
+  double kappa = 0.0;            ///< above 0: of the problem in which reaction times motion is kappa and not 0. Open
+                                 ///< contacts then pass some on. On the CPU alone (docs/math/derivative.md, "Relaxed")
+                                 ///< [lambda w]
 };
 
 /// Reactions at which a batch is differentiated, as a solve returned them; same memory space as the batch.
@@ -176,7 +176,7 @@ class Derivative {
   /// factors and for J and M. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is
   /// needed.
   /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
-  /// Error(unsupported) when the device cannot be had or kappa > 0 is asked of one, Error(out_of_memory).
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory). Error(unsupported) for kappa > 0 on one.
   explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
                       const Capacity& capacity = {});
   ~Derivative();
@@ -217,11 +217,11 @@ class Derivative {
            const JacobianBatchTangentView<Real>& tangents, const JacobianSolutionTangentView<Real>& changes,
            GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to their warm start: the
-  /// derivative of the iterations, and not of the solution that they come near. It is that of a solve with
-  /// `max_iterations` = sweeps.count, tolerance 0 and stall_window 0. The sweeps are run again in double, in the
-  /// solver's own order, and kept: 2 (n + sweeps) n doubles an environment of n rows, where n may not exceed
-  /// `max_unknowns`. In the record `forward_residual` is that of the answer, and `unconverged` is never set. On the CPU
+  /// Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to their warm start. It is
+  /// the derivative of the iterations, not of the solution that they come near. The solve is one with tolerance 0,
+  /// stall_window 0 and `max_iterations` = sweeps.count. Sweeps are run again in double, in the solver's own order, and
+  /// kept. That takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the
+  /// record `forward_residual` is that of the answer, and `unconverged` is never set. On the CPU
   /// (docs/math/derivative.md, "Unrolled").
   /// \throws as vjp(); Error(invalid_argument) for sweeps.count < 0 or omega outside (0, 2); Error(unsupported) of a
   /// derivative on a device.

@@ -28,7 +28,8 @@ struct LoneCone {
     inv_t[0] = share[0] = 0.0;
     damping[0] = 1.0;
     if constexpr (M > 1) {
-      const double whole = largest_eigenvalue_bound<M, 0>(*this, 0), tangential = largest_eigenvalue_bound<M, 1>(*this, 0);
+      const double whole = largest_eigenvalue_bound<M, 0>(*this, 0),
+                   tangential = largest_eigenvalue_bound<M, 1>(*this, 0);
       inv_t[0] = inverse_of_positive(max_(tangential, whole * static_cast<double>(kSmallestTangential)));
       const BlockMetric<double> metric = block_metric<M>(*this, 0, inv_n[0], inv_t[0]);
       damping[0] = metric.damping;
@@ -117,7 +118,7 @@ STICTION_HD void pull_convex_step(const LoneCone<M>& s, const double (&y)[M], do
     by[i] = bar[i];
   }
   double by_gain[2] = {};
-  const auto pull_pass = [&](int pass, double(&by_motion)[M]) {
+  const auto pull_pass = [&](int pass, double (&by_motion)[M]) {
     pull_cone_projection<M>(z[pass], s.share[0], by, to.share);
     for (int k = 0; k < M; ++k) {
       by_motion[k] = gain[k > 0 ? 1 : 0] * by[k];
@@ -185,7 +186,7 @@ STICTION_HD void pull_eigenvalue_bound(const LoneCone<M>& s, double by, LoneCone
     for (int j = kFirst; j < M; ++j) power[i][j] = div_(0.5 * (s.B[i][j] + s.B[j][i]), bound);
     product[i][i] = 1.0;
   }
-  const auto multiply = [](const double(&a)[M][M], const double(&b)[M][M], double(&out)[M][M]) {
+  const auto multiply = [](const double (&a)[M][M], const double (&b)[M][M], double (&out)[M][M]) {
     double sum[M][M] = {};
     for (int i = kFirst; i < M; ++i)
       for (int j = kFirst; j < M; ++j)
