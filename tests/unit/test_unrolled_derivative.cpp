@@ -181,6 +181,23 @@ TEST_P(UnrolledDerivative, IsThatOfDifferencesOfSoManySweeps) {
   found.expect(1e-5, 450);
 }
 
+/// Steps so long that the last iterate is not the best: the solver returns an earlier one, and of that it is.
+TEST_P(UnrolledDerivative, IsThatOfTheIterateThatTheSolverReturns) {
+  Comparison found;
+  int earlier = 0;
+  for (std::uint64_t seed = 1; seed <= 24; ++seed) {
+    Recipe recipe;
+    recipe.seed = seed;
+    const Environment<double> env = random_contacts(recipe);
+    const std::vector<double> guess = random_numbers(env.b.size(), 100 * seed);
+    if (swept(env, GetParam(), guess, 5, 1.95) == swept(env, GetParam(), guess, 4, 1.95)) ++earlier;
+    found.add(env, GetParam(), 5, 1.95, 100 * seed);
+  }
+  std::printf("%d of 24 returned an earlier one; ", earlier);
+  found.expect(1e-5, 150);
+  EXPECT_GE(earlier, 2);
+}
+
 /// Sparse environments, by colours.
 TEST_P(UnrolledDerivative, IsThatOfSweepsByColours) {
   Comparison found;
