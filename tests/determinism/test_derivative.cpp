@@ -139,6 +139,45 @@ TYPED_TEST(DerivativeBits, AreThoseOfEveryInstructionSet) {
   }
 }
 
+/// Sweeps in reverse: answers, cotangents and records of all environments, as bytes.
+template <class Real>
+std::string unrolled_answers(const Problem<Real>& problem, int threads) {
+  const auto view = problem.batch.view();
+  std::vector<Real> start, bar;
+  for (std::size_t e = 0; e < problem.bar.size(); ++e) {
+    start.insert(start.end(), problem.lambda[e].begin(), problem.lambda[e].end());
+    bar.insert(bar.end(), problem.bar[e].begin(), problem.bar[e].end());
+  }
+  for (Real& number : start) number = Real(0.5) * number;
+  std::vector<Real> lambda(start.size()), by_start(start.size());
+  Gradients<Real> own;
+  own.A.resize(static_cast<std::size_t>(view.nonzero_count));
+  own.b = own.R = own.mu = own.lo = own.hi = std::vector<Real>(start.size());
+  own.status.resize(static_cast<std::size_t>(view.env_count));
+  DerivativeOptions o;
+  o.threads = threads;
+  Derivative(Device::cpu(), o)
+      .unrolled_vjp(view, SweepsView<Real>{start.data(), 5, 1.0, lambda.data(), by_start.data()},
+                    SolutionCotangentView<Real>{bar.data(), bar.data()}, own.view(), own.status.data());
+  std::string bytes;
+  for (const auto* part : {&own.A, &own.b, &own.R, &own.mu, &own.lo, &own.hi, &lambda, &by_start})
+    append(bytes, *part, 0, static_cast<Offset>(part->size()));
+  append(bytes, own.status, 0, view.env_count);
+  return bytes;
+}
+
+TYPED_TEST(DerivativeBits, OfSweepsAreThoseOfThreadsAndInstructionSets) {
+  for (const Law law : kBothLaws) {
+    const Problem<TypeParam> problem(law);
+    const std::string expected = unrolled_answers(problem, 1);
+    for (const int threads : {2, 7}) EXPECT_EQ(unrolled_answers(problem, threads), expected) << threads;
+    for (const char* isa : usable_isas()) {
+      const ScopedIsa scoped(isa);
+      EXPECT_EQ(unrolled_answers(problem, 1), expected) << isa;
+    }
+  }
+}
+
 TYPED_TEST(DerivativeBits, OfOthersDoNotChangeBesideNumbersThatAreNone) {
   using Real = TypeParam;
   constexpr Real kNan = std::numeric_limits<Real>::quiet_NaN();
