@@ -244,7 +244,10 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
         const auto compare = [&](const Gradients<Real>& wanted) {
           const auto one = wanted.all(), two = own.all();
           EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
-          EXPECT_EQ(std::memcmp(&own.status[0], &wanted.status[0], sizeof(GradientStatus)), 0) << width;
+          std::string record, wanted_record;
+          append(record, own.status, 0, 1);
+          append(wanted_record, wanted.status, 0, 1);
+          EXPECT_EQ(record, wanted_record) << width;
         };
         compare(expected);
         // The relaxed problem.
