@@ -261,6 +261,34 @@ TEST_P(RelaxedDerivative, ByJAndMIsThatOfDifferencesOfTheRelaxedProblem) {
   EXPECT_GE(used, 6);
 }
 
+/// A = Y Y' that is not stored has the derivatives of the A that is.
+TEST_P(RelaxedDerivative, ThroughAFactorIsThatOfTheMatrix) {
+  JacobianBatch<double> jacobian(GetParam());
+  jacobian.add(random_jacobian({3, 5, 4, 11, 0}));
+  const ContactBatch<double> stored = assemble(jacobian.view(), FactorUse::never),
+                             factor = assemble(jacobian.view(), FactorUse::always);
+  const auto solution = solve(stored, options(SolverKind::npgs, 1e-8, 20000));
+  const auto bar = random_numbers(solution.lambda.size(), 1), w_bar = random_numbers(solution.lambda.size(), 2);
+  const auto wanted = vjp(stored.view(), solution.lambda, bar, w_bar, relaxed(1e-3));
+  const auto own = vjp(factor.view(), solution.lambda, bar, w_bar, relaxed(1e-3));
+  ASSERT_EQ(wanted.status[0].flags & kGradientRefused, 0U);
+  ASSERT_EQ(own.status[0].flags & kGradientRefused, 0U);
+  for (std::size_t i = 0; i < own.b.size(); ++i) {
+    EXPECT_NEAR(own.b[i], wanted.b[i], 1e-8 * (1 + std::abs(wanted.b[i])));
+    EXPECT_NEAR(own.mu[i], wanted.mu[i], 1e-8 * (1 + std::abs(wanted.mu[i])));
+  }
+  // Along a change dY, A changes by dY Y' + Y dY'.
+  const auto n = own.b.size(), dofs = own.factor.size() / n;
+  const auto& Y = factor.arrays().factor;
+  const auto dY = random_numbers(own.factor.size(), 3);
+  double along = 0.0;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j)
+      for (std::size_t k = 0; k < dofs; ++k)
+        along += wanted.A[i * n + j] * (dY[i * dofs + k] * Y[j * dofs + k] + Y[i * dofs + k] * dY[j * dofs + k]);
+  EXPECT_NEAR(dot(own.factor, dY), along, 1e-8 * (1 + std::abs(along)));
+}
+
 /// Where contacts begin the exact derivative jumps. The relaxed one is continuous.
 TEST(RelaxedRow, DoesNotJumpWhereAContactBegins) {
   const auto slope = [](double b, double kappa) {
