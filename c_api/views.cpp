@@ -70,7 +70,6 @@ SolverOptions to_cpp(const stiction_solver_options& options) {
 }
 
 Capacity to_cpp(const stiction_capacity& capacity) {
-  need_zero("capacity.reserved", capacity.reserved);
   Capacity cpp;
   cpp.envs = capacity.envs;
   cpp.rows = capacity.rows;
@@ -80,6 +79,7 @@ Capacity to_cpp(const stiction_capacity& capacity) {
   cpp.env_nonzeros = capacity.env_nonzeros;
   cpp.env_dofs = capacity.env_dofs;
   cpp.precision = precision_of("capacity.precision", capacity.precision);
+  cpp.semidefinite = yes_or_no("capacity.semidefinite", capacity.semidefinite);
   return cpp;
 }
 

@@ -41,7 +41,9 @@ typedef enum stiction_cone_kind {
   STICTION_CONE_UNILATERAL = 1,  /**< 1 row, 0 <= lambda _|_ w >= 0 */
   STICTION_CONE_BOX = 2,         /**< 1 row, lo <= lambda <= hi */
   STICTION_CONE_FRICTION = 3,    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
-  STICTION_CONE_BOX_FRICTION = 4 /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
+  STICTION_CONE_BOX_FRICTION = 4, /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
+  STICTION_CONE_SEMIDEFINITE = 5  /**< 3 or 6 rows: a positive semidefinite matrix of order 2 or 3, its upper triangle
+                                       column by column, off-diagonals times sqrt(2) */
 } stiction_cone_kind;
 
 /** Law of the friction cones. */
@@ -207,7 +209,7 @@ typedef struct stiction_capacity {
   int32_t env_rows;     /**< rows of the largest environment */
   int32_t env_dofs;     /**< columns of the widest factor */
   int32_t precision;    /**< stiction_precision, the widest that batches will have; of a stepping solver: the one */
-  int32_t reserved;     /**< zero */
+  int32_t semidefinite; /**< 1: cones of semidefinite will come; 0: none */
 } stiction_capacity;
 
 /** What the store of a stepping solver is told when it is made. */

@@ -11,7 +11,7 @@ import torch
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import Derivative
-from ._layout import FRICTION_KINDS
+from ._layout import cone_text
 from ._solver import Solver
 from ._world import WorldState, WorldStep
 
@@ -99,8 +99,7 @@ def _text_of(cones):
     """Cones as an operator's argument: one kind's name, or "friction:3,box:1"."""
     if isinstance(cones, str):
         return cones
-    pairs = (cone if isinstance(cone, tuple) else (cone, 3 if cone in FRICTION_KINDS else 1) for cone in cones)
-    return ",".join(f"{kind}:{rows}" for kind, rows in pairs)
+    return cone_text(cones)
 
 
 def _cones_from(text):

@@ -117,9 +117,9 @@ static void wrong_sizes(void) {
                        "direct_rows = 7", "must be from 1024 to 32768");
   stiction_capacity capacity;
   STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
-  capacity.reserved = 7;
+  capacity.semidefinite = 7;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", NULL, &capacity, &solver), STICTION_INVALID_ARGUMENT,
-                       "capacity.reserved = 7", "must be 0");
+                       "capacity.semidefinite = 7", "must be 0 or 1");
   STICTION_CHECK(solver == NULL);
 }
 

@@ -34,16 +34,18 @@ STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Ind
 /// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` what forbids a solve.
 template <class Shape, class Real, class Rows>
 STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Real* lambda, const double* w,
-                            Index first, std::uint32_t& flags) {
+                            Index cone, std::uint32_t& flags) {
+  const ConeKind kind = env.kind[cone];
+  const Index first = env.cone_row(cone);
   constexpr int kRows = Shape::kRows;
   ModePoint<kRows> point;
   double diagonal = 0.0;
   for (int k = 0; k < kRows; ++k) {
     const Index i = env.row_of(first, kRows, k);
-    flags |= row_flags(env, Shape::kKind, k, i);
+    flags |= row_flags(env, kind, k, i);
     if (!finite_(lambda[i]) || !finite_(w[i])) flags |= kGradientNonFinite;
     diagonal = diagonal + rows.diagonal(i, static_cast<double>(env.R[i]));
-    const auto mu = static_cast<double>(row_scale(env, Shape::kKind, k, i));
+    const auto mu = static_cast<double>(row_scale(env, kind, k, i));
     point.mu[k] = mu > 0.0 ? mu : 0.0;
     point.x[k] = unit_reaction(static_cast<double>(lambda[i]), mu);
     point.y[k] = point.mu[k] * w[i];
@@ -136,9 +138,9 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   double largest = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
-    if (env.kind[cone] == ConeKind::box_friction) flags |= kGradientInvalidInput;
+    if (env.kind[cone] >= ConeKind::box_friction) flags |= kGradientInvalidInput;
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
-      const auto point = cone_point(shape, env, rows, lambda, s.w, first, flags);
+      const auto point = cone_point(shape, env, rows, lambda, s.w, cone, flags);
       largest = max_(cone_residual(shape, point, job.law), largest);
       const auto found = cone_directions(shape, point, job.law, tie);
       write_directions(env, s, cone, first, found);

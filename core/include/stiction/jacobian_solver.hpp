@@ -19,6 +19,7 @@ struct JacobianCapacity {
   Index env_dofs = 0;  ///< degrees of freedom of the largest
   Offset matrix = 0;   ///< entries of all A together: n^2 of each environment that keeps its matrix
   Offset factor = 0;   ///< entries of all Y together: n dofs of each that is kept as a factor
+  bool semidefinite = false;  ///< whether cones of semidefinite will come
 
   /// What a host batch needs. \throws Error(invalid_argument) if its structure is broken.
   template <class Real>
