@@ -37,13 +37,12 @@ typedef enum stiction_space {
 
 /** Kind of a cone; one byte each in cone_kind. */
 typedef enum stiction_cone_kind {
-  STICTION_CONE_FREE = 0,        /**< 1 row, w = 0 */
-  STICTION_CONE_UNILATERAL = 1,  /**< 1 row, 0 <= lambda _|_ w >= 0 */
-  STICTION_CONE_BOX = 2,         /**< 1 row, lo <= lambda <= hi */
-  STICTION_CONE_FRICTION = 3,    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
+  STICTION_CONE_FREE = 0,         /**< 1 row, w = 0 */
+  STICTION_CONE_UNILATERAL = 1,   /**< 1 row, 0 <= lambda _|_ w >= 0 */
+  STICTION_CONE_BOX = 2,          /**< 1 row, lo <= lambda <= hi */
+  STICTION_CONE_FRICTION = 3,     /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
   STICTION_CONE_BOX_FRICTION = 4, /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
-  STICTION_CONE_SEMIDEFINITE = 5  /**< 3 or 6 rows: a positive semidefinite matrix of order 2 or 3, its upper triangle
-                                       column by column, off-diagonals times sqrt(2) */
+  STICTION_CONE_SEMIDEFINITE = 5  /**< 3 or 6 rows: a semidefinite matrix (docs/math/semidefinite.md) */
 } stiction_cone_kind;
 
 /** Law of the friction cones. */
@@ -286,8 +285,7 @@ typedef struct stiction_jacobian_capacity {
   int32_t factor_use; /**< stiction_factor_use; it reaches the last bits of the answer */
 } stiction_jacobian_capacity;
 
-/** Constraint Jacobian J, mass matrix M and velocities of many environments, rows and cones as in stiction_batch_view.
- */
+/** Constraint Jacobian J, mass matrix M, velocities of many environments; rows and cones as in stiction_batch_view. */
 typedef struct stiction_jacobian_view {
   size_t size;                       /**< sizeof of the struct that the caller has */
   int32_t precision;                 /**< stiction_precision of all Real arrays */

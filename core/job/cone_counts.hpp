@@ -25,8 +25,8 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz) {
   return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
 }
 
-/// The path of an environment that may have cones of semidefinite. Those are never solved densely: projecting them
-/// takes long, and dense systems are what packs and a GPU's small teams run, whose code stays what it is without them.
+/// The path of an environment that may have cones of semidefinite. Those are never solved densely, since projecting
+/// them is long code. Packs and a GPU's small teams, which dense systems run on, stay without it.
 STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool has_semidefinite) {
   return has_semidefinite && n > 0 ? EnvPath::sparse : choose_path(n, nnz);
 }

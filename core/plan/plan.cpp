@@ -58,8 +58,7 @@ struct EnvStructure {
     return all.factor_offsets ? all.factor_offsets[env + 1] - all.factor_offsets[env] : 0;
   }
   [[nodiscard]] EnvPath path(const ConeCounts& counts) const {
-    return rows > 0 && factor_entries() > 0 ? EnvPath::factor
-                                            : choose_path(rows, nonzeros(), counts.semidefinite > 0);
+    return rows > 0 && factor_entries() > 0 ? EnvPath::factor : choose_path(rows, nonzeros(), counts.semidefinite > 0);
   }
   [[nodiscard]] Index entries(Index row) const {
     const Offset i = first_row + row;

@@ -240,9 +240,10 @@ class Validator {
     } else {
       fail_env(env, cone, -1,
                std::string("the ") + to_string(kind) + " cone" + where + " has " + std::to_string(rows) +
-                   (rows == 1 ? " row: " : " rows: ") + (friction    ? "friction has 2 to 6"
-                                             : is_matrix ? "matrices of order 2 and 3 have 3 and 6"
-                                                         : "this kind has 1") +
+                   (rows == 1 ? " row: " : " rows: ") +
+                   (friction    ? "friction has 2 to 6"
+                    : is_matrix ? "matrices of order 2 and 3 have 3 and 6"
+                                : "this kind has 1") +
                    "; fix cone_kind or cone_row_offsets");
     }
   }

@@ -155,7 +155,7 @@ void project_matrix(std::array<std::array<long double, 3>, 3>& S, std::size_t n)
     }
 }
 
-/// The norm of r = a x - P(a x - y) of a semidefinite matrix of 3 or 6 rows: its upper triangle, column by column,
+/// The norm of r = a x - P(a x - y) of a semidefinite matrix. Its 3 or 6 rows are the upper triangle, column by column,
 /// off-diagonals times sqrt(2).
 double semidefinite_residual(const double* lambda, const double* w, std::size_t m, double a) {
   const std::size_t order = m == 3 ? 2 : 3;

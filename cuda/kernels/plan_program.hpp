@@ -40,9 +40,8 @@ struct InspectEnvironments {
     EnvPath path = sound ? path_of(team, s) : EnvPath::empty;
     const Index dofs = sound ? batch.env_dofs(env) : 0;
     if (dofs > 0) path = EnvPath::factor;
-    const bool fits =
-        s.rows <= args.most_rows && dofs <= args.most_dofs &&
-        (path != EnvPath::sparse || (args.may_be_sparse && s.entry_span() <= args.most_nonzeros));
+    const bool fits = s.rows <= args.most_rows && dofs <= args.most_dofs &&
+                      (path != EnvPath::sparse || (args.may_be_sparse && s.entry_span() <= args.most_nonzeros));
     const std::uint32_t flags = !sound ? kFlagBadStructure : !fits ? kFlagOverCapacity : 0U;
     if (flags != 0) path = EnvPath::empty;
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;

@@ -38,8 +38,8 @@ bool fits(const JacobianCapacity& need, const JacobianCapacity& room) {
 /// Room for what either has room for.
 Capacity larger_of(const Capacity& a, const Capacity& b) {
   const auto larger = [](auto x, auto y) { return x < y ? y : x; };
-  return {larger(a.envs, b.envs),         larger(a.rows, b.rows),          larger(a.cones, b.cones),
-          larger(a.nonzeros, b.nonzeros), larger(a.env_rows, b.env_rows),  larger(a.env_nonzeros, b.env_nonzeros),
+  return {larger(a.envs, b.envs),         larger(a.rows, b.rows),           larger(a.cones, b.cones),
+          larger(a.nonzeros, b.nonzeros), larger(a.env_rows, b.env_rows),   larger(a.env_nonzeros, b.env_nonzeros),
           larger(a.env_dofs, b.env_dofs), larger(a.precision, b.precision), a.semidefinite || b.semidefinite};
 }
 
@@ -144,9 +144,8 @@ void bind_solver(nb::module_& module) {
           "__init__",
           [](Capacity* self, Offset envs, Offset rows, Offset cones, Offset nonzeros, Index env_rows,
              Offset env_nonzeros, Index env_dofs, bool wide, bool semidefinite) {
-            new (self) Capacity{envs,         rows,     cones,
-                                nonzeros,     env_rows, env_nonzeros,
-                                env_dofs,     wide ? Precision::f64 : Precision::f32,
+            new (self) Capacity{envs,        rows,         cones,    nonzeros,
+                                env_rows,    env_nonzeros, env_dofs, wide ? Precision::f64 : Precision::f32,
                                 semidefinite};
           },
           nb::arg("envs") = 0, nb::arg("rows") = 0, nb::arg("cones") = 0, nb::arg("nonzeros") = 0,

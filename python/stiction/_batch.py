@@ -54,8 +54,8 @@ class Batch(BatchArrays):
           count from the environment's first row.
 
         cones: of every environment, a kind's name that tiles all rows, or a list of names and (name, rows) pairs. The
-            kinds are "friction" (the default, by three rows), "box_friction" (likewise), "unilateral", "box", "free"
-            and "semidefinite": 3 or 6 rows, a matrix of order 2 or 3 as semidefinite_vector() lays it out. With lists
+            kinds are "friction" (the default, by three rows), "box_friction" (likewise), "unilateral", "box" and "free".
+            One more is "semidefinite", a matrix of order 2 or 3 in the 3 or 6 rows of semidefinite_vector(). With lists
             also one such list per environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,)
             flat.
         mu: friction per axis [-; torsional and rolling: m], on rows after a friction cone's first: one number, one per

@@ -23,7 +23,7 @@ inline Environment<double> random_structure(std::mt19937& random, int cones, int
   for (int c = 0; c < cones; ++c) {
     const auto kind =
         static_cast<ConeKind>(one_kind < kinds && below(random, 8) != 0 ? one_kind : below(random, kinds));
-    const Index rows = carries_friction(kind)            ? 2 + below(random, 5)
+    const Index rows = carries_friction(kind)           ? 2 + below(random, 5)
                        : kind == ConeKind::semidefinite ? 3 * (1 + below(random, 2))
                                                         : 1;
     env.cones.push_back({kind, rows, below(random, 4) - 1});

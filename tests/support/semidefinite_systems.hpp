@@ -18,9 +18,9 @@ inline Environment<double>::Cone semidefinite(Index rows) {
 /// What such a system is made of.
 struct MatrixRecipe {
   std::uint64_t seed = 0;
-  int matrices = 3;  ///< cones of 3 and of 6 rows in turn
-  int contacts = 2;  ///< friction cones of 3 rows
-  int others = 2;    ///< free, unilateral and box rows in turn
+  int matrices = 3;    ///< cones of 3 and of 6 rows in turn
+  int contacts = 2;    ///< friction cones of 3 rows
+  int others = 2;      ///< free, unilateral and box rows in turn
   double shift = 0.3;  ///< what is added to the diagonal of G G' / n: the smaller, the harder
 };
 

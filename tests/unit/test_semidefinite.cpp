@@ -15,6 +15,7 @@
 #include "stiction/pyramid.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/boxed.hpp"
+#include "tests/support/derivative_cases.hpp"
 #include "tests/support/factor_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/semidefinite_systems.hpp"
@@ -29,8 +30,8 @@ const double kRoot = std::sqrt(2.0);
 
 /// Solvers that project, and those that refuse.
 const SolverKind kTake[] = {SolverKind::jacobi, SolverKind::apgd, SolverKind::admm, SolverKind::automatic};
-const SolverKind kRefuse[] = {SolverKind::pgs,    SolverKind::npgs,  SolverKind::nsgs, SolverKind::newton,
-                              SolverKind::lemke,  SolverKind::ipm,   SolverKind::subspace};
+const SolverKind kRefuse[] = {SolverKind::pgs,   SolverKind::npgs, SolverKind::nsgs,    SolverKind::newton,
+                              SolverKind::lemke, SolverKind::ipm,  SolverKind::subspace};
 
 /// lambda minimises 1/2 |lambda - z|^2: the projection of z.
 Environment<double> nearest_to(const std::vector<double>& z) {
@@ -46,8 +47,7 @@ void expect_answer(const Environment<double>& env, const std::vector<double>& ex
       const Solution<double> solution = solve(batch_of({env}, law), options(solver, 1e-13, 20000));
       EXPECT_EQ(solution.status[0].code, EnvCode::solved);
       for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(solution.lambda[i], expected[i], 1e-12) << i;
-      const Solution<float> narrow =
-          solve(convert<float>(batch_of({env}, law)), options(solver, 1e-6, 20000));
+      const Solution<float> narrow = solve(convert<float>(batch_of({env}, law)), options(solver, 1e-6, 20000));
       EXPECT_EQ(narrow.status[0].code, EnvCode::solved);
       for (std::size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(narrow.lambda[i], expected[i], 1e-5) << i;
     }
@@ -91,7 +91,7 @@ struct Made {
   std::vector<double> lambda;
 };
 
-/// A random matrix, and b such that the answer is known: in each cone lambda and w share eigenvectors, and each of those
+/// A random matrix, and b such that the answer is known. In each cone lambda and w share eigenvectors, each of which
 /// belongs to one of them.
 Made made_for_an_answer(std::uint64_t seed, int matrices, int contacts) {
   MatrixRecipe recipe;
@@ -189,8 +189,8 @@ TEST(Semidefinite, TheJudgeByHand) {
   EXPECT_NEAR(judged(longer, {3, 0, 2, 0, 4, 0}), 5.0, 1e-14);
   // Every residual that a solve reports is of answers that were judged so.
   for (const std::vector<double>& start : {std::vector<double>{1, 0, 1}, std::vector<double>{0, 0, 0.25}}) {
-    const Solution<double> solution = solve(batch_of({env}), options(SolverKind::jacobi, 0, 0), Device::cpu(),
-                                            std::span<const double>(start));
+    const Solution<double> solution =
+        solve(batch_of({env}), options(SolverKind::jacobi, 0, 0), Device::cpu(), std::span<const double>(start));
     EXPECT_NEAR(solution.status[0].residual_absolute, judged(env, solution.lambda), 1e-15);
   }
 }
@@ -370,14 +370,15 @@ TEST(Semidefinite, HostileNumbersAreFlaggedWhereTheyAreOrAnswered) {
       for (std::size_t i = 3; i < 6; ++i) EXPECT_TRUE(std::isfinite(solution.lambda[i]));
       env = sound;
       const std::vector<double> guess = {broken, 1, 1};
-      const Solution<double> warm = solve(batch_of({env}), options(solver, 1e-9, 1000), Device::cpu(),
-                                          std::span<const double>(guess));
+      const Solution<double> warm =
+          solve(batch_of({env}), options(solver, 1e-9, 1000), Device::cpu(), std::span<const double>(guess));
       EXPECT_EQ(warm.status[0].code, EnvCode::solved);
       EXPECT_EQ(warm.status[0].flags, static_cast<std::uint32_t>(kFlagWarmStartRejected));
     }
   for (const double size : {1e-250, 1e250})
     for (const SolverKind solver : kTake) {
-      const Solution<double> solution = solve(batch_of({nearest_to({0, kRoot * size, 0})}), options(solver, 1e-10, 9999));
+      const Solution<double> solution =
+          solve(batch_of({nearest_to({0, kRoot * size, 0})}), options(solver, 1e-10, 9999));
       EXPECT_NEAR(solution.lambda[0] / size, 0.5, 1e-9) << size << to_string(solver);
       EXPECT_NEAR(solution.lambda[1] / size, 0.5 * kRoot, 1e-9) << size << to_string(solver);
     }

@@ -160,10 +160,9 @@ TEST(Validate, ColumnsOutOfTheEnvironmentAreFound) {
 }
 
 TEST(Validate, KindsAndTheirRowCountsAreChecked) {
-  expect_one(
-      [](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(9); }, 2, 0, -1, true,
-      "cone_kind[env 2, cone 0] = 9: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 "
-      "semidefinite; fix the kind");
+  expect_one([](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(9); }, 2, 0, -1, true,
+             "cone_kind[env 2, cone 0] = 9: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 "
+             "semidefinite; fix the kind");
   expect_one([](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(6); }, 2, 0, -1, true,
              "cone_kind[env 2, cone 0] = 6: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 "
              "semidefinite; fix the kind");

@@ -14,8 +14,8 @@ STICTION_HD Real matrix_unit(Real largest) {
   const Real scale = unit_scale(largest);
   if (scale != Real(1)) return scale;
   // unit_scale() leaves alone what its reciprocal could not undo.
-  if (largest >= Real(2)) return Real(kIsFloat ? 0x1p-100 : 0x1p-600);
-  return largest < Real(1) ? Real(kIsFloat ? 0x1p100 : 0x1p600) : Real(1);
+  if (largest >= Real(2)) return static_cast<Real>(kIsFloat ? 0x1p-100 : 0x1p-600);
+  return largest < Real(1) ? static_cast<Real>(kIsFloat ? 0x1p100 : 0x1p600) : Real(1);
 }
 
 /// Order 2: (a_11, sqrt(2) a_12, a_22) of numbers near 1. The eigenvalues are mean +- radius. The one that is left is a
@@ -25,20 +25,17 @@ STICTION_HD void project_unit_matrix(Real (&z)[3]) {
   const Real mean = Real(0.5) * z[0] + Real(0.5) * z[2];
   const Real gap = Real(0.5) * z[0] - Real(0.5) * z[2];
   const Real coupling = Real(0.5) * z[1];
-  const Real radius = sqrt_(fma_(coupling, z[1], gap * gap));
-  if (radius <= mean) return;
-  if (radius <= Real(0) - mean) {
-    z[0] = z[1] = z[2] = Real(0);
+  // Minus the determinant, a_12^2 - a_11 a_22, the product's own rounding taken off (Kahan).
+  const Real product = z[0] * z[2];
+  const Real rounding = fma_(z[0], z[2], Real(0) - product);
+  const Real fall = fma_(coupling, z[1], Real(0) - product) - rounding;
+  if (fall <= Real(0)) {
+    const Real kept = select(mean > Real(0), Real(1), Real(0));
+    for (int k = 0; k < 3; ++k) z[k] = kept * z[k];
     return;
   }
-  Real largest = mean + radius;
-  if (mean < Real(0)) {
-    // a_12^2 - a_11 a_22, the product's own rounding taken off (Kahan).
-    const Real product = z[0] * z[2];
-    const Real rounding = fma_(z[0], z[2], Real(0) - product);
-    const Real determinant = fma_(coupling, z[1], Real(0) - product) - rounding;
-    largest = div_(max_(determinant, Real(0)), radius - mean);
-  }
+  const Real radius = sqrt_(fma_(coupling, z[1], gap * gap));
+  const Real largest = mean < Real(0) ? div_(fall, radius - mean) : mean + radius;
   const Real share = div_(Real(0.5) * largest, radius);
   const Real larger = radius + abs_(gap);
   const Real smaller = div_(coupling * z[1], larger);
@@ -52,8 +49,8 @@ STICTION_HD void project_unit_matrix(Real (&z)[3]) {
 template <class Real>
 STICTION_HD void project_unit_matrix(Real (&z)[6]) {
   constexpr int kOrder = 3;
-  const Real inverse_root(0.70710678118654752440);
-  const Real root(1.41421356237309504880);
+  const auto inverse_root = static_cast<Real>(0.70710678118654752440);
+  const auto root = static_cast<Real>(1.41421356237309504880);
   Real S[kOrder][kOrder];
   Real V[kOrder][kOrder];
   Real e[kOrder];
@@ -106,8 +103,7 @@ inline constexpr bool kMayHaveSemidefinite = requires(const System& s) { s.env->
 
 /// Whether cones of a shape can be matrices.
 template <class Shape>
-inline constexpr bool kMayBeMatrix =
-    Shape::kKind == ConeKind::friction && (Shape::kRows == 3 || Shape::kRows == 6);
+inline constexpr bool kMayBeMatrix = Shape::kKind == ConeKind::friction && (Shape::kRows == 3 || Shape::kRows == 6);
 
 /// Whether a cone of a system is semidefinite.
 template <class Shape, class System>

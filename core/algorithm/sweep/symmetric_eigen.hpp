@@ -10,8 +10,8 @@ template <int N>
 inline constexpr int kJacobiPasses = N < 3 ? 1 : 6;
 
 /// S = V diag(e) V' of a symmetric S by cyclic Jacobi rotations (Golub and Van Loan 2013, section 8.5), in a fixed
-/// number of passes. V is orthogonal up to rounding whatever S is; S is used up. kGraded: entries may be so small beside
-/// others that their squares vanish.
+/// number of passes. V is orthogonal up to rounding whatever S is; S is used up. kGraded: entries may be so small
+/// beside others that their squares vanish.
 template <int N, bool kGraded = false, class Real>
 STICTION_HD void symmetric_eigen(Real (&S)[N][N], Real (&V)[N][N], Real (&e)[N]) {
   for (int i = 0; i < N; ++i)

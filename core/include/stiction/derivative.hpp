@@ -17,7 +17,7 @@ namespace stiction {
 /// What was noticed about the derivative of one environment; any number of bits at once. The first five come with
 /// zeros in place of numbers.
 enum GradientFlag : std::uint32_t {
-  kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve; or it
+  kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve. Or it
                                       ///< has a cone of box_friction or semidefinite, of which no derivatives are taken
   kGradientUnconverged = 1U << 1,     ///< the answer is not one: its code is not `solved`, or its residual is too large
   kGradientNonFinite = 1U << 2,       ///< a reaction or a cotangent or tangent is not finite, or a result is too large
