@@ -158,6 +158,15 @@ TEST(SemidefiniteProjection, TheSmallEigenvalueOfOrderTwoKeepsItsDigits) {
   EXPECT_NEAR(found[0] / (t * t * t * t), 1.0, 1e-14);
 }
 
+// a_11 a_22 = 2 (1 - 2^-60) rounds to a_12^2 = 2, and the matrix would count as negative. Its null vector is nearly
+// (1, sqrt(2)), its other eigenvalue -3.
+TEST(SemidefiniteProjection, ADeterminantThatRoundingHidesCounts) {
+  const double e = 0x1p-30;
+  const Rows<double, 3> found = projected(Rows<double, 3>{-2 * (1 + e), 2, e - 1});
+  EXPECT_NEAR(found[0] * 0x1p59, 1.0 / 9, 1e-8);
+  EXPECT_NEAR(found[2] * 0x1p59, 2.0 / 9, 1e-8);
+}
+
 TEST(SemidefiniteProjection, OrderThreeByHand) {
   using Matrix = Rows<double, 6>;
   EXPECT_EQ(projected(Matrix{1, 0, 2, 0, 0, 3}), (Matrix{1, 0, 2, 0, 0, 3})) << "inside: its bits stay";
