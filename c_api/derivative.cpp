@@ -41,6 +41,7 @@ DerivativeOptions options_of(const stiction_derivative_options& options) {
   cpp.tie_tolerance = options.tie_tolerance;
   cpp.max_unknowns = options.max_unknowns;
   cpp.threads = options.threads;
+  cpp.kappa = options.kappa;
   return cpp;
 }
 
@@ -75,6 +76,7 @@ void set_defaults(stiction_derivative_options& options) {
   options.law = STICTION_LAW_OF_BATCH;
   options.max_unknowns = cpp.max_unknowns;
   options.threads = cpp.threads;
+  options.kappa = cpp.kappa;
 }
 void set_defaults(stiction_solution_numbers& numbers) {
   numbers = {};

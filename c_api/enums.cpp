@@ -55,6 +55,7 @@ constexpr bool same(stiction_cone_kind kind, ConeKind cpp) {
 static_assert(same(STICTION_CONE_FREE, ConeKind::free) && same(STICTION_CONE_UNILATERAL, ConeKind::unilateral));
 static_assert(same(STICTION_CONE_BOX, ConeKind::box) && same(STICTION_CONE_FRICTION, ConeKind::friction));
 static_assert(same(STICTION_CONE_BOX_FRICTION, ConeKind::box_friction));
+static_assert(same(STICTION_CONE_SEMIDEFINITE, ConeKind::semidefinite));
 
 }  // namespace
 
@@ -168,6 +169,11 @@ StepScaling step_scaling_of(const char* field, std::int32_t value) {
 void need_zero(const char* field, std::int32_t value) {
   if (value != 0)
     refuse(std::string(field) + " = " + std::to_string(value) + ": must be 0, as the struct's init sets it");
+}
+
+bool yes_or_no(const char* field, std::int32_t value) {
+  if (value != 0 && value != 1) refuse(std::string(field) + " = " + std::to_string(value) + ": must be 0 or 1");
+  return value == 1;
 }
 
 }  // namespace stiction::c

@@ -36,5 +36,7 @@ StepScaling step_scaling_of(const char* field, std::int32_t value);
 
 /// A field that a later version may give a meaning. \throws Error(invalid_argument) if it is not zero.
 void need_zero(const char* field, std::int32_t value);
+/// \throws Error(invalid_argument) if it is neither 0 nor 1.
+bool yes_or_no(const char* field, std::int32_t value);
 
 }  // namespace stiction::c

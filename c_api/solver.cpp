@@ -57,6 +57,7 @@ stiction_code stiction_capacity_of(const stiction_batch_view* batch, stiction_ca
       full.env_rows = need.env_rows;
       full.env_dofs = need.env_dofs;
       full.precision = given.precision;
+      full.semidefinite = need.semidefinite ? 1 : 0;
     });
     c::write_struct(capacity, full, capacity->size);
   });

@@ -70,7 +70,6 @@ SolverOptions to_cpp(const stiction_solver_options& options) {
 }
 
 Capacity to_cpp(const stiction_capacity& capacity) {
-  need_zero("capacity.reserved", capacity.reserved);
   Capacity cpp;
   cpp.envs = capacity.envs;
   cpp.rows = capacity.rows;
@@ -80,6 +79,7 @@ Capacity to_cpp(const stiction_capacity& capacity) {
   cpp.env_nonzeros = capacity.env_nonzeros;
   cpp.env_dofs = capacity.env_dofs;
   cpp.precision = precision_of("capacity.precision", capacity.precision);
+  cpp.semidefinite = yes_or_no("capacity.semidefinite", capacity.semidefinite);
   return cpp;
 }
 
@@ -115,7 +115,8 @@ TimeStepping to_cpp(const stiction_time_stepping& stepping) {
 
 BodySolverOptions to_cpp(const stiction_body_options& options) {
   BodySolverOptions cpp;
-  cpp.law = law_of("options.law", options.law);
+  cpp.box_friction = options.law == STICTION_LAW_BOXED;
+  if (!cpp.box_friction) cpp.law = law_of("options.law", options.law);
   cpp.method = body_method_of("options.method", options.method);
   cpp.space.preconditioner = preconditioner_of("options.preconditioner", options.preconditioner);
   cpp.space.multigrid.prolongation = prolongation_of("options.prolongation", options.prolongation);

@@ -21,10 +21,12 @@ foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAK
   endif()
 endforeach()
 
-# stiction_keep_lines(target ...): in a build with tests, which line each instruction came from, so that tools/check_fused.py
-# can tell a fused operation that fma_() asked for from one that a compiler made. Changes no instruction.
+# stiction_keep_lines(target ...): which line each instruction came from, so that tools/check_fused.py can tell a fused
+# operation that fma_() asked for from one that a compiler made. Changes no instruction.
+option(STICTION_KEEP_LINES "Keep the lines that instructions came from, which the gate of fused operations reads"
+       ${STICTION_BUILD_TESTS})
 function(stiction_keep_lines)
-  if(STICTION_BUILD_TESTS AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+  if(STICTION_KEEP_LINES AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
     foreach(target IN LISTS ARGN)
       target_compile_options(${target} PRIVATE -g1)
     endforeach()

@@ -125,8 +125,10 @@ make_venv() {
   python=$root/.venv/bin/python
 }
 
-# What ccache must know to see through the precompiled header of the tests.
+# What ccache must know to see through precompiled headers, and to hand an object of one build to another: paths count from
+# the build's own folder, so folders that lie side by side in the tree share what they compile by the same options.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:+$CCACHE_SLOPPINESS,}pch_defines,time_macros
+export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
 
 # Sets CUDACXX if there is an nvcc, in the environment, on the path, in the usual place or in .cuda.
 find_nvcc() {

@@ -24,7 +24,7 @@ fail() {
 
 say "wheel: packages"
 install_packages "${build_packages[@]}"
-rm -rf "$work"
+rm -rf "$work" "$work-objects"
 mkdir -p "$work/wheels"
 python3 -m venv "$work/empty" > /dev/null 2>&1 || skip "there is no python3-venv"
 python=$work/empty/bin/python
@@ -36,10 +36,12 @@ note "fetching numpy ${needs[*]}"
   skip "PyPI does not deliver ${needs[*]}"
 
 say "wheel: build"
-# A compiler's cache, where there is one, makes it quick the second time.
+# A compiler's cache, where there is one, makes it quick the second time, and knows what test.sh has compiled by the same
+# options beside it.
 if command -v ccache > /dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
+shared=(-C build-dir="$work-objects" -C cmake.define.STICTION_KEEP_LINES=ON -C cmake.define.STICTION_WARNINGS_AS_ERRORS=ON)
 log=$work/build.log
-if ! "${pip[@]}" wheel -v --no-deps -w "$work/wheels" "$@" "$root" 2>&1 | tee "$log" | only_progress=1 show_progress; then
+if ! "${pip[@]}" wheel -v --no-deps -w "$work/wheels" "${shared[@]}" "$@" "$root" 2>&1 | tee "$log" | only_progress=1 show_progress; then
   tail -n 60 "$log"
   fail "the wheel was not built"
 fi

@@ -27,7 +27,7 @@ import fatbin
 HEADER = ["kernel", "arch", "registers", "stack", "barriers", *fatbin.OPERATIONS, "instructions"]
 # What a kernel may need beyond its line: a share for what moves with any change, nothing for what costs at once.
 ALLOWANCE = {"registers": 0.1, "stack": 0.0, "barriers": 0.0, **dict.fromkeys(fatbin.OPERATIONS, 0.1), "instructions": 0.1}
-ENUMERATORS = {"Law": ["convex", "coulomb"], "EnvPath": ["empty", "dense", "sparse", "factor"]}
+ENUMERATORS = {"Law": ["convex", "coulomb", "boxed"], "EnvPath": ["empty", "dense", "sparse", "factor"]}
 
 
 def readable(names):

@@ -46,6 +46,7 @@ ALGORITHM = {
     "collision": ["rigid", "plan"],
     "jacobian": [],
     "derivative": ["problem", "system", "sweep", "residual", "linear", "jacobian"],
+    "unrolled": ["problem", "system", "sweep", "residual", "load", "driver", "derivative"],
     "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian"],
     "warm_start": ["plan"],
 }
@@ -109,7 +110,7 @@ TABLE = [
     Row("bench/programs", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],
-        foreign=("CLI/", "fmt/", "nlohmann/", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
+        foreign=("CLI/", "fmt/", "nlohmann/", "dlfcn.h", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/threads/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
 ]
 # tests and tools outside tools/cli may include anything; the word rules still bind them.

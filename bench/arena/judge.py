@@ -5,7 +5,7 @@ It shares no code with any solver, nor with `stiction verify`; tests/tools/test_
 
 import numpy as np
 
-FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION = range(5)  # cone_kind of the file
+FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION, SEMIDEFINITE = range(6)  # cone_kind of the file
 SMALLEST = 1e-300  # that an environment's motion is measured by
 SLACK = 1.02  # solvers add in another order than the judge
 
@@ -63,6 +63,8 @@ def cone_residuals(batch, x, w, diagonal, law):
             r = force - np.clip(force - moves, a * low[rows], a * high[rows])
         elif kind == BOX_FRICTION:
             r = boxed(force, moves, parameter[rows][:, 1:])
+        elif kind == SEMIDEFINITE:
+            r = force - nearest_matrix(force - moves)
         else:
             r = friction(force, moves, parameter[rows][:, 1:], law)
         found[own] = np.sqrt((r * r).sum(axis=1))
@@ -87,6 +89,18 @@ def boxed(force, moves, mu):
     bound = np.maximum(normal, 0)
     along = x - np.where(grips, np.clip(x - mu * moves[:, 1:], -bound, bound), 0.0)
     return np.column_stack((normal - np.maximum(normal - moves[:, :1], 0), along))
+
+
+def nearest_matrix(z):
+    """The nearest positive semidefinite matrix: upper triangles column by column, off-diagonals times sqrt(2)."""
+    order = 2 if z.shape[1] == 3 else 3
+    column, row = np.tril_indices(order)
+    factor = np.where(row == column, 1.0, np.sqrt(2.0))
+    whole = np.zeros((len(z), order, order))
+    whole[:, row, column] = whole[:, column, row] = np.where(np.isfinite(z), z, 0) / factor
+    value, vector = np.linalg.eigh(whole)
+    kept = (vector * np.maximum(value, 0)[:, None, :]) @ np.swapaxes(vector, 1, 2)
+    return np.where(np.isfinite(z).all(axis=1, keepdims=True), kept[:, row, column] * factor, np.nan)
 
 
 def nearest(z):

@@ -66,34 +66,48 @@ std::array<double, 4> any_orientation(Rng& rng) {
   }
 }
 
-// pile: twelve bodies of three shapes fall into an open bin.
+// pile: bodies of three shapes fall into an open bin.
 
-constexpr double kBinHalf = 0.35;
+constexpr int kHeapBodies = 12;
 
-WorldDescription make_heap() {
+/// Bodies of a layer lie in a square of so many by so many: about as many as there are layers.
+int heap_side(int size) {
+  int side = 2;
+  while ((side + 1) * (side + 1) * (side + 1) <= size) ++side;
+  return side;
+}
+
+WorldDescription make_heap(int size) {
   const double half = std::sqrt(0.5);
+  const double bin = 0.175 * heap_side(size);
   WorldDescription world;
   world.shapes.push_back(floor_with(0.6));
-  world.shapes.push_back(plane({-kBinHalf, 0, 0}, {half, 0, half, 0}, 0.3));
-  world.shapes.push_back(plane({kBinHalf, 0, 0}, {half, 0, -half, 0}, 0.3));
-  world.shapes.push_back(plane({0, -kBinHalf, 0}, {half, -half, 0, 0}, 0.3));
-  world.shapes.push_back(plane({0, kBinHalf, 0}, {half, half, 0, 0}, 0.3));
-  for (int k = 0; k < 4; ++k) {
-    const double grown = 1 + 0.1 * k;
-    add_solid(world, ShapeKind::sphere, {0.08 * grown, 0, 0}, 0.5, 0.1);
-    add_solid(world, ShapeKind::capsule, {0.05 * grown, 0.08 * grown, 0}, 0.5, 0.1);
-    add_solid(world, ShapeKind::box, {0.09 * grown, 0.07 * grown, 0.05 * grown}, 0.5, 0.1);
+  world.shapes.push_back(plane({-bin, 0, 0}, {half, 0, half, 0}, 0.3));
+  world.shapes.push_back(plane({bin, 0, 0}, {half, 0, -half, 0}, 0.3));
+  world.shapes.push_back(plane({0, -bin, 0}, {half, -half, 0, 0}, 0.3));
+  world.shapes.push_back(plane({0, bin, 0}, {half, half, 0, 0}, 0.3));
+  for (int k = 0; k < size; ++k) {
+    const double grown = 1 + 0.1 * (k / 3 % 4);
+    if (k % 3 == 0) {
+      add_solid(world, ShapeKind::sphere, {0.08 * grown, 0, 0}, 0.5, 0.1);
+    } else if (k % 3 == 1) {
+      add_solid(world, ShapeKind::capsule, {0.05 * grown, 0.08 * grown, 0}, 0.5, 0.1);
+    } else {
+      add_solid(world, ShapeKind::box, {0.09 * grown, 0.07 * grown, 0.05 * grown}, 0.5, 0.1);
+    }
   }
   return world;
 }
 
-WorldStart start_heap(Rng& rng) {
+WorldStart start_heap(Rng& rng, int size) {
   constexpr double kPitch = 0.34;
+  const int side = heap_side(size);
+  const double middle = 0.5 * (side - 1);
   WorldStart start;
-  for (int k = 0; k < 12; ++k) {
-    const double x = kPitch * (k % 2 - 0.5) + rng.symmetric(0.01);
-    const double y = kPitch * (k / 2 % 2 - 0.5) + rng.symmetric(0.01);
-    const int layer = k / 4;
+  for (int k = 0; k < size; ++k) {
+    const double x = kPitch * (k % side - middle) + rng.symmetric(0.01);
+    const double y = kPitch * (k / side % side - middle) + rng.symmetric(0.01);
+    const int layer = k / (side * side);
     const double z = 0.2 + kPitch * layer + rng.symmetric(0.01);
     const std::array<double, 4> orientation = any_orientation(rng);
     std::array<double, 6> twist{};
@@ -110,7 +124,7 @@ const double kHalfCos = std::sqrt((1 + std::sqrt(0.5)) / 2);
 const double kHalfSin = std::sqrt((1 - std::sqrt(0.5)) / 2);
 constexpr double kWheelMass = 1;
 
-WorldDescription make_wheel() {
+WorldDescription make_wheel(int) {
   using Wheel = RimlessWheel;
   const double half = std::sqrt(0.5);
   const double spoke = Wheel::kLength - Wheel::kFootRadius;
@@ -142,7 +156,7 @@ WorldDescription make_wheel() {
   return world;
 }
 
-WorldStart start_wheel(Rng& rng) {
+WorldStart start_wheel(Rng& rng, int) {
   using Wheel = RimlessWheel;
   const double spin = rng.uniform(1.2, 2.0);
   const double spoke = Wheel::kLength - Wheel::kFootRadius;
@@ -158,16 +172,16 @@ WorldStart start_wheel(Rng& rng) {
 constexpr int kStackBoxes = 5;
 constexpr double kBoxHalf = 0.1;
 
-WorldDescription make_tower() {
+WorldDescription make_tower(int size) {
   WorldDescription world;
   world.shapes.push_back(floor_with(0.5));
-  for (int k = 0; k < kStackBoxes; ++k) add_solid(world, ShapeKind::box, {kBoxHalf, kBoxHalf, kBoxHalf}, 0.5);
+  for (int k = 0; k < size; ++k) add_solid(world, ShapeKind::box, {kBoxHalf, kBoxHalf, kBoxHalf}, 0.5);
   return world;
 }
 
-WorldStart start_tower(Rng& rng) {
+WorldStart start_tower(Rng& rng, int size) {
   WorldStart start;
-  for (int k = 0; k < kStackBoxes; ++k) {
+  for (int k = 0; k < size; ++k) {
     const double x = rng.symmetric(0.01);
     const double y = rng.symmetric(0.01);
     place(start, {x, y, (2 * k + 1) * kBoxHalf + 1e-4 * (k + 1)}, {1, 0, 0, 0}, {});
@@ -180,7 +194,7 @@ WorldStart start_tower(Rng& rng) {
 constexpr std::array<double, 3> kRestitutions{0.3, 0.6, 0.9};
 constexpr double kBallRadius = 0.1;
 
-WorldDescription make_balls() {
+WorldDescription make_balls(int) {
   WorldDescription world;
   world.shapes.push_back(floor_with(0.5));
   for (const double restitution : kRestitutions)
@@ -188,7 +202,7 @@ WorldDescription make_balls() {
   return world;
 }
 
-WorldStart start_balls(Rng& rng) {
+WorldStart start_balls(Rng& rng, int) {
   WorldStart start;
   for (int k = 0; k < static_cast<int>(kRestitutions.size()); ++k)
     place(start, {0.5 * k, 0, kBallRadius + rng.uniform(0.5, 1.0)}, {1, 0, 0, 0}, {});
@@ -200,7 +214,7 @@ WorldStart start_balls(Rng& rng) {
 constexpr double kSlideSlope = 0.3;
 constexpr std::array<double, 2> kSlideFrictions{0.2, 0.5};
 
-WorldDescription make_slope() {
+WorldDescription make_slope(int) {
   WorldDescription world;
   world.gravity = gravity_on_slope(kSlideSlope);
   world.shapes.push_back(floor_with(1));
@@ -209,7 +223,7 @@ WorldDescription make_slope() {
   return world;
 }
 
-WorldStart start_slope(Rng& rng) {
+WorldStart start_slope(Rng& rng, int) {
   WorldStart start;
   const double speed = rng.uniform(0.5, 2.0);
   for (int k = 0; k < 2; ++k) place(start, {0, 0.5 * k, 0.05}, {1, 0, 0, 0}, {speed, 0, 0, 0, 0, 0});
@@ -219,17 +233,18 @@ WorldStart start_slope(Rng& rng) {
 struct Recipe {
   const char* name;
   const char* summary;
-  WorldDescription (*describe)();
-  WorldStart (*start)(Rng& rng);
+  WorldDescription (*describe)(int size);
+  WorldStart (*start)(Rng& rng, int size);
   double dt;
+  int size;  ///< bodies unless another size is chosen; 0: it cannot be
 };
 
 const std::array kRecipes{
-    Recipe{"pile", "12 spheres, capsules and boxes fall into a bin", make_heap, start_heap, 0.005},
-    Recipe{"walker", "a rimless wheel of 8 spokes walks down a slope", make_wheel, start_wheel, 0.002},
-    Recipe{"stack", "5 boxes on top of each other", make_tower, start_tower, 0.005},
-    Recipe{"bounce", "3 balls of restitution 0.3, 0.6, 0.9", make_balls, start_balls, 0.001},
-    Recipe{"slide", "2 blocks on a slope of 0.3 with friction 0.2 and 0.5", make_slope, start_slope, 0.005},
+    Recipe{"pile", "12 spheres, capsules and boxes fall into a bin", make_heap, start_heap, 0.005, kHeapBodies},
+    Recipe{"walker", "a rimless wheel of 8 spokes walks down a slope", make_wheel, start_wheel, 0.002, 0},
+    Recipe{"stack", "5 boxes on top of each other", make_tower, start_tower, 0.005, kStackBoxes},
+    Recipe{"bounce", "3 balls of restitution 0.3, 0.6, 0.9", make_balls, start_balls, 0.001, 0},
+    Recipe{"slide", "2 blocks on a slope of 0.3 with friction 0.2 and 0.5", make_slope, start_slope, 0.005, 0},
 };
 
 const Recipe& find(const std::string& name) {
@@ -239,6 +254,16 @@ const Recipe& find(const std::string& name) {
     names += (names.empty() ? "" : ", ") + std::string(recipe.name);
   }
   throw Error(ErrorCode::invalid_argument, "scene '" + name + "' cannot be stepped: choose one of " + names);
+}
+
+/// Bodies of a scene that was asked for with a size.
+int size_of(const Recipe& recipe, int size) {
+  if (size == 0) return recipe.size;
+  if (recipe.size == 0)
+    throw Error(ErrorCode::invalid_argument,
+                std::string("scene '") + recipe.name + "' has no size: leave it out, or choose pile or stack");
+  if (size < 0) throw Error(ErrorCode::invalid_argument, "size = " + std::to_string(size) + ": must be at least 1");
+  return size;
 }
 
 std::uint64_t stream_key(const std::string& name, std::uint64_t seed, std::uint64_t index) {
@@ -255,30 +280,31 @@ std::vector<std::string> world_names() {
   return names;
 }
 
-WorldScene make_world(const std::string& name) {
+WorldScene make_world(const std::string& name, int size) {
   const ScopedFpEnv fp_env;
   const Recipe& recipe = find(name);
-  WorldScene scene{recipe.name, recipe.summary, recipe.describe(), {}};
+  const int bodies = size_of(recipe, size);
+  WorldScene scene{recipe.name, recipe.summary, recipe.describe(bodies), {}, bodies};
   scene.stepping.dt = recipe.dt;
   return scene;
 }
 
-WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_t index) {
+WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_t index, int size) {
   const ScopedFpEnv fp_env;
   const Recipe& recipe = find(name);
   Rng rng(stream_key(name, seed, index));
-  return recipe.start(rng);
+  return recipe.start(rng, size_of(recipe, size));
 }
 
 template <class Real>
-void start_all(World<Real>& world, const std::string& name, std::uint64_t seed) {
+void start_all(World<Real>& world, const std::string& name, std::uint64_t seed, int size) {
   const ScopedFpEnv fp_env;
   std::vector<Real> position, orientation, twist;
   const auto append = [](std::vector<Real>& to, const std::vector<double>& from) {
     for (const double value : from) to.push_back(static_cast<Real>(value));
   };
   for (Offset env = 0; env < world.env_count(); ++env) {
-    const WorldStart start = start_world(name, seed, static_cast<std::uint64_t>(env));
+    const WorldStart start = start_world(name, seed, static_cast<std::uint64_t>(env), size);
     append(position, start.position);
     append(orientation, start.orientation);
     append(twist, start.twist);
@@ -287,7 +313,7 @@ void start_all(World<Real>& world, const std::string& name, std::uint64_t seed) 
   world.reset(all, WorldState<Real>{position, orientation, twist});
 }
 
-template void start_all(World<float>&, const std::string&, std::uint64_t);
-template void start_all(World<double>&, const std::string&, std::uint64_t);
+template void start_all(World<float>&, const std::string&, std::uint64_t, int);
+template void start_all(World<double>&, const std::string&, std::uint64_t, int);
 
 }  // namespace stiction::scenes

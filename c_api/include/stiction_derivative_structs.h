@@ -41,6 +41,7 @@ typedef struct stiction_derivative_options {
   int32_t max_unknowns;  /**< of an environment */
   int32_t threads;       /**< of the CPU; 0: all cores */
   int32_t reserved;      /**< zero */
+  double kappa;          /**< reaction times motion of the problem that is differentiated; 0: exact [lambda w] */
 } stiction_derivative_options;
 
 /** Numbers that belong to a solution, set after set: cotangents that are read, or changes that are written. Null:

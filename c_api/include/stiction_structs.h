@@ -37,18 +37,20 @@ typedef enum stiction_space {
 
 /** Kind of a cone; one byte each in cone_kind. */
 typedef enum stiction_cone_kind {
-  STICTION_CONE_FREE = 0,        /**< 1 row, w = 0 */
-  STICTION_CONE_UNILATERAL = 1,  /**< 1 row, 0 <= lambda _|_ w >= 0 */
-  STICTION_CONE_BOX = 2,         /**< 1 row, lo <= lambda <= hi */
-  STICTION_CONE_FRICTION = 3,    /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
-  STICTION_CONE_BOX_FRICTION = 4 /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
+  STICTION_CONE_FREE = 0,         /**< 1 row, w = 0 */
+  STICTION_CONE_UNILATERAL = 1,   /**< 1 row, 0 <= lambda _|_ w >= 0 */
+  STICTION_CONE_BOX = 2,          /**< 1 row, lo <= lambda <= hi */
+  STICTION_CONE_FRICTION = 3,     /**< 2..6 rows, normal first: lambda_n >= norm(lambda_t / mu) */
+  STICTION_CONE_BOX_FRICTION = 4, /**< 2..6 rows, normal first: |lambda_k| <= mu_k lambda_n on each further axis */
+  STICTION_CONE_SEMIDEFINITE = 5  /**< 3 or 6 rows: a semidefinite matrix (docs/math/semidefinite.md) */
 } stiction_cone_kind;
 
 /** Law of the friction cones. */
 typedef enum stiction_law {
   STICTION_LAW_OF_BATCH = -1, /**< in options alone: what the batch says */
   STICTION_LAW_CONVEX = 0,    /**< associated: lambda minimises a quadratic over the cones */
-  STICTION_LAW_COULOMB = 1    /**< exact Coulomb law */
+  STICTION_LAW_COULOMB = 1,   /**< exact Coulomb law */
+  STICTION_LAW_BOXED = 2      /**< in body options alone: boxed friction (docs/math/box_friction.md) */
 } stiction_law;
 
 /** What to do with an environment whose numbers break a precondition. */
@@ -207,7 +209,7 @@ typedef struct stiction_capacity {
   int32_t env_rows;     /**< rows of the largest environment */
   int32_t env_dofs;     /**< columns of the widest factor */
   int32_t precision;    /**< stiction_precision, the widest that batches will have; of a stepping solver: the one */
-  int32_t reserved;     /**< zero */
+  int32_t semidefinite; /**< 1: cones of semidefinite will come; 0: none */
 } stiction_capacity;
 
 /** What the store of a stepping solver is told when it is made. */
@@ -220,8 +222,7 @@ typedef struct stiction_warm_start_options {
 
 /* ---- Contact batches: (A + diag R) lambda + b = w in every environment ---- */
 
-/** Rows of all environments follow one another; columns of A count from the environment's own first row. Arrays marked
- * "or null" may be left out. */
+/** Rows of all environments follow one another; columns of A count from the environment's own. "or null": optional. */
 typedef struct stiction_batch_view {
   size_t size;                       /**< sizeof of the struct that the caller has */
   int32_t precision;                 /**< stiction_precision of A, factor, b, R, mu, lo, hi and of the solution */
@@ -284,8 +285,7 @@ typedef struct stiction_jacobian_capacity {
   int32_t factor_use; /**< stiction_factor_use; it reaches the last bits of the answer */
 } stiction_jacobian_capacity;
 
-/** Constraint Jacobian J, mass matrix M and velocities of many environments, rows and cones as in stiction_batch_view.
- */
+/** Constraint Jacobian J, mass matrix M, velocities of many environments; rows and cones as in stiction_batch_view. */
 typedef struct stiction_jacobian_view {
   size_t size;                       /**< sizeof of the struct that the caller has */
   int32_t precision;                 /**< stiction_precision of all Real arrays */

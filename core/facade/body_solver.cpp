@@ -83,6 +83,13 @@ void check_body_options(const BodySolverOptions& options) {
   if (options.method != BodyMethod::impulses && options.method != BodyMethod::newton)
     refuse("method = " + std::to_string(static_cast<int>(options.method)) +
            ": no such method; use BodyMethod::impulses or newton");
+  if (options.law != Law::convex && options.law != Law::coulomb)
+    refuse("law = " + std::to_string(static_cast<int>(options.law)) +
+           ": no such law; use Law::convex or coulomb, or box_friction = true");
+  if (options.box_friction && options.method == BodyMethod::newton)
+    throw Error(ErrorCode::unsupported,
+                "method = newton with box_friction = true: Newton's method has no boxed friction; use sequential "
+                "impulses (method = impulses, solver si), or friction cones (box_friction = false)");
   check_space_options(options.space, options.method == BodyMethod::newton);
   if (options.max_contacts_per_env < 0)
     refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");

@@ -6,11 +6,8 @@
 #include <vector>
 
 #include "core/base/fp_env.hpp"
-#include "core/facade/derivative_calls.hpp"
-#include "core/facade/overlap.hpp"
-#include "core/machine/derivative_machine.hpp"
-#include "core/runtime/defects.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/facade/contact_derivative_arrays.hpp"
+#include "stiction/error.hpp"
 
 namespace stiction {
 
@@ -24,13 +21,21 @@ void check_options(const DerivativeOptions& options) {
   if (options.max_unknowns < 0 || options.max_unknowns > kMostUnknowns)
     refuse("max_unknowns = " + std::to_string(options.max_unknowns) + ": must be from 0 to " +
            std::to_string(kMostUnknowns));
+  if (!(options.kappa >= 0.0) || !std::isfinite(options.kappa))
+    refuse("kappa = " + std::to_string(options.kappa) +
+           ": must be finite and >= 0; 0 differentiates the exact solution");
   if (options.threads < 0)
     refuse("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
 }
 
 std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeOptions& options,
                                                 const Capacity& capacity) {
-  if (device.kind == DeviceKind::cpu) return make_cpu_derivative_machine(options.threads);
+  if (device.kind == DeviceKind::cpu) return make_cpu_derivative_machine(options.threads, options.kappa);
+  if (options.kappa > 0.0)
+    throw Error(ErrorCode::unsupported,
+                "kappa = " + std::to_string(options.kappa) +
+                    ": derivatives of the relaxed problem are taken on the CPU alone: give Device::cpu() and a batch "
+                    "in host memory, or kappa = 0");
   if (capacity.env_rows < 1 || capacity.env_dofs < 0 || capacity.envs < 0)
     refuse("capacity.env_rows = " + std::to_string(capacity.env_rows) +
            ": a device needs the rows of the largest environment, >= 1, and counts >= 0");
@@ -42,34 +47,8 @@ std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeO
 template <class Real>
 void check_batch(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const GradientStatus* status,
                  Offset count, Device device) {
-  check_call(batch.space, device, status, batch.env_count, count);
-  if (batch.space == MemorySpace::host) {
-    const std::vector<Defect> defects = validate_structure(batch, 1);
-    if (!defects.empty()) refuse(defects.front().message);
-  }
-  const auto need = [](const char* name, const void* array, bool needed) {
-    if (needed && array == nullptr) refuse(std::string(name) + " is null; point it to the array");
-  };
-  const bool rows = batch.row_count > 0;
-  need("batch.A", batch.A, batch.nonzero_count > 0);
-  need("batch.factor", batch.factor, batch.factor_offsets != nullptr && batch.factor_count > 0);
-  need("batch.b", batch.b, rows);
-  need("batch.R", batch.R, rows);
-  need("batch.mu", batch.mu, rows);
-  need("batch.lo", batch.lo, rows);
-  need("batch.hi", batch.hi, rows);
-  need("at.lambda", at.lambda, rows);
-}
-
-/// The arrays of a view of cotangents or changes of a batch.
-template <class View>
-auto arrays_by_number(const char* const (&names)[7], const View& view, Offset nonzeros, Offset factors, Offset rows,
-                      Offset count) {
-  return std::vector{
-      NamedArray::of(names[0], view.A, count * nonzeros), NamedArray::of(names[1], view.factor, count * factors),
-      NamedArray::of(names[2], view.b, count * rows),     NamedArray::of(names[3], view.R, count * rows),
-      NamedArray::of(names[4], view.mu, count * rows),    NamedArray::of(names[5], view.lo, count * rows),
-      NamedArray::of(names[6], view.hi, count * rows)};
+  check_contacts(batch, status, count, device);
+  need_array("at.lambda", at.lambda, batch.row_count > 0);
 }
 
 template <class Real>
@@ -106,9 +85,7 @@ void Derivative::vjp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   std::vector<NamedArray> inputs = inputs_of(batch, at);
   inputs.push_back(NamedArray::of("cotangents.lambda", cotangents.lambda, count * batch.row_count));
   inputs.push_back(NamedArray::of("cotangents.w", cotangents.w, count * batch.row_count));
-  auto outputs = arrays_by_number(
-      {"gradients.A", "gradients.factor", "gradients.b", "gradients.R", "gradients.mu", "gradients.lo", "gradients.hi"},
-      gradients, batch.nonzero_count, batch.factor_count, batch.row_count, count);
+  auto outputs = gradient_arrays(gradients, batch, count);
   outputs.push_back(NamedArray::of("status", status, batch.env_count));
   refuse_overlaps(outputs, inputs);
   VjpJob<Real> job;

@@ -66,7 +66,8 @@ Capacity room_of(const JacobianCapacity& capacity, FactorUse use) {
           capacity.env_rows,
           rows * rows,
           factor_dofs(capacity.env_rows, capacity.env_dofs, use),
-          sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64};
+          sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64,
+          capacity.semidefinite};
 }
 
 template <class Real>
@@ -110,6 +111,9 @@ JacobianCapacity JacobianCapacity::of(const JacobianBatchView<Real>& batch, Fact
     need.env_dofs = larger_of(need.env_dofs, dofs);
     const bool as_factor = keeps_factor(use, rows, dofs);
     (as_factor ? need.factor : need.matrix) += Offset{rows} * (as_factor ? dofs : rows);
+    const ConeKind* const kinds = batch.cone_kind + batch.env_cone_offsets[env];
+    const ConeKind* const end = kinds + batch.env_cones(env);
+    need.semidefinite = need.semidefinite || std::find(kinds, end, ConeKind::semidefinite) != end;
   }
   return need;
 }

@@ -26,6 +26,24 @@ void reject(const std::vector<Defect>& defects) {
   if (!defects.empty()) refuse(defects.front().message);
 }
 
+/// A batch in device memory is out of sight: there the environment is flagged kFlagUnsupportedCone.
+template <class Real>
+void check_matrices(const ContactBatchView<Real>& batch, SolverKind solver) {
+  if (solver == SolverKind::automatic || solver == SolverKind::jacobi || solver == SolverKind::apgd ||
+      solver == SolverKind::admm)
+    return;
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const ConeKind* const kinds = batch.cone_kind + batch.env_cone_offsets[env];
+    const ConeKind* const end = kinds + batch.env_cones(env);
+    const ConeKind* const found = std::find(kinds, end, ConeKind::semidefinite);
+    if (found == end) continue;
+    throw Error(ErrorCode::unsupported,
+                "options.solver is " + std::string(to_string(solver)) + ", but cone_kind[env " + std::to_string(env) +
+                    ", cone " + std::to_string(found - kinds) +
+                    "] is semidefinite, which only methods that project take: choose jacobi, apgd, admm or auto");
+  }
+}
+
 void check_space(MemorySpace space, Device device) {
   if (space == MemorySpace::cuda && device.kind == DeviceKind::cpu)
     refuse("batch.space is cuda but the solver's device is cpu: copy the batch to the host or solve on the GPU");
@@ -261,6 +279,7 @@ void Solver::synchronize(StreamRef stream) const {
 template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                            const Real* warm_start) const {
+  if (batch.space == MemorySpace::host) check_matrices(batch, options_.solver);
   check_numbers(batch);
   check_solution(batch, solution);
   refuse_overlaps(batch, solution, warm_start);

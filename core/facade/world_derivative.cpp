@@ -5,6 +5,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/job/shape_pairs.hpp"
 #include "core/runtime/body_jacobian.hpp"
 #include "core/runtime/expect.hpp"
 #include "core/runtime/spin_change.hpp"
@@ -19,6 +20,10 @@ World<Real>& checked(World<Real>& world) {
   if (world.options().solver.max_contacts_per_env > 0)
     refuse("world: solver.max_contacts_per_env = " + std::to_string(world.options().solver.max_contacts_per_env) +
            ", and what a capacity drops is not told: differentiate a world without one (0)");
+  if (world.options().solver.box_friction)
+    refuse(
+        "world: solver.box_friction = true, and boxed friction has no derivative: differentiate a world with "
+        "friction cones (false)");
   return world;
 }
 
@@ -56,7 +61,7 @@ struct WorldStep<Real>::Parts {
     mu = copy(contacts.mu, contacts.contact_count);
     pair.reserve(mu.size());
     for (Offset c = 0; c < contacts.contact_count; ++c)
-      pair.push_back(static_cast<Index>(contacts.contact_id[c] / kFeatures));
+      pair.push_back(world_pair(model.view(), static_cast<Offset>(contacts.contact_id[c] / kFeatures)).shapes);
     inv_mass = copy(contacts.inv_mass, env_count * body_count);
     inv_inertia = copy(contacts.inv_inertia, 6 * env_count * body_count);
     jacobians =
@@ -105,13 +110,13 @@ struct WorldStep<Real>::Parts {
   /// Contacts of an environment: their own numbers, and what restitution and depth depend on.
   void add_contacts(Offset env, const Pulled& from, std::vector<double>& twist, WorldGradient<Real>& to) const {
     const JacobianBatchView<double> view = jacobians.batch.view();
-    const WorldPair<Real>* const pairs = model.view().pair;
     for (Offset c = env_contacts[at(env)]; c < env_contacts[at(env) + 1]; ++c) {
       const double target = from.target[at(3 * c)], by_mu = from.mu[at(3 * c + 1)] + from.mu[at(3 * c + 2)];
       const double depth = target * jacobians.target_by_depth[at(c)], bounce = target * jacobians.bounce[at(c)];
       to.depth[at(c)] = static_cast<Real>(depth);
       to.contact_mu[at(c)] = static_cast<Real>(by_mu);
-      for (const Index shape : {pairs[pair[at(c)]].shape_a, pairs[pair[at(c)]].shape_b}) {
+      for (const Index place : {pair[at(c)].shape_a, pair[at(c)].shape_b}) {
+        const Index shape = model.described(place);
         Real& sum = to.friction[at(env) * shape_mu.size() + at(shape)];
         if (shape_mu[at(shape)] > 0.0)
           sum += static_cast<Real>(by_mu * 0.5 * static_cast<double>(mu[at(c)]) / shape_mu[at(shape)]);
@@ -151,7 +156,7 @@ struct WorldStep<Real>::Parts {
   std::vector<Real> orientation;  ///< before the step
   std::vector<EnvStatus> status;
   std::vector<Offset> env_contacts;
-  std::vector<Index> pair;  ///< of shapes, of each contact
+  std::vector<ShapePair> pair;  ///< of each contact
   std::vector<Real> mu, inv_mass, inv_inertia;
   BodyJacobians jacobians;
   std::vector<double> solved;  ///< twists as the contacts left them

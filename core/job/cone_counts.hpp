@@ -25,15 +25,22 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz) {
   return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
 }
 
+/// The path of an environment that may have cones of semidefinite. Those are never solved densely, since projecting
+/// them is long code. Packs and a GPU's small teams, which dense systems run on, stay without it.
+STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool has_semidefinite) {
+  return has_semidefinite && n > 0 ? EnvPath::sparse : choose_path(n, nnz);
+}
+
 /// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count (free,
-/// unilateral, box, friction of 2, 3, ... 6 rows). Boxed friction has the rows and the place of a friction cone. The
-/// sort is stable, so these counts say where every cone begins.
+/// unilateral, box, friction of 2, 3, ... 6 rows). Boxed friction and semidefinite matrices have the rows and the place
+/// of a friction cone. The sort is stable, so these counts say where every cone begins.
 struct ConeCounts {
   Index free = 0;
   Index unilateral = 0;
   Index box = 0;
-  Index friction[kMaxConeRows + 1] = {};  ///< by row count m, boxed or not; entries 0 and 1 stay zero
+  Index friction[kMaxConeRows + 1] = {};  ///< of each row count m, all kinds of several rows; entries 0 and 1 stay zero
   Index box_friction = 0;                 ///< how many of those have boxed friction, of any row count
+  Index semidefinite = 0;                 ///< how many of them are semidefinite matrices
 
   friend constexpr auto operator<=>(const ConeCounts&, const ConeCounts&) = default;
 };
@@ -46,7 +53,7 @@ STICTION_HD constexpr Index shape_rows(int shape) {
 }
 /// The shape of a cone.
 STICTION_HD constexpr int shape_of(ConeKind kind, Index rows) {
-  return carries_friction(kind) ? static_cast<int>(rows) + 1 : static_cast<int>(kind);
+  return kind >= ConeKind::friction ? static_cast<int>(rows) + 1 : static_cast<int>(kind);
 }
 /// How many cones of it there are.
 STICTION_HD constexpr Index shape_count(const ConeCounts& counts, int shape) {

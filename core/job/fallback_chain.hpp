@@ -32,10 +32,12 @@ inline constexpr int kSplittingStage = 1;
 inline constexpr int kNewtonStage = 2;
 inline constexpr int kInteriorStage = 3;
 inline constexpr int kPivotingStage = 4;
+inline constexpr int kGradientStage = 5;
 static_assert(fallback_stage(kSplittingStage).solver == SolverKind::admm);
 static_assert(fallback_stage(kNewtonStage).solver == SolverKind::newton);
 static_assert(fallback_stage(kInteriorStage).solver == SolverKind::ipm);
 static_assert(fallback_stage(kPivotingStage).solver == SolverKind::lemke);
+static_assert(fallback_stage(kGradientStage).solver == SolverKind::apgd);
 
 /// Iterations of a stage in an environment of `rows` rows; no more than are allowed. The more rows there are, the
 /// longer sweeps go on, since each iteration of what comes after them costs in the order of rows sweeps. Where nothing

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "stiction/world.hpp"
 
 /// A world as plain data: what crosses into code compiled for an instruction set or a device.
@@ -8,6 +10,9 @@ namespace stiction {
 /// Contact points of one pair of shapes, at most, and numbers that tell them apart from step to step.
 inline constexpr Index kManifoldPoints = 4;
 inline constexpr Index kFeatures = 64;
+
+/// Most pairs of an environment that a step looks closer at, so that its contacts can be counted.
+inline constexpr Offset kMostNearPairs = std::numeric_limits<Index>::max() / kManifoldPoints;
 
 /// A shape in a body's axes.
 template <class Real>
@@ -19,6 +24,7 @@ struct WorldShapeData {
   Real axes[9];  ///< columns: the shape's axes
   Real bound;    ///< radius about the shape's centre that holds it; of a plane 0
   Real reach;    ///< radius about the body's centre of mass that holds it
+  double mu, restitution;
 };
 
 template <class Real>
@@ -29,27 +35,45 @@ struct WorldBodyData {
   bool isotropic;  ///< all three moments equal
 };
 
+/// Shapes of one body, and how many pairs have a body before it as their lower one.
+struct BodyShapes {
+  Index begin, end;
+  Offset pairs_before;
+};
+
 /// Two shapes that may touch; body_a < body_b.
+struct ShapePair {
+  Index shape_a, shape_b, body_a, body_b;
+};
+
+/// What contacts of two shapes have in common.
 template <class Real>
 struct WorldPair {
-  Index shape_a, shape_b, body_a, body_b;
+  ShapePair shapes;
   Real mu, restitution;
 };
 
+/// Shapes are in order of their bodies, the world's first. So the numbers of pairs, in order of bodies and shapes,
+/// follow from the shapes (shape_pairs.hpp).
 template <class Real>
 struct WorldModelView {
-  Index bodies, shapes, pairs;
+  Index bodies, shapes;
+  bool by_tree;  ///< pairs are not listed: a tree finds those that are near
+  Index pairs;   ///< how many are listed
   const WorldBodyData<Real>* body;
   const WorldShapeData<Real>* shape;
-  const WorldPair<Real>* pair;
+  const BodyShapes* shapes_of;  ///< of the world and of each body       (bodies + 1)
+  const WorldPair<Real>* pair;  ///< by number                           (pairs)
   Real gravity[3];
   Real step, margin;
+  Real cells_per_length;  ///< of the grid that the tree is sorted by [1/m]
 };
 
 /// A contact as it was found.
 template <class Real>
 struct FoundContact {
-  Index pair, feature;
+  Offset pair;
+  Index feature;
   Real arm_a[3], arm_b[3], normal[3];
   Real depth;
 };

@@ -43,6 +43,10 @@ class WorldMachine {
   virtual void motion(std::span<WorldMotion> out) = 0;
 };
 
+/// \throws Error(out_of_memory) if an environment has more pairs of shapes near each other than contacts can be counted
+/// of.
+void check_near_pairs(Offset near, Offset env);
+
 /// f(first environment, one past the last) for each run of environments in a mask.
 template <class F>
 void for_each_run(std::span<const std::uint8_t> mask, F&& f) {

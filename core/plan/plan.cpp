@@ -57,8 +57,8 @@ struct EnvStructure {
   [[nodiscard]] Offset factor_entries() const {
     return all.factor_offsets ? all.factor_offsets[env + 1] - all.factor_offsets[env] : 0;
   }
-  [[nodiscard]] EnvPath path() const {
-    return rows > 0 && factor_entries() > 0 ? EnvPath::factor : choose_path(rows, nonzeros());
+  [[nodiscard]] EnvPath path(const ConeCounts& counts) const {
+    return rows > 0 && factor_entries() > 0 ? EnvPath::factor : choose_path(rows, nonzeros(), counts.semidefinite > 0);
   }
   [[nodiscard]] Index entries(Index row) const {
     const Offset i = first_row + row;
@@ -92,7 +92,8 @@ ConeCounts count_cones(const EnvStructure& env) {
         ++counts.box;
         break;
       case ConeKind::box_friction:
-        ++counts.box_friction;
+      case ConeKind::semidefinite:
+        ++(env.kind(c) == ConeKind::semidefinite ? counts.semidefinite : counts.box_friction);
         [[fallthrough]];
       case ConeKind::friction:
         ++counts.friction[at(env.cone_rows(c))];
@@ -305,7 +306,7 @@ void plan_dense(const Structure& structure, const ParallelFor& parallel_for, Pla
       const EnvStructure env(structure, e);
       ConeCounts& counts = plan.counts[static_cast<std::size_t>(e)];
       counts = count_cones(env);
-      const EnvPath path = plan.path[static_cast<std::size_t>(e)] = env.path();
+      const EnvPath path = plan.path[static_cast<std::size_t>(e)] = env.path(counts);
       if (path == EnvPath::dense) write_canonical_order(env, counts, plan.cone_order.data() + env.first_cone);
     }
   });
@@ -358,7 +359,8 @@ bool fits_structure(const PlanData& plan, const Structure& structure, const Para
   const auto env_fits = [&](Offset e) {
     const EnvStructure env(structure, e);
     const auto index = static_cast<std::size_t>(e);
-    return plan.counts[index] == count_cones(env) && plan.path[index] == env.path() &&
+    const ConeCounts counts = count_cones(env);
+    return plan.counts[index] == counts && plan.path[index] == env.path(counts) &&
            (plan.path[index] != EnvPath::dense || in_canonical_order(env, plan.cone_order.data() + env.first_cone));
   };
   std::vector<unsigned char> fitting(static_cast<std::size_t>(structure.env_count));

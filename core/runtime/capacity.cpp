@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <type_traits>
 
 #include "core/base/extents.hpp"
@@ -21,6 +22,9 @@ Capacity Capacity::of(const ContactBatchView<Real>& batch) {
     need.env_rows = larger_of(need.env_rows, rows);
     need.env_nonzeros = larger_of(need.env_nonzeros, batch.row_offsets[row + rows] - batch.row_offsets[row]);
     need.env_dofs = larger_of(need.env_dofs, batch.env_dofs(env));
+    const ConeKind* const kinds = batch.cone_kind + batch.env_cone_offsets[env];
+    const ConeKind* const end = kinds + batch.env_cones(env);
+    need.semidefinite = need.semidefinite || std::find(kinds, end, ConeKind::semidefinite) != end;
   }
   return need;
 }

@@ -155,6 +155,8 @@ const char* to_string(ConeKind kind) noexcept {
       return "friction";
     case ConeKind::box_friction:
       return "box_friction";
+    case ConeKind::semidefinite:
+      return "semidefinite";
   }
   return kUnknown;
 }

@@ -186,8 +186,12 @@ PyramidBatch<Real> linearise(const ContactBatch<Real>& batch, int sides) {
     refuse("sides = " + std::to_string(sides) + ", expected a pyramid of 4, 8 or 16 sides");
   const ContactBatchView<Real> view = batch.view();
   if (const auto defects = validate_structure(view, 1); !defects.empty()) refuse(defects.front().message);
-  if (const ConeKind* const end = view.cone_kind + view.cone_count;
-      std::find(view.cone_kind, end, ConeKind::box_friction) != end)
+  const ConeKind* const kinds_end = view.cone_kind + view.cone_count;
+  if (std::find(view.cone_kind, kinds_end, ConeKind::semidefinite) != kinds_end)
+    throw Error(ErrorCode::unsupported,
+                "the batch has cones of semidefinite, which no half lines are; solve it as it is, by jacobi, apgd or "
+                "admm");
+  if (std::find(view.cone_kind, kinds_end, ConeKind::box_friction) != kinds_end)
     throw Error(ErrorCode::unsupported,
                 "the batch has cones of box_friction, whose law is not that of a pyramid; solve it as it is, by pgs, "
                 "npgs, nsgs or jacobi");

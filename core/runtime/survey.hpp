@@ -54,9 +54,7 @@ class Survey {
     for (Offset c = cone; c < end; ++c) {
       const Offset rows = batch_.cone_row_offsets[c + 1] - batch_.cone_row_offsets[c];
       const ConeKind kind = batch_.cone_kind[c];
-      passes = passes && (kind < ConeKind::friction ? rows == 1
-                          : carries_friction(kind)  ? rows >= 2 && rows <= kMaxConeRows
-                                                    : false);
+      passes = passes && is_cone(kind, rows) && !(batch_.normal_last && kind == ConeKind::semidefinite);
       if (passes && carries_friction(kind) && batch_.mu_offsets != nullptr) passes = mu_offsets_pass(c);
     }
     return passes;

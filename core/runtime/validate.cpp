@@ -222,20 +222,28 @@ class Validator {
     const Offset rows = batch_.cone_row_offsets[c + 1] - batch_.cone_row_offsets[c];
     const ConeKind kind = batch_.cone_kind[c];
     const bool friction = carries_friction(kind);
-    if (kind <= ConeKind::box_friction && (friction ? rows >= 2 && rows <= kMaxConeRows : rows == 1)) {
+    const bool is_matrix = kind == ConeKind::semidefinite;
+    if (is_cone(kind, rows) && !(is_matrix && batch_.normal_last)) {
       if (friction && batch_.mu_offsets != nullptr) check_mu_offsets(env, cone, c);
       return;
     }
 
     const std::string where = "[env " + std::to_string(env) + ", cone " + std::to_string(cone) + "]";
-    if (kind > ConeKind::box_friction) {
+    if (is_cone(kind, rows)) {
+      fail_env(env, cone, -1,
+               "the semidefinite cone" + where +
+                   " is in a batch with the normal last, but its rows have one order; put the normal first");
+    } else if (kind > ConeKind::semidefinite) {
       fail_env(env, cone, -1,
                "cone_kind" + where + " = " + std::to_string(static_cast<int>(kind)) +
-                   ": kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction; fix the kind");
+                   ": kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 semidefinite; fix the kind");
     } else {
       fail_env(env, cone, -1,
                std::string("the ") + to_string(kind) + " cone" + where + " has " + std::to_string(rows) +
-                   (rows == 1 ? " row: " : " rows: ") + (friction ? "friction has 2 to 6" : "this kind has 1") +
+                   (rows == 1 ? " row: " : " rows: ") +
+                   (friction    ? "friction has 2 to 6"
+                    : is_matrix ? "matrices of order 2 and 3 have 3 and 6"
+                                : "this kind has 1") +
                    "; fix cone_kind or cone_row_offsets");
     }
   }

@@ -120,6 +120,58 @@ double box_friction_residual(const double* lambda, const double* w, const std::a
   return norm(r.data(), m);
 }
 
+/// The nearest positive semidefinite matrix to one of order n, by rotations until nothing is left to turn.
+void project_matrix(std::array<std::array<long double, 3>, 3>& S, std::size_t n) {
+  std::array<std::array<long double, 3>, 3> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  for (int pass = 0; pass < 60; ++pass) {
+    bool turned = false;
+    for (std::size_t p = 0; p + 1 < n; ++p)
+      for (std::size_t q = p + 1; q < n; ++q) {
+        if (std::abs(S[p][q]) <= 1e-21L * (std::abs(S[p][p]) + std::abs(S[q][q]))) continue;
+        turned = true;
+        const long double angle = 0.5L * std::atan2(2 * S[p][q], S[q][q] - S[p][p]);
+        const long double c = std::cos(angle), s = std::sin(angle);
+        for (auto* M : {&S, &V})
+          for (std::size_t k = 0; k < n; ++k) {
+            const long double left = (*M)[k][p], right = (*M)[k][q];
+            (*M)[k][p] = c * left - s * right;
+            (*M)[k][q] = s * left + c * right;
+          }
+        for (std::size_t k = 0; k < n; ++k) {
+          const long double upper = S[p][k], lower = S[q][k];
+          S[p][k] = c * upper - s * lower;
+          S[q][k] = s * upper + c * lower;
+        }
+      }
+    if (!turned) break;
+  }
+  std::array<long double, 3> e{};
+  for (std::size_t k = 0; k < n; ++k) e[k] = S[k][k];
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = 0; j < n; ++j) {
+      S[i][j] = 0;
+      for (std::size_t k = 0; k < n; ++k)
+        if (e[k] > 0) S[i][j] += e[k] * V[i][k] * V[j][k];
+    }
+}
+
+/// The norm of r = a x - P(a x - y) of a semidefinite matrix. Its 3 or 6 rows are the upper triangle, column by column,
+/// off-diagonals times sqrt(2).
+double semidefinite_residual(const double* lambda, const double* w, std::size_t m, double a) {
+  const std::size_t order = m == 3 ? 2 : 3;
+  const long double root = std::sqrt(2.0L);
+  std::array<std::array<long double, 3>, 3> S{};
+  for (std::size_t j = 0, k = 0; j < order; ++j)
+    for (std::size_t i = 0; i <= j; ++i, ++k)
+      S[i][j] = S[j][i] = static_cast<long double>(a * lambda[k] - w[k]) / (i == j ? 1.0L : root);
+  project_matrix(S, order);
+  std::array<double, kMaxConeRows> r{};
+  for (std::size_t j = 0, k = 0; j < order; ++j)
+    for (std::size_t i = 0; i <= j; ++i, ++k)
+      r[k] = a * lambda[k] - static_cast<double>(S[i][j] * (i == j ? 1.0L : root));
+  return norm(r.data(), m);
+}
+
 /// `env_*` count from the environment's first row.
 template <class Real>
 double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset env_first_row,
@@ -138,7 +190,7 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset en
     const auto at = static_cast<std::size_t>(place - env_first_row);
     lambda[k] = env_lambda[at];
     w[k] = env_w[at];
-    if (k > 0) mu[k] = batch.mu[batch.mu_at(place)];
+    if (k > 0 && carries_friction(batch.cone_kind[cone])) mu[k] = batch.mu[batch.mu_at(place)];
     trace += env_diagonal[at];
   }
   const double mean = trace / static_cast<double>(m);
@@ -156,6 +208,8 @@ double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset en
       return friction_residual(lambda.data(), w.data(), mu, m, a, batch.law);
     case ConeKind::box_friction:
       return box_friction_residual(lambda.data(), w.data(), mu, m, a);
+    case ConeKind::semidefinite:
+      return semidefinite_residual(lambda.data(), w.data(), m, a);
   }
   return kInfinity;
 }

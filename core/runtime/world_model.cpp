@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <numeric>
 #include <string>
-#include <tuple>
 
 #include "core/base/extents.hpp"
+#include "core/job/shape_pairs.hpp"
 #include "core/runtime/defects.hpp"
 #include "core/runtime/expect.hpp"
 
@@ -17,8 +19,10 @@ namespace {
 
 /// How far a quaternion's length may be from one.
 constexpr double kUnitTolerance = 1e-6;
-/// All shapes are tested against all others: beyond this, memory and time are not what a caller expects.
-constexpr std::size_t kMostShapes = 2048;
+/// Places of shapes, twice over, are numbered by 32 bits.
+constexpr std::size_t kMostShapes = std::numeric_limits<Index>::max() / 2;
+/// Cells of the grid that shapes are sorted by: most per metre, so that no coordinate overflows.
+constexpr double kMostCells = 1e18;
 /// What bounding radii are enlarged by, so that no rounding of a later step makes them too small.
 constexpr double kBoundSlack = 1.0001;
 
@@ -132,6 +136,8 @@ WorldShapeData<Real> data_of(const WorldShape& shape) {
   WorldShapeData<Real> data{};
   data.body = shape.body;
   data.kind = shape.kind;
+  data.mu = shape.mu;
+  data.restitution = shape.restitution;
   for (std::size_t k = 0; k < 3; ++k) {
     data.size[k] = static_cast<Real>(shape.size[k]);
     data.position[k] = static_cast<Real>(shape.position[k]);
@@ -143,26 +149,54 @@ WorldShapeData<Real> data_of(const WorldShape& shape) {
   return data;
 }
 
-/// Every two shapes of different bodies, neighbours if of the same bodies: the solver visits those as one.
+/// Shapes in order of bodies, and of the description within a body.
+std::vector<Index> by_body(const std::vector<WorldShape>& shapes) {
+  std::vector<Index> order(shapes.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index one, Index other) { return shapes[at(one)].body < shapes[at(other)].body; });
+  return order;
+}
+
+/// Of the world and each body, whose shapes are in order.
 template <class Real>
-std::vector<WorldPair<Real>> pairs_of(const std::vector<WorldShape>& shapes) {
+std::vector<BodyShapes> shapes_of(const std::vector<WorldShapeData<Real>>& shape, std::size_t bodies) {
+  std::vector<BodyShapes> all(bodies + 1);
+  const auto shapes = static_cast<Index>(shape.size());
+  Index next = 0;
+  Offset pairs = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const Index begin = next;
+    while (next < shapes && shape[at(next)].body < static_cast<Index>(k)) ++next;
+    all[k] = {begin, next, pairs};
+    pairs += Offset{next - begin} * (shapes - next);
+  }
+  return all;
+}
+
+/// All pairs in order of their numbers. Those of the same bodies are neighbours: the solver visits them as one.
+template <class Real>
+std::vector<WorldPair<Real>> pairs_of(const WorldModelView<Real>& model) {
   std::vector<WorldPair<Real>> pairs;
-  for (std::size_t i = 0; i < shapes.size(); ++i)
-    for (std::size_t j = i + 1; j < shapes.size(); ++j) {
-      if (shapes[i].body == shapes[j].body) continue;
-      const bool in_order = shapes[i].body < shapes[j].body;
-      const std::size_t a = in_order ? i : j;
-      const std::size_t b = in_order ? j : i;
-      const double restitution =
-          shapes[a].restitution < shapes[b].restitution ? shapes[b].restitution : shapes[a].restitution;
-      pairs.push_back({static_cast<Index>(a), static_cast<Index>(b), shapes[a].body, shapes[b].body,
-                       static_cast<Real>(std::sqrt(shapes[a].mu * shapes[b].mu)), static_cast<Real>(restitution)});
-    }
-  std::sort(pairs.begin(), pairs.end(), [](const WorldPair<Real>& one, const WorldPair<Real>& other) {
-    return std::tie(one.body_a, one.body_b, one.shape_a, one.shape_b) <
-           std::tie(other.body_a, other.body_b, other.shape_a, other.shape_b);
+  for (Index a = 0; a < model.shapes; ++a)
+    for (Index b = a + 1; b < model.shapes; ++b)
+      if (model.shape[a].body != model.shape[b].body) pairs.push_back(with_surfaces(model, shape_pair(model, a, b)));
+  std::sort(pairs.begin(), pairs.end(), [&](const WorldPair<Real>& one, const WorldPair<Real>& other) {
+    return pair_number(model, one.shapes) < pair_number(model, other.shapes);
   });
   return pairs;
+}
+
+/// Half the size of the shape in the middle of all by size.
+template <class Real>
+double typical_length(const std::vector<WorldShapeData<Real>>& shapes) {
+  std::vector<double> bound;
+  for (const WorldShapeData<Real>& shape : shapes)
+    if (shape.kind != ShapeKind::plane) bound.push_back(static_cast<double>(shape.bound));
+  if (bound.empty()) return 1;
+  const auto middle = bound.begin() + static_cast<std::ptrdiff_t>(bound.size() / 2);
+  std::nth_element(bound.begin(), middle, bound.end());
+  return *middle;
 }
 
 }  // namespace
@@ -170,7 +204,7 @@ std::vector<WorldPair<Real>> pairs_of(const std::vector<WorldShape>& shapes) {
 void check_description(const WorldDescription& description) {
   if (description.shapes.size() > kMostShapes)
     refuse("shapes has " + std::to_string(description.shapes.size()) + " entries: at most " +
-           std::to_string(kMostShapes) + ", since each is tested against all others in every environment");
+           std::to_string(kMostShapes) + ", since their pairs are counted by 32 bits: use several environments");
   for (std::size_t k = 0; k < description.bodies.size(); ++k)
     check_body("bodies[" + std::to_string(k) + "]", description.bodies[k]);
   for (std::size_t k = 0; k < description.shapes.size(); ++k)
@@ -179,20 +213,25 @@ void check_description(const WorldDescription& description) {
 }
 
 template <class Real>
-WorldModel<Real>::WorldModel(const WorldDescription& description, const WorldOptions& options)
-    : pair_(pairs_of<Real>(description.shapes)) {
+WorldModel<Real>::WorldModel(const WorldDescription& description, const WorldOptions& options, std::size_t most_listed)
+    : order_(by_body(description.shapes)) {
   for (const WorldBody& body : description.bodies) body_.push_back(data_of<Real>(body));
-  for (const WorldShape& shape : description.shapes) shape_.push_back(data_of<Real>(shape));
-  view_ = {static_cast<Index>(body_.size()),
-           static_cast<Index>(shape_.size()),
-           static_cast<Index>(pair_.size()),
-           body_.data(),
-           shape_.data(),
-           pair_.data(),
-           {static_cast<Real>(description.gravity[0]), static_cast<Real>(description.gravity[1]),
-            static_cast<Real>(description.gravity[2])},
-           static_cast<Real>(options.stepping.dt),
-           static_cast<Real>(options.margin)};
+  for (const Index shape : order_) shape_.push_back(data_of<Real>(description.shapes[at(shape)]));
+  shapes_of_ = shapes_of(shape_, body_.size());
+  view_.bodies = static_cast<Index>(body_.size());
+  view_.shapes = static_cast<Index>(shape_.size());
+  view_.by_tree = shape_.size() > most_listed;
+  view_.body = body_.data();
+  view_.shape = shape_.data();
+  view_.shapes_of = shapes_of_.data();
+  for (std::size_t k = 0; k < 3; ++k) view_.gravity[k] = static_cast<Real>(description.gravity[k]);
+  view_.step = static_cast<Real>(options.stepping.dt);
+  view_.margin = static_cast<Real>(options.margin);
+  const double length = typical_length(shape_);
+  view_.cells_per_length = static_cast<Real>(length * kMostCells > 1 ? 1 / length : kMostCells);
+  if (!view_.by_tree) pair_ = pairs_of(view_);
+  view_.pairs = static_cast<Index>(pair_.size());
+  view_.pair = pair_.data();
 }
 
 WorldBody solid_body(const WorldShape& shape, double density) {

@@ -1,5 +1,5 @@
-#include "core/algorithm/derivative/jacobian_jvp.hpp"
-#include "core/algorithm/derivative/jacobian_vjp.hpp"
+#include "core/algorithm/derivative/relaxed_derivative.hpp"
+#include "core/algorithm/unrolled/unrolled_vjp.hpp"
 #include "cpu_fallback/kernels/derivative_kernels.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
 
@@ -37,12 +37,55 @@ void jacobian_jvp_one(const JacobianJvpJob<Real>& job, Offset env, double* scrat
   jacobian_jvp_env<MassTile<Real>>(team, job, env, scratch);
 }
 
+template <class Real, class Job>
+Offset relaxed_elements_of(const RelaxedJob<Job, Real>& job, Offset env) {
+  return relaxed_elements(job.job, env);
+}
+template <class Real>
+void relaxed_vjp_one(const RelaxedJob<VjpJob<Real>, Real>& job, Offset env, double* scratch) {
+  SerialTeam team;
+  relaxed_vjp_env(team, job, env, scratch);
+}
+template <class Real>
+void relaxed_jvp_one(const RelaxedJob<JvpJob<Real>, Real>& job, Offset env, double* scratch) {
+  SerialTeam team;
+  relaxed_jvp_env(team, job, env, scratch);
+}
+template <class Real, class Job>
+Offset relaxed_jacobian_elements_of(const RelaxedJob<Job, Real>& job, Offset env) {
+  return relaxed_jacobian_elements<MassTile<Real>>(job.job, env);
+}
+template <class Real>
+void relaxed_jacobian_vjp_one(const RelaxedJob<JacobianVjpJob<Real>, Real>& job, Offset env, double* scratch) {
+  SerialTeam team;
+  relaxed_jacobian_vjp_env<MassTile<Real>>(team, job, env, scratch);
+}
+template <class Real>
+void relaxed_jacobian_jvp_one(const RelaxedJob<JacobianJvpJob<Real>, Real>& job, Offset env, double* scratch) {
+  SerialTeam team;
+  relaxed_jacobian_jvp_env<MassTile<Real>>(team, job, env, scratch);
+}
+
+template <class Real>
+Offset unrolled_elements_of(const UnrolledJob<Real>& job, Offset env) {
+  return unrolled_elements(job, env);
+}
+template <class Real>
+void unrolled_one(const UnrolledJob<Real>& job, Offset env, double* scratch) {
+  unrolled_env(job, env, scratch);
+}
+
 template <class Real>
 cpu::DerivativeKernels<Real> kernels() {
   return {{elements_of<VjpJob<Real>>, vjp_one<Real>},
           {elements_of<JvpJob<Real>>, jvp_one<Real>},
           {jacobian_elements_of<Real, JacobianVjpJob<Real>>, jacobian_vjp_one<Real>},
-          {jacobian_elements_of<Real, JacobianJvpJob<Real>>, jacobian_jvp_one<Real>}};
+          {jacobian_elements_of<Real, JacobianJvpJob<Real>>, jacobian_jvp_one<Real>},
+          {relaxed_elements_of<Real, VjpJob<Real>>, relaxed_vjp_one<Real>},
+          {relaxed_elements_of<Real, JvpJob<Real>>, relaxed_jvp_one<Real>},
+          {relaxed_jacobian_elements_of<Real, JacobianVjpJob<Real>>, relaxed_jacobian_vjp_one<Real>},
+          {relaxed_jacobian_elements_of<Real, JacobianJvpJob<Real>>, relaxed_jacobian_jvp_one<Real>},
+          {unrolled_elements_of<Real>, unrolled_one<Real>}};
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
-#include "core/job/derivative_job.hpp"
+#include "core/job/relaxed_job.hpp"
+#include "core/job/unrolled_job.hpp"
 
 namespace stiction::cpu {
 
@@ -18,6 +19,11 @@ struct DerivativeKernels {
   DerivativeKernel<JvpJob<Real>> jvp;
   DerivativeKernel<JacobianVjpJob<Real>> jacobian_vjp;
   DerivativeKernel<JacobianJvpJob<Real>> jacobian_jvp;
+  DerivativeKernel<RelaxedJob<VjpJob<Real>, Real>> relaxed_vjp;
+  DerivativeKernel<RelaxedJob<JvpJob<Real>, Real>> relaxed_jvp;
+  DerivativeKernel<RelaxedJob<JacobianVjpJob<Real>, Real>> relaxed_jacobian_vjp;
+  DerivativeKernel<RelaxedJob<JacobianJvpJob<Real>, Real>> relaxed_jacobian_jvp;
+  DerivativeKernel<UnrolledJob<Real>> unrolled_vjp;
 };
 
 /// Kernels of both precisions.

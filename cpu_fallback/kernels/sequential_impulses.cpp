@@ -33,9 +33,10 @@ cpu::BodyPackKernels<Real> packs() {
 
 cpu::BodyKernelSet si_kernels() {
   constexpr Law kConvex = Law::convex, kCoulomb = Law::coulomb;
-  return {
-      {{single<float, kConvex>(), single<float, kCoulomb>()}, {single<double, kConvex>(), single<double, kCoulomb>()}},
-      {{packs<float, kConvex>(), packs<float, kCoulomb>()}, {packs<double, kConvex>(), packs<double, kCoulomb>()}}};
+  return {{{single<float, kConvex>(), single<float, kCoulomb>(), single<float, kBoxFriction>()},
+           {single<double, kConvex>(), single<double, kCoulomb>(), single<double, kBoxFriction>()}},
+          {{packs<float, kConvex>(), packs<float, kCoulomb>(), packs<float, kBoxFriction>()},
+           {packs<double, kConvex>(), packs<double, kCoulomb>(), packs<double, kBoxFriction>()}}};
 }
 
 }  // namespace stiction::inline STICTION_ISA

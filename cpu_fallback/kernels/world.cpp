@@ -6,19 +6,36 @@ namespace stiction::inline STICTION_ISA {
 namespace {
 
 template <class Real>
-std::size_t workspace_bytes(const WorldModelView<Real>& model) {
-  return static_cast<std::size_t>(DetectWorkspace<Real>::bytes(model));
+Offset workspace_bytes(const WorldModelView<Real>& model) {
+  return model.by_tree ? NearWorkspace<Real>::bytes(model) : ListedPairs<Real>::bytes(model);
 }
 template <class Real>
-Index find_one(const WorldJob<Real>& job, Offset env, void* workspace) {
+Offset count_near_one(const WorldJob<Real>& job, Offset env, void* workspace) {
   SerialTeam team;
+  NearWorkspace<Real> near(job.model, workspace);
   prepare_world(team, job, env);
-  return find_contacts(team, job, env, DetectWorkspace<Real>(job.model, workspace));
+  return count_near_pairs(team, job, env, near);
 }
 template <class Real>
-void list_one(const WorldJob<Real>& job, Offset env, void* workspace, FoundContact<Real>* out) {
+Index find_one(const WorldJob<Real>& job, Offset env, void* workspace, Index near, void* pairs) {
   SerialTeam team;
-  list_contacts(team, job, env, DetectWorkspace<Real>(job.model, workspace), out);
+  if (!job.model.by_tree) {
+    prepare_world(team, job, env);
+    return find_contacts(team, job, env, ListedPairs<Real>(job.model, workspace));
+  }
+  NearWorkspace<Real> tree(job.model, workspace);
+  return find_near_contacts(team, job, env, tree, near, pairs);
+}
+template <class Real>
+void list_one(const WorldJob<Real>& job, Offset env, void* workspace, Index near, void* pairs,
+              FoundContact<Real>* out) {
+  SerialTeam team;
+  if (job.model.by_tree) {
+    list_contacts(team, job, env, NearPairs<Real>(job.model, NearWorkspace<Real>(job.model, workspace), near, pairs),
+                  out);
+  } else {
+    list_contacts(team, job, env, ListedPairs<Real>(job.model, workspace), out);
+  }
 }
 template <class Real>
 void emit_contacts_one(const WorldJob<Real>& job, const ContactSink<Real>& sink, Offset env,
@@ -38,8 +55,8 @@ WorldMotion motion_one(const WorldJob<Real>& job, Offset env) {
 
 template <class Real>
 cpu::WorldKernels<Real> kernels() {
-  return {workspace_bytes<Real>,   find_one<Real>,      list_one<Real>,
-          emit_contacts_one<Real>, integrate_one<Real>, motion_one<Real>};
+  return {workspace_bytes<Real>, NearPairs<Real>::bytes,  count_near_one<Real>, find_one<Real>,
+          list_one<Real>,        emit_contacts_one<Real>, integrate_one<Real>,  motion_one<Real>};
 }
 
 }  // namespace

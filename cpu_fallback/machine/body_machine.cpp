@@ -26,8 +26,8 @@ template <class Real>
 void run(const BodyRequest<Real>& request) {
   const BodyPlanData& plan = *request.plan;
   const cpu::BodyKernelSet set = cpu::best_isa().body_kernels();
-  const cpu::BodySingleKernels<Real>& kernels = set.single.of<Real>(request.options.law);
-  const cpu::BodyPackKernels<Real>& packs = set.packs.of<Real>(request.options.law);
+  const cpu::BodySingleKernels<Real>& kernels = set.single.of<Real>(contact_law(request.options));
+  const cpu::BodyPackKernels<Real>& packs = set.packs.of<Real>(contact_law(request.options));
   const BodyJob<Real> job{request.batch,      plan.view(),      request.solution,
                           request.warm_start, request.stepping, request.options};
   const int threads = cpu::thread_count(request.options.threads);

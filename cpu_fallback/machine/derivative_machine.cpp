@@ -43,57 +43,74 @@ void for_each_env(const Job& job, Offset envs, int threads, const cpu::Derivativ
   });
 }
 
-/// The kernel for every environment of J and M. The arrays that are assembled, and what goes between the parts, live as
-/// long as the call.
+/// The kernel of a job, or of its relaxed problem where kappa is above zero. The relaxed reactions live as long as the
+/// call.
+template <class Real, class Job, class View>
+void run_job(const Job& job, const View& batch, int threads, double kappa, const cpu::DerivativeKernel<Job>& exact,
+             const cpu::DerivativeKernel<RelaxedJob<Job, Real>>& relaxed) {
+  if (kappa == 0.0) return for_each_env(job, batch.env_count, threads, exact);
+  std::vector<Real> lambda(static_cast<std::size_t>(batch.row_count));
+  for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
+}
+
+/// A job of J and M. The arrays that are assembled, and what goes between the parts, live as long as the call.
 template <class Real, class Job>
-void for_each_jacobian(Job job, int threads, const cpu::DerivativeKernel<Job>& kernel) {
+void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeKernel<Job>& exact,
+                      const cpu::DerivativeKernel<RelaxedJob<Job, Real>>& relaxed) {
   const JacobianBatchView<Real>& batch = job.assembly.batch;
   const auto assembled = make_cpu_jacobian_machine<Real>(FactorUse::by_size, threads);
   const auto size = static_cast<std::size_t>(job.contact.count * batch.row_count);
   std::vector<Real> in(size), out(size);
   job.connect(assembled->lay_out(batch, StreamRef::default_stream()), in.data(), out.data());
-  for_each_env(job, batch.env_count, threads, kernel);
+  run_job<Real>(job, batch, threads, kappa, exact, relaxed);
 }
 
 class CpuDerivativeMachine final : public DerivativeMachine {
  public:
-  explicit CpuDerivativeMachine(int threads) : threads_(threads) {}
+  CpuDerivativeMachine(int threads, double kappa) : threads_(threads), kappa_(kappa) {}
 
-  void vjp(const VjpJob<float>& job, StreamRef) override { run(job, pick<float>().vjp); }
-  void vjp(const VjpJob<double>& job, StreamRef) override { run(job, pick<double>().vjp); }
-  void jvp(const JvpJob<float>& job, StreamRef) override { run(job, pick<float>().jvp); }
-  void jvp(const JvpJob<double>& job, StreamRef) override { run(job, pick<double>().jvp); }
-  void vjp(const JacobianVjpJob<float>& job, StreamRef) override {
-    run_jacobian<float>(job, pick<float>().jacobian_vjp);
-  }
-  void vjp(const JacobianVjpJob<double>& job, StreamRef) override {
-    run_jacobian<double>(job, pick<double>().jacobian_vjp);
-  }
-  void jvp(const JacobianJvpJob<float>& job, StreamRef) override {
-    run_jacobian<float>(job, pick<float>().jacobian_jvp);
-  }
-  void jvp(const JacobianJvpJob<double>& job, StreamRef) override {
-    run_jacobian<double>(job, pick<double>().jacobian_jvp);
-  }
+  void vjp(const VjpJob<float>& job, StreamRef) override { pull(job); }
+  void vjp(const VjpJob<double>& job, StreamRef) override { pull(job); }
+  void jvp(const JvpJob<float>& job, StreamRef) override { push(job); }
+  void jvp(const JvpJob<double>& job, StreamRef) override { push(job); }
+  void vjp(const JacobianVjpJob<float>& job, StreamRef) override { pull(job); }
+  void vjp(const JacobianVjpJob<double>& job, StreamRef) override { pull(job); }
+  void jvp(const JacobianJvpJob<float>& job, StreamRef) override { push(job); }
+  void jvp(const JacobianJvpJob<double>& job, StreamRef) override { push(job); }
+  void unrolled_vjp(const UnrolledJob<float>& job) override { unroll(job); }
+  void unrolled_vjp(const UnrolledJob<double>& job) override { unroll(job); }
   void synchronize(StreamRef) override {}
 
  private:
-  template <class Job>
-  void run(const Job& job, const cpu::DerivativeKernel<Job>& kernel) const {
-    for_each_env(job, job.batch.env_count, threads_, kernel);
+  template <class Real>
+  void pull(const VjpJob<Real>& job) const {
+    run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().vjp, pick<Real>().relaxed_vjp);
   }
-  template <class Real, class Job>
-  void run_jacobian(const Job& job, const cpu::DerivativeKernel<Job>& kernel) const {
-    for_each_jacobian<Real>(job, threads_, kernel);
+  template <class Real>
+  void push(const JvpJob<Real>& job) const {
+    run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().jvp, pick<Real>().relaxed_jvp);
+  }
+  template <class Real>
+  void pull(const JacobianVjpJob<Real>& job) const {
+    run_jacobian_job<Real>(job, threads_, kappa_, pick<Real>().jacobian_vjp, pick<Real>().relaxed_jacobian_vjp);
+  }
+  template <class Real>
+  void push(const JacobianJvpJob<Real>& job) const {
+    run_jacobian_job<Real>(job, threads_, kappa_, pick<Real>().jacobian_jvp, pick<Real>().relaxed_jacobian_jvp);
+  }
+  template <class Real>
+  void unroll(const UnrolledJob<Real>& job) const {
+    for_each_env(job, job.batch.env_count, threads_, pick<Real>().unrolled_vjp);
   }
 
   int threads_;
+  double kappa_;
 };
 
 }  // namespace
 
-std::unique_ptr<DerivativeMachine> make_cpu_derivative_machine(int threads) {
-  return std::make_unique<CpuDerivativeMachine>(threads);
+std::unique_ptr<DerivativeMachine> make_cpu_derivative_machine(int threads, double kappa) {
+  return std::make_unique<CpuDerivativeMachine>(threads, kappa);
 }
 
 }  // namespace stiction

@@ -37,12 +37,10 @@ class CpuWorldMachine final : public WorldMachine<Real> {
         kernels_(pick<Real>(cpu::best_isa().world_kernels())),
         arrays_(model, env_count),
         last_(arrays_.contacts),
-        workspace_(at(threads_)),
+        memory_(at(threads_)),
         found_(at((env_count + kRun - 1) / kRun)),
         begin_(at(env_count)) {
-    const std::size_t words =
-        (kernels_.workspace_bytes(model) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
-    for (auto& workspace : workspace_) workspace.resize(words);
+    for (Memory& memory : memory_) memory.workspace.reserve(kernels_.workspace_bytes(model));
   }
 
   WorldSolve<Real> find_contacts() override {
@@ -52,14 +50,16 @@ class CpuWorldMachine final : public WorldMachine<Real> {
     now.offsets[0] = 0;
     for_each_run_of_environments([&](int run, int worker, Offset begin, Offset end) {
       std::vector<FoundContact<Real>>& found = found_[at(run)];
-      void* const workspace = workspace_[at(worker)].data();
+      Memory& memory = memory_[at(worker)];
+      void* const workspace = memory.workspace.data();
       found.clear();
       for (Offset env = begin; env < end; ++env) {
-        const Index count = kernels_.find_contacts(job, env, workspace);
+        const Index near = make_room_for_near_pairs(job, env, memory);
+        const Index count = kernels_.find_contacts(job, env, workspace, near, memory.pairs.data());
         begin_[at(env)] = found.size();
         now.offsets[at(env) + 1] = count;
         found.resize(found.size() + at(count));
-        kernels_.list_contacts(job, env, workspace, found.data() + begin_[at(env)]);
+        kernels_.list_contacts(job, env, workspace, near, memory.pairs.data(), found.data() + begin_[at(env)]);
       }
     });
     std::partial_sum(now.offsets.begin(), now.offsets.end(), now.offsets.begin());
@@ -102,6 +102,36 @@ class CpuWorldMachine final : public WorldMachine<Real> {
   }
 
  private:
+  /// Uninitialised, and aligned for everything.
+  class Scratch {
+   public:
+    void reserve(Offset bytes) {
+      const std::size_t words = (at(bytes) + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t);
+      if (words <= words_) return;
+      memory_.reset();
+      words_ = 0;
+      memory_ = std::make_unique_for_overwrite<std::max_align_t[]>(words);
+      words_ = words;
+    }
+    [[nodiscard]] void* data() const { return memory_.get(); }
+
+   private:
+    std::unique_ptr<std::max_align_t[]> memory_;
+    std::size_t words_ = 0;
+  };
+  struct Memory {
+    Scratch workspace, pairs;
+  };
+
+  /// Counts the near pairs of an environment that has a tree, and makes room for them.
+  Index make_room_for_near_pairs(const WorldJob<Real>& job, Offset env, Memory& memory) {
+    if (!job.model.by_tree) return 0;
+    const Offset near = kernels_.count_near(job, env, memory.workspace.data());
+    check_near_pairs(near, env);
+    memory.pairs.reserve(kernels_.pair_bytes(near));
+    return static_cast<Index>(near);
+  }
+
   template <class F>
   void for_each_run_of_environments(F&& work) {
     cpu::parallel_for(threads_, static_cast<int>(found_.size()), [&](int run, int worker) {
@@ -114,10 +144,10 @@ class CpuWorldMachine final : public WorldMachine<Real> {
   Real keep_;
   cpu::WorldKernels<Real> kernels_;
   WorldArrays<Real> arrays_;
-  HostContacts<Real> last_;                               ///< contacts of the step before
-  std::vector<std::vector<std::max_align_t>> workspace_;  ///< scratch of each worker
-  std::vector<std::vector<FoundContact<Real>>> found_;    ///< of each run of environments
-  std::vector<std::size_t> begin_;                        ///< of each environment in its run's
+  HostContacts<Real> last_;                             ///< contacts of the step before
+  std::vector<Memory> memory_;                          ///< scratch of each worker
+  std::vector<std::vector<FoundContact<Real>>> found_;  ///< of each run of environments
+  std::vector<std::size_t> begin_;                      ///< of each environment in its run's
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "cpu_fallback/threads/pools.hpp"
+#include "cpu_fallback/threads/section.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cpu {
@@ -28,6 +29,18 @@ std::atomic<PoolKind> chosen{kHasTbb ? PoolKind::tbb : PoolKind::own};
 void require(PoolKind kind) {
   if (!has_pool(kind))
     throw Error(ErrorCode::unsupported, "this build has no oneTBB: configure with STICTION_ENABLE_TBB=ON");
+}
+
+void share_out([[maybe_unused]] PoolKind kind, int threads, int items, const ItemWork& work) {
+  if (threads <= 1 || items == 1) {
+    const ScopedFpEnv fp_env;
+    for (int item = 0; item < items; ++item) work(item, 0);
+    return;
+  }
+#ifdef STICTION_HAS_TBB
+  if (kind == PoolKind::tbb) return tbb_parallel_for(threads, items, work);
+#endif
+  own_parallel_for(threads, items, work);
 }
 
 }  // namespace
@@ -51,15 +64,14 @@ void set_pool(PoolKind kind) {
 void parallel_for(PoolKind kind, int threads, int items, const ItemWork& work) {
   require(kind);
   if (items <= 0) return;
-  if (threads <= 1 || items == 1) {
-    const ScopedFpEnv fp_env;
-    for (int item = 0; item < items; ++item) work(item, 0);
-    return;
-  }
-#ifdef STICTION_HAS_TBB
-  if (kind == PoolKind::tbb) return tbb_parallel_for(threads, items, work);
-#endif
-  own_parallel_for(threads, items, work);
+  ThreadMeter* const meter = Section::meter();
+  if (meter == nullptr) return share_out(kind, threads, items, work);
+  Section section(*meter, threads);
+  share_out(kind, threads, items, [&](int item, int worker) {
+    const Section::Clock::time_point start = Section::Clock::now();
+    work(item, worker);
+    section.worked(worker, start);
+  });
 }
 
 void parallel_for(int threads, int items, const ItemWork& work) {

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <system_error>
 #include <thread>
 #include <vector>
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "cpu_fallback/threads/section.hpp"
 
 namespace stiction::cpu {
 
@@ -16,6 +18,11 @@ namespace {
 /// How often a waiter looks at the phase before it yields, which takes some hundred microseconds. On a busy machine a
 /// yield costs whole turns of all others, at every barrier.
 constexpr int kSpins = 4000;
+
+using Clock = Section::Clock;
+
+/// What this thread has waited at its team's barriers; null without a meter.
+thread_local Clock::duration* waited_here = nullptr;
 
 void pause() {
 #if defined(__x86_64__) || defined(__i386__)
@@ -49,7 +56,10 @@ Index ThreadTeam::width() const {
 }
 
 void ThreadTeam::sync() {
+  if (waited_here == nullptr) return barrier_.arrive_and_wait();
+  const Clock::time_point start = Clock::now();
   barrier_.arrive_and_wait();
+  *waited_here += Clock::now() - start;
 }
 
 unsigned char* ThreadTeam::slot(int turn, Index rank) {
@@ -64,10 +74,18 @@ void run_team(int threads, const std::function<void(ThreadTeam& team, Index rank
   const Index wanted = bounded<Index>(threads, 1, ThreadTeam::kMaxWidth);
   std::unique_ptr<ThreadTeam> team;
   std::atomic<bool> formed{false};
+  std::optional<Section> section;
+  if (ThreadMeter* const meter = Section::meter()) section.emplace(*meter, wanted);
   const auto run = [&](Index rank) {
     formed.wait(false);
     const ScopedFpEnv fp_env;
+    if (!section) return work(*team, rank);
+    Clock::duration waited{};
+    const Clock::time_point start = Clock::now();
+    waited_here = &waited;
     work(*team, rank);
+    waited_here = nullptr;
+    section->worked(rank, start, waited);
   };
   std::vector<std::thread> others;
   others.reserve(static_cast<std::size_t>(wanted));

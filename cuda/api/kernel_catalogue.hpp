@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 
+#include "core/job/body_job.hpp"
 #include "core/job/workspace.hpp"
 #include "cuda/api/kernel.hpp"
 
@@ -44,9 +45,9 @@ struct SolveBodyKernels {
   KernelRef teams;    ///< one team per environment             (kernels/bodies_program.hpp)
 };
 
-/// Bodies by precision (Precision) and law (Law).
+/// Bodies by precision (Precision) and law of contacts (contact_law).
 struct BodyKernels {
-  SolveBodyKernels by_precision_and_law[2][2];
+  SolveBodyKernels by_precision_and_law[2][kContactLaws];
 };
 
 /// Bodies by Newton's method, one team per environment, by precision and law  (kernels/bodies_program.hpp).
@@ -56,11 +57,15 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;             ///< what each environment takes
-  KernelRef place;             ///< where each begins
-  KernelRef write;             ///< rows, A or Y, and b
-  KernelRef move;              ///< velocities
-  KernelRef newton;            ///< Newton's method in velocities, before `place`  (kernels/velocity_program.hpp)
+  KernelRef count;  ///< what each environment takes
+  KernelRef place;  ///< where each begins
+  KernelRef write;  ///< rows, A or Y, and b
+  KernelRef move;   ///< velocities
+};
+
+/// Newton's method in velocities, in one precision, before the Jacobian form's `place` (kernels/velocity_program.hpp).
+struct VelocityKernels {
+  KernelRef newton;            ///< a lane for each environment
   KernelRef newton_in_parts;   ///< the same where environments have more degrees of freedom than a lane takes
   KernelRef newton_in_blocks;  ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
 };
@@ -73,7 +78,8 @@ struct DerivativeKernels {
 
 /// Worlds, in one precision (kernels/world_program.hpp).
 struct WorldKernels {
-  KernelRef find;           ///< inputs of the solve, contacts
+  KernelRef find;           ///< inputs of the solve, contacts of all pairs
+  KernelRef find_near;      ///< inputs of the solve, contacts of the pairs that a tree finds
   KernelRef emit_contacts;  ///< contacts to the solver, with first guesses
   KernelRef integrate;      ///< positions
   KernelRef measure;        ///< energy and momentum
@@ -90,6 +96,7 @@ struct KernelCatalogue {
   BodyKernels bodies;
   NewtonBodyKernels newton_bodies;
   JacobianKernels jacobian[2];      ///< by Precision
+  VelocityKernels velocity[2];      ///< by Precision
   WorldKernels world[2];            ///< by Precision
   DerivativeKernels derivative[2];  ///< by Precision
 };

@@ -7,6 +7,7 @@ namespace stiction::cuda {
 BodyKernels emulated_body_kernels();
 DerivativeKernels emulated_derivative_kernels(Precision precision);
 JacobianKernels emulated_jacobian_kernels(Precision precision);
+VelocityKernels emulated_velocity_kernels(Precision precision);
 WorldKernels emulated_world_kernels(Precision precision);
 NewtonBodyKernels emulated_newton_body_kernels();
 
@@ -21,6 +22,7 @@ const KernelCatalogue& emulated_kernels() {
       emulated_body_kernels(),
       emulated_newton_body_kernels(),
       {emulated_jacobian_kernels(Precision::f32), emulated_jacobian_kernels(Precision::f64)},
+      {emulated_velocity_kernels(Precision::f32), emulated_velocity_kernels(Precision::f64)},
       {emulated_world_kernels(Precision::f32), emulated_world_kernels(Precision::f64)},
       {emulated_derivative_kernels(Precision::f32), emulated_derivative_kernels(Precision::f64)}};
   return catalogue;

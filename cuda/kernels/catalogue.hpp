@@ -58,6 +58,7 @@ WarmStartKernels warm_start_kernels() {
 template <class Make, class Real>
 WorldKernels world_kernels() {
   return {Make::template kernel<FindWorldContacts<Real>>("world_find"),
+          Make::template kernel<FindNearWorldContacts<Real>>("world_find_near"),
           Make::template kernel<EmitWorldContacts<Real>>("world_emit_contacts"),
           Make::template kernel<IntegrateWorlds<Real>>("world_integrate"),
           Make::template kernel<MeasureWorlds<Real>>("world_measure")};
@@ -71,8 +72,10 @@ SolveBodyKernels solve_body_kernels() {
 
 template <class Make>
 BodyKernels body_kernels() {
-  return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>()},
-           {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>()}}};
+  return {{{solve_body_kernels<Make, Law::convex, float>(), solve_body_kernels<Make, Law::coulomb, float>(),
+            solve_body_kernels<Make, kBoxFriction, float>()},
+           {solve_body_kernels<Make, Law::convex, double>(), solve_body_kernels<Make, Law::coulomb, double>(),
+            solve_body_kernels<Make, kBoxFriction, double>()}}};
 }
 
 template <class Make, Law kLaw, class Real>

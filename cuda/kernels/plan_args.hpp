@@ -51,6 +51,7 @@ struct PlanArgs {
   Index most_rows;       ///< of an environment; a larger one is flagged kFlagOverCapacity
   Index most_dofs;       ///< the same of the columns of its factor, if it has one
   Offset most_nonzeros;  ///< the same of its stored entries, if it is sparse
+  bool may_be_sparse;    ///< whether there is room for sparse environments at all
   ClassLimits limits;    ///< of the dense classes
 };
 

@@ -37,26 +37,24 @@ struct InspectEnvironments {
     const bool sound = structure_is_sound(team, batch, env);
     StructureView s{};
     if (sound) s = structure_of(batch, env);
-    EnvPath path = sound ? path_of(s) : EnvPath::empty;
+    EnvPath path = sound ? path_of(team, s) : EnvPath::empty;
     const Index dofs = sound ? batch.env_dofs(env) : 0;
     if (dofs > 0) path = EnvPath::factor;
     const bool fits = s.rows <= args.most_rows && dofs <= args.most_dofs &&
-                      (path != EnvPath::sparse || s.entry_span() <= args.most_nonzeros);
+                      (path != EnvPath::sparse || (args.may_be_sparse && s.entry_span() <= args.most_nonzeros));
     const std::uint32_t flags = !sound ? kFlagBadStructure : !fits ? kFlagOverCapacity : 0U;
     if (flags != 0) path = EnvPath::empty;
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
     const PlanTarget target = target_of(args, env, first_cone);
     const SizeClass own = size_class(path, s.rows, args.limits);
-    // Of a factor, whose cones stay in file order, a solve asks no more than whether friction is boxed.
-    std::uint32_t boxed = 0;
-    if (path == EnvPath::factor)
-      for (Index cone = team.rank(); cone < s.cones; cone += team.size())
-        boxed |= s.kind[cone] == ConeKind::box_friction ? 1U : 0U;
-    boxed = team.combine(boxed);
+    // Of a factor, whose cones stay in file order, a solve asks no more than whether it has some of these.
+    const bool is_boxed = path == EnvPath::factor && has_kind(team, s, ConeKind::box_friction);
+    const bool has_matrices = path == EnvPath::factor && has_kind(team, s, ConeKind::semidefinite);
     single(team, [&] {
       *target.path = path;
       *target.counts = ConeCounts{};
-      target.counts->box_friction = static_cast<Index>(boxed);
+      target.counts->box_friction = is_boxed ? 1 : 0;
+      target.counts->semidefinite = has_matrices ? 1 : 0;
       *target.color_count = 0;
       args.plan.env_vertex_offsets[env] = first_cone + env;
       args.plan.flags[env] = flags;

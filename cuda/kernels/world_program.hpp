@@ -10,12 +10,20 @@ template <class Real>
 struct WorldFindArgs {
   WorldJob<Real> job;
   Offset env_count;
-  std::byte* workspace;  ///< DetectWorkspace of each team that runs                                          (teams *
+  std::byte* workspace;  ///< ListedPairs of each team that runs                                              (teams *
                          ///< workspace_bytes)
   Offset workspace_bytes;
   FoundContact<Real>* found;  ///< contacts of each environment that has no more than `most`        (env_count * most)
   Index most;
   Index* count;  ///< contacts of each environment, listed or not                                   (env_count)
+};
+
+/// What finding contacts takes where a tree finds near pairs.
+template <class Real>
+struct WorldFindNearArgs {
+  WorldFindArgs<Real> find;  ///< `workspace` has a NearWorkspace and room for near pairs for each team
+  Offset room;               ///< near pairs that there is room for
+  Offset* near;              ///< near pairs of each environment                                      (env_count)
 };
 
 /// What handing them to the solver takes.
@@ -47,12 +55,41 @@ struct FindWorldContacts {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const DetectWorkspace<Real> workspace(args.job.model, args.workspace + id.index * args.workspace_bytes);
+    const ListedPairs<Real> pairs(args.job.model, args.workspace + id.index * args.workspace_bytes);
     for (Offset env = id.index; env < args.env_count; env += id.count) {
       prepare_world(team, args.job, env);
-      const Index count = find_contacts(team, args.job, env, workspace);
-      if (count <= args.most) list_contacts(team, args.job, env, workspace, args.found + env * args.most);
+      const Index count = find_contacts(team, args.job, env, pairs);
+      if (count <= args.most) list_contacts(team, args.job, env, pairs, args.found + env * args.most);
       single(team, [&] { args.count[env] = count; });
+    }
+  }
+};
+
+/// An environment with more near pairs than there is room for has no contacts, and says how many pairs it has.
+template <class Real>
+struct FindNearWorldContacts {
+  using Args = cuda::WorldFindNearArgs<Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& all) {
+    const cuda::WorldFindArgs<Real>& args = all.find;
+    std::byte* const memory = args.workspace + id.index * args.workspace_bytes;
+    NearWorkspace<Real> workspace(args.job.model, memory);
+    std::byte* const pairs = memory + NearWorkspace<Real>::bytes(args.job.model);
+    for (Offset env = id.index; env < args.env_count; env += id.count) {
+      prepare_world(team, args.job, env);
+      const Offset near = count_near_pairs(team, args.job, env, workspace);
+      Index count = 0;
+      if (near <= all.room) {
+        count = find_near_contacts(team, args.job, env, workspace, static_cast<Index>(near), pairs);
+        const NearPairs<Real> found(args.job.model, workspace, static_cast<Index>(near), pairs);
+        if (count <= args.most) list_contacts(team, args.job, env, found, args.found + env * args.most);
+      }
+      single(team, [&] {
+        args.count[env] = count;
+        all.near[env] = near;
+      });
     }
   }
 };

@@ -42,11 +42,13 @@ struct BodyNeed {
 
 template <class Real, int kStride>
 BodyNeed need_of(const BodySolverOptions& options, Offset contacts, Offset bodies) {
-  using Coulomb = BodySystem<Real, Law::coulomb, kStride>;
-  using Convex = BodySystem<Real, Law::convex, kStride>;
-  return {options.law == Law::coulomb ? Coulomb::elements(contacts, bodies, options.momentum)
-                                      : Convex::elements(contacts, bodies, options.momentum),
-          Coulomb::exact_elements(bodies)};
+  const auto need = [&]<Law kLaw>() -> BodyNeed {
+    using System = BodySystem<Real, kLaw, kStride>;
+    return {System::elements(contacts, bodies, options.momentum), System::exact_elements(bodies)};
+  };
+  if (options.box_friction) return need.template operator()<kBoxFriction>();
+  return options.law == Law::coulomb ? need.template operator()<Law::coulomb>()
+                                     : need.template operator()<Law::convex>();
 }
 
 /// Fast memory of a bundle whose lanes need that much.

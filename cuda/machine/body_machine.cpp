@@ -112,7 +112,7 @@ void DeviceBodyMachine::make_classes(const BodyRequest<Real>& request, std::vect
 template <class Real>
 void DeviceBodyMachine::load(const BodyRequest<Real>& request) {
   const BodySolverOptions& options = request.options;
-  const Reserved wanted{request.plan, sizeof(Real), options.law, options.momentum, options.method};
+  const Reserved wanted{request.plan, sizeof(Real), contact_law(options), options.momentum, options.method};
   if (reserved_ == wanted) return;
   if (api_->capturing(request.stream.handle()))
     throw Error(ErrorCode::invalid_argument,
@@ -170,7 +170,7 @@ void DeviceBodyMachine::run_on_device(const BodyRequest<Real>& request) {
   load(request);
   const StreamHandle stream = request.stream.handle();
   const int precision = sizeof(Real) == sizeof(float) ? 0 : 1;
-  const int law = static_cast<int>(request.options.law);
+  const int law = static_cast<int>(contact_law(request.options));
   const SolveBodyKernels& kernels = api_->kernels().bodies.by_precision_and_law[precision][law];
   const KernelRef& teams = request.options.method == BodyMethod::newton
                                ? api_->kernels().newton_bodies.by_precision_and_law[precision][law]

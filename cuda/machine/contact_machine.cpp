@@ -23,7 +23,10 @@ Capacity capacity_of(const PlanData& plan) {
   need.rows = plan.row_count;
   need.cones = plan.cone_count;
   need.nonzeros = plan.nonzero_count;
-  for (const ConeCounts& counts : plan.counts) need.env_rows = larger_of(need.env_rows, row_count(counts));
+  for (const ConeCounts& counts : plan.counts) {
+    need.env_rows = larger_of(need.env_rows, row_count(counts));
+    need.semidefinite = need.semidefinite || counts.semidefinite > 0;
+  }
   for (const Offset entries : plan.sparse_nonzeros) need.env_nonzeros = larger_of(need.env_nonzeros, entries);
   need.env_dofs = plan.most_dofs;
   return need;

@@ -79,9 +79,13 @@ void Engine::finish(StreamHandle stream) noexcept {
 
 template <class Real>
 void Engine::queue_plan(const SolveRequest<Real>& request) {
-  const PlanArgs args{structure_view(request.batch),   plan_,
-                      reserved_.capacity.env_rows,     reserved_.capacity.env_dofs,
-                      reserved_.capacity.env_nonzeros, limits_for(request.options.solver, request.batch.env_count)};
+  const PlanArgs args{structure_view(request.batch),
+                      plan_,
+                      reserved_.capacity.env_rows,
+                      reserved_.capacity.env_dofs,
+                      reserved_.capacity.env_nonzeros,
+                      may_be_sparse(reserved_.capacity),
+                      limits_for(request.options.solver, request.batch.env_count)};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -164,7 +168,7 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream.handle();
-  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, {}};
+  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, false, {}};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
   const Real omega = job.omega;
   job.stage = 0;

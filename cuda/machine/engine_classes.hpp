@@ -24,9 +24,9 @@ inline bool is_thread_per_env(SizeClass size_class) {
   return size_class >= SizeClass::thread_large && size_class <= SizeClass::thread_small;
 }
 
-/// Whether environments can be so large that they are sparse.
+/// Whether environments can be sparse: so large that they are, or with cones of semidefinite.
 inline bool may_be_sparse(const Capacity& capacity) {
-  return choose_path(capacity.env_rows, 0) == EnvPath::sparse;
+  return choose_path(capacity.env_rows, 0, capacity.semidefinite) == EnvPath::sparse;
 }
 
 }  // namespace stiction::cuda

@@ -37,12 +37,14 @@ Capacity joined(const Capacity& a, const Capacity& b) {
   both.env_rows = larger_of(a.env_rows, b.env_rows);
   both.env_nonzeros = larger_of(a.env_nonzeros, b.env_nonzeros);
   both.env_dofs = larger_of(a.env_dofs, b.env_dofs);
+  both.semidefinite = a.semidefinite || b.semidefinite;
   return both;
 }
 
 bool within(const Capacity& a, const Capacity& b) {
   return a.envs <= b.envs && a.rows <= b.rows && a.cones <= b.cones && a.nonzeros <= b.nonzeros &&
-         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros && a.env_dofs <= b.env_dofs;
+         a.env_rows <= b.env_rows && a.env_nonzeros <= b.env_nonzeros && a.env_dofs <= b.env_dofs &&
+         (!a.semidefinite || b.semidefinite);
 }
 
 int lanes_of(SizeClass size_class) {

@@ -31,6 +31,11 @@ const JacobianKernels& kernels_of(const DeviceApi& api) {
   return api.kernels().jacobian[sizeof(Real) == sizeof(float) ? 0 : 1];
 }
 
+template <class Real>
+const VelocityKernels& velocity_kernels_of(const DeviceApi& api) {
+  return api.kernels().velocity[sizeof(Real) == sizeof(float) ? 0 : 1];
+}
+
 /// The one team that decides where each environment begins.
 constexpr LaunchShape kPlacing{1, kMostLanes};
 
@@ -96,7 +101,7 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   api_->prepare(kernels.write, large_);
   api_->prepare(kernels.move, large_);
   if (by_newton) api_->prepare(newton_kernel_, newton_shape_);
-  if (block_shape_.teams > 0) api_->prepare(kernels.newton_in_blocks, block_shape_);
+  if (block_shape_.teams > 0) api_->prepare(velocity_kernels_of<Real>(*api_).newton_in_blocks, block_shape_);
 }
 
 /// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
@@ -105,7 +110,8 @@ template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
-  newton_kernel_ = has_large ? kernels_of<Real>(*api_).newton_in_parts : kernels_of<Real>(*api_).newton;
+  const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
+  newton_kernel_ = has_large ? kernels.newton_in_parts : kernels.newton;
   newton_.dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
   newton_.tree_entries = smaller_of(newton_.dofs * (newton_.dofs + 1) / 2, kMostLargeEntries);
   newton_.largest = {rows, rows, smaller_of(Offset{rows} * newton_.dofs, Offset{kMostLargeColumns}), rows};
@@ -163,7 +169,7 @@ void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, St
   blocks.arrays = arrays_;
   shape = block_shape_;
   shape.teams = smaller_of(shape.teams, job.batch.env_count);
-  api_->launch(kernels_of<Real>(*api_).newton_in_blocks, shape, &blocks, stream);
+  api_->launch(velocity_kernels_of<Real>(*api_).newton_in_blocks, shape, &blocks, stream);
 }
 
 template <class Real>

@@ -17,12 +17,21 @@ namespace {
 constexpr Offset kRoomBytes = Offset{1} << 28;
 constexpr Offset kTeamsPerProcessor = 32;
 constexpr Offset kAlignment = 256;
+/// Near pairs of a shape that there is room for at first, if they were shared out alike.
+constexpr Offset kNearPerShape = 8;
 /// Contacts of an environment that there is room for before any were found.
 constexpr Index kFirstRoom = 16;
 
 /// Lanes for that much to do in each environment. They reach speed only.
 int lanes_for(Index items) {
   return items <= 8 ? 8 : items <= 16 ? 16 : kWarp;
+}
+
+/// Lanes for an environment with a tree over that many shapes: some shapes for each.
+int lanes_of_tree(Index shapes) {
+  int lanes = kWarp;
+  while (lanes < kMostLanes && 4 * lanes < shapes) lanes *= 2;
+  return lanes;
 }
 
 }  // namespace
@@ -38,9 +47,7 @@ DeviceWorldMachine<Real>::DeviceWorldMachine(std::shared_ptr<DeviceApi> api, con
       limited_(options.solver.max_contacts_per_env > 0),
       host_(model, env_count),
       counts_(at(env_count)) {
-  workspace_bytes_ = (DetectWorkspace<Real>::bytes(model) + kAlignment - 1) / kAlignment * kAlignment;
-  const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, workspace_bytes_));
-  teams_ = smaller_of(env_count, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  make_workspaces(model.by_tree ? kNearPerShape * Offset{model.shapes} : 0);
   queue_all(*api_, stream_.get(), [&] {
     place_bodies();
     scan_offsets();
@@ -66,6 +73,7 @@ void DeviceWorldMachine<Real>::place_bodies() {
   ArraySet set;
   set.add(job_.model.body, model.bodies);
   set.add(job_.model.shape, model.shapes);
+  set.add(job_.model.shapes_of, model.bodies + 1);
   set.add(job_.model.pair, model.pairs);
   for_each_body_array([&](Offset width, auto*& array) { set.add(array, width * bodies); }, job_);
   set.add(job_.status, env_count_);
@@ -73,7 +81,7 @@ void DeviceWorldMachine<Real>::place_bodies() {
   set.add(body_offsets_, env_count_ + 1);
   set.add(motion_, env_count_);
   set.add(count_, env_count_);
-  set.add(workspace_, teams_ * workspace_bytes_);
+  set.add(near_, model.by_tree ? env_count_ : 0);
   set.add(now_.view.offsets, env_count_ + 1);
   set.add(next_.view.offsets, env_count_ + 1);
   bodies_ = DeviceMemory(*api_, set.bytes());
@@ -81,6 +89,7 @@ void DeviceWorldMachine<Real>::place_bodies() {
   Mover mover(*api_, stream_.get());
   mover.to_device(job_.model.body, model.body, model.bodies);
   mover.to_device(job_.model.shape, model.shape, model.shapes);
+  mover.to_device(job_.model.shapes_of, model.shapes_of, model.bodies + 1);
   mover.to_device(job_.model.pair, model.pair, model.pairs);
   for_each_body_array([&](Offset, auto* there,
                           const auto& here) { mover.to_device(there, here.data(), static_cast<Offset>(here.size())); },
@@ -106,6 +115,47 @@ void DeviceWorldMachine<Real>::launch(const KernelRef& kernel, Offset teams, int
   api_->launch(kernel, shape, arguments, stream_.get());
 }
 
+/// Memory for as many teams as are to run, each with room for so many near pairs.
+template <class Real>
+void DeviceWorldMachine<Real>::make_workspaces(Offset near) {
+  const WorldModelView<Real>& model = host_.model;
+  const Offset bytes = model.by_tree ? NearWorkspace<Real>::bytes(model) + NearPairs<Real>::bytes(near)
+                                     : ListedPairs<Real>::bytes(model);
+  workspace_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
+  const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, workspace_bytes_));
+  teams_ = smaller_of(env_count_, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  near_room_ = near;
+  workspace_.make_room(*api_, at(teams_ * workspace_bytes_));
+}
+
+template <class Real>
+void DeviceWorldMachine<Real>::launch_find() {
+  if (workspace_.get() == nullptr) make_workspaces(near_room_);  // an earlier step was refused the memory
+  const WorldFindArgs<Real> args{
+      job_,  env_count_, workspace_.get(), workspace_bytes_, reinterpret_cast<FoundContact<Real>*>(found_.get()),
+      most_, count_};
+  if (!job_.model.by_tree) return launch(kernels_.find, teams_, lanes_for(job_.model.pairs), &args);
+  const WorldFindNearArgs<Real> near_args{args, near_room_, near_};
+  launch(kernels_.find_near, teams_, lanes_of_tree(job_.model.shapes), &near_args);
+}
+
+/// Whether there was too little room for near pairs; there is enough afterwards.
+template <class Real>
+bool DeviceWorldMachine<Real>::lacked_near_pairs() {
+  if (!job_.model.by_tree) return false;
+  std::vector<Offset> near(at(env_count_));
+  Mover(*api_, stream_.get()).to_host(near.data(), near_, env_count_);
+  api_->synchronize(stream_.get());
+  Offset largest = 0;
+  for (Offset env = 0; env < env_count_; ++env) {
+    check_near_pairs(near[at(env)], env);
+    largest = larger_of(largest, near[at(env)]);
+  }
+  if (largest <= near_room_) return false;
+  make_workspaces(smaller_of(largest + largest / 4, kMostNearPairs));
+  return true;
+}
+
 /// Finds them again, with more room, where an environment has more than there was room for.
 template <class Real>
 void DeviceWorldMachine<Real>::count_contacts() {
@@ -114,10 +164,8 @@ void DeviceWorldMachine<Real>::count_contacts() {
       found_.make_room(*api_, at(env_count_ * most) * sizeof(FoundContact<Real>));
       most_ = most;
     }
-    const WorldFindArgs<Real> args{
-        job_,  env_count_, workspace_, workspace_bytes_, reinterpret_cast<FoundContact<Real>*>(found_.get()),
-        most_, count_};
-    launch(kernels_.find, teams_, lanes_for(job_.model.pairs), &args);
+    launch_find();
+    if (lacked_near_pairs()) continue;
     Mover(*api_, stream_.get()).to_host(counts_.data(), count_, env_count_);
     api_->synchronize(stream_.get());
     const Index largest = counts_.empty() ? 0 : *std::max_element(counts_.begin(), counts_.end());

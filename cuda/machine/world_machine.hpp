@@ -37,6 +37,9 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   void place_bodies();
   void place_state();
   void scan_offsets();
+  void make_workspaces(Offset near);
+  void launch_find();
+  bool lacked_near_pairs();
   void count_contacts();
   void make_room(Contacts& contacts, Offset count);
   void fetch_structure();
@@ -56,9 +59,11 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   Real* inv_mass_ = nullptr;
   Offset* body_offsets_ = nullptr;
   WorldMotion* motion_ = nullptr;
-  DeviceMemory bodies_;  ///< what is there once per environment, and the model
-  std::byte* workspace_ = nullptr;
+  DeviceMemory bodies_;     ///< what is there once per environment, and the model
+  DeviceMemory workspace_;  ///< scratch of all teams that find contacts
   Offset workspace_bytes_ = 0;
+  Offset near_room_ = 0;    ///< near pairs of an environment that a workspace has room for
+  Offset* near_ = nullptr;  ///< near pairs of each environment
   Offset teams_ = 0;
   Index* count_ = nullptr;
   std::vector<Index> counts_;  ///< copy of count_

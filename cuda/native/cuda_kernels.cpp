@@ -12,6 +12,7 @@ const KernelCatalogue& cuda_kernels() {
       cuda_body_kernels(),
       cuda_newton_body_kernels(),
       {cuda_jacobian_kernels(Precision::f32), cuda_jacobian_kernels(Precision::f64)},
+      {cuda_velocity_kernels(Precision::f32), cuda_velocity_kernels(Precision::f64)},
       {cuda_world_kernels(Precision::f32), cuda_world_kernels(Precision::f64)},
       {cuda_derivative_kernels(Precision::f32), cuda_derivative_kernels(Precision::f64)}};
   return catalogue;

@@ -21,6 +21,7 @@ WarmStartKernels cuda_warm_start_kernels(Precision precision);
 BodyKernels cuda_body_kernels();
 NewtonBodyKernels cuda_newton_body_kernels();
 JacobianKernels cuda_jacobian_kernels(Precision precision);
+VelocityKernels cuda_velocity_kernels(Precision precision);
 WorldKernels cuda_world_kernels(Precision precision);
 DerivativeKernels cuda_derivative_kernels(Precision precision);
 

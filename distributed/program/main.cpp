@@ -14,10 +14,17 @@
 #include "distributed/transport/mpi_transport.hpp"
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/step_options.hpp"
 
 namespace stiction::distributed {
 
 namespace {
+
+void declare_partition(CLI::App& app, std::string& partition, double& deadline) {
+  app.add_option("--partition", partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
+      ->capture_default_str();
+  app.add_option("--deadline", deadline, "Longest wait for another rank in seconds")->capture_default_str();
+}
 
 void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch file with J and M of rigid bodies");
@@ -32,9 +39,7 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
   app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most")->capture_default_str();
   app.add_option("--omega", a.omega, "Relaxation, between 0 and 2")->capture_default_str();
-  app.add_option("--partition", a.partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
-      ->capture_default_str();
-  app.add_option("--deadline", a.deadline, "Longest wait for another rank in seconds")->capture_default_str();
+  declare_partition(app, a.partition, a.deadline);
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
   app.add_option("-o,--output", a.output, "Solution file to write");
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
@@ -42,30 +47,9 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
 }
 
 void declare_step(CLI::App& app, StepJobArguments& job) {
-  cli::StepArguments& a = job.step;
-  a.environments = 1;
-  app.add_option("scene", a.scene, "Scene of stiction step");
-  app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--seed", a.seed, "Seed of where environments begin")->check(CLI::NonNegativeNumber);
-  app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
-  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
-  app.add_option("--iterations", a.iterations, "Sweeps of a step at most")->capture_default_str();
-  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
-  app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
-  app.add_option("--partition", job.partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
-      ->capture_default_str();
-  app.add_option("--deadline", job.deadline, "Longest wait for another rank in seconds")->capture_default_str();
-  app.add_option("-o,--output", a.output, "CSV of states to write; - is standard output");
-  app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  app.add_option("--checkpoint", a.checkpoint, "File that the job goes on from where it is there, and is written to");
-  app.add_option("--checkpoint-every", a.checkpoint_every, "Write it after every so many steps, and after the last")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--json", a.json, "JSON report to write; - is standard output");
-  app.add_flag("--quiet", a.quiet, "No progress, no summary");
+  job.step.environments = 1;
+  cli::declare_steps(app, job.step);
+  declare_partition(app, job.partition, job.deadline);
 }
 
 /// One sentence of one rank: the lowest that can still speak is the first, and ends the others.

@@ -16,7 +16,7 @@ using cli::Json;
 
 struct Totals {
   std::int64_t exchanges = 0, gathers = 0, messages = 0, bytes = 0;
-  double seconds = 0, waited = 0;
+  double seconds = 0, waited = 0, largest_work = 0, mean_work = 0;
 
   explicit Totals(const std::vector<RankReport>& ranks) {
     for (const RankReport& rank : ranks) {
@@ -26,9 +26,13 @@ struct Totals {
       bytes += rank.bytes;
       seconds += rank.seconds;
       waited += rank.waited;
+      largest_work = std::max(largest_work, rank.seconds - rank.waited);
     }
+    mean_work = ranks.empty() ? 0 : (seconds - waited) / static_cast<double>(ranks.size());
   }
   [[nodiscard]] double share() const { return seconds > 0 ? waited / seconds : 0; }
+  /// Largest of the ranks' times at work over their mean.
+  [[nodiscard]] double imbalance() const { return mean_work > 0 ? largest_work / mean_work : 1; }
 };
 
 Json json_of(const std::vector<RankReport>& ranks) {
@@ -55,6 +59,7 @@ void put_ranks(Json& json, const std::vector<RankReport>& ranks, const std::stri
   json["messages"] = totals.messages;
   json["bytes"] = totals.bytes;
   json["synchronisation_share"] = totals.share();
+  json["imbalance"] = totals.imbalance();
   json["per_rank"] = json_of(ranks);
 }
 
@@ -70,7 +75,8 @@ std::string traffic_lines(const std::vector<RankReport>& ranks) {
   const Totals totals(ranks);
   return line("exchanges", fmt::format("{} of twists, {} of single numbers", totals.exchanges, totals.gathers)) +
          line("sent", fmt::format("{} messages, {} bytes", totals.messages, totals.bytes)) +
-         line("synchronisation", fmt::format("{:.1f} % of the ranks' time", 100 * totals.share()));
+         line("synchronisation",
+              fmt::format("{:.1f} % of the ranks' time, imbalance {:.3f}", 100 * totals.share(), totals.imbalance()));
 }
 
 }  // namespace

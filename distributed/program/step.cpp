@@ -83,7 +83,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   partition_seed(arguments.partition);
   if (is_first && step.json) cli::require_writable(*step.json);
   if (is_first && step.checkpoint) cli::require_replaceable(*step.checkpoint);
-  const scenes::WorldScene scene = scenes::make_world(step.scene);
+  const scenes::WorldScene scene = scenes::make_world(step.scene, step.size);
   const Precision precision = cli::precision_from_option(step.precision);
   StepJobReport report;
   report.partition = arguments.partition;
@@ -98,6 +98,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   done.steps = step.steps;
   done.seed = step.seed;
   done.threads = transport.size();
+  done.thread_use = {};  // of this rank alone
   if (is_first) {
     if (step.json) cli::write_text(*step.json, to_json(report));
     const bool printed = step.json == "-" || step.output == "-";

@@ -17,13 +17,19 @@ distributed::RankKernels<Real> kernels() {
           }};
 }
 
+template <class Real>
+distributed::RankKernels<Real> kernels_of(Law law) {
+  if (law == kBoxFriction) return kernels<Real, kBoxFriction>();
+  return law == Law::convex ? kernels<Real, Law::convex>() : kernels<Real, Law::coulomb>();
+}
+
 }  // namespace
 
 distributed::RankKernels<float> rank_kernels_f32(Law law) {
-  return law == Law::convex ? kernels<float, Law::convex>() : kernels<float, Law::coulomb>();
+  return kernels_of<float>(law);
 }
 distributed::RankKernels<double> rank_kernels_f64(Law law) {
-  return law == Law::convex ? kernels<double, Law::convex>() : kernels<double, Law::coulomb>();
+  return kernels_of<double>(law);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -72,7 +72,7 @@ std::uint64_t digest_of(const BodyBatchView<Real>& batch, std::span<const int> o
       stepping.dt,   stepping.erp,     stepping.slop, stepping.cfm, stepping.restitution_threshold,
       options.omega, options.tolerance};
   digest.add(numbers, 7);
-  const Index integers[] = {static_cast<Index>(options.law), options.iterations, options.substeps,
+  const Index integers[] = {static_cast<Index>(contact_law(options)), options.iterations, options.substeps,
                             options.momentum ? 1 : 0, kNumericsEpoch};
   digest.add(integers, 5);
   return digest.sum();
@@ -124,7 +124,7 @@ class EnvOverRanks {
         piece_(job, plan, env, owner, transport.rank()) {}
 
   void solve(RankReport& report) {
-    const RankKernels<Real> kernels = rank_kernels<Real>(job_.options.law);
+    const RankKernels<Real> kernels = rank_kernels<Real>(contact_law(job_.options));
     Scratch<Real> numbers(kernels.elements(piece_.contacts(), piece_.bodies(), job_.options.momentum));
     Scratch<double> exact(kernels.exact_elements(piece_.bodies()));
     Halo halo(transport_, piece_.rounds());

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Records piles that fall, for Rerun's viewer: bodies, contacts, forces, friction cones, slip, islands, residuals.
+"""Records piles that fall, for a viewer: bodies, contacts, forces, friction cones, slip, islands, residuals.
 
-    pip install rerun-sdk
+    pip install rerun-sdk                                       # or viser, for -o pile.html, a page for any browser
     examples/python/11_view.py [--envs 64] [--drawn 2] [--steps 120] [-o pile.rrd]
     rerun pile.rrd
 """
@@ -13,13 +13,6 @@ import numpy as np
 
 import stiction
 import stiction.monitor
-
-try:
-    import rerun  # noqa: F401
-except ImportError as missing:
-    print(f"NOT run, because this needs rerun-sdk: {missing}")
-    sys.exit(77)
-
 import stiction.view
 
 
@@ -42,12 +35,17 @@ def main():
     parser.add_argument("-o", "--out", default="pile.rrd")
     options = parser.parse_args()
     world = make_world(options.envs)
-    with stiction.view.Recorder(options.out, envs=options.drawn) as recorder:
+    try:
+        recorder = stiction.view.Recorder(options.out, envs=options.drawn)
+    except ImportError as missing:
+        print(f"NOT run: {missing}")
+        sys.exit(77)
+    with recorder:
         for _ in stiction.monitor.Progress(range(options.steps), title="recording", unit="step"):
             world.step()
             recorder.log(world)
     print(f"{options.steps} steps of {options.envs} environments, {min(options.drawn, options.envs)} drawn; "
-          f"hash {world.hash()}; look: rerun {options.out}")
+          f"hash {world.hash()}; look: {'rerun ' if options.out.endswith('.rrd') else ''}{options.out}")
 
 
 if __name__ == "__main__":

@@ -59,7 +59,8 @@ void bind_body_solver(nb::module_& module) {
              double dt, double erp, double slop, double cfm, double restitution_threshold, Index substeps,
              Index max_contacts) {
             BodySolverOptions body = body_options(options, solver);
-            body.law = options.law.value_or(law_from(law));
+            body.box_friction = !options.law && law == "boxed";
+            if (!body.box_friction) body.law = options.law ? *options.law : law_from(law);
             body.substeps = substeps;
             body.max_contacts_per_env = max_contacts;
             new (self) BodyOptions{{dt, erp, slop, cfm, restitution_threshold}, body};

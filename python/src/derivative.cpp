@@ -59,6 +59,31 @@ void vjp_contacts(const Derivative& self, const ContactView& batch, const Array&
       batch.view);
 }
 
+void unrolled_contacts(const Derivative& self, const ContactView& batch, const Array* warm_start, Index sweeps,
+                       double omega, const nb::dict& cotangents, const nb::dict& gradients,
+                       const Array& gradient_status, Offset count) {
+  std::visit(
+      [&]<class Real>(const ContactBatchView<Real>& view) {
+        const Offset rows = count * view.row_count;
+        const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
+                                               input<Real>(cotangents, "w", rows)};
+        const BatchCotangentView<Real> to{output<Real>(gradients, "A", count * view.nonzero_count),
+                                          nullptr,
+                                          output<Real>(gradients, "b", rows),
+                                          output<Real>(gradients, "R", rows),
+                                          output<Real>(gradients, "mu", rows),
+                                          output<Real>(gradients, "lo", rows),
+                                          output<Real>(gradients, "hi", rows)};
+        const SweepsView<Real> of{guess_of<Real>(warm_start, view.row_count, "warm_start"), sweeps, omega,
+                                  output<Real>(gradients, "lambda_", view.row_count),
+                                  output<Real>(gradients, "warm_start", rows)};
+        GradientStatus* const record = records(gradient_status, view.env_count);
+        const nb::gil_scoped_release unlocked;
+        self.unrolled_vjp(view, of, from, to, record, count);
+      },
+      batch.view);
+}
+
 void jvp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
                   const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count) {
   std::visit(
@@ -135,21 +160,24 @@ void bind_derivative(nb::module_& module) {
       .def(
           "__init__",
           [](Derivative* self, const std::string& device, const std::optional<std::string>& law, double residual_limit,
-             double tie_tolerance, Index max_unknowns, int threads) {
+             double tie_tolerance, Index max_unknowns, int threads, double kappa) {
             DerivativeOptions options;
             if (law) options.law = law_from(*law);
             options.residual_limit = residual_limit;
             options.tie_tolerance = tie_tolerance;
             options.max_unknowns = max_unknowns;
             options.threads = threads;
+            options.kappa = kappa;
             new (self) Derivative(Device::from_string(device), options);
           },
           nb::arg("device"), nb::arg("law").none(), nb::arg("residual_limit"), nb::arg("tie_tolerance"),
-          nb::arg("max_unknowns"), nb::arg("threads"))
+          nb::arg("max_unknowns"), nb::arg("threads"), nb::arg("kappa"))
       .def("vjp_contacts", vjp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
            nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
       .def("jvp_contacts", jvp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
            nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"))
+      .def("unrolled_contacts", unrolled_contacts, nb::arg("batch"), nb::arg("warm_start").none(), nb::arg("sweeps"),
+           nb::arg("omega"), nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
       .def("vjp_jacobian", vjp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
            nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
       .def("jvp_jacobian", jvp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),

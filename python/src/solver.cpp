@@ -32,21 +32,21 @@ SolverOptions options_from(const std::string& solver, const std::optional<std::s
 bool fits(const JacobianCapacity& need, const JacobianCapacity& room) {
   return need.envs <= room.envs && need.rows <= room.rows && need.cones <= room.cones &&
          need.env_rows <= room.env_rows && need.env_dofs <= room.env_dofs && need.matrix <= room.matrix &&
-         need.factor <= room.factor;
+         need.factor <= room.factor && (!need.semidefinite || room.semidefinite);
 }
 
 /// Room for what either has room for.
 Capacity larger_of(const Capacity& a, const Capacity& b) {
   const auto larger = [](auto x, auto y) { return x < y ? y : x; };
-  return {larger(a.envs, b.envs),         larger(a.rows, b.rows),          larger(a.cones, b.cones),
-          larger(a.nonzeros, b.nonzeros), larger(a.env_rows, b.env_rows),  larger(a.env_nonzeros, b.env_nonzeros),
-          larger(a.env_dofs, b.env_dofs), larger(a.precision, b.precision)};
+  return {larger(a.envs, b.envs),         larger(a.rows, b.rows),           larger(a.cones, b.cones),
+          larger(a.nonzeros, b.nonzeros), larger(a.env_rows, b.env_rows),   larger(a.env_nonzeros, b.env_nonzeros),
+          larger(a.env_dofs, b.env_dofs), larger(a.precision, b.precision), a.semidefinite || b.semidefinite};
 }
 
 bool same(const Capacity& a, const Capacity& b) {
   return a.envs == b.envs && a.rows == b.rows && a.cones == b.cones && a.nonzeros == b.nonzeros &&
          a.env_rows == b.env_rows && a.env_nonzeros == b.env_nonzeros && a.env_dofs == b.env_dofs &&
-         a.precision == b.precision;
+         a.precision == b.precision && a.semidefinite == b.semidefinite;
 }
 
 Outputs outputs(const Array* lambda, const Array* w, const Array* velocity, const Array* status) {
@@ -143,19 +143,22 @@ void bind_solver(nb::module_& module) {
       .def(
           "__init__",
           [](Capacity* self, Offset envs, Offset rows, Offset cones, Offset nonzeros, Index env_rows,
-             Offset env_nonzeros, Index env_dofs, bool wide) {
-            new (self) Capacity{envs,     rows,         cones,    nonzeros,
-                                env_rows, env_nonzeros, env_dofs, wide ? Precision::f64 : Precision::f32};
+             Offset env_nonzeros, Index env_dofs, bool wide, bool semidefinite) {
+            new (self) Capacity{envs,        rows,         cones,    nonzeros,
+                                env_rows,    env_nonzeros, env_dofs, wide ? Precision::f64 : Precision::f32,
+                                semidefinite};
           },
           nb::arg("envs") = 0, nb::arg("rows") = 0, nb::arg("cones") = 0, nb::arg("nonzeros") = 0,
-          nb::arg("env_rows") = 0, nb::arg("env_nonzeros") = 0, nb::arg("env_dofs") = 0, nb::arg("wide") = true);
+          nb::arg("env_rows") = 0, nb::arg("env_nonzeros") = 0, nb::arg("env_dofs") = 0, nb::arg("wide") = true,
+          nb::arg("semidefinite") = false);
   nb::class_<JacobianCapacity>(module, "JacobianCapacity", "Room that a Jacobian solver on a GPU takes.")
       .def_static(
           "of_largest",
           [](Offset envs, Index env_rows, Index env_cones, Index env_dofs) {
             return JacobianCapacity::of_largest(envs, env_rows, env_cones, env_dofs);
           },
-          nb::arg("envs"), nb::arg("env_rows"), nb::arg("env_cones"), nb::arg("env_dofs"));
+          nb::arg("envs"), nb::arg("env_rows"), nb::arg("env_cones"), nb::arg("env_dofs"))
+      .def_rw("semidefinite", &JacobianCapacity::semidefinite);
   nb::class_<Tracer>(module, "Tracer", "Collects where the time of solves goes.")
       .def(nb::init<>())
       .def(

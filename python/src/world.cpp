@@ -338,16 +338,17 @@ void bind_world(nb::module_& module) {
       .def(
           "keep",
           [](SharedWorld& self, const Array* wrench, double residual_limit, double tie_tolerance, Index max_unknowns,
-             int threads) {
+             int threads, double kappa) {
             DerivativeOptions options;
             options.residual_limit = residual_limit;
             options.tie_tolerance = tie_tolerance;
             options.max_unknowns = max_unknowns;
             options.threads = threads;
+            options.kappa = kappa;
             return self.keep(wrench, options);
           },
           nb::arg("wrench").none(), nb::arg("residual_limit"), nb::arg("tie_tolerance"), nb::arg("max_unknowns"),
-          nb::arg("threads"))
+          nb::arg("threads"), nb::arg("kappa"))
       .def("state", &SharedWorld::state, nb::arg("position"), nb::arg("orientation"), nb::arg("twist"))
       .def("reset", &SharedWorld::reset, nb::arg("mask"), nb::arg("position").none(), nb::arg("orientation").none(),
            nb::arg("twist").none())

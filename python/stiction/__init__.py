@@ -11,6 +11,7 @@ from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
 from ._flags import FLAGS
 from ._policy import Accuracy, AccuracyPolicy
+from ._semidefinite import semidefinite_matrix, semidefinite_vector
 from ._solution import CODES, SOLVERS, Solution
 from ._solver import Solver, verify
 from ._stepping import ParallelContactSolver
@@ -24,4 +25,4 @@ numerics_epoch = _core.numerics_epoch
 __all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
            "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
            "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "guess", "monitor", "numerics_epoch",
-           "verify"]
+           "semidefinite_matrix", "semidefinite_vector", "verify"]

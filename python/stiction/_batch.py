@@ -54,8 +54,9 @@ class Batch(BatchArrays):
           count from the environment's first row.
 
         cones: of every environment, a kind's name that tiles all rows, or a list of names and (name, rows) pairs. The
-            kinds are "friction" (the default, by three rows), "box_friction" (likewise), "unilateral", "box" and "free". With lists also one such
-            list per environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,)
+            kinds are "friction" (the default, by three rows), "box_friction" (likewise), "unilateral", "box" and "free".
+            One more is "semidefinite", a matrix of order 2 or 3 in the 3 or 6 rows of semidefinite_vector(). With lists
+            also one such list per environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,)
             flat.
         mu: friction per axis [-; torsional and rolling: m], on rows after a friction cone's first: one number, one per
             row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows [lambda]. Like b in shape;
@@ -161,10 +162,13 @@ class Batch(BatchArrays):
           (...) in [0, 1].
         * dt: step [s]; erp: share of a penetration undone in a step; slop [m]; cfm [m/(N s)]; restitution_threshold
           [m/s].
+        * law: "coulomb", "convex" or "boxed", of which the last is for sequential impulses alone
+          (docs/math/box_friction.md).
         * substeps; max_contacts_per_env: the deepest are solved, 0: all.
         """
         seen = look("inv_mass", inv_mass)
-        self = cls("bodies", framework_of(inv_mass), _float_type("inv_mass", seen), seen.device, _law(law))
+        self = cls("bodies", framework_of(inv_mass), _float_type("inv_mass", seen), seen.device,
+                   _law(law, ("convex", "coulomb", "boxed")))
         self.stepping = (float(dt), float(erp), float(slop), float(cfm), float(restitution_threshold), int(substeps),
                          int(max_contacts_per_env))
         if body_offsets is None:
@@ -349,9 +353,9 @@ def check_host_matrices(batch, remedy="copy its arrays to the host"):
         raise ValueError(f"batch: expected a batch on cpu, got one on {batch.device}: {remedy}")
 
 
-def _law(law):
-    if law not in ("convex", "coulomb"):
-        raise ValueError(f"law: expected 'convex' or 'coulomb', got {law!r}")
+def _law(law, known=("convex", "coulomb")):
+    if law not in known:
+        raise ValueError(f"law: expected {', '.join(map(repr, known[:-1]))} or {known[-1]!r}, got {law!r}")
     return law
 
 

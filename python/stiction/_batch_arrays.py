@@ -122,9 +122,11 @@ class BatchArrays:
             return None
         envs, rows, cones = self.layout.env_count, self.layout.room, self.layout.cone_room + 1
         if self.form == "jacobian":
-            return _core.JacobianCapacity.of_largest(envs, rows, cones, self.dof_shape[1])
+            room = _core.JacobianCapacity.of_largest(envs, rows, cones, self.dof_shape[1])
+            room.semidefinite = self.layout.has("semidefinite")
+            return room
         return _core.Capacity(envs, envs * rows, envs * cones, envs * rows * rows, rows, rows * rows, 0,
-                              self.dtype == "float64")
+                              self.dtype == "float64", self.layout.has("semidefinite"))
 
     def _view(self, on_device):
         view = self._views.get(on_device)

@@ -44,16 +44,20 @@ class Derivative:
     tie_tolerance: a cone this close to another mode, over max |b|, is counted as degenerate [-].
     max_unknowns: of an environment; a larger one gets zeros and the flag "over_capacity".
     threads: 0: all cores. The bits do not depend on it.
+    kappa: above 0: the derivative of the relaxed problem, in which every reaction times its motion is kappa and not 0
+        (docs/math/derivative.md#relaxed). Open contacts then pass some on, and nothing jumps where contacts begin. It is
+        the derivative of another map, which is closer to the exact one the smaller kappa is [lambda_ w]; of impulses J.
 
     Give contacts compliance (R > 0): reactions of redundant hard contacts are not determined, and have no derivative.
     """
 
     def __init__(self, device: str = "cpu", *, law: str | None = None, residual_limit: float = 1e-3,
-                 tie_tolerance: float = 1e-6, max_unknowns: int = 1024, threads: int = 0):
+                 tie_tolerance: float = 1e-6, max_unknowns: int = 1024, threads: int = 0,
+                 kappa: float = 0.0):
         if device != "cpu":
             raise ValueError(f"device: expected 'cpu', got {device!r}: gradients in Python are of batches on the host")
         self._core = _core.Derivative(str(device), law, float(residual_limit), float(tie_tolerance), int(max_unknowns),
-                                      int(threads))
+                                      int(threads), float(kappa))
 
     def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None, status=None) -> Gradients:
         """Pulls derivatives of a loss by the solution back to the batch.
@@ -107,6 +111,35 @@ class Derivative:
         out = {name: np.zeros(front + shape, batch.dtype) for name, shape in shapes.items()}
         call = self._core.jvp_jacobian if is_jacobian else self._core.jvp_contacts
         return self._run(call, batch, at, status, tangents, out, front)
+
+    def unrolled_vjp(self, batch: Batch, sweeps: int, *, warm_start=None, omega: float = 1.0, lambda_=None,
+                     w=None) -> Gradients:
+        """Pulls derivatives of a loss back through so many sweeps of solver "pgs" as they run, to the batch and to where
+        the sweeps began. It is the derivative of a solve with max_iterations=sweeps, tolerance=0 and stall_window=0,
+        converged or not (docs/math/derivative.md#unrolled).
+
+        batch: of form 'delassus'. warm_start: reactions shaped as the rows, None: zeros. omega: as for Solver.
+        lambda_, w: as for vjp.
+
+        Returns derivatives as vjp does, and by `warm_start`. `lambda_` is the answer of so many sweeps. Sweeps are run
+        again in double and kept: 2 (n + sweeps) n doubles an environment of n rows. More rows than max_unknowns get
+        zeros and the flag "over_capacity"; "unconverged" is never set.
+        """
+        self._check(batch)
+        if batch.form != "delassus":
+            raise ValueError(f"batch: expected one of form 'delassus', got {batch.form!r}: sweeps go through A")
+        rows = batch.layout.row_shape
+        if warm_start is not None:
+            warm_start = take("warm_start", warm_start, batch.dtype, rows, "cpu")
+        cotangents, front = self._sets(batch, {"lambda_": lambda_, "w": w}, {"lambda_": rows, "w": rows})
+        shapes = self._number_shapes(batch) | {"warm_start": rows}
+        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in shapes.items()}
+        out["lambda_"] = np.zeros(rows, batch.dtype)
+
+        def call(view, at, status, *arguments):
+            self._core.unrolled_contacts(view, at, int(sweeps), float(omega), *arguments)
+
+        return self._run(call, batch, warm_start, None, cotangents, out, front)
 
     # -- pieces -------------------------------------------------------------------------------------------------------
 

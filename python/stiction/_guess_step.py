@@ -7,6 +7,7 @@ import numpy as np
 from . import _core
 from ._arrays import as_numpy, look, take
 from ._layout import KINDS
+from ._semidefinite import semidefinite_matrix, semidefinite_vector
 
 
 class Step:
@@ -69,12 +70,19 @@ class Step:
                 out[first] = np.minimum(np.maximum(out[first], self.lo[first]), self.hi[first])
             elif kind == KINDS["friction"]:
                 self._project_friction(out, first, dim)
+            elif kind == KINDS["semidefinite"]:
+                self._project_matrices(out, first, dim)
             elif kind == KINDS["box_friction"]:
                 out[first] = np.maximum(out[first], 0.0)
                 for rows in (first + k for k in range(1, dim)):
                     bound = self.mu[rows] * out[first]
                     out[rows] = np.minimum(np.maximum(out[rows], -bound), bound)
         return out
+
+    def _project_matrices(self, out, first, dim):
+        rows = first[:, None] + np.arange(dim)
+        value, vector = np.linalg.eigh(semidefinite_matrix(out[rows]))
+        out[rows] = semidefinite_vector(np.einsum("...ik,...k,...jk->...ij", vector, np.maximum(value, 0.0), vector))
 
     def _project_friction(self, out, first, dim):
         tangential = [first + k for k in range(1, dim)]

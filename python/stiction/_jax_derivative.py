@@ -87,9 +87,10 @@ def tangents(kinds, dims, law, numbers, changes, lambda_, w, is_solved):
     if n == 0:
         return db, db
     groups = _rows_by_shape(kinds, dims)
-    if any(kind == "box_friction" for kind, _ in groups):
-        raise ValueError("cones: box_friction has no derivatives; expected friction, unilateral, box or free where "
-                         "derivatives are taken")
+    for kind in ("box_friction", "semidefinite"):
+        if any(kind == own for own, _ in groups):
+            raise ValueError(f"cones: {kind} has no derivatives; expected friction, unilateral, box or free where "
+                             "derivatives are taken")
     tangential = np.zeros(n, bool)
     for (kind, _), rows in groups.items():
         if kind == "friction":

@@ -5,33 +5,41 @@ import numpy as np
 from ._arrays import as_numpy, take
 
 #: Kinds of cones, by name; the numbers are those of batch files.
-KINDS = {"free": 0, "unilateral": 1, "box": 2, "friction": 3, "box_friction": 4}
+KINDS = {"free": 0, "unilateral": 1, "box": 2, "friction": 3, "box_friction": 4, "semidefinite": 5}
 #: Those with a normal row and then rows with mu.
 FRICTION_KINDS = ("friction", "box_friction")
 #: Status flag of an environment with more contacts than there was room for.
 FLAG_CONTACTS_DROPPED = 1 << 7
-_FRICTION_ROWS = 3
+#: Rows of cones of several rows whose size is not given: a contact, or a symmetric matrix of order 2.
+_LONG_KINDS = (*FRICTION_KINDS, "semidefinite")
+_LONG_ROWS = 3
 
 
 def cone_list(name, cones, rows):
     """(kinds, dims) of one environment's cones.
 
-    cones: one kind's name, which tiles all rows (either friction by 3), or a list of names and (name, rows) pairs.
+    cones: one kind's name, which tiles all rows (kinds of several rows by 3), or a list of names and (name, rows) pairs.
     """
     if isinstance(cones, str):
-        dim = _FRICTION_ROWS if cones in FRICTION_KINDS else 1
+        dim = _LONG_ROWS if cones in _LONG_KINDS else 1
         if rows % dim:
             raise ValueError(f"{name}: expected a list of cones, got {cones!r} for {rows} rows, which cones of {dim} "
                              "rows do not tile")
         cones = [cones] * (rows // dim)
     kinds, dims = [], []
     for cone in cones:
-        kind, dim = cone if isinstance(cone, tuple) else (cone, _FRICTION_ROWS if cone in FRICTION_KINDS else 1)
+        kind, dim = cone if isinstance(cone, tuple) else (cone, _LONG_ROWS if cone in _LONG_KINDS else 1)
         if kind not in KINDS:
             raise ValueError(f"{name}: expected kinds of {', '.join(KINDS)}, got {kind!r}")
         kinds.append(KINDS[kind])
         dims.append(int(dim))
     return np.array(kinds, np.uint8), np.array(dims, np.int64)
+
+
+def cone_text(cones):
+    """A list of cones as one text: "friction:3,box:1"."""
+    pairs = (cone if isinstance(cone, tuple) else (cone, _LONG_ROWS if cone in _LONG_KINDS else 1) for cone in cones)
+    return ",".join(f"{kind}:{rows}" for kind, rows in pairs)
 
 
 def tiles(name, dims, rows):
@@ -41,8 +49,8 @@ def tiles(name, dims, rows):
 
 
 def default_dims(kinds):
-    """Rows of cones whose sizes were not given: friction of either kind 3, else 1."""
-    return np.where(np.isin(kinds, [KINDS[kind] for kind in FRICTION_KINDS]), _FRICTION_ROWS, 1).astype(np.int64)
+    """Rows of cones whose sizes were not given: kinds of several rows 3, else 1."""
+    return np.where(np.isin(kinds, [KINDS[kind] for kind in _LONG_KINDS]), _LONG_ROWS, 1).astype(np.int64)
 
 
 def offsets_of(sizes):
@@ -141,6 +149,10 @@ class Padded:
             self._refresh_counts()
         else:
             self._place(device, framework)
+
+    def has(self, kind):
+        """Whether a cone is of that kind, by name."""
+        return bool((self._kinds == KINDS[kind]).any())
 
     def _use(self, name, counts, device):
         if counts is None:

@@ -77,6 +77,41 @@ def quantiles(label, values, is_log) -> str:
     return _svg(height, label, body)
 
 
+def lines(label, xs, rows, name) -> str:
+    """Lines of {name: numbers at xs} over xs, which ascend from above zero: both axes from zero, a tick at every x. name:
+    what x is. A number that is None breaks its line.
+    """
+    known = [value for row in rows.values() for value in row if value is not None]
+    top, right, room, height = max(known, default=0) or 1, max(xs), _WIDTH - _LEFT - 130, 240
+    across = [_LEFT + room * x / right for x in xs]
+
+    def up(value):
+        return height - 40 - (height - 60) * max(0.0, value) / top
+
+    body = []
+    for x, at in zip(xs, across):
+        body += [f'<line x1="{at:.1f}" x2="{at:.1f}" y1="20" y2="{height - 40}" class="grid"/>',
+                 _text(at, height - 24, number(x), "tick", "middle")]
+    for value in (0, top / 2, top):
+        body += [f'<line x1="{_LEFT}" x2="{_LEFT + room}" y1="{up(value):.1f}" y2="{up(value):.1f}" class="grid"/>',
+                 _text(_LEFT - 8, up(value) + 4, number(value), "tick", "end")]
+    body.append(_text(_LEFT + room / 2, height - 6, name, "tick", "middle"))
+    ends = []
+    for k, (title, row) in enumerate(rows.items()):
+        points = [(at, up(value), value) for at, value in zip(across, row) if value is not None]
+        path = " ".join(f"{at:.1f},{y:.1f}" for at, y, _ in points)
+        dash = "" if k == 0 else f' stroke-dasharray="{6 / k:.1f} 4"'
+        body.append(f'<polyline points="{path}" fill="none" class="whisker"{dash}/>')
+        body += [f'<circle cx="{at:.1f}" cy="{y:.1f}" r="4" class="dot"><title>{html.escape(title)} {number(value)}'
+                 "</title></circle>" for at, y, value in points]
+        ends += [(points[-1][1], points[-1][0], title)] if points else []
+    lowest = -math.inf
+    for y, at, title in sorted(ends):  # names under one another where lines end together
+        lowest = max(y, lowest + 15)
+        body.append(_text(at + 8, lowest + 4, title, "name"))
+    return _svg(height, label, body)
+
+
 def histogram(label, counts, edges, names) -> str:
     """Columns of counts between edges; names: of the first and last edge, and of what is counted."""
     top, room, height = max(counts, default=0) or 1, _WIDTH - 80, 180

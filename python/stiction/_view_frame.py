@@ -69,6 +69,13 @@ class Frame(NamedTuple):
     contacts: Contacts
 
 
+def turned(orientation, vector):
+    """Vectors (..., 3) turned by a quaternion (w, x, y, z)."""
+    w, *v = orientation
+    v, vector = np.array(v, float), np.array(vector, float)
+    return vector + 2 * np.cross(v, np.cross(v, vector) + w * vector)
+
+
 def tangents(normal):
     """Frames (n, 3, 3) of unit normals (n, 3): the tangents of `stiction::contact_tangents`, in which impulses are."""
     x, y, z = normal.T

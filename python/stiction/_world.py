@@ -140,8 +140,8 @@ class World:
 
     bodies, shapes: of Body and of Shape. env_count: environments. device: as for Solver. gravity [m/s2]. dtype:
     "float64" or "float32".
-    dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies. law: "coulomb" or
-    "convex".
+    dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies. law: "coulomb",
+    "convex" or "boxed" (docs/math/box_friction.md, for "npgs" and "pgs").
     solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid".
     max_iterations: of each step. tolerance: on the relative residual, 0: all iterations. omega: relaxation.
     margin: gap up to which a pair is a contact even if it does not close [m]. warm_start: share of a contact's last
@@ -366,14 +366,15 @@ class WorldStep:
     Exact means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
     corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
 
-    wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads: as for Derivative.
+    wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads, kappa: as for Derivative. kappa [J]
+    relaxes the contact problem; how the twists after it turn the bodies is differentiated at the exact twists.
     """
 
     def __init__(self, world: World, wrench=None, *, residual_limit: float = 1e-3, tie_tolerance: float = 1e-6,
-                 max_unknowns: int = 1024, threads: int = 0):
+                 max_unknowns: int = 1024, threads: int = 0, kappa: float = 0.0):
         _checked("world", world, World)
         self._core = world._core.keep(world._taken("wrench", wrench, 6), float(residual_limit), float(tie_tolerance),
-                                      _index("max_unknowns", max_unknowns), _index("threads", threads))
+                                      _index("max_unknowns", max_unknowns), _index("threads", threads), float(kappa))
         self._dtype, self._shape = world.dtype, world._shape
         self._counts = world.env_count, len(world.shapes)
 

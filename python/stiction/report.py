@@ -1,6 +1,6 @@
-"""One page of a run: `stiction solve --json RUN.json` or `stiction step --json RUN.json` with plots. docs/view.md.
+"""One page of a run: `stiction solve --json RUN.json`, of `step` or of `scaling`, with plots. docs/view.md.
 
-    python -m stiction.report RUN.json -o report.html [--solution SOLUTION.h5]
+    stiction report RUN.json -o report.html [--solution SOLUTION.h5]
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import sys
 
 import numpy as np
 
+from ._report_scaling import series_plots
 from ._report_svg import bars, histogram, number, quantiles
 from ._solution import CODES
 
@@ -79,12 +80,12 @@ def _quantiles(report, key, is_needed=True):
 
 def _facts(report):
     """Lines of the table: what was run."""
-    keys = ("scene", "device", "solver", "precision", "law", "form", "preconditioner", "islands", "pyramid", "environments",
-            "rows", "cones", "steps", "bodies", "dt", "tolerance", "threads", "sps", "quality", "effective_sps", "contacts",
-            "unconverged", "overflows", "deepest", "momentum_drift", "hash", "epoch")
+    keys = ("file", "scene", "device", "solver", "precision", "law", "form", "preconditioner", "islands", "pyramid", "environments",
+            "rows", "cones", "steps", "bodies", "dt", "tolerance", "cores", "repeat", "threads", "gpu_utilisation", "sps", "quality", "effective_sps", "contacts",
+            "gpu_utilisation_reason", "unconverged", "overflows", "deepest", "momentum_drift", "hash", "epoch")
     for key in keys:
         value = _field(report, (key,), (str, int, float, type(None)), is_needed=False)
-        if value is not None:
+        if value is not None and value != "":
             yield key.replace("_", " "), value if isinstance(value, str) else number(value)
 
 
@@ -115,6 +116,8 @@ def page(report: dict, name: str = "report", solution: dict | None = None) -> st
     if version not in _SCHEMAS:
         raise ReportError(f"expected schema_version {' or '.join(map(str, _SCHEMAS))}, got {version}: take the package of "
                           "that version")
+    if "strong" in report:
+        return _html(f"stiction scaling: {name}", report, _of_scaling(report))
     is_step = "scene" in report
     seconds = _numbers(report, ("seconds",))
     residual = _quantiles(report, "residual")
@@ -147,13 +150,38 @@ def page(report: dict, name: str = "report", solution: dict | None = None) -> st
     stages = {key: value for key, value in seconds.items() if key not in whole}
     parts.append(_section("Time by stage", "Seconds.", bars("seconds by stage", stages, "s"),
                           bars("seconds of all steps", whole, "s") if whole else ""))
+    busy = _busy(report)
+    parts.append(_section("Threads", "Seconds at work in sections that were shared out; the rest they waited.",
+                          bars("seconds at work by thread", busy, "s") if busy else ""))
+    return _html(f"stiction {'step' if is_step else 'solve'}: {name}", report, parts)
+
+
+def _html(title, report, parts):
+    """A page of sections under a table of what was run."""
     rows = "".join(f"<tr><td>{html.escape(key)}</td><td><code>{html.escape(value)}</code></td></tr>"
                    for key, value in _facts(report))
-    title = html.escape(f"stiction {'step' if is_step else 'solve'}: {name}")
+    title = html.escape(title)
     return (f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
             f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>\n'
             f"<body><h1>{title}</h1><table>{rows}</table>\n" + "\n".join(part for part in parts if part) +
             "\n</body></html>\n")
+
+
+def _busy(report):
+    """{thread: seconds at work}; empty where nothing was shared out."""
+    if report.get("thread_use") is None:
+        return {}
+    values = _field(report, ("thread_use", "busy"), list)
+    return _numbers({"busy": {f"thread {k}": value for k, value in enumerate(values)}}, ("busy",))
+
+
+def _of_scaling(report):
+    parts = []
+    for key, title in (("strong", "Strong scaling"), ("weak", "Weak scaling")):
+        points = _field(report, (key,), list, is_needed=key == "strong")
+        if points:
+            parts += [_section(f"{title}: {what}", note, *plots) for what, note, *plots in series_plots(points, _field)]
+    return parts
 
 
 def _of_solution(solution, environments):
@@ -185,10 +213,10 @@ def _no_constant(name):
     raise ReportError(f"expected JSON, got {name}, which JSON has not")
 
 
-def main(arguments=None) -> int:
-    """The command `python -m stiction.report`. Returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m stiction.report",
-                                     description="Makes one HTML page of a report of stiction solve or step --json.")
+def main(arguments=None, program="python -m stiction.report") -> int:
+    """The command `stiction report`. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog=program,
+                                     description="Makes one HTML page of a report of stiction solve, step or scaling --json.")
     parser.add_argument("run", type=pathlib.Path, help="the report, JSON")
     parser.add_argument("-o", "--out", type=pathlib.Path, help="the page, default: RUN with .html")
     parser.add_argument("--solution", type=pathlib.Path, help="what stiction solve -o wrote: histograms (needs h5py)")

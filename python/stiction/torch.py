@@ -11,30 +11,38 @@ import torch
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import Derivative
-from ._layout import FRICTION_KINDS
+from ._layout import cone_text
 from ._solver import Solver
 from ._world import WorldState, WorldStep
 
 
 @functools.lru_cache(maxsize=64)
-def _solver(device, solver, tolerance, max_iterations):
-    return Solver(device=device, solver=solver, tolerance=tolerance, max_iterations=max_iterations)
+def _solver(device, solver, tolerance, max_iterations, unrolled):
+    stall = {"stall_window": 0} if unrolled else {}
+    return Solver(device=device, solver=solver, tolerance=tolerance, max_iterations=max_iterations, **stall)
+
+
+def _on_host(A, *tensors):
+    """Arrays of tensors without their history, for the library's derivatives."""
+    if A.device.type != "cpu":
+        raise RuntimeError(f"A: expected a tensor on cpu, got one on {A.device}: derivatives are computed there alone")
+    return (None if t is None else t.detach().contiguous().numpy() for t in (A, *tensors))
 
 
 @torch.library.custom_op("stiction::solve", mutates_args=())
 def _solve(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tensor | None, lo: torch.Tensor | None,
            hi: torch.Tensor | None, counts: torch.Tensor | None, warm_start: torch.Tensor | None, cones: str, law: str,
-           solver: str, tolerance: float,
-           max_iterations: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+           solver: str, tolerance: float, max_iterations: int,
+           kappa: float = 0.0, unrolled: bool = False) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     A, b, mu, R, lo, hi, warm_start = (None if t is None else t.detach() for t in (A, b, mu, R, lo, hi, warm_start))
     batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
     device = "cpu" if A.device.type == "cpu" else batch.device
-    solution = _solver(device, solver, tolerance, max_iterations).solve(batch, warm_start=warm_start)
+    solution = _solver(device, solver, tolerance, max_iterations, unrolled).solve(batch, warm_start=warm_start)
     return solution.lambda_, solution.w, solution._raw
 
 
 @_solve.register_fake
-def _(A, b, mu, R, lo, hi, counts, warm_start, cones, law, solver, tolerance, max_iterations):
+def _(A, b, mu, R, lo, hi, counts, warm_start, cones, law, solver, tolerance, max_iterations, kappa=0.0, unrolled=False):
     return (torch.empty_like(b), torch.empty_like(b),
             torch.empty((A.shape[0], STATUS_DTYPE.itemsize), dtype=torch.uint8, device=A.device))
 
@@ -42,31 +50,54 @@ def _(A, b, mu, R, lo, hi, counts, warm_start, cones, law, solver, tolerance, ma
 @torch.library.custom_op("stiction::solve_backward", mutates_args=())
 def _pull_back(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tensor | None, lo: torch.Tensor | None,
                hi: torch.Tensor | None, counts: torch.Tensor | None, lambda_: torch.Tensor, records: torch.Tensor,
-               by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str,
+               by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str, kappa: float,
                ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-    if A.device.type != "cpu":
-        raise RuntimeError(f"A: expected a tensor on cpu, got one on {A.device}: derivatives are computed there alone")
-    A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w = (
-        None if t is None else t.detach().contiguous().numpy()
-        for t in (A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w))
+    A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w = _on_host(A, b, mu, R, lo, hi, counts, lambda_, by_lambda,
+                                                                     by_w)
     batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
-    found = Derivative().vjp(batch, lambda_, lambda_=by_lambda, w=by_w, status=status(records))
+    found = Derivative(kappa=kappa).vjp(batch, lambda_, lambda_=by_lambda, w=by_w, status=status(records))
     return tuple(torch.from_numpy(array) for array in (found.A, found.b, found.mu, found.R, found.lo, found.hi))
 
 
 @_pull_back.register_fake
-def _(A, b, mu, R, lo, hi, counts, lambda_, records, by_lambda, by_w, cones, law):
+def _(A, b, mu, R, lo, hi, counts, lambda_, records, by_lambda, by_w, cones, law, kappa):
     return torch.empty_like(A), *(torch.empty_like(b) for _ in range(5))
 
 
+@torch.library.custom_op("stiction::sweeps_backward", mutates_args=())
+def _pull_back_sweeps(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tensor | None,
+                      lo: torch.Tensor | None, hi: torch.Tensor | None, counts: torch.Tensor | None,
+                      warm_start: torch.Tensor | None, by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str,
+                      sweeps: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor,
+                                            torch.Tensor, torch.Tensor]:
+    A, b, mu, R, lo, hi, counts, warm_start, by_lambda, by_w = _on_host(A, b, mu, R, lo, hi, counts, warm_start,
+                                                                        by_lambda, by_w)
+    batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
+    found = Derivative().unrolled_vjp(batch, sweeps, warm_start=warm_start, lambda_=by_lambda, w=by_w)
+    return tuple(torch.from_numpy(array)
+                 for array in (found.A, found.b, found.mu, found.R, found.lo, found.hi, found.warm_start))
+
+
+@_pull_back_sweeps.register_fake
+def _(A, b, mu, R, lo, hi, counts, warm_start, by_lambda, by_w, cones, law, sweeps):
+    return torch.empty_like(A), *(torch.empty_like(b) for _ in range(6))
+
+
 def _keep(ctx, inputs, output):
-    A, b, mu, R, lo, hi, counts, _, ctx.cones, ctx.law = inputs[:10]
+    A, b, mu, R, lo, hi, counts, warm_start, ctx.cones, ctx.law, _, _, ctx.sweeps, *rest = inputs
+    ctx.kappa, ctx.unrolled = rest + [0.0, False][len(rest):]
     lambda_, _, records = output
-    ctx.save_for_backward(A, b, mu, R, lo, hi, counts, lambda_, records)
+    own = (warm_start,) if ctx.unrolled else (lambda_, records)
+    ctx.save_for_backward(A, b, mu, R, lo, hi, counts, *own)
 
 
 def _differentiate(ctx, by_lambda, by_w, _):
-    found = torch.ops.stiction.solve_backward(*ctx.saved_tensors, by_lambda, by_w, ctx.cones, ctx.law)
+    if ctx.unrolled:
+        *found, by_start = torch.ops.stiction.sweeps_backward(*ctx.saved_tensors, by_lambda, by_w, ctx.cones, ctx.law,
+                                                              ctx.sweeps)
+        found += [None, by_start]
+    else:
+        found = torch.ops.stiction.solve_backward(*ctx.saved_tensors, by_lambda, by_w, ctx.cones, ctx.law, ctx.kappa)
     wanted = (gradient if needed else None for gradient, needed in zip(found, ctx.needs_input_grad))
     return *wanted, *(None,) * (len(ctx.needs_input_grad) - len(found))
 
@@ -93,14 +124,14 @@ def _vmapped(operator):
 if hasattr(torch.library, "register_vmap"):  # PyTorch 2.5
     torch.library.register_vmap("stiction::solve", _vmapped(torch.ops.stiction.solve))
     torch.library.register_vmap("stiction::solve_backward", _vmapped(torch.ops.stiction.solve_backward))
+    torch.library.register_vmap("stiction::sweeps_backward", _vmapped(torch.ops.stiction.sweeps_backward))
 
 
 def _text_of(cones):
     """Cones as an operator's argument: one kind's name, or "friction:3,box:1"."""
     if isinstance(cones, str):
         return cones
-    pairs = (cone if isinstance(cone, tuple) else (cone, 3 if cone in FRICTION_KINDS else 1) for cone in cones)
-    return ",".join(f"{kind}:{rows}" for kind, rows in pairs)
+    return cone_text(cones)
 
 
 def _cones_from(text):
@@ -110,7 +141,8 @@ def _cones_from(text):
 
 
 def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=None, cones="friction", law="convex",
-          solver="auto", tolerance=1e-4, max_iterations=1000):
+          solver="auto", tolerance=1e-4, max_iterations=1000, kappa=0.0,
+          derivative="implicit"):
     """Reactions, residual motion and status of a batch of contact problems.
 
     A (B, n, n) or (n, n), b, R, lo, hi, warm_start (B, n) or (n,), mu a number or like b. All are contiguous, float32
@@ -121,8 +153,18 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     On the CPU lambda_ and w have derivatives by A, b, mu, R, lo and hi, in reverse and once (docs/math/derivative.md).
     Entries of A are independent. Derivatives are those of the solution, not of the iterations, and err by as much as the
     solution does: solve to 1e-6 or less. An environment that was not solved has derivatives of 0, and so has one whose
-    reactions are not determined: give R. warm_start has none.
+    reactions are not determined: give R. warm_start has none. kappa > 0 takes the derivatives of the relaxed problem, so
+    that open contacts pass some on (stiction.Derivative); what is returned does not change.
+
+    derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with tolerance=0, converged or not,
+    and by warm_start, too (Derivative.unrolled_vjp).
     """
+    if derivative not in ("implicit", "unrolled"):
+        raise ValueError(f"derivative: expected 'implicit' or 'unrolled', got {derivative!r}")
+    unrolled = derivative == "unrolled"
+    if unrolled and (solver != "pgs" or tolerance != 0 or kappa != 0):
+        raise ValueError("derivative: 'unrolled' is that of max_iterations sweeps as they run: expected solver='pgs', "
+                         f"tolerance=0 and kappa=0, got {solver!r}, {tolerance} and {kappa}")
     single = b.dim() == 1
     if not isinstance(mu, torch.Tensor):
         mu = torch.full_like(b, 0.0 if mu is None else mu)
@@ -130,7 +172,7 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
         A, b, mu, R, lo, hi, warm_start = (None if t is None else t.unsqueeze(0)
                                            for t in (A, b, mu, R, lo, hi, warm_start))
     out = torch.ops.stiction.solve(A, b, mu, R, lo, hi, counts, warm_start, _text_of(cones), law, solver,
-                                   float(tolerance), int(max_iterations))
+                                   float(tolerance), int(max_iterations), float(kappa), unrolled)
     return tuple(tensor.squeeze(0) for tensor in out) if single else out
 
 
@@ -143,12 +185,12 @@ class _WorldStep(torch.autograd.Function):
     """A step of a world from a state, and its derivative."""
 
     @staticmethod
-    def forward(ctx, position, orientation, twist, wrench, world):
+    def forward(ctx, position, orientation, twist, wrench, world, kappa):
         ctx.save_for_backward(position, orientation, twist, wrench)
         position, orientation, twist, wrench = (None if t is None else t.detach().contiguous()
                                                 for t in (position, orientation, twist, wrench))
         world.reset(position=position, orientation=orientation, twist=twist)
-        ctx.step = WorldStep(world, wrench)
+        ctx.step = WorldStep(world, wrench, kappa=kappa)
         after = world.state(WorldState(*map(torch.empty_like, (position, orientation, twist))))
         ctx.mark_non_differentiable(after.orientation)
         return tuple(after)
@@ -157,7 +199,7 @@ class _WorldStep(torch.autograd.Function):
     def backward(ctx, by_position, _, by_twist):
         found = _WorldPull.apply(ctx.step, by_position, by_twist, *ctx.saved_tensors)
         by = (found[0], None, found[1], found[2])
-        return *(gradient if needed else None for gradient, needed in zip(by, ctx.needs_input_grad)), None
+        return *(gradient if needed else None for gradient, needed in zip(by, ctx.needs_input_grad)), None, None
 
 
 class _WorldPull(torch.autograd.Function):
@@ -173,15 +215,15 @@ class _WorldPull(torch.autograd.Function):
         raise RuntimeError("step_world: expected a derivative once, got one of a derivative, which there is not")
 
 
-def step_world(world, position, orientation, twist, wrench=None):
+def step_world(world, position, orientation, twist, wrench=None, *, kappa=0.0):
     """One step of a stiction.World from a state: (position, orientation, twist) after it.
 
     Tensors on the host in the world's dtype, shaped as those of World.state; wrench is shaped as twist, or None. The
     world is put into that state, so it forgets the last step's contacts and starts from no reactions. What comes out
     depends on the arguments and the world's options alone.
 
-    position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep,
-    where is said what is frozen. orientation has none. Environments without a derivative have zeros. Solve to a small
-    tolerance, and give contacts compliance (cfm > 0).
+    position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep.
+    There is said what is frozen, and what kappa does. orientation has none. Environments without a derivative have
+    zeros. Solve to a small tolerance, and give contacts compliance (cfm > 0).
     """
-    return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world))
+    return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world, kappa))

@@ -1,12 +1,12 @@
-"""Recordings to look at, in Rerun (`pip install rerun-sdk`): bodies, contacts, forces, friction cones, slip, islands,
-residuals. docs/view.md.
+"""Recordings to look at, in Rerun (`pip install rerun-sdk`) or in a browser by viser (`pip install viser`): bodies,
+contacts, forces, friction cones, slip, islands, residuals. docs/view.md.
 
-    with stiction.view.Recorder("run.rrd") as recorder:     # then: rerun run.rrd
+    with stiction.view.Recorder("run.rrd") as recorder:     # then: rerun run.rrd; or "run.html", a page by viser
         for _ in range(200):
             world.step()
             recorder.log(world)                             # or a stiction.mujoco.BatchedSimulation
 
-    python -m stiction.view BATCH.h5 -o batch.rrd           # a recorded batch
+    stiction view BATCH.h5 -o batch.rrd                     # a recorded batch
 """
 
 from __future__ import annotations
@@ -19,37 +19,49 @@ import sys
 
 import numpy as np
 
+from . import _view_rerun, _view_viser
 from ._batch import Batch
 from ._flags import FLAGS
 from ._progress import Progress
 from ._solution import CODES, Solution
 from ._solver import Solver
 from ._view_batch import BatchSource
-from ._view_frame import colours, places
-from ._view_rerun import Stream, load
+from ._view_frame import colours, places, turned
 from ._view_world import WorldSource
 from ._world import World
 
 __all__ = ["Recorder"]
 
+_BACKENDS = {"rerun": _view_rerun, "viser": _view_viser}
 _MOST_NODES = 300  # of a graph that is drawn
 
 
 class Recorder:
-    """Records worlds, MuJoCo simulations and batches for Rerun's viewer. It reads, and changes no bit of what it records.
+    """Records worlds, MuJoCo simulations and batches for a viewer. It reads, and changes no bit of what it records.
 
-    path: of the .rrd file. None: a viewer is opened; or connect, the address of one (rerun+http://...).
+    path: of the file: .rrd for Rerun's viewer; .html, a page for any browser, or .viser by viser. None: a viewer is
+        opened, or, by viser, a page is served to browsers of this machine.
+    backend: "rerun" or "viser"; None: that of the path, and "rerun" without one.
+    connect: address of a viewer of Rerun's (rerun+http://...) instead of a path.
+    port: of the page that viser serves, or the next one that is free.
     envs: how many environments are drawn, from the first; or a list of which.
     force_scale: length of an arrow by force [m/N]. None: the weight of an environment is twice as long as it is wide. Of
         a batch the largest reaction of an environment is half as long as the distance between cones.
     slip_scale: length of an arrow by speed [s]. spacing: between environments [m]. None: so that none touch.
 
-    Raises ImportError where Rerun is missing. A recorder records one world, simulation or kind of batch.
+    Raises ImportError where the backend is missing, ValueError for a path that it does not write. A recorder records one
+    world, simulation or kind of batch.
     """
 
-    def __init__(self, path: str | os.PathLike | None = None, *, connect: str | None = None, envs=4,
-                 force_scale: float | None = None, slip_scale: float = 0.1, spacing: float | None = None):
-        self._stream = Stream(None if path is None else os.fspath(path), connect)
+    def __init__(self, path: str | os.PathLike | None = None, *, backend: str | None = None, connect: str | None = None,
+                 port: int = 8080, envs=4, force_scale: float | None = None, slip_scale: float = 0.1,
+                 spacing: float | None = None):
+        path = None if path is None else os.fspath(path)
+        backend = _backend(backend, path)
+        if backend == "viser" and connect is not None:
+            raise ValueError(f"connect: expected None with backend 'viser', got {connect!r}: viser serves at a port")
+        self._writer = _view_rerun.RerunWriter(path, connect) if backend == "rerun" else \
+            _view_viser.ViserWriter(path, port)
         self._envs, self._spacing = envs, spacing
         self.force_scale, self.slip_scale = force_scale, float(slip_scale)
         self._subject, self._source, self._step = None, None, 0
@@ -62,7 +74,11 @@ class Recorder:
 
     def close(self) -> None:
         """Writes what is still in memory, and ends the recording."""
-        self._stream.close()
+        self._writer.close()
+
+    def wait(self) -> None:
+        """Serves viser's page until Ctrl-C; returns at once where a file or another program has the recording."""
+        self._writer.wait()
 
     def log(self, subject, solution: Solution | None = None, step: int | None = None) -> None:
         """Records what a World or a BatchedSimulation is now, or all environments of a batch.
@@ -75,7 +91,7 @@ class Recorder:
         if self._source is None or self._subject is not subject:
             self._begin(subject)
         self._step = self._step + 1 if step is None else operator.index(step)
-        self._stream.at(step=self._step, time=float(self._step * self._source.dt))
+        self._writer.at(step=self._step, time=float(self._step * self._source.dt))
         self._source.look()
         for env in self._drawn:
             self._log_frame(env, self._source.frame(env))
@@ -97,45 +113,36 @@ class Recorder:
         spacing = 1.5 * extent if self._spacing is None else float(self._spacing)
         self._radius = 0.01 * extent
         up = source.up / (np.linalg.norm(source.up) or 1.0)
-        stream, where = self._stream, places(len(self._drawn), spacing)
-        views = stream.rr.blueprint
-        stream.log(["world"], stream.rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        writer, where = self._writer, places(len(self._drawn), spacing)
+        writer.open("world", middle + (where.mean(axis=0) if len(where) else 0.0), 0.9 * (extent + where.max(initial=0.0)))
         for env, place in zip(self._drawn, where):
-            stream.log(["world", f"env_{env}"], stream.rr.Transform3D(translation=place), static=True)
+            writer.place(["world", f"env_{env}"], place, middle + (0, 0, 0.7 * extent))
             for shape in source.geometries:
-                is_ground = shape.kind == "plane" and _normal(shape.orientation) @ up > 0.7
-                stream.geometry(self._path(env, shape), shape, 0.48 * spacing, is_ground)
-        stream.layout(
-            stream.scene("world", "bodies and contacts", middle + (where.mean(axis=0) if len(where) else 0.0),
-                         0.9 * (extent + where.max(initial=0.0))),
-            views.TimeSeriesView(origin="log10_residual", name="log10 of the relative residual"),
-            views.TimeSeriesView(origin="slip", name="fastest slip [m/s]"),
-            views.TimeSeriesView(origin="iterations", name="iterations"), views.TextLogView(origin="log", name="log"))
+                is_ground = shape.kind == "plane" and turned(shape.orientation, (0.0, 0.0, 1.0)) @ up > 0.7
+                writer.geometry(self._path(env, shape), shape, 0.48 * spacing, is_ground)
 
     def _path(self, env, shape):
         part = ["ground"] if shape.body < 0 else ["bodies", self._source.bodies[shape.body]]
         return ["world", f"env_{env}", *part, shape.name]
 
     def _log_frame(self, env, frame):
-        stream, root = self._stream, ["world", f"env_{env}"]
+        writer, root = self._writer, ["world", f"env_{env}"]
         for name, position, orientation in zip(self._source.bodies, frame.position, frame.orientation):
-            stream.pose([*root, "bodies", name], position, orientation)
+            writer.body([*root, "bodies", name], position, orientation)
         shown = colours(frame.island)
         for shape in self._source.geometries:
             if shape.body >= 0:
-                stream.colour(self._path(env, shape), shape.kind, shown[shape.body])
-        stream.contacts(root, frame.contacts, self.force_scale, self.slip_scale, self._radius)
-        stream.number(["slip", f"env_{env}"], np.linalg.norm(frame.contacts.finite().slip, axis=1).max(initial=0.0))
+                writer.colour(self._path(env, shape), shape.kind, shown[shape.body])
+        writer.contacts(root, frame.contacts, self.force_scale, self.slip_scale, self._radius)
+        writer.number(["slip", f"env_{env}"], np.linalg.norm(frame.contacts.finite().slip, axis=1).max(initial=0.0))
 
     def _log_status(self, status):
         for env in self._drawn:
-            self._stream.residual(f"env_{env}", status["residual"][env])
-            self._stream.number(["iterations", f"env_{env}"], status["iterations"][env])
-            self._stream.trouble(f"env {env}", status[env], CODES, FLAGS)
+            self._writer.status(f"env_{env}", f"env {env}", status[env], CODES, FLAGS)
         finite = status["residual"][np.isfinite(status["residual"])]
         if len(finite):
-            self._stream.residual("median", np.median(finite))
-            self._stream.residual("largest", finite.max())
+            self._writer.residual("median", np.median(finite))
+            self._writer.residual("largest", finite.max())
 
     # -- batches ------------------------------------------------------------------------------------------------------
 
@@ -145,38 +152,38 @@ class Recorder:
         if solution is None:
             solution = Solver(solver="auto").solve(batch)
         source = self._source = BatchSource(batch, solution)
-        stream, rr = self._stream, self._stream.rr
-        drawn = set(_chosen(self._envs, int(source.simulation.max(initial=-1)) + 1))
-        views = rr.blueprint
-        stream.log(["batch"], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        stream.layout(
-            stream.scene("batch", "cones, in their own axes", (0, 0, 0), 0.8 * source.width()),
-            views.TimeSeriesView(origin="log10_residual", name="log10 of the relative residual"),
-            views.TimeSeriesView(origin="iterations", name="iterations"),
-            views.GraphView(origin="batch", name="which cones are coupled"),
-            views.BarChartView(origin="batch", name="reactions by row"), views.TextLogView(origin="log", name="log"))
+        drawn = _chosen(self._envs, int(source.simulation.max(initial=-1)) + 1)
+        writer, width = self._writer, source.width()
+        where = places(len(drawn), width + 1)
+        writer.open("batch", where.mean(axis=0) if len(where) else np.zeros(3), 0.8 * (width + where.max(initial=0.0)))
+        for simulation, place in zip(drawn, where):
+            writer.place(["batch", f"simulation_{simulation}"], place, (0, 0.5 * width, 1.0))
         with Progress(total=source.env_count, title="recording", unit="env") as bar:
             for env in range(source.env_count):
                 bar.update()
-                stream.at(**{source.timeline: int(source.time[env])})
+                writer.at(**{source.timeline: int(source.time[env])})
                 name = f"simulation_{source.simulation[env]}"
-                record = source.status[env]
-                stream.residual(name, record["residual"])
-                stream.number(["iterations", name], record["iterations"])
-                stream.trouble(source.name(env), record, CODES, FLAGS)
+                writer.status(name, source.name(env), source.status[env], CODES, FLAGS)
                 if source.simulation[env] in drawn:
                     self._log_cones(["batch", name], env)
 
     def _log_cones(self, path, env):
-        source, stream, rr = self._source, self._stream, self._stream.rr
-        contacts = source.contacts(env)
+        source = self._source
+        contacts, reactions = source.contacts(env), source.reactions(env)
         scale = source.scale(env) if self.force_scale is None else self.force_scale
-        stream.contacts(path, contacts, scale, source.slip_scale, 0.06)
-        stream.log([*path, "name"], rr.TextDocument(source.name(env)))
-        reactions = source.reactions(env)
-        stream.log([*path, "reactions"], rr.BarChart(np.where(np.isfinite(reactions), reactions, 0.0)))
-        if len(contacts.island) <= _MOST_NODES:
-            stream.graph(path, contacts.island, source.couplings(env))
+        self._writer.contacts(path, contacts, scale, source.slip_scale, 0.06)
+        is_drawn = len(contacts.island) <= _MOST_NODES
+        self._writer.cones(path, source.name(env), np.where(np.isfinite(reactions), reactions, 0.0), contacts.point,
+                           contacts.island, source.couplings(env) if is_drawn else None)
+
+
+def _backend(name, path):
+    """The backend of that name; without one that of the path."""
+    if name is None:
+        return "viser" if path is not None and pathlib.Path(path).suffix in _view_viser.SUFFIXES else "rerun"
+    if name not in _BACKENDS:
+        raise ValueError(f"backend: expected {' or '.join(map(repr, _BACKENDS))}, got {name!r}")
+    return name
 
 
 def _source_of(subject):
@@ -210,33 +217,36 @@ def _span(source, drawn):
     return middle, float(max(spans, default=0.0)) + 2 * source.reach or 1.0
 
 
-def _normal(orientation):
-    w, x, y, z = orientation
-    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-
-
-def main(arguments=None) -> int:
-    """The command `python -m stiction.view`. Returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m stiction.view", description="Records a contact-batch or FCLIB file "
-                                     "for Rerun: cones, reactions, residuals and couplings of every environment.")
+def main(arguments=None, program="python -m stiction.view") -> int:
+    """The command `stiction view`. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog=program, description="Records a contact-batch or FCLIB file "
+                                     "for a viewer: cones, reactions, residuals and couplings of every environment.")
     parser.add_argument("file", type=pathlib.Path)
-    parser.add_argument("-o", "--out", type=pathlib.Path, help="the recording, default: FILE with .rrd; - opens a viewer")
+    parser.add_argument("-o", "--out", type=pathlib.Path, help="the recording, default: FILE with .rrd, or .html by "
+                        "viser; - opens a viewer, or serves viser's page")
+    parser.add_argument("--backend", choices=list(_BACKENDS), help="default: by the name of the recording, else rerun")
+    parser.add_argument("--port", type=int, default=8080, help="of the page that viser serves")
     parser.add_argument("--solver", default="auto")
     parser.add_argument("--tolerance", type=float, default=1e-6)
     parser.add_argument("--simulations", type=int, default=4, help="of a trajectory, whose cones are drawn")
     options = parser.parse_args(arguments)
-    out = options.file.with_suffix(".rrd") if options.out is None else options.out
+    is_shown = str(options.out) == "-"
+    out = options.out or options.file.with_suffix(".html" if options.backend == "viser" else ".rrd")
     try:
-        load()
+        _BACKENDS[_backend(options.backend, None if is_shown else out)].load()
         batch = Batch.from_file(options.file)
         solution = Solver(solver=options.solver, tolerance=options.tolerance).solve(batch)
-        with Recorder(None if str(out) == "-" else out, envs=options.simulations) as recorder:
+        with Recorder(None if is_shown else out, backend=options.backend, port=options.port,
+                      envs=options.simulations) as recorder:
             recorder.log(batch, solution)
+            if is_shown:
+                recorder.wait()
     except (ImportError, OSError, ValueError, RuntimeError) as error:
         print(f"stiction.view: {error}", file=sys.stderr)
         return 2
-    if str(out) != "-":
-        print(f"{len(batch)} environments, {int(solution.solved.sum())} solved: rerun {out}")
+    if not is_shown:
+        opens = out if out.suffix == ".html" else f"viser's client, {out}" if out.suffix == ".viser" else f"rerun {out}"
+        print(f"{len(batch)} environments, {int(solution.solved.sum())} solved: {opens}")
     return 0
 
 

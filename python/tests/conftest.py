@@ -10,6 +10,11 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 DATA = ROOT / "examples" / "data"
 
 
+def pytest_configure(config):
+    config.addinivalue_line("markers", "warp: kernels are compiled by Warp, which takes a minute of a core in all")
+    config.addinivalue_line("markers", "quick: of these, what run.py runs")
+
+
 @pytest.fixture
 def data():
     """Folder of the recorded batches."""

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from warp_quickly import wp  # noqa: F401
 
 LACKING = "stiction.mujoco_warp is NOT tested: pip install mujoco-warp"
 mujoco = pytest.importorskip("mujoco", reason=LACKING)
-wp = pytest.importorskip("warp", reason=LACKING)
-wp.config.quiet = True
 mujoco_warp = pytest.importorskip("mujoco_warp", reason=LACKING)
 
 from mujoco_zoo import controls, zoo  # noqa: E402

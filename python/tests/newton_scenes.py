@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-LACKING = "stiction.newton is NOT tested: pip install newton"
-wp = pytest.importorskip("warp", reason=LACKING)
-newton = pytest.importorskip("newton", reason=LACKING)
+from warp_quickly import wp
+
+newton = pytest.importorskip("newton", reason="stiction.newton is NOT tested: pip install newton")
 
 from stiction.newton import SolverStiction  # noqa: E402
-
-wp.config.quiet = True
 
 
 def quat(axis, angle):

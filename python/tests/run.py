@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Runs the package's tests with pytest; without pytest or NumPy says so and exits with 77, which means skipped."""
+"""Runs the package's tests with pytest; without pytest or NumPy says so and exits with 77, which means skipped. Of tests
+that wait for Warp's compiler it runs the quick ones: `pytest python/tests`, or -m "" here, has all.
+"""
 
 import pathlib
 import sys
@@ -12,4 +14,5 @@ except ImportError as error:
     sys.exit(77)
 
 folder = str(pathlib.Path(__file__).parent)
-sys.exit(pytest.main(["-q", "-rs", "-p", "no:cacheprovider", folder, *sys.argv[1:]]))
+options = ["-q", "-rs", "-p", "no:cacheprovider", "-m", "quick or not warp"]
+sys.exit(pytest.main([*options, folder, *sys.argv[1:]]))

@@ -153,6 +153,10 @@ def test_mistakes_name_the_argument(scenes):
         derivative.vjp(batch, solution, w=np.ones(batch.rows, np.float32))
     with pytest.raises(ValueError, match="velocities"):
         derivative.vjp(batch, solution, velocities=np.ones(3))
+    with pytest.raises(stiction.Error, match="sweeps.count = -1"):
+        derivative.unrolled_vjp(batch, -1)
+    with pytest.raises(ValueError, match="warm_start: expected"):
+        derivative.unrolled_vjp(batch, 3, warm_start=np.ones(batch.rows + 1))
     with pytest.raises(TypeError, match="batch"):
         derivative.vjp(solution, solution)
     with pytest.raises(stiction.Error, match="tie_tolerance"):

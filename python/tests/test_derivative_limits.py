@@ -66,6 +66,22 @@ def test_the_central_paths_derivative_tends_to_it_in_proportion_to_kappa(seed):
     assert errors[2] / errors[3] == pytest.approx(10, rel=0.2)
 
 
+@pytest.mark.parametrize("kappa", [1e-1, 1e-3, 1e-5])
+def test_kappas_derivative_is_that_of_the_central_path(kappa):
+    A, b, loss = lcp(1)
+    _, lambda_ = exact(A, b, loss)
+    x, w = on_central_path(A, b, kappa)
+    nu = -np.linalg.solve((A + np.diag(w / x)).T, loss)
+    batch = stiction.Batch.from_delassus(A[None], b[None], cones="unilateral", law="convex")
+    found = stiction.Derivative(kappa=kappa).vjp(batch, lambda_[None], lambda_=loss[None])
+    assert found.valid.all() and found.status["unknowns"][0] == N
+    np.testing.assert_allclose(found.b[0], nu, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.A[0], np.outer(nu, x), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.R[0], nu * x, rtol=1e-7, atol=1e-9)
+    with pytest.raises(stiction.Error, match="kappa = -1"):
+        stiction.Derivative(kappa=-1)
+
+
 def unrolled(A, b, loss, sweeps):
     """Derivative of the loss of so many sweeps of projected Gauss-Seidel from zero, in reverse."""
     x, moved = np.zeros(N), []

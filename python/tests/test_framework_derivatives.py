@@ -79,6 +79,65 @@ class TestJax:
             _, pull = self.jax.vjp(answer, *numbers)
             expect_close(pull(tuple(by)), own_derivative(numbers, law, *by), 1e-10)
 
+    def test_unrolled_is_that_of_sweeps_that_jax_differentiates(self, law):
+        """Sweeps written here from docs/math/local_solve.md, step lengths included, by JAX's own reverse mode."""
+        contacts, sweeps = 2, 4
+        n, np_ = 3 * contacts, self.jax.numpy
+
+        def onto_cone(z, share):
+            length = np_.sqrt((z[1:] ** 2).sum())
+            middle = share * length + (1 - share) * z[0]
+            edge = np_.concatenate([middle[None], z[1:] / length * middle])
+            return np_.where(length <= z[0], z, np_.where(middle <= 0, 0.0, edge))
+
+        def bound(B):
+            B = 0.5 * (B + B.T)
+            return np_.trace(np_.linalg.matrix_power(B, 16)) ** (1 / 16)
+
+        def visit(x, y, B):
+            one, two = 1 / B[0, 0], 1 / bound(B[1:, 1:])
+            if law == "coulomb":
+                normal = np_.maximum(x[0] - one * y[0], 0.0)
+                z = x[1:] - two * (y[1:] + B[1:, 0] * (normal - x[0]))
+                length = np_.sqrt((z ** 2).sum())
+                return np_.concatenate([normal[None], np_.where(length <= normal, z, z / length * normal)])
+            coupling = 0.5 * (B[0, 1:] + B[1:, 0])
+            step = np_.array([one, two, two]) / (1 + np_.sqrt((coupling ** 2).sum() * one * two))
+            share = one / (one + two)
+            moved = onto_cone(x - step * y, share)
+            return onto_cone(moved - step * (y + B @ (moved - x)), share)
+
+        def swept(A, b, mu, R, start):
+            scale = np_.where(np_.arange(n) % 3 == 0, 1.0, mu)
+            scaled = scale[:, None] * (A + np_.diag(R)) * scale
+            x = np_.concatenate([onto_cone(part, 0.5) for part in np_.split(start / scale, contacts)])
+            for _ in range(sweeps):
+                for c in range(contacts):
+                    own = slice(3 * c, 3 * c + 3)
+                    x = x.at[own].set(visit(x[own], scaled[own] @ x + scale[own] * b[own], scaled[own, own]))
+            return scale * x
+
+        @self.jax.jit
+        def answer(numbers, by):
+            lambda_, pull = self.jax.vjp(swept, *numbers)
+            return lambda_, pull(by)
+
+        for seed in range(4):
+            rng = np.random.default_rng(seed)
+            J = rng.normal(size=(n, n + 2))
+            numbers = (J @ J.T / n, rng.normal(size=n) - 0.3, rng.uniform(0.2, 1, n), rng.uniform(0.05, 0.2, n),
+                       0.3 * rng.normal(size=n))
+            by = rng.normal(size=n)
+            lambda_, slopes = answer(numbers, by)
+            A, b, mu, R, start = (part[None] for part in numbers)
+            batch = stiction.Batch.from_delassus(A, b, mu=mu, R=R, cones="friction", law=law)
+            found = stiction.Derivative().unrolled_vjp(batch, sweeps, warm_start=start, lambda_=by[None])
+            np.testing.assert_allclose(found.lambda_[0], lambda_, atol=1e-13)
+            for name, wanted in zip(("A", "b", "mu", "R", "warm_start"), slopes):
+                wanted = np.asarray(wanted)
+                np.testing.assert_allclose(getattr(found, name)[0], wanted, atol=1e-11 * (1 + np.abs(wanted).max()),
+                                           err_msg=name)
+
     def test_second_derivatives_are_those_of_finite_differences(self, law):
         numbers, weights = problem(3), cotangents(3)[0]
         answer = self.answer(law)
@@ -154,6 +213,31 @@ class TestTorch:
             ((lambda_ * by_lambda).sum() + (w * by_w).sum()).backward()
             expect_close([part.grad for part in tensors], own_derivative(numbers, law, by_lambda.numpy(), by_w.numpy()),
                          1e-12)
+
+    def test_kappa_tells_of_a_contact_that_is_open(self, law):
+        """b = 0.2 on A = 2, open: the answer stays 0, its derivative is that of (sqrt(b² + 4 A kappa) - b) / 2A."""
+        A, b = self.torch.full((1, 1), 2.0, dtype=self.torch.float64), 0.2
+        for kappa in (0.0, 0.03):
+            at = self.torch.tensor([b], dtype=self.torch.float64, requires_grad=True)
+            lambda_, _, _ = self.module.solve(A, at, cones="unilateral", law=law, kappa=kappa, **EXACT)
+            lambda_.sum().backward()
+            assert lambda_.item() == 0.0
+            wanted = (b / np.sqrt(b ** 2 + 8 * kappa) - 1) / 4 if kappa else 0.0
+            assert at.grad.item() == pytest.approx(wanted, abs=1e-14)
+
+    def test_unrolled_is_that_of_so_many_sweeps(self, law):
+        """PyTorch's own check by differences, of five sweeps that are far from an answer."""
+        numbers = self.tensors(problem(3))
+        start = self.torch.from_numpy(np.random.default_rng(1).normal(size=ROWS)).requires_grad_()
+
+        def sweeps(root, start, *rows):
+            return self.module.solve(root @ root.T, *rows, warm_start=start, cones=list(CONES), law=law, solver="pgs",
+                                     tolerance=0, max_iterations=5, derivative="unrolled")[:2]
+
+        root = self.torch.linalg.cholesky(numbers[0].detach()).requires_grad_()
+        assert self.torch.autograd.gradcheck(sweeps, [root, start, *numbers[1:]], eps=1e-6, atol=1e-6, rtol=1e-5)
+        with pytest.raises(ValueError, match="expected solver='pgs', tolerance=0"):
+            self.module.solve(*(part.detach() for part in numbers), cones=list(CONES), derivative="unrolled")
 
     def test_the_operator_keeps_pytorchs_rules(self, law):
         tensors = [self.torch.stack([part, part]).requires_grad_() for part in self.tensors(problem(1), False)]

@@ -39,7 +39,7 @@ MISTAKES = {
     "not an array": (TypeError, "A: expected an array (NumPy, PyTorch, JAX, CuPy, Warp or another that speaks DLPack), "
                                 "got str", lambda: Batch.from_delassus("A", b)),
     "law": (ValueError, "law: expected 'convex' or 'coulomb', got 'dry'", lambda: Batch.from_delassus(A, b, law="dry")),
-    "cone name": (ValueError, "cones: expected kinds of free, unilateral, box, friction, box_friction, got 'ice'",
+    "cone name": (ValueError, "cones: expected kinds of free, unilateral, box, friction, box_friction, semidefinite, got 'ice'",
                   lambda: Batch.from_delassus(A, b, cones=["ice"])),
     "cones that do not tile": (ValueError, "which cones of 3 rows do not tile",
                                lambda: Batch.from_delassus(A[:, :4, :4].copy(), b[:, :4].copy())),

@@ -15,6 +15,7 @@ from mujoco_warp._src import types
 import stiction
 import stiction.mujoco_warp as drop_in
 
+pytestmark = pytest.mark.warp
 CONES, JACOBIANS = ("pyramidal", "elliptic"), ("dense", "sparse")
 DROPPED = 1 << stiction.FLAGS.index("contacts_dropped")
 
@@ -42,8 +43,8 @@ def compare(datas, m, d, limit, ties):
     return solution
 
 
-@pytest.mark.parametrize("jacobian", JACOBIANS)
-@pytest.mark.parametrize("cone", CONES)
+@pytest.mark.parametrize("cone, jacobian", [pytest.param("elliptic", "dense", marks=pytest.mark.quick),
+                                            ("elliptic", "sparse"), ("pyramidal", "dense"), ("pyramidal", "sparse")])
 def test_answers_are_those_of_mujoco_and_of_its_warp(cone, jacobian):
     model, datas, m, d = zoo_worlds(cone, jacobian)
     # float32: numbers are rounded by 6e-8 of their size, and what adds up to qacc is several times qacc.
@@ -130,6 +131,7 @@ def test_worlds_in_another_order_have_the_same_bits(jacobian):
     assert np.array_equal(first.status[order], second.status)
 
 
+@pytest.mark.quick
 def test_one_world_of_nan_harms_no_other():
     model = zoo()
     datas = [disturbed(model, seed) for seed in range(4)]
@@ -215,6 +217,7 @@ def test_contacts_without_room_are_flagged():
     assert (solved(m, d)[0].status["flags"] & DROPPED != 0).all()
 
 
+@pytest.mark.quick
 def test_what_ends_at_the_limit_says_so():
     _, _, m, d = zoo_worlds()
     solution, _ = solved(m, d, solver="pgs", tolerance=1e-6, max_iterations=2)
@@ -227,6 +230,7 @@ def test_what_ends_at_the_limit_says_so():
     assert (d.overflow.numpy() == 0).all() and (d.solver_niter.numpy() > 0).all()
 
 
+@pytest.mark.quick
 def test_solves_start_from_qacc_warmstart():
     _, _, m, d = zoo_worlds()
     solved(m, d)

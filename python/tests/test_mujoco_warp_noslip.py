@@ -8,6 +8,8 @@ from mujoco_warp_worlds import (CREEPING, disturbed, mujoco, mujoco_warp, number
 
 import stiction.mujoco_warp as drop_in
 
+pytestmark = pytest.mark.warp
+
 
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])

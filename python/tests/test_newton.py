@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, quat, rod, wp
 
+pytestmark = pytest.mark.warp
 G = 9.81
 MISSES = {"atol": 2e-5, "rtol": 2e-5}  # Newton's state is float32, and a test steps some hundred times
 
 
 # -- contacts ---------------------------------------------------------------------------------------------------------
 
+@pytest.mark.quick
 def test_a_box_rests_and_its_contacts_carry_its_weight():
     run = Run(on_ground(box()))
     seen = run.solver.observables({"contact_f"}, contacts=run.contacts)
@@ -46,6 +48,7 @@ def test_the_convex_law_lifts_a_sliding_box_and_coulombs_does_not():
     assert abs(heights["coulomb"] - 0.1) < 1e-5 and heights["convex"] > 0.11
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("slope, slides", [(0.49, False), (0.51, True)])
 def test_a_box_sticks_to_a_slope_below_its_friction_and_slides_above(slope, slides):
     angle = math.atan(slope)

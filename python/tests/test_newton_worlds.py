@@ -1,6 +1,10 @@
 """Worlds of stiction.newton apart from each other, their records, warm starts, and what is refused."""
 
+import dataclasses
+import re
 import runpy
+import sys
+import types
 
 import numpy as np
 import pytest
@@ -10,10 +14,12 @@ from newton_scenes import Run, SolverStiction, box, hinge, newton, on_ground, pi
 import stiction
 from stiction.testing import assert_permutation_invariant
 
+pytestmark = pytest.mark.warp
 G = 9.81
 
 # -- worlds -----------------------------------------------------------------------------------------------------------
 
+@pytest.mark.quick
 def test_a_worlds_bits_are_its_own():
     order = np.array([3, 0, 4, 1, 2])
     straight = Run(pile(np.arange(5))).step(60, 0.005).q.reshape(5, -1)
@@ -71,6 +77,32 @@ def test_the_example_slides_as_the_formula_says(monkeypatch, capsys):
     assert len(capsys.readouterr().out.strip().splitlines()) == 6
 
 
+@pytest.mark.quick
+def test_the_lines_for_isaac_lab_build_a_solver_that_steps(monkeypatch):
+    """Isaac Lab's two modules are stand-ins here: what is tested is that the page's class fills the documented slots."""
+    physics, utils = types.ModuleType("isaaclab_newton.physics"), types.ModuleType("isaaclab.utils.configclass")
+    physics.NewtonManager, physics.NewtonSolverCfg = type("NewtonManager", (), {}), type("NewtonSolverCfg", (), {})
+    utils.configclass = dataclasses.dataclass
+    for name in ("isaaclab", "isaaclab.utils", "isaaclab_newton"):
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    for module in (physics, utils):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    page = (ROOT / "docs" / "newton.md").read_text(encoding="utf-8")
+    names = {}
+    exec(re.search(r"```python\n(from isaaclab.*?)```", page, re.DOTALL).group(1), names)
+    model, config = on_ground(box(height=0.3)), names["StictionSolverCfg"](law="convex", tolerance=1e-7)
+    assert config.class_type.__mro__[1] is physics.NewtonManager
+    config.class_type._build_solver(model, config)
+    slots = vars(physics.NewtonManager)
+    flags = [slots[f"_{name}"] for name in ("use_single_state", "needs_collision_pipeline", "supports_rigid_body_force_input")]
+    assert flags == [False, True, True] and not config.class_type._supports_cuda_graph_capture()
+    assert (slots["_solver"].law, slots["_solver"].solver.tolerance) == ("convex", 1e-7)
+    run = Run(model)
+    run.solver = slots["_solver"]
+    np.testing.assert_allclose(run.step(10, 0.01).qd[2], -G * 0.1, rtol=1e-5)  # it falls
+
+
+@pytest.mark.quick
 def test_nan_in_one_world_harms_no_other_and_is_named():
     clean, dirty = Run(pile(np.arange(5))), Run(pile(np.arange(5)), hold_failed=True)
     for run in (clean, dirty):

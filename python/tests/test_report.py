@@ -13,7 +13,7 @@ import pytest
 from conftest import DATA
 
 from stiction import report
-from stiction._report_svg import bars, number, quantiles
+from stiction._report_svg import bars, lines, number, quantiles
 
 
 class Page(html.parser.HTMLParser):
@@ -98,6 +98,65 @@ def test_boxes_are_from_the_median_to_p90():
     assert [tick.text for tick in ticks][:2] == ["0", "1e-6"]
     assert next(plot.iter("circle")).attrib["cx"] == ticks[0].attrib["x"]
     assert svgs(quantiles("q", {"r": dict.fromkeys(rows["r"], 0)}, True))
+
+
+def test_lines_are_in_proportion_and_break_where_there_is_no_number():
+    plot = svgs(lines("l", [1, 2, 4], {"a": [1.0, 2.0, 3.0], "b": [2.0, None, 4.0]}, "threads"))[0]
+    first, second = [[tuple(map(float, point.split(","))) for point in line.attrib["points"].split()]
+                     for line in plot.iter() if line.tag.endswith("polyline")]
+    assert [x for x, _ in first] == [pytest.approx(first[0][0] + k * (first[1][0] - first[0][0]), abs=0.2) for k in (0, 1, 3)]
+    steps = [low[1] - high[1] for low, high in zip(first, first[1:])]
+    assert steps[0] > 0 and steps == [pytest.approx(steps[0], abs=0.2)] * 2, "1, 2, 3 are equally far apart, upwards"
+    assert len(second) == 2 and second[0][1] == first[1][1]
+    titles = [title.text for title in plot.iter("title")]
+    assert titles == ["a 1", "a 2", "a 3", "b 2", "b 4"]
+
+
+@pytest.fixture
+def scaling(cli, tmp_path):
+    """A report of stiction scaling, and its path."""
+    path = tmp_path / "scaling.json"
+    subprocess.run([cli, "scaling", "pile", "--envs", "4", "--steps", "3", "--threads", "2,3", "--weak", "--repeat", "1",
+                    "--json", str(path), "--quiet"], check=True)
+    return json.loads(path.read_text()), path
+
+
+def test_the_page_of_scaling_has_its_points(scaling):
+    values, path = scaling
+    assert report.main([str(path)]) == 0
+    text = path.with_suffix(".html").read_text(encoding="utf-8")
+    plots = svgs(text)
+    assert [plot.attrib["aria-label"] for plot in plots] == ["speed-up", "shares", "imbalance"] * 2
+    for series, plot in (("strong", plots[0]), ("weak", plots[3])):
+        titles = [title.text for title in plot.iter("title")]
+        assert titles[:2] == [f"measured {number(point['speedup'])}" for point in values[series]]
+        assert titles[2:] == ["perfect 1", "perfect 1.5"]
+    shares = [title.text for title in plots[1].iter("title")]
+    assert shares == [f"{name} {number(value)}" for name, row in (
+        ("efficiency", [point["efficiency"] for point in values["strong"]]),
+        ("waiting", [point["thread_use"]["synchronisation_share"] for point in values["strong"]]),
+        ("serial", [point["serial_share"] for point in values["strong"]])) for value in row]
+    assert values["hash"] in Page(text).texts and Page(text).fetched == []
+
+
+def test_a_report_of_scaling_with_one_thing_wrong_is_told_which(scaling):
+    for threads in ([1, 1], [2, 1], [0, 1]):
+        changed = copy.deepcopy(scaling[0])
+        for point, count in zip(changed["strong"], threads):
+            point["threads"] = count
+        with pytest.raises(ValueError, match="expected 'threads' that ascend"):
+            report.page(changed)
+    for broken in ([3], "x", {"a": 1}, [{}]):
+        with pytest.raises(ValueError, match="expected"):
+            report.page(dict(scaling[0], strong=broken))
+
+
+def test_the_page_has_what_threads_did(run):
+    values = run[0]
+    busy = next(plot for plot in svgs(report.page(values)) if plot.attrib["aria-label"] == "seconds at work by thread")
+    assert [text.text for text in busy.iter("text")] == [
+        text for k, seconds in enumerate(values["thread_use"]["busy"]) for text in (f"thread {k}", f"{number(seconds)} s")]
+    assert "seconds at work" not in report.page(dict(values, thread_use=None))
 
 
 def test_histograms_of_a_solution(cli, tmp_path, capsys):

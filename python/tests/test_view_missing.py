@@ -1,4 +1,4 @@
-"""Without Rerun there is one sentence with the remedy, and the rest of the package works."""
+"""Without Rerun, or viser, there is one sentence with the remedy, and the rest of the package works."""
 
 import subprocess
 import sys
@@ -6,22 +6,23 @@ import sys
 import pytest
 from conftest import DATA
 
-SENTENCE = "stiction.view needs Rerun, which is not installed: pip install rerun-sdk"
+SENTENCES = {"rerun": "stiction.view needs Rerun, which is not installed: pip install rerun-sdk",
+             "viser": "stiction.view with viser needs viser, which is not installed: pip install viser"}
 
 
-@pytest.mark.parametrize("hidden", ["sys.modules['rerun'] = None", "sys.modules['rerun'] = types.ModuleType('rerun')"],
-                         ids=["missing", "another_package_of_that_name"])
-def test_without_rerun_the_remedy_is_said(tmp_path, hidden):
+@pytest.mark.parametrize("hidden", ["None", "types.ModuleType('another')"], ids=["missing", "another_package_of_that_name"])
+@pytest.mark.parametrize("name, suffix", [("rerun", ".rrd"), ("viser", ".html")])
+def test_without_the_backend_the_remedy_is_said(tmp_path, name, suffix, hidden):
     program = f"""
 import sys, types
-{hidden}
+sys.modules[{name!r}] = {hidden}
 import stiction.view
 try:
-    stiction.view.Recorder({str(tmp_path / 'a.rrd')!r})
+    stiction.view.Recorder({str(tmp_path / 'a') + suffix!r})
 except ImportError as error:
     print(error)
-print(stiction.view.main([{str(DATA / 'pile.h5')!r}, "-o", {str(tmp_path / 'b.rrd')!r}]))
+print(stiction.view.main([{str(DATA / 'pile.h5')!r}, "-o", {str(tmp_path / 'b') + suffix!r}]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{SENTENCE}\n2\n" and done.stderr == f"stiction.view: {SENTENCE}\n"
+    assert done.stdout == f"{SENTENCES[name]}\n2\n" and done.stderr == f"stiction.view: {SENTENCES[name]}\n"
     assert not list(tmp_path.iterdir())

@@ -47,6 +47,31 @@ RUNS = [(scene, "float64", "npgs") for scene in SCENES] + [("pile", "float32", "
                                                            ("bounce", "float64", "multigrid")]
 
 
+def test_a_world_of_boxed_friction_holds_a_box_between_the_axes():
+    """Pulled with 0.6 of its weight at mu 0.5: along an axis it slides, between the axes each has 0.42."""
+    floor, shape = stiction.Shape("plane", mu=0.5), stiction.Shape("box", (0.2, 0.2, 0.02), body=0, mu=0.5)
+    body = stiction.Body.solid(shape, 1000.0, position=(0, 0, 0.02))
+
+    def speed(law, angle):
+        gravity = (0.6 * 9.81 * np.cos(angle), 0.6 * 9.81 * np.sin(angle), -9.81)
+        world = World([body], [floor, shape], 1, gravity=gravity, law=law, tolerance=1e-10, max_iterations=4000)
+        world.step(count=20)
+        change = np.array([[[*gravity, 0, 0, 0]]]) * world.dt
+        one = stiction.Solver(solver="npgs", tolerance=1e-9, max_iterations=4000).solve(
+            world.contacts().batch(world.state().twist, change))  # its problem again, as a batch of bodies
+        assert one.solved.all()
+        return np.hypot(*world.state().twist[0, 0, :2])
+
+    sliding = 0.1 * 9.81 * 0.1
+    np.testing.assert_allclose([speed("boxed", 0), speed("coulomb", np.pi / 4), speed("boxed", np.pi / 4)],
+                               [sliding, sliding, 0], atol=1e-7)
+    for solver in ("newton", "multigrid"):
+        with pytest.raises(stiction.Error, match="solver si"):
+            World([body], [floor, shape], 1, law="boxed", solver=solver)
+    with pytest.raises(stiction.Error, match="box_friction"):
+        stiction.WorldStep(World([body], [floor, shape], 1, law="boxed"))
+
+
 @pytest.mark.parametrize("scene, dtype, solver", RUNS)
 def test_a_world_has_the_bits_of_the_command_line(cli, tmp_path, scene, dtype, solver):
     flags = ["--solver", "si" if solver == "npgs" else solver, "--tolerance", "1e-5", "--warm-start", "0.9",

@@ -51,6 +51,31 @@ def test_a_steps_derivative_is_that_of_differences(law, restitution):
         assert abs(differences - found.sum()) < 1e-5 * np.abs(found).sum() + 1e-9, place
 
 
+@pytest.mark.parametrize("law", ["convex", "coulomb"])
+def test_kappa_tells_of_a_floor_that_is_not_reached(law):
+    """A ball above the floor, whose contact is found and open. With kappa its speed after the step follows that before
+    by less than all of it, as the contact's own equation says."""
+    kappa, dt, gap, speed = 1e-3, 1e-2, 2e-3, -0.05
+    ball, floor = Shape("sphere", 0.1, body=0, mu=0.5), Shape("plane", mu=0.5)
+    body = solids(ball)[0]
+    slopes, states = [], []
+    for relaxed in (0.0, kappa):
+        world = World([body], [floor, ball], 1, dt=dt, margin=0.01, law=law, tolerance=1e-12, gravity=(0, 0, 0),
+                      dtype="float64")
+        world.reset(position=np.array([[[0, 0, 0.1 + gap]]]), twist=np.array([[[0, 0, speed, 0, 0, 0.0]]]))
+        step = WorldStep(world, kappa=relaxed)
+        assert len(world.contacts()) == 1
+        by = np.zeros((1, 1, 6))
+        by[..., 2] = 1
+        found = step.vjp(twist=by)
+        assert found.valid.all()
+        slopes.append(found.twist[0, 0, 2])
+        states.append(world.state().twist.copy())
+    np.testing.assert_array_equal(*states)
+    assert slopes[0] == 1.0
+    assert 0.5 < slopes[1] < 0.999
+
+
 def test_the_derivative_by_position_is_exact_where_depths_are_all():
     balls = [Shape("sphere", 0.1, body=k, mu=0.5) for k in range(3)]
     bodies = solids(*balls)

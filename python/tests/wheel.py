@@ -7,10 +7,12 @@ The last line is: N passed, M failed, K skipped
 """
 
 import importlib.metadata
+import json
 import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 import unittest
 import zipfile
 
@@ -59,6 +61,29 @@ class Wheel(unittest.TestCase):
         program = next(block for block in re.findall(r"```python\n(.*?)```", readme, re.S) if "from_delassus" in block)
         said = run(program + "\nprint(*np.round(solution.lambda_.ravel(), 3) + 0.0, solution.solved.all())")
         self.assertEqual(said, "9.81 -2.0 0.0 9.81 -4.905 0.0 True")
+
+    def test_the_command_makes_a_page_and_says_what_is_missing(self):
+        program = pathlib.Path(sys.prefix, "bin", "stiction")
+
+        def command(*arguments):
+            return subprocess.run([program, *arguments], env={"PATH": ""}, capture_output=True, text=True, timeout=60)
+
+        report = {"schema_version": 2, "device": "cpu", "environments": 2, "unconverged": 1, "seconds": {"solve": 0.5},
+                  "residual": {"min": 0, "median": 1e-9, "p90": 1e-8, "max": 1e-7}, "iterations": None}
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder, "run.json")
+            path.write_text(json.dumps(report), encoding="utf-8")
+            done = command("report", path)
+            page = path.with_suffix(".html")
+            self.assertEqual((done.returncode, done.stdout, done.stderr), (0, f"report: {page}\n", ""))
+            self.assertIn("not solved", page.read_text(encoding="utf-8"))
+        for name, needs in (("rerun", "needs Rerun"), ("viser", "needs viser")):
+            done = command("view", SOURCE / "examples" / "data" / "pile.h5", "--backend", name)
+            self.assertEqual(done.returncode, 2)
+            self.assertRegex(done.stderr, f"^stiction.view.* {needs}, which is not installed: pip install .*\n$")
+        done = command("solve", "x.h5")
+        self.assertEqual((done.returncode, done.stdout, done.stderr.count("\n")), (2, "", 1))
+        self.assertRegex(command("--help").stdout, "report +makes a page")
 
     def test_the_kernels_of_this_machine_and_the_baseline_give_the_same_bits(self):
         own, baseline = run(HASH), run(HASH, STICTION_ISA="baseline")

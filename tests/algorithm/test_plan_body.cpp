@@ -41,7 +41,8 @@ struct BodyPlan {
         color_count(at(batch.env_count), kUnwritten) {
     for (Offset env = 0; env < batch.env_count; ++env) {
       const StructureView s = structure_of(batch, env);
-      const bool sparse = path_of(s) == EnvPath::sparse;
+      SerialTeam alone;
+      const bool sparse = path_of(alone, s) == EnvPath::sparse;
       // As long as promised and full of nonsense: what is read before it is written shows, and so does what lies
       // behind.
       std::vector<Index> scratch(sparse ? at(plan_scratch_elements(s.rows, s.cones, s.entry_span())) : 0, 0x7eadbeef);

@@ -34,7 +34,8 @@ class SiCase {
  public:
   SiCase(const Env& env, Index substeps, bool momentum, bool warm) {
     batch_.add(as<Real>(env));
-    options_.law = kLaw;
+    options_.box_friction = kLaw == kBoxFriction;
+    if (kLaw != kBoxFriction) options_.law = kLaw;
     options_.iterations = 19;  // a chunk and a part of one
     options_.substeps = substeps;
     options_.momentum = momentum;
@@ -157,6 +158,10 @@ TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsInSubSteps) {
   const Env pile = scenes::make_body_pile(9, 70);
   SiCase<Law::coulomb, double>(pile, 3, true, true).expect_same_on_all_blocks();
   SiCase<Law::convex, double>(pile, 2, false, true).expect_same_on_all_blocks();
+}
+
+TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsUnderBoxedFriction) {
+  SiCase<kBoxFriction, float>(random_bodies(5, 8, 20), 2, true, true).expect_same_on_all_blocks();
 }
 
 TEST(SequentialImpulses, APoisonedEnvironmentIsRefusedAlikeAndSafely) {

@@ -137,8 +137,9 @@ TEST(CSameBits, JacobianBatchesFromVelocities) {
 
 /// Several batches through one handle. It has to see that a plan no longer holds, be it for the depths, which say what
 /// a capacity leaves out.
-TEST(CSameBits, BodiesWhoseStructureChanges) {
+void expect_same_bodies(bool boxed) {
   BodySolverOptions options;
+  options.box_friction = boxed;
   options.substeps = 2;
   options.max_contacts_per_env = 9;
   TimeStepping stepping;
@@ -146,6 +147,7 @@ TEST(CSameBits, BodiesWhoseStructureChanges) {
   stepping.erp = 0.3;
   stiction_body_options same;
   stiction_body_options_init(&same, sizeof same);
+  if (boxed) same.law = STICTION_LAW_BOXED;
   same.substeps = 2;
   same.max_contacts_per_env = 9;
   stiction_time_stepping step;
@@ -177,6 +179,14 @@ TEST(CSameBits, BodiesWhoseStructureChanges) {
     EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(status)));
   }
   STICTION_OK_OR_SAY(stiction_body_solver_destroy(solver));
+}
+
+TEST(CSameBits, BodiesWhoseStructureChanges) {
+  expect_same_bodies(false);
+}
+
+TEST(CSameBits, BodiesWithBoxedFriction) {
+  expect_same_bodies(true);
 }
 
 #ifdef STICTION_TEST_HAS_IO

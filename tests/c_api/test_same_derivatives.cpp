@@ -20,6 +20,7 @@ stiction_gradient_status* records(std::vector<GradientStatus>& status) {
 /// Options that are not the defaults.
 DerivativeOptions options_of() {
   DerivativeOptions options;
+  options.kappa = 1e-3;
   options.tie_tolerance = 1e-5;
   options.max_unknowns = 100;
   options.threads = 2;
@@ -29,9 +30,11 @@ stiction_derivative* made() {
   stiction_derivative_options options;
   EXPECT_EQ(stiction_derivative_options_init(&options, sizeof options), STICTION_OK);
   EXPECT_EQ(options.residual_limit, DerivativeOptions{}.residual_limit);
+  EXPECT_EQ(options.kappa, 0.0);
   options.tie_tolerance = 1e-5;
   options.max_unknowns = 100;
   options.threads = 2;
+  options.kappa = 1e-3;
   stiction_derivative* derivative = nullptr;
   EXPECT_EQ(stiction_derivative_create("cpu", &options, nullptr, &derivative), STICTION_OK) << stiction_last_error();
   return derivative;

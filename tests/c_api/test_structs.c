@@ -21,7 +21,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_body_options) == 72 && offsetof(stiction_body_options, ordering) == 68);
   STICTION_CHECK(sizeof(stiction_body_view) == 160 && offsetof(stiction_body_view, restitution) == 152);
   STICTION_CHECK(sizeof(stiction_body_solution) == 40);
-  STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 40);
+  STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 48);
   STICTION_CHECK(sizeof(stiction_solution_numbers) == 32 && sizeof(stiction_batch_numbers) == 64);
   STICTION_CHECK(sizeof(stiction_jacobian_numbers) == 72);
 }
@@ -42,6 +42,7 @@ static void defaults(void) {
   STICTION_CHECK(options.invalid == STICTION_INVALID_REJECT && options.islands == STICTION_ISLANDS_TOGETHER);
   STICTION_CHECK(options.direct_rows == 1024);
   STICTION_CHECK_OK(stiction_body_options_init(&bodies, sizeof bodies));
+  STICTION_CHECK(STICTION_LAW_BOXED == 2);
   STICTION_CHECK(bodies.iterations == 50 && bodies.law == STICTION_LAW_COULOMB && bodies.momentum == 1);
   STICTION_CHECK(bodies.substeps == 1 && bodies.preconditioner == STICTION_PRECONDITIONER_MULTIGRID);
   STICTION_CHECK(bodies.cycle == STICTION_CYCLE_V && bodies.ordering == STICTION_ORDERING_REVERSE_CUTHILL_MCKEE);
@@ -117,9 +118,9 @@ static void wrong_sizes(void) {
                        "direct_rows = 7", "must be from 1024 to 32768");
   stiction_capacity capacity;
   STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
-  capacity.reserved = 7;
+  capacity.semidefinite = 7;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", NULL, &capacity, &solver), STICTION_INVALID_ARGUMENT,
-                       "capacity.reserved = 7", "must be 0");
+                       "capacity.semidefinite = 7", "must be 0 or 1");
   STICTION_CHECK(solver == NULL);
 }
 

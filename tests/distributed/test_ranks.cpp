@@ -129,6 +129,13 @@ TEST(Ranks, ConvexLawWithoutMomentumRelaxed) {
   expect_one_answer(batch_of(wall()), how);
 }
 
+TEST(Ranks, BoxedFriction) {
+  Case how = sweeps(60);
+  how.options.box_friction = true;
+  expect_one_answer(batch_of(wall()), how);
+  expect_one_answer(single_of(scenes::make_body_pile(5, 300)), how);
+}
+
 TEST(Ranks, StopAtTheSameSweep) {
   const BodyBatch<double> batch = batch_of(wall());
   const Case how = sweeps(5000, 1e-4);

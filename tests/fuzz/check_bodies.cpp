@@ -56,7 +56,9 @@ BodySolverOptions body_options(Bytes& bytes) {
   constexpr double kTolerances[] = {0, 1e-4, 1e-10, 0.5};
   constexpr double kOmegas[] = {1, 0.25, 1.5};
   BodySolverOptions options;
-  options.law = static_cast<Law>(bytes.below(2));
+  const auto law = static_cast<Law>(bytes.below(kContactLaws));
+  options.box_friction = law == kBoxFriction;
+  if (!options.box_friction) options.law = law;
   options.method = static_cast<BodyMethod>(bytes.below(2));
   options.space.preconditioner = static_cast<BodyPreconditioner>(bytes.below(kBodyPreconditionerCount));
   options.space.multigrid.prolongation = static_cast<Prolongation>(bytes.below(2));

@@ -44,6 +44,7 @@ inline const GoldenCases& golden_cases() {
     add_option_goldens(cases);
     add_pyramid_goldens(cases);
     add_box_friction_goldens(cases);
+    add_semidefinite_goldens(cases);
     add_jacobian_goldens(cases);
     add_factor_goldens(cases);
     add_velocity_goldens(cases);

@@ -54,6 +54,17 @@ inline std::vector<GoldenMethod> golden_methods() {
   return methods;
 }
 
+/// Boxed friction, which no law of the options reaches, by sequential impulses with options that differ.
+inline std::vector<GoldenMethod> golden_boxed_methods() {
+  std::vector<GoldenMethod> methods{{"si boxed", golden_impulses()},
+                                    {"si boxed plain substeps", golden_impulses()},
+                                    {"si boxed warm", golden_impulses(), true}};
+  for (GoldenMethod& method : methods) method.options.box_friction = true;
+  methods[1].options.momentum = false;
+  methods[1].options.substeps = 3;
+  return methods;
+}
+
 /// Adds what a preconditioner's own options change; the orderings are those that every build has.
 inline void add_orderings(std::vector<GoldenMethod>& methods) {
   for (const BodyPreconditioner ordered : {BodyPreconditioner::incomplete_cholesky, BodyPreconditioner::factor}) {
@@ -114,8 +125,8 @@ std::uint64_t bodies_hash(const BodySolution<Real>& solution) {
 inline void add_body_goldens(GoldenCases& cases) {
   for (GoldenBodies& scene : golden_bodies()) {
     const auto shared = std::make_shared<const GoldenBodies>(std::move(scene));
-    for (const GoldenMethod& method : shared->methods)
-      add_laws(cases, "bodies/" + shared->name + "/" + method.name, [=](auto real, Law law, Device device) {
+    const auto hash_of = [shared](const GoldenMethod& method) {
+      return [=](auto real, Law law, Device device) {
         using Real = decltype(real);
         std::vector<BodyEnvironment<Real>> envs;
         for (const auto& env : shared->envs) envs.push_back(as<Real>(env));
@@ -124,7 +135,13 @@ inline void add_body_goldens(GoldenCases& cases) {
         BodySolverOptions options = method.options;
         options.law = law;
         return bodies_hash(solve_bodies(batch, shared->stepping, options, device, std::span<const Real>(warm)));
-      });
+      };
+    };
+    const std::string name = "bodies/" + shared->name + "/";
+    for (const GoldenMethod& method : shared->methods) add_laws(cases, name + method.name, hash_of(method));
+    if (shared->name == "high wall") continue;
+    for (const GoldenMethod& method : golden_boxed_methods())
+      add_law(cases, name + method.name, Law::coulomb, hash_of(method));
   }
 }
 
@@ -144,16 +161,23 @@ std::uint64_t world_hash(const World<Real>& world) {
 }
 
 inline void add_world_goldens(GoldenCases& cases) {
-  for (const std::string& scene : scenes::world_names())
-    for (const auto& [name, method] : {std::pair{"si", BodyMethod::impulses}, {"newton", BodyMethod::newton}})
-      add_laws(cases, "worlds/" + scene + "/" + name, [scene, method = method](auto real, Law law, Device device) {
-        WorldOptions options;
-        options.solver = method == BodyMethod::newton ? golden_newton({}) : golden_impulses();
-        options.solver.law = law;
-        auto world = started<decltype(real)>(scene, 3, options, device, kGoldenSeed);
-        run(world, kGoldenSteps);
-        return world_hash(world);
-      });
+  const auto hash_of = [](const std::string& scene, const BodySolverOptions& solver) {
+    return [=](auto real, Law law, Device device) {
+      WorldOptions options;
+      options.solver = solver;
+      options.solver.law = law;
+      auto world = started<decltype(real)>(scene, 3, options, device, kGoldenSeed);
+      run(world, kGoldenSteps);
+      return world_hash(world);
+    };
+  };
+  for (const std::string& scene : scenes::world_names()) {
+    add_laws(cases, "worlds/" + scene + "/si", hash_of(scene, golden_impulses()));
+    add_laws(cases, "worlds/" + scene + "/newton", hash_of(scene, golden_newton({})));
+  }
+  for (const char* scene : {"pile", "walker"})
+    add_law(cases, std::string("worlds/") + scene + "/si boxed", Law::coulomb,
+            hash_of(scene, golden_boxed_methods().front().options));
 }
 
 }  // namespace stiction::test

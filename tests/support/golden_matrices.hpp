@@ -9,6 +9,7 @@
 #include "stiction/pyramid.hpp"
 #include "tests/support/golden_case.hpp"
 #include "tests/support/scene_batches.hpp"
+#include "tests/support/semidefinite_systems.hpp"
 #include "tests/support/small_systems.hpp"
 
 /// Golden rows of contact batches: "matrix/..." as scenes have them, "pyramid/..." without friction cones.
@@ -139,6 +140,23 @@ inline void add_box_friction_goldens(GoldenCases& cases) {
     add_laws(cases, half_name + "npgs", HashOfMatrix{half, golden_options(SolverKind::npgs)});
     add_law(cases, half_name + "nsgs", Law::coulomb, HashOfMatrix{half, golden_options(SolverKind::nsgs)});
   }
+}
+
+/// Cones of semidefinite beside others, up to and beyond the rows that are dense without them.
+inline void add_semidefinite_goldens(GoldenCases& cases) {
+  ContactBatch<double> batch(Law::convex);
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    MatrixRecipe recipe;
+    recipe.seed = seed;
+    recipe.matrices = seed == 6 ? 16 : static_cast<int>(seed);
+    recipe.contacts = static_cast<int>(seed % 3);
+    batch.add(random_with_matrices(recipe));
+  }
+  const auto shared = std::make_shared<const ContactBatch<double>>(std::move(batch));
+  for (const SolverKind solver : {SolverKind::jacobi, SolverKind::apgd, SolverKind::admm, SolverKind::automatic})
+    add_laws(cases, std::string("matrix/semidefinite/") + to_string(solver),
+             HashOfMatrix{shared, golden_options(solver)});
+  add_laws(cases, "matrix/semidefinite/apgd warm", HashOfMatrix{shared, golden_options(SolverKind::apgd), true});
 }
 
 /// The environments of a batch with all friction zero, so that a pyramid is its normal row.

@@ -18,10 +18,14 @@ inline int below(std::mt19937& random, int bound) {
 /// About `cones` cones; each row stores up to `most` entries, near its own row or anywhere.
 inline Environment<double> random_structure(std::mt19937& random, int cones, int most) {
   Environment<double> env;
-  const int one_kind = below(random, 7);
+  const int one_kind = below(random, 8);
+  const int kinds = below(random, 4) == 0 ? 6 : 5;  // one semidefinite matrix makes an environment sparse
   for (int c = 0; c < cones; ++c) {
-    const auto kind = static_cast<ConeKind>(one_kind < 5 && below(random, 8) != 0 ? one_kind : below(random, 5));
-    const Index rows = carries_friction(kind) ? 2 + below(random, 5) : 1;
+    const auto kind =
+        static_cast<ConeKind>(one_kind < kinds && below(random, 8) != 0 ? one_kind : below(random, kinds));
+    const Index rows = carries_friction(kind)           ? 2 + below(random, 5)
+                       : kind == ConeKind::semidefinite ? 3 * (1 + below(random, 2))
+                                                        : 1;
     env.cones.push_back({kind, rows, below(random, 4) - 1});
     env.b.resize(env.b.size() + static_cast<std::size_t>(rows));
   }

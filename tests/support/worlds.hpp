@@ -56,11 +56,11 @@ double energy_of(const World<Real>& world, std::size_t env = 0) {
 /// A world of a scene, environments where the scene begins them.
 template <class Real>
 World<Real> started(const std::string& name, Offset envs, WorldOptions options = {}, Device device = Device::cpu(),
-                    std::uint64_t seed = 0) {
-  const scenes::WorldScene scene = scenes::make_world(name);
+                    std::uint64_t seed = 0, int size = 0) {
+  const scenes::WorldScene scene = scenes::make_world(name, size);
   options.stepping = scene.stepping;
   World<Real> world(device, scene.description, envs, options);
-  scenes::start_all(world, name, seed);
+  scenes::start_all(world, name, seed, size);
   return world;
 }
 

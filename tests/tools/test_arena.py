@@ -127,6 +127,17 @@ class Arena(unittest.TestCase):
         with one_cone(judge.BOX_FRICTION, [-2.0, 0.0, 0.0], [0, 0.5, 0.0]) as file:
             self.assertEqual(judge.residuals(file, [2.0, 0.0, 0.25])[0], 0.125)
 
+    def test_the_judge_finds_answers_of_semidefinite_cones(self):
+        # The nearest matrix to [0 1; 1 0] is [1 1; 1 1] / 2, at distance 1.
+        root = 2 ** 0.5
+        with one_cone(judge.SEMIDEFINITE, [0.0, -root, 0.0], [0, 0, 0]) as file:
+            self.assertAlmostEqual(judge.residuals(file, [0.5, 0.5 * root, 0.5])[0], 0)
+            self.assertAlmostEqual(judge.residuals(file, [0.0, 0.0, 0.0])[0], 1 / root)
+        with one_cone(judge.SEMIDEFINITE, [0.0, 0.0, -2.0, 0.0, 0.0, 1.0], [0] * 6) as file:
+            self.assertAlmostEqual(judge.residuals(file, [0.0, 0.0, 2.0, 0.0, 0.0, 0.0])[0], 0)
+            self.assertAlmostEqual(judge.residuals(file, [3.0, 0.0, 2.0, 0.0, 4.0, 0.0])[0], 2.5)
+            self.assertEqual(judge.residuals(file, [np.nan, 0.0, 2.0, 0.0, 0.0, 0.0])[0], np.inf)
+
     def test_an_axis_without_friction_carries_nothing(self):
         with one_cone(judge.FRICTION, [-2.0, 0.0, 0.0], [0, 0.5, 0.0]) as file:
             self.assertEqual(judge.residuals(file, [2.0, 0.0, 0.0])[0], 0)

@@ -60,7 +60,8 @@ std::vector<BodyEnvironment<double>> small_scenes() {
 
 BodySolverOptions quick(Law law) {
   BodySolverOptions options;
-  options.law = law;
+  options.box_friction = law == kBoxFriction;
+  if (!options.box_friction) options.law = law;
   options.iterations = 17;  // a chunk and a part of one
   options.substeps = 2;
   options.threads = 1;
@@ -91,7 +92,7 @@ BodyRequest<Real> request_of(const BodyBatch<Real>& batch, const BodyPlan& plan,
 }  // namespace
 
 TEST(DeviceBodies, AnEmulatedDeviceGivesTheCpusBits) {
-  for (const Law law : {Law::coulomb, Law::convex})
+  for (const Law law : {Law::coulomb, Law::convex, kBoxFriction})
     for (const bool momentum : {false, true}) {
       BodySolverOptions options = quick(law);
       options.momentum = momentum;
@@ -155,12 +156,23 @@ TEST(DeviceBodies, APlanForNewtonsMethodServesImpulsesToo) {
   }
 }
 
+TEST(DeviceBodies, APlanServesEveryLawInTurn) {
+  const auto batch = batch_in<double>({random_bodies(1, 5, 13), random_bodies(2, 2, 4), scenes::make_body_stack(3, 4)});
+  const BodyPlan plan = BodySolver(Device::cpu(), {}, quick(Law::coulomb)).plan(batch.view());
+  cuda::DeviceBodyMachine machine(std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 2, 5}), true);
+  for (const Law law : {Law::coulomb, kBoxFriction, Law::convex, Law::coulomb}) {
+    auto out = room_for(batch);
+    machine.solve(request_of(batch, plan, quick(law), out, nullptr));
+    expect_same(solve_bodies(batch, {}, quick(law)), out);
+  }
+}
+
 /// What a device's fast memory has room for decides which team works on a scene, and nothing else.
 TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
   const auto check = [](auto real) {
     using Real = decltype(real);
     const auto batch = batch_in<Real>(small_scenes());
-    for (const Law law : {Law::coulomb, Law::convex})
+    for (const Law law : {Law::coulomb, Law::convex, kBoxFriction})
       for (const bool momentum : {false, true}) {
         BodySolverOptions options = quick(law);
         options.momentum = momentum;

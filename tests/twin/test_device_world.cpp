@@ -95,6 +95,27 @@ TEST(DeviceWorld, ContactsAreFoundAgainWithMoreRoomWhereThereWasTooLittle) {
   EXPECT_GT(searches, kSteps);
 }
 
+/// More shapes than are tested all against all, and almost all of them touch.
+TEST(DeviceWorld, ATreeFindsPairsAgainWithMoreRoomWhereThereWasTooLittle) {
+  WorldDescription crowd;
+  for (int k = 0; k < 130; ++k)
+    add_body(crowd, ShapeKind::sphere, {0.1, 0, 0}).position = {0.002 * (k % 11), 0.003 * (k % 13), 0.004 * (k % 7)};
+  WorldOptions options;
+  options.solver.iterations = 2;
+  const auto held = cuda::shared_emulated_device();  // counts for as long as it is held
+  World<double> here(Device::cpu(), crowd, 1, options);
+  World<double> there(Device::emulated(), crowd, 1, options);
+  here.step();
+  const Calls before;
+  there.step();
+  // Found with room for pairs of the first launch, for contacts of the second, and then.
+  EXPECT_EQ(Calls().launches - before.launches, 3 + 3);
+  EXPECT_GT(here.contact_offsets()[1], 8 * 130);
+  EXPECT_TRUE(same_bits(here.contact_offsets(), there.contact_offsets()));
+  EXPECT_TRUE(same_bits(here.impulses(), there.impulses()));
+  EXPECT_EQ(here.hash(), there.hash());
+}
+
 TEST(DeviceWorld, LanesTeamsAndTheirOrderDoNotReachTheBits) {
   constexpr Offset kEnvs = 7;
   for (const EmulatedDeviceOptions& options :

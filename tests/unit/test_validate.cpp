@@ -160,12 +160,15 @@ TEST(Validate, ColumnsOutOfTheEnvironmentAreFound) {
 }
 
 TEST(Validate, KindsAndTheirRowCountsAreChecked) {
-  expect_one(
-      [](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(9); }, 2, 0, -1, true,
-      "cone_kind[env 2, cone 0] = 9: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction; fix the kind");
-  expect_one([](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(5); }, 2, 0, -1, true,
-             "cone_kind[env 2, cone 0] = 5: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction; fix the "
-             "kind");
+  expect_one([](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(9); }, 2, 0, -1, true,
+             "cone_kind[env 2, cone 0] = 9: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 "
+             "semidefinite; fix the kind");
+  expect_one([](Arrays& a) { a.cone_kind[1] = static_cast<ConeKind>(6); }, 2, 0, -1, true,
+             "cone_kind[env 2, cone 0] = 6: kinds are 0 free, 1 unilateral, 2 box, 3 friction, 4 box_friction, 5 "
+             "semidefinite; fix the kind");
+  expect_one([](Arrays& a) { a.cone_kind[1] = ConeKind::semidefinite; }, 2, 0, -1, true,
+             "the semidefinite cone[env 2, cone 0] has 1 row: matrices of order 2 and 3 have 3 and 6; fix cone_kind or "
+             "cone_row_offsets");
   expect_one([](Arrays& a) { a.cone_kind[1] = ConeKind::box_friction; }, 2, 0, -1, true,
              "the box_friction cone[env 2, cone 0] has 1 row: friction has 2 to 6; fix cone_kind or cone_row_offsets");
   expect_one([](Arrays& a) { a.cone_kind[1] = ConeKind::friction; }, 2, 0, -1, true,

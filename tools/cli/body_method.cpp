@@ -20,4 +20,14 @@ void choose_body_method(const std::string& solver, const std::optional<std::stri
   if (preconditioner) options.space.preconditioner = body_preconditioner_from_string(*preconditioner);
 }
 
+void choose_contact_law(const std::string& law, BodySolverOptions& options) {
+  if (law != "coulomb" && law != "convex" && law != "boxed")
+    throw Error(ErrorCode::invalid_argument, fmt::format("--law {}: expected coulomb, convex or boxed", law));
+  options.law = law == "convex" ? Law::convex : Law::coulomb;
+  options.box_friction = law == "boxed";
+  if (options.box_friction && options.method != BodyMethod::impulses)
+    throw Error(ErrorCode::unsupported,
+                "--law boxed: Newton's method and multigrid have no boxed friction: choose --solver si");
+}
+
 }  // namespace stiction::cli

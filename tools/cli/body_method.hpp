@@ -13,4 +13,9 @@ namespace stiction::cli {
 void choose_body_method(const std::string& solver, const std::optional<std::string>& preconditioner,
                         BodySolverOptions& options);
 
+/// What contacts obey, from --law: coulomb, convex, or boxed (docs/math/box_friction.md). Called after
+/// choose_body_method(). \throws Error(invalid_argument) for other names, Error(unsupported) for a method that does not
+/// have the law.
+void choose_contact_law(const std::string& law, BodySolverOptions& options);
+
 }  // namespace stiction::cli

@@ -104,6 +104,7 @@ struct ConvertArguments {
 struct StepArguments {
   bool list = false;
   std::string scene;
+  int size = 0;  ///< bodies of an environment; 0: the scene's
   std::int64_t environments = 4096;
   std::int64_t steps = 200;
   std::uint64_t seed = 0;
@@ -112,6 +113,7 @@ struct StepArguments {
   std::string precision = "f64";
   std::string solver = "si";                  ///< si, newton or multigrid
   std::optional<std::string> preconditioner;  ///< of newton; without it: block_diagonal
+  std::string law = "coulomb";                ///< coulomb, convex or boxed
   Index iterations = 50;
   double tolerance = 1e-3;
   double warm_start = 0.95;
@@ -120,8 +122,25 @@ struct StepArguments {
   std::int64_t every = 0;  ///< states of every so many steps are written; 0: those of the last
   std::int64_t checkpoint_every = 100;
   bool quiet = false;
-  bool checkpoint_read_only = false;  ///< of processes with one file, all but one
+  bool checkpoint_read_only = false;   ///< of processes with one file, all but one
+  std::optional<std::int64_t> hashed;  ///< environments, the first, that the hash is of; without it: all
   std::optional<std::filesystem::path> output, json, checkpoint;
+};
+
+struct ScalingArguments {
+  std::string target;        ///< a contact-batch or FCLIB file, or else a scene of stiction step
+  std::vector<int> threads;  ///< empty: 1, 2, 4 ... and all cores
+  bool weak = false;
+  int repeat = 3;  ///< runs for each number of threads, of which the shortest counts
+  std::optional<std::string> solver;
+  std::string precision = "f64";
+  std::optional<double> tolerance;
+  std::optional<Index> max_iterations;
+  std::int64_t environments = 1024;  ///< of a scene
+  std::int64_t steps = 20;           ///< of a scene
+  std::uint64_t seed = 0;            ///< of a scene
+  std::optional<std::filesystem::path> json;
+  bool quiet = false;
 };
 
 /// One function a command, each in the file of its name. They return an exit status and throw stiction::Error.
@@ -136,5 +155,6 @@ int run_diff(const DiffArguments& arguments);
 int run_merge(const MergeArguments& arguments);
 int run_convert(const ConvertArguments& arguments);
 int run_step(const StepArguments& arguments);
+int run_scaling(const ScalingArguments& arguments);
 
 }  // namespace stiction::cli

@@ -64,6 +64,8 @@ const char* shape(ConeKind kind) {
       return "circle";
     case ConeKind::box_friction:
       return "square";
+    case ConeKind::semidefinite:
+      return "hexagon";
   }
   return "circle";
 }

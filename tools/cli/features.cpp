@@ -37,6 +37,9 @@ void count_cones(const ContactBatchView<double>& batch, Features& features) {
         ++(batch.cone_kind[cone] == ConeKind::friction ? features.friction : features.box_friction)[at(last - first)];
         for (Offset row = first + 1; row < last; ++row) widen(features.friction_coefficient, batch.mu[row]);
         break;
+      case ConeKind::semidefinite:
+        ++features.semidefinite[at(last - first)];
+        break;
     }
   }
 }

@@ -21,6 +21,7 @@ struct Features {
   std::vector<double> density;                          ///< nonzeros / rows^2, of environments that have rows
   std::array<Offset, kMaxConeRows + 1> friction{};      ///< friction cones by rows
   std::array<Offset, kMaxConeRows + 1> box_friction{};  ///< cones of boxed friction by rows
+  std::array<Offset, kMaxConeRows + 1> semidefinite{};  ///< semidefinite matrices by rows
   Offset free = 0, unilateral = 0, box = 0;
   std::array<Offset, 3> paths{};         ///< environments by EnvPath
   std::vector<Offset> vertices, colors;  ///< of environments on the sparse path

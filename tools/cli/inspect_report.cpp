@@ -76,6 +76,8 @@ std::string cones_text(const Features& features) {
     if (features.friction[rows] != 0) text += fmt::format(", {} friction of {} rows", features.friction[rows], rows);
     if (features.box_friction[rows] != 0)
       text += fmt::format(", {} box_friction of {} rows", features.box_friction[rows], rows);
+    if (features.semidefinite[rows] != 0)
+      text += fmt::format(", {} semidefinite of {} rows", features.semidefinite[rows], rows);
   }
   return text;
 }
@@ -188,10 +190,12 @@ std::string to_json(const InspectReport& report) {
   cones["free"] = features.free;
   cones["unilateral"] = features.unilateral;
   cones["box"] = features.box;
-  cones["friction"] = cones["box_friction"] = Json::object();
+  cones["friction"] = cones["box_friction"] = cones["semidefinite"] = Json::object();
   for (std::size_t rows = 2; rows < features.friction.size(); ++rows) {
     cones["friction"][std::to_string(rows)] = features.friction[rows];
     cones["box_friction"][std::to_string(rows)] = features.box_friction[rows];
+    if (is_cone(ConeKind::semidefinite, static_cast<Offset>(rows)))
+      cones["semidefinite"][std::to_string(rows)] = features.semidefinite[rows];
   }
   const ConditionCounts counts = condition_counts(features);
   Json condition = spread(conditions(features));

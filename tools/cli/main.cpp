@@ -1,4 +1,4 @@
-// The only translation unit that includes CLI11, which takes longer to compile than all the others.
+// The only translation unit here that includes CLI11, which takes longer to compile than all the others.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -10,6 +10,8 @@
 
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
+#include "tools/cli/python_command.hpp"
+#include "tools/cli/step_options.hpp"
 
 namespace stiction::cli {
 
@@ -129,35 +131,39 @@ void declare_convert(CLI::App& app, ConvertArguments& a) {
 }
 
 void declare_step(CLI::App& app, StepArguments& a) {
-  app.add_option("scene", a.scene, "Scene; --list shows them");
-  app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--seed", a.seed, "Seed; where an environment begins depends on scene, seed and its index alone")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
+  declare_steps(app, a);
   app.add_option("--device", a.device, "auto, cpu, cuda, cuda:I or emulated: where reactions are solved")
       ->capture_default_str();
-  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--solver", a.solver, "si, newton or multigrid")->capture_default_str();
   app.add_option("--preconditioner", a.preconditioner, "Of newton's linear systems [block_diagonal]");
-  app.add_option("--iterations", a.iterations, "Sweeps, or Newton steps, of a step at most")->capture_default_str();
-  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
-  app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
   app.add_option("--max-contacts", a.max_contacts, "The deepest of an environment that are solved; 0: all")
       ->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app.add_option("-o,--output", a.output, "CSV of states to write; - is standard output");
-  app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  app.add_option("--checkpoint", a.checkpoint, "File that the run goes on from where it is there, and is written to");
-  app.add_option("--checkpoint-every", a.checkpoint_every, "Write it after every so many steps, and after the last")
+  app.add_flag("--list", a.list, "List the scenes");
+}
+
+void declare_scaling(CLI::App& app, ScalingArguments& a) {
+  app.add_option("target", a.target, "Contact-batch or FCLIB file to solve, or scene of stiction step to step")
+      ->required();
+  app.add_option("--threads", a.threads, "Numbers of CPU threads, as 1,2,4 [powers of 2 and all cores]")
+      ->delimiter(',')
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--weak", a.weak, "Weak scaling, too: so many times the environments on so many threads");
+  app.add_option("--repeat", a.repeat, "Runs for each number of threads, of which the shortest counts")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app.add_option("--solver", a.solver, "Of a file: as in stiction solve [npgs]; of a scene: as in stiction step [si]");
+  app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
+  app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4, 1e-3]");
+  app.add_option("--max-iterations", a.max_iterations, "Per environment, or of a step [1000, 50]");
+  app.add_option("--envs", a.environments, "Environments of a scene")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--steps", a.steps, "Steps of a scene")->check(CLI::PositiveNumber)->capture_default_str();
+  app.add_option("--seed", a.seed, "Seed of a scene")->check(CLI::NonNegativeNumber)->capture_default_str();
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
-  app.add_flag("--list", a.list, "List the scenes");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");
 }
 
@@ -177,12 +183,15 @@ void declare_all(CLI::App& app, Command& chosen) {
   add_command(app, chosen, "merge", "Join the parts of a solution that shards wrote", run_merge, declare_merge);
   add_command(app, chosen, "convert", "FCLIB to contact batch and back", run_convert, declare_convert);
   add_command(app, chosen, "step", "Step environments of a scene of rigid bodies", run_step, declare_step);
+  add_command(app, chosen, "scaling", "Strong and weak scaling over CPU threads", run_scaling, declare_scaling);
   app.footer(
+      "view and report are the Python package's, and are run by python3.\n"
       "Exit status: 0 done; 1 solved but an environment missed the tolerance, or a difference was found;\n"
       "2 bad input or usage.");
 }
 
 int run(int argc, char** argv) {
+  if (is_python_command(argc, argv)) return run_python_command(argv);
   CLI::App app{"Batched frictional contact solver with the same bits on GPU and CPU", "stiction"};
   Command chosen;
   declare_all(app, chosen);

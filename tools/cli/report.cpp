@@ -5,6 +5,7 @@
 #include "stiction/error.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/json_text.hpp"
+#include "tools/cli/thread_use.hpp"
 
 namespace stiction::cli {
 
@@ -80,7 +81,11 @@ std::string to_json(const SolveReport& report) {
       {"environments", report.environments},
       {"rows", report.rows},
       {"cones", report.cones},
+      {"threads", report.threads == 0 ? Json(nullptr) : Json(report.threads)},
       {"seconds", {{"load", report.seconds.load}, {"plan", report.seconds.plan}, {"solve", report.seconds.solve}}},
+      {"thread_use", report.threads == 0 ? Json(nullptr) : json_of(report.seconds.threads)},
+      {"gpu_utilisation", json_of(report.gpu)},
+      {"gpu_utilisation_reason", report.gpu.reason},
       {"iterations", json_of(report.iterations)},
       {"residual", json_of(report.residual)},
       {"flags", flags},
@@ -123,8 +128,10 @@ std::string to_text(const SolveReport& report) {
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", report.threads == 0 ? "-" : fmt::format("{}", report.threads));
+  if (report.threads > 0) line("thread use", thread_use_text(report.seconds.threads));
   line("seconds", fmt::format("load {:.4g}  plan {:.4g}  solve {:.4g}", report.seconds.load, report.seconds.plan,
                               report.seconds.solve));
+  if (report.threads == 0) line("GPU utilisation", gpu_use_text(report.gpu));
   line("environments/s", rate_text(report));
   line("iterations", quantile_text(report.iterations));
   line("residual", quantile_text(report.residual));

@@ -6,16 +6,25 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
+#include "tools/cli/gpu_meter.hpp"
 #include "tools/cli/quantiles.hpp"
+#include "tools/cli/stopwatch.hpp"
 
 namespace stiction::cli {
 
 struct Seconds {
   double load = 0, plan = 0, solve = 0;
+  ThreadUse threads;  ///< what threads did in `solve`
+
+  void take(Timing timing) {
+    solve = timing.seconds;
+    threads = std::move(timing.threads);
+  }
 };
 
 /// Everything `stiction solve` reports, gathered once and printed as text and as JSON.
@@ -32,6 +41,7 @@ struct SolveReport {
   std::optional<io::SolutionShard> shard;  ///< which part of the file's environments was solved, where not all were
   Offset environments = 0, rows = 0, cones = 0;
   Seconds seconds;
+  GpuUse gpu;  ///< while batches were planned and solved
   std::optional<Quantiles<std::int32_t>> iterations;
   std::optional<Quantiles<double>> residual;
   std::array<Offset, kEnvCodeCount> codes{};

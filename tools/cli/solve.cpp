@@ -18,6 +18,7 @@
 #include "tools/cli/body_method.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/convergence.hpp"
+#include "tools/cli/gpu_meter.hpp"
 #include "tools/cli/load.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/permute.hpp"
@@ -303,11 +304,12 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
   report.seconds.load = seconds_since(start);
   loading.reset();
 
+  GpuMeter gpu(solver.device());
   Solution<Real> solution;
   if (is_bodies(arguments)) {
     stage->relabel("solving");
     solution = solve_as_bodies(jacobians, solver.device(), body_options(arguments, solver.options(), report.law),
-                               work.warm_start, arguments.repeat, report.seconds);
+                               work.warm_start, arguments.repeat, report.seconds, report.options.tracer);
   } else if (takes_jacobian(arguments)) {
     stage->relabel("solving");
     solution = solve_jacobians(jacobians, solver.device(), solver.options(), work.warm_start, arguments.repeat,
@@ -318,8 +320,10 @@ int solve_in(const SolveArguments& arguments, const Solver& solver, SolveReport&
     const Plan plan = solver.plan(work.batch.view());
     report.seconds.plan = seconds_since(start);
     stage->relabel("solving");
-    report.seconds.solve = shortest_of(arguments.repeat, [&] { solution = solve_work(solver, plan, work); });
+    report.seconds.take(
+        shortest_of(arguments.repeat, [&] { solution = solve_work(solver, plan, work); }, report.options.tracer));
   }
+  report.gpu = gpu.end();
 
   if (!order.empty()) solution = to_file_order(solution, batch.arrays().env_row_offsets, order);
   if (pyramids) solution = to_cones(*pyramids, file_batch, solution);

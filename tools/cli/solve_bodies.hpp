@@ -9,10 +9,10 @@
 namespace stiction::cli {
 
 /// Solves the bodies that J and M are of on that device, `repeat` times from the same reactions, which may be empty.
-/// Adds to `seconds` what it took to find and plan them and the shortest solve. \throws Error(unsupported) where J and
-/// M are of no such bodies.
+/// Adds to `seconds` what it took to find and plan them and the shortest solve; `tracer` may be null. \throws
+/// Error(unsupported) where J and M are of no such bodies.
 template <class Real>
 Solution<Real> solve_as_bodies(const JacobianBatch<Real>& batch, Device device, const BodySolverOptions& options,
-                               const std::vector<Real>& warm_start, int repeat, Seconds& seconds);
+                               const std::vector<Real>& warm_start, int repeat, Seconds& seconds, Tracer* tracer);
 
 }  // namespace stiction::cli

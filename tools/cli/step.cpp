@@ -31,7 +31,7 @@ int run_step(const StepArguments& arguments) {
     throw Error(ErrorCode::invalid_argument, "a scene is missing: stiction step --list shows them");
   if (arguments.json) require_writable(*arguments.json);
   if (arguments.checkpoint) require_replaceable(*arguments.checkpoint);
-  const scenes::WorldScene scene = scenes::make_world(arguments.scene);
+  const scenes::WorldScene scene = scenes::make_world(arguments.scene, arguments.size);
   const Precision precision = precision_from_option(arguments.precision);
   const Device device = Device::from_string(arguments.device);
   StepReport report = precision == Precision::f32 ? step_world<float>(arguments, scene, device)

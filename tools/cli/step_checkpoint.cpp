@@ -37,10 +37,13 @@ constexpr Precision kPrecision = sizeof(Real) == sizeof(float) ? Precision::f32 
 StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOptions& options)
     : arguments_(arguments),
       run_(fmt::format("scene={} environments={} seed={} dt={} solver={} preconditioner={} iterations={} tolerance={} "
-                       "warm-start={} max-contacts={} precision={} epoch={}",
+                       "warm-start={} max-contacts={} precision={} epoch={}{}",
                        arguments.scene, arguments.environments, arguments.seed, options.stepping.dt, arguments.solver,
                        arguments.preconditioner.value_or("none"), arguments.iterations, arguments.tolerance,
-                       arguments.warm_start, arguments.max_contacts, arguments.precision, kNumericsEpoch)) {}
+                       arguments.warm_start, arguments.max_contacts, arguments.precision, kNumericsEpoch,
+                       arguments.size > 0 ? fmt::format(" size={}", arguments.size) : "")) {
+  if (arguments.law != StepArguments{}.law) run_ += " law=" + arguments.law;
+}
 
 template <class Real>
 std::int64_t StepCheckpoint::resume(World<Real>& world) const {

@@ -7,6 +7,7 @@
 #include "tools/cli/commands.hpp"
 #include "tools/cli/json_text.hpp"
 #include "tools/cli/report.hpp"
+#include "tools/cli/thread_use.hpp"
 
 namespace stiction::cli {
 
@@ -29,6 +30,7 @@ Json json_of(const StepReport& report) {
       {"scene", report.scene},
       {"device", report.device},
       {"solver", report.solver},
+      {"law", report.law},
       {"precision", to_string(report.precision)},
       {"environments", report.environments},
       {"steps", report.steps},
@@ -46,11 +48,14 @@ Json json_of(const StepReport& report) {
         {"plan", report.seconds.plan},
         {"solve", report.seconds.solve},
         {"integrate", report.seconds.integrate}}},
+      {"thread_use", json_of(report.thread_use)},
       {"sps", report.rate()},
       {"quality", report.quality},
       {"effective_sps", report.rate() * report.quality},
       {"solver_share", report.solver_share()},
       {"utilisation", report.utilisation()},
+      {"gpu_utilisation", json_of(report.gpu)},
+      {"gpu_utilisation_reason", report.gpu.reason},
       {"contacts", report.contacts},
       {"residual", json_of(report.residual)},
       {"ended", codes},
@@ -87,9 +92,11 @@ std::string to_text(const StepReport& report) {
        fmt::format("{}, at most {} {}, tolerance {:g}",
                    report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,
                    report.iterations, report.solver == "si" ? "sweeps" : "steps", report.tolerance));
+  line("law", report.law);
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", fmt::format("{}", report.threads));
+  line("thread use", thread_use_text(report.thread_use));
   line("seconds",
        fmt::format("{:.4g}: detect {:.4g}  plan {:.4g}  solve {:.4g}  integrate {:.4g}", report.wall,
                    report.seconds.detect, report.seconds.plan, report.seconds.solve, report.seconds.integrate));
@@ -97,6 +104,7 @@ std::string to_text(const StepReport& report) {
   line("effective SPS", fmt::format("{:.4g} (quality {:.4f})", report.rate() * report.quality, report.quality));
   line("solver share", fmt::format("{:.1f} %", 100 * report.solver_share()));
   line("utilisation", fmt::format("{:.1f} % of the threads' time", 100 * report.utilisation()));
+  line("GPU utilisation", gpu_use_text(report.gpu));
   line("contacts", fmt::format("{:.4g} per environment-step",
                                env_steps > 0 ? static_cast<double>(report.contacts) / env_steps : 0));
   line("penetration", fmt::format("at most {:.3g} m", report.deepest));

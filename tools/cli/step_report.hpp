@@ -5,7 +5,9 @@
 #include <optional>
 #include <string>
 
+#include "stiction/thread_meter.hpp"
 #include "stiction/world.hpp"
+#include "tools/cli/gpu_meter.hpp"
 #include "tools/cli/json_text.hpp"
 #include "tools/cli/quantiles.hpp"
 
@@ -15,6 +17,7 @@ namespace stiction::cli {
 struct StepReport {
   std::string scene, device, device_name;
   std::string solver, preconditioner;  ///< the latter of newton alone
+  std::string law;                     ///< of contacts
   Precision precision = Precision::f64;
   std::int64_t environments = 0, steps = 0, bodies = 0;
   std::int64_t resumed_at = 0;  ///< of the steps, those that a checkpoint had
@@ -25,6 +28,8 @@ struct StepReport {
   double wall = 0;  ///< seconds of all steps
   double cpu = 0;   ///< processor seconds of all steps
   WorldSeconds seconds;
+  ThreadUse thread_use;  ///< in all steps
+  GpuUse gpu;            ///< from the first step to the last
   double quality = 1;
   std::optional<Quantiles<double>> residual;
   std::array<std::int64_t, kEnvCodeCount> codes{};

@@ -6,9 +6,14 @@
 #include <cstdio>
 #include <ctime>
 #include <memory>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "stiction/error.hpp"
+#include "stiction/hash.hpp"
 #include "tools/cli/body_method.hpp"
+#include "tools/cli/gpu_meter.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/step_checkpoint.hpp"
@@ -76,6 +81,20 @@ class StateFile {
   std::unique_ptr<std::FILE, Close> file_;
 };
 
+/// World::hash() of a world of the first `count` environments.
+template <class Real>
+std::uint64_t hash_of_first(const World<Real>& world, Offset count) {
+  const WorldState<Real> state = world.state();
+  const auto bodies = static_cast<std::size_t>(count * world.body_count());
+  std::vector<Real> first;
+  for (const auto& [values, each] :
+       {std::pair{state.position, 3U}, std::pair{state.orientation, 4U}, std::pair{state.twist, 6U}}) {
+    const auto part = values.first(each * bodies);
+    first.insert(first.end(), part.begin(), part.end());
+  }
+  return hash_bits(std::span<const Real>(first));
+}
+
 }  // namespace
 
 WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
@@ -83,6 +102,7 @@ WorldOptions world_options(const StepArguments& arguments, const TimeStepping& s
   options.stepping = stepping;
   options.stepping.dt = arguments.dt.value_or(stepping.dt);
   choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
+  choose_contact_law(arguments.law, options.solver);
   options.solver.iterations = arguments.iterations;
   options.solver.tolerance = arguments.tolerance;
   options.solver.threads = arguments.threads;
@@ -96,7 +116,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
                       const StepSolver<Real>& solve) {
   const WorldOptions options = world_options(arguments, scene.stepping);
   World<Real> world(device, scene.description, arguments.environments, options);
-  scenes::start_all(world, arguments.scene, arguments.seed);
+  scenes::start_all(world, arguments.scene, arguments.seed, arguments.size);
   const StepCheckpoint checkpoint(arguments, options);
   const std::int64_t done = checkpoint.resume(world);
   const double tolerance = arguments.tolerance > 0 ? arguments.tolerance : kQualityTolerance;
@@ -105,8 +125,10 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   StepReport report;
   if (arguments.every > 0) states.write(world, done);
   {
+    GpuMeter gpu(device);
     Progress progress("step", arguments.steps - done, arguments.quiet);
     for (std::int64_t step = done + 1; step <= arguments.steps; ++step) {
+      const ThreadMeter meter;
       const double cpu_start = cpu_seconds();
       const Clock::time_point start = Clock::now();
       if (solve) {
@@ -116,11 +138,13 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
       }
       report.wall += std::chrono::duration<double>(Clock::now() - start).count();
       report.cpu += cpu_seconds() - cpu_start;
+      report.thread_use += meter.use();
       monitor.look(world);
       if (arguments.every > 0 && step % arguments.every == 0) states.write(world, step);
       checkpoint.after(step, world);
       progress.advance();
     }
+    report.gpu = gpu.end();
   }
   if (arguments.every == 0) states.write(world, arguments.steps);
   states.close();
@@ -128,6 +152,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   report.bodies = world.body_count();
   report.dt = options.stepping.dt;
   report.solver = arguments.solver;
+  report.law = arguments.law;
   if (arguments.solver == "newton") report.preconditioner = to_string(options.solver.space.preconditioner);
   report.iterations = options.solver.iterations;
   report.tolerance = tolerance;
@@ -142,7 +167,7 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   report.largest_rise = monitor.largest_rise();
   report.momentum_drift = monitor.momentum_drift();
   report.deepest = monitor.deepest();
-  report.hash = world.hash();
+  report.hash = arguments.hashed ? hash_of_first(world, *arguments.hashed) : world.hash();
   return report;
 }
 

@@ -1,7 +1,8 @@
 #pragma once
 
-#include <algorithm>
 #include <chrono>
+
+#include "stiction/thread_meter.hpp"
 
 namespace stiction::cli {
 
@@ -11,15 +12,22 @@ inline double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Calls solve() so often. The shortest time in seconds.
+/// A call's time in seconds, and what threads did in it.
+struct Timing {
+  double seconds = 0;
+  ThreadUse threads;
+};
+
+/// Calls solve() so often. The shortest call; a tracer is given the waits of all.
 template <class F>
-double shortest_of(int repeat, F&& solve) {
-  double shortest = 0;
+Timing shortest_of(int repeat, F&& solve, Tracer* tracer = nullptr) {
+  Timing shortest;
   for (int turn = 0; turn < repeat; ++turn) {
+    const ThreadMeter meter(tracer);
     const Clock::time_point start = Clock::now();
     solve();
     const double seconds = seconds_since(start);
-    shortest = turn == 0 ? seconds : std::min(seconds, shortest);
+    if (turn == 0 || seconds < shortest.seconds) shortest = {seconds, meter.use()};
   }
   return shortest;
 }

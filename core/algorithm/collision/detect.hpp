@@ -1,51 +1,71 @@
 #pragma once
 
 #include "core/algorithm/collision/collide.hpp"
-#include "core/algorithm/plan/sort_network.hpp"
-#include "core/algorithm/rigid/contact_point.hpp"
-#include "core/team/phases.hpp"
+#include "core/algorithm/collision/near_pairs.hpp"
 
 /// What a step begins with: inverse inertias in world axes, what forces do to the twists, and the contacts.
 namespace stiction::inline STICTION_ISA {
 
-/// A shape where it is, and how far its surface may come within a step.
+/// Manifolds of the pairs of one environment.
 template <class Real>
-struct MovingShape {
-  PlacedShape<Real> placed;
-  Real bound;   ///< of WorldShapeData
-  Real travel;  ///< bound on the path of its points within a step [m]
-};
-
-/// Memory of one environment while its contacts are found.
-template <class Real>
-struct DetectWorkspace {
-  MovingShape<Real>* shape;  ///< (shapes)
+struct FoundManifolds {
   Manifold<Real>* manifold;  ///< (pairs)
   Index* first;              ///< contacts of the pairs before each  (pairs)
 
-  static_assert(alignof(MovingShape<Real>) == alignof(Manifold<Real>) && alignof(Manifold<Real>) >= alignof(Index));
-  static STICTION_HD Offset bytes(const WorldModelView<Real>& model) {
-    return Offset{model.shapes} * static_cast<Offset>(sizeof(MovingShape<Real>)) +
-           Offset{model.pairs} * static_cast<Offset>(sizeof(Manifold<Real>) + sizeof(Index));
+  static_assert(alignof(Manifold<Real>) >= alignof(Index));
+  static STICTION_HD Offset bytes(Offset pairs) {
+    return pairs * static_cast<Offset>(sizeof(Manifold<Real>) + sizeof(Index));
   }
-  STICTION_HD DetectWorkspace(const WorldModelView<Real>& model, void* memory)
-      : shape(static_cast<MovingShape<Real>*>(memory)),
-        manifold(reinterpret_cast<Manifold<Real>*>(shape + model.shapes)),
-        first(reinterpret_cast<Index*>(manifold + model.pairs)) {}
+  STICTION_HD FoundManifolds(Offset pairs, void* memory)
+      : manifold(static_cast<Manifold<Real>*>(memory)), first(reinterpret_cast<Index*>(manifold + pairs)) {}
 };
 
+/// All pairs of a small environment, with memory for what is found of them.
 template <class Real>
-STICTION_HD Twist<Real> twist_of(const Real* p) {
-  return {load3<Real>(p), load3<Real>(p + 3)};
-}
+struct ListedPairs {
+  MovingShape<Real>* shape;  ///< (shapes)
+  FoundManifolds<Real> found;
+  const WorldPair<Real>* pair;  ///< (count)
+  Index count;
 
-/// Twist a body would have after the step without contacts.
+  static_assert(alignof(MovingShape<Real>) == alignof(Manifold<Real>));
+  static STICTION_HD Offset bytes(const WorldModelView<Real>& model) {
+    return Offset{model.shapes} * static_cast<Offset>(sizeof(MovingShape<Real>)) +
+           FoundManifolds<Real>::bytes(model.pairs);
+  }
+  STICTION_HD ListedPairs(const WorldModelView<Real>& model, void* memory)
+      : shape(static_cast<MovingShape<Real>*>(memory)),
+        found(model.pairs, shape + model.shapes),
+        pair(model.pair),
+        count(model.pairs) {}
+  [[nodiscard]] STICTION_HD const ShapePair& shapes_of(Index p) const { return pair[p].shapes; }
+  [[nodiscard]] STICTION_HD Offset number_of(Index p) const { return p; }
+};
+
+/// Near pairs of a large one.
 template <class Real>
-STICTION_HD Twist<Real> free_twist(const WorldJob<Real>& job, Offset body) {
-  const Twist<Real> now = twist_of(job.twist + 6 * body);
-  const Twist<Real> change = twist_of(job.twist_change + 6 * body);
-  return {added(now.linear, change.linear), added(now.angular, change.angular)};
-}
+struct NearPairs {
+  MovingShape<Real>* shape;  ///< (shapes)
+  NearPair* pair;            ///< (count)
+  FoundManifolds<Real> found;
+  const WorldModelView<Real>* model;
+  Index count;
+
+  static STICTION_HD Offset bytes(Offset pairs) {
+    return pairs * static_cast<Offset>(sizeof(NearPair)) + FoundManifolds<Real>::bytes(pairs);
+  }
+  STICTION_HD NearPairs(const WorldModelView<Real>& world, const NearWorkspace<Real>& workspace, Index pairs,
+                        void* memory)
+      : shape(workspace.tree.shape),
+        pair(static_cast<NearPair*>(memory)),
+        found(pairs, pair + pairs),
+        model(&world),
+        count(pairs) {}
+  [[nodiscard]] STICTION_HD ShapePair shapes_of(Index p) const {
+    return shape_pair(*model, pair[p].shape_a, pair[p].shape_b);
+  }
+  [[nodiscard]] STICTION_HD Offset number_of(Index p) const { return pair[p].number; }
+};
 
 /// Zero, or NaN if a number is not finite.
 template <class Real>
@@ -92,40 +112,9 @@ STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset en
   });
 }
 
-template <class Real>
-STICTION_HD MovingShape<Real> pose_shape(const WorldJob<Real>& job, Offset env, Index shape) {
-  const WorldShapeData<Real>& data = job.model.shape[shape];
-  MovingShape<Real> moving{{data.kind,
-                            load3<Real>(data.position),
-                            {load3<Real>(data.axes), load3<Real>(data.axes + 3), load3<Real>(data.axes + 6)},
-                            {data.size[0], data.size[1], data.size[2]}},
-                           data.bound,
-                           Real(0)};
-  if (data.body < 0) return moving;
-  const Offset body = env * job.model.bodies + data.body;
-  const Axes3<Real> axes = axes_of(load_quaternion(job.orientation + 4 * body));
-  PlacedShape<Real>& placed = moving.placed;
-  placed.centre = added(load3<Real>(job.position + 3 * body), along(axes, placed.centre));
-  placed.axes = {along(axes, placed.axes.x), along(axes, placed.axes.y), along(axes, placed.axes.z)};
-  const Twist<Real> twist = free_twist(job, body);
-  moving.travel = job.model.step * fma_(length(twist.angular), data.reach, length(twist.linear));
-  return moving;
-}
-
-/// Whether two shapes are near enough to look closer.
-template <class Real>
-STICTION_HD bool bounds_overlap(const MovingShape<Real>& a, const MovingShape<Real>& b, Real margin) {
-  const Vector3<Real> apart = subtract(b.placed.centre, a.placed.centre);
-  const Real reach = (a.bound + b.bound) + margin;
-  if (a.placed.kind == ShapeKind::plane) return dot(apart, a.placed.axes.z) <= reach;
-  if (b.placed.kind == ShapeKind::plane) return -dot(apart, b.placed.axes.z) <= reach;
-  return dot(apart, apart) <= reach * reach;
-}
-
 /// Keeps the contacts that lie within the model's margin or would come there within the step.
 template <class Real>
-STICTION_HD void cull_separating(const WorldJob<Real>& job, Offset env, const WorldPair<Real>& pair,
-                                 Manifold<Real>& found) {
+STICTION_HD void cull_separating(const WorldJob<Real>& job, Offset env, const ShapePair& pair, Manifold<Real>& found) {
   const auto velocity = [&](Index body, const Vector3<Real>& point) {
     if (body < 0) return Vector3<Real>{Real(0), Real(0), Real(0)};
     const Offset slot = env * job.model.bodies + body;
@@ -142,37 +131,51 @@ STICTION_HD void cull_separating(const WorldJob<Real>& job, Offset env, const Wo
   found.count = count;
 }
 
-/// Fills the workspace; returns how many contacts there are.
-template <Team TeamT, class Real>
-STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
-                                const DetectWorkspace<Real>& workspace) {
-  const WorldModelView<Real>& model = job.model;
-  for_each(team, model.shapes, [&](Index shape) { workspace.shape[shape] = pose_shape(job, env, shape); });
-  for_each(team, model.pairs, [&](Index p) {
-    const WorldPair<Real>& pair = model.pair[p];
-    const MovingShape<Real>& a = workspace.shape[pair.shape_a];
-    const MovingShape<Real>& b = workspace.shape[pair.shape_b];
-    Manifold<Real>& found = workspace.manifold[p];
+/// Finds the manifolds of pairs whose shapes are where they are; returns how many contacts there are.
+template <Team TeamT, class Real, class Pairs>
+STICTION_HD Index collide_pairs(TeamT& team, const WorldJob<Real>& job, Offset env, const Pairs& pairs) {
+  for_each(team, pairs.count, [&](Index p) {
+    const ShapePair pair = pairs.shapes_of(p);
+    const MovingShape<Real>& a = pairs.shape[pair.shape_a];
+    const MovingShape<Real>& b = pairs.shape[pair.shape_b];
+    Manifold<Real>& found = pairs.found.manifold[p];
     found.count = 0;
-    const Real margin = model.margin + (a.travel + b.travel);
+    const Real margin = pair_margin(job.model, a, b);
     if (!bounds_overlap(a, b, margin)) return;
     found = collide(a.placed, b.placed, margin);
     cull_separating(job, env, pair, found);
   });
   return team.broadcast([&] {
     Index count = 0;
-    for (Index p = 0; p < model.pairs; ++p) {
-      workspace.first[p] = count;
-      count += workspace.manifold[p].count;
+    for (Index p = 0; p < pairs.count; ++p) {
+      pairs.found.first[p] = count;
+      count += pairs.found.manifold[p].count;
     }
     return count;
   });
 }
 
-/// Writes them in order of pair and feature.
+/// Finds the manifolds of all pairs; returns how many contacts there are.
 template <Team TeamT, class Real>
-STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset env,
-                               const DetectWorkspace<Real>& workspace, FoundContact<Real>* out) {
+STICTION_HD Index find_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const ListedPairs<Real>& pairs) {
+  pose_shapes(team, job, env, pairs.shape);
+  return collide_pairs(team, job, env, pairs);
+}
+
+/// Finds those of that many near pairs, which were counted and get memory in `pairs`.
+template <Team TeamT, class Real>
+STICTION_HD Index find_near_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, NearWorkspace<Real>& workspace,
+                                     Index count, void* pairs) {
+  workspace.tree.measure(job.model.shapes);
+  const NearPairs<Real> near(job.model, workspace, count, pairs);
+  list_near_pairs(team, job.model, workspace, near.pair);
+  return collide_pairs(team, job, env, near);
+}
+
+/// Writes contacts in order of pair and feature.
+template <Team TeamT, class Real, class Pairs>
+STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset env, const Pairs& pairs,
+                               FoundContact<Real>* out) {
   const auto put_arm = [&](Real(&arm)[3], Index body, const Vector3<Real>& point) {
     const Vector3<Real> centre = body < 0 ? Vector3<Real>{Real(0), Real(0), Real(0)}
                                           : load3<Real>(job.position + 3 * (env * job.model.bodies + body));
@@ -180,14 +183,16 @@ STICTION_HD void list_contacts(TeamT& team, const WorldJob<Real>& job, Offset en
     arm[1] = canonical_zero(point.y - centre.y);
     arm[2] = canonical_zero(point.z - centre.z);
   };
-  for_each(team, job.model.pairs, [&](Index p) {
-    for (Index k = 0; k < workspace.manifold[p].count; ++k) {
-      const ContactCandidate<Real>& point = workspace.manifold[p].at[k];
-      FoundContact<Real>& contact = out[workspace.first[p] + k];
-      contact.pair = p;
+  for_each(team, pairs.count, [&](Index p) {
+    const Manifold<Real>& manifold = pairs.found.manifold[p];
+    const ShapePair pair = pairs.shapes_of(p);
+    for (Index k = 0; k < manifold.count; ++k) {
+      const ContactCandidate<Real>& point = manifold.at[k];
+      FoundContact<Real>& contact = out[pairs.found.first[p] + k];
+      contact.pair = pairs.number_of(p);
       contact.feature = point.feature;
-      put_arm(contact.arm_a, job.model.pair[p].body_a, point.point);
-      put_arm(contact.arm_b, job.model.pair[p].body_b, point.point);
+      put_arm(contact.arm_a, pair.body_a, point.point);
+      put_arm(contact.arm_b, pair.body_b, point.point);
       contact.normal[0] = canonical_zero(point.normal.x);
       contact.normal[1] = canonical_zero(point.normal.y);
       contact.normal[2] = canonical_zero(point.normal.z);
@@ -209,15 +214,15 @@ STICTION_HD void emit_contacts(TeamT& team, const WorldModelView<Real>& model, c
   for_each(team, static_cast<Index>(now.offsets[env + 1] - begin), [&](Index k) {
     const Offset c = begin + k;
     const FoundContact<Real>& contact = found[k];
-    const WorldPair<Real>& pair = model.pair[contact.pair];
+    const WorldPair<Real> pair = world_pair(model, contact.pair);
     const std::uint64_t id =
         static_cast<std::uint64_t>(contact.pair) * kFeatures + static_cast<std::uint64_t>(contact.feature);
     // Ids ascend.
     const Offset previous = first + lower_bound(last.id + first, remembered, id,
                                                 [](std::uint64_t one, std::uint64_t other) { return one < other; });
     const bool has_namesake = previous < first + remembered && last.id[previous] == id;
-    now.body_a[c] = pair.body_a;
-    now.body_b[c] = pair.body_b;
+    now.body_a[c] = pair.shapes.body_a;
+    now.body_b[c] = pair.shapes.body_b;
     for (Index j = 0; j < 3; ++j) {
       now.arm_a[3 * c + j] = contact.arm_a[j];
       now.arm_b[3 * c + j] = contact.arm_b[j];

@@ -53,8 +53,22 @@ STICTION_HD ConeDirections<M> single_row(bool moves, ConeMode mode, bool is_dege
   return found;
 }
 
-/// A cone that slides along d = z_t / -norm(z_t), with gaps as in friction_directions(). The complement of d on the
-/// axes with friction is that of a Householder reflection.
+/// An orthonormal complement of the unit vector d: that of a Householder reflection.
+struct Complement {
+  double sign;
+  double scale;
+
+  STICTION_HD explicit Complement(const double* d)
+      : sign(d[0] < 0.0 ? -1.0 : 1.0), scale(div_(1.0, 1.0 + abs_(d[0]))) {}
+
+  /// Component i of its vector j >= 1.
+  [[nodiscard]] STICTION_HD double entry(const double* d, int i, int j) const {
+    const double v = i == 0 ? d[0] + sign : d[i];
+    return (i == j ? 1.0 : 0.0) - (v * d[j]) * scale;
+  }
+};
+
+/// A cone that slides along d = z_t / -norm(z_t), with gaps as in friction_directions().
 template <int M>
 STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M], double length, double share,
                        ConeDirections<M>& found) {
@@ -70,18 +84,13 @@ STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M],
   found.mode = ConeMode::sliding;
   found.unknowns = axes;
   found.E[0][0] = found.F[0][0] = 1.0;
-  const double sign = d[0] < 0.0 ? -1.0 : 1.0;
-  const double scale = div_(1.0, 1.0 + abs_(d[0]));
+  const Complement complement(d);
   for (int i = 0; i < axes; ++i) {
     const int k = axis[i];
     const double mu = point.mu[k];
     found.E[k][0] = 0.0 - mu * d[i];
     found.F[k][0] = law == Law::convex ? 0.0 - mu * d[i] : 0.0;
-    const double v = i == 0 ? d[0] + sign : d[i];
-    for (int j = 1; j < axes; ++j) {
-      const double across = (i == j ? 1.0 : 0.0) - (v * d[j]) * scale;
-      found.E[k][j] = found.F[k][j] = mu * across;
-    }
+    for (int j = 1; j < axes; ++j) found.E[k][j] = found.F[k][j] = mu * complement.entry(d, i, j);
   }
   for (int j = 1; j < axes; ++j) found.D[j] = share;
 }

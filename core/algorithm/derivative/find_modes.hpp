@@ -32,18 +32,20 @@ STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Ind
 }
 
 /// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` what forbids a solve.
-template <class Shape, class Real, class Rows>
-STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Real* lambda, const double* w,
-                            Index first, std::uint32_t& flags) {
+template <class Shape, class Real, class Rows, class Reaction>
+STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Reaction* lambda, const double* w,
+                            Index cone, std::uint32_t& flags) {
+  const ConeKind kind = env.kind[cone];
+  const Index first = env.cone_row(cone);
   constexpr int kRows = Shape::kRows;
   ModePoint<kRows> point;
   double diagonal = 0.0;
   for (int k = 0; k < kRows; ++k) {
     const Index i = env.row_of(first, kRows, k);
-    flags |= row_flags(env, Shape::kKind, k, i);
+    flags |= row_flags(env, kind, k, i);
     if (!finite_(lambda[i]) || !finite_(w[i])) flags |= kGradientNonFinite;
     diagonal = diagonal + rows.diagonal(i, static_cast<double>(env.R[i]));
-    const auto mu = static_cast<double>(row_scale(env, Shape::kKind, k, i));
+    const auto mu = static_cast<double>(row_scale(env, kind, k, i));
     point.mu[k] = mu > 0.0 ? mu : 0.0;
     point.x[k] = unit_reaction(static_cast<double>(lambda[i]), mu);
     point.y[k] = point.mu[k] * w[i];
@@ -121,6 +123,20 @@ STICTION_HD Index count_degenerate(TeamT& team, const DerivativeScratch& s, Inde
   }
 }
 
+/// Closes the list of unknowns and lists the rows of cones that have some.
+template <Team TeamT, class Real>
+STICTION_HD void list_moving_rows(TeamT& team, const EnvView<Real>& env, const DerivativeScratch& s, Index unknowns) {
+  single(team, [&] {
+    s.first[env.cone_count] = unknowns;
+    Index count = 0;
+    for (Index i = 0; i < env.n; ++i) {
+      s.moving[count] = i;
+      count += s.first[s.cone_of_row[i] + 1] > s.first[s.cone_of_row[i]] ? 1 : 0;
+    }
+    s.moving[env.n] = count;
+  });
+}
+
 /// Motions, modes and directions of all cones of an environment, and whether its derivative can be had.
 template <Team TeamT, class Real, class Rows>
 STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
@@ -136,9 +152,9 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   double largest = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
-    if (env.kind[cone] == ConeKind::box_friction) flags |= kGradientInvalidInput;
+    if (env.kind[cone] >= ConeKind::box_friction) flags |= kGradientInvalidInput;
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
-      const auto point = cone_point(shape, env, rows, lambda, s.w, first, flags);
+      const auto point = cone_point(shape, env, rows, lambda, s.w, cone, flags);
       largest = max_(cone_residual(shape, point, job.law), largest);
       const auto found = cone_directions(shape, point, job.law, tie);
       write_directions(env, s, cone, first, found);
@@ -149,15 +165,7 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   if (!(result.forward_residual <= job.residual_limit)) flags |= kGradientUnconverged;
   result.unknowns = scan_unknowns(team, s.first, env.cone_count, s.parts);
   result.degenerate = count_degenerate(team, s, env.cone_count);
-  single(team, [&] {
-    s.first[env.cone_count] = result.unknowns;
-    Index count = 0;
-    for (Index i = 0; i < env.n; ++i) {
-      s.moving[count] = i;
-      count += s.first[s.cone_of_row[i] + 1] > s.first[s.cone_of_row[i]] ? 1 : 0;
-    }
-    s.moving[env.n] = count;
-  });
+  list_moving_rows(team, env, s, result.unknowns);
   if (result.degenerate > 0) flags |= kGradientSubgradient;
   if (result.unknowns > most_unknowns(job, index)) flags |= kGradientOverCapacity;
   result.flags = team.combine(flags);

@@ -49,11 +49,20 @@ STICTION_HD void project_reactions(TeamT& team, const EnvView<Real>& env, const 
   });
 }
 
+/// What the change of its bounds does to the reaction of a box row.
+template <class Real>
+STICTION_HD double change_by_bounds(const DerivativeScratch&, const JvpJob<Real>& job, Offset at, Index,
+                                    ConeMode mode) {
+  if (mode == ConeMode::at_lo) return given(job.tangents.lo, at);
+  if (mode == ConeMode::at_hi) return given(job.tangents.hi, at);
+  return 0.0;
+}
+
 /// What the change of its friction or bounds does to the reaction of every row, as long as the unknowns rest; to
 /// `s.nu`. What it does to the tests of sliding cones goes to `s.image`.
-template <Team TeamT, class Real>
-STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
-                               const DerivativeScratch& s, Offset set) {
+template <Team TeamT, class Real, class Scratch>
+STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job, const Scratch& s,
+                               Offset set) {
   const Offset rows = set * job.batch.row_count + env.first_row;
   const Real* const lambda = job.at.lambda + env.first_row;
   for_each(team, env.cone_count, [&](Index cone) {
@@ -62,8 +71,7 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
       s.nu[i] = s.image[i] = 0.0;
-      if (env.kind[cone] == ConeKind::box && mode == ConeMode::at_lo) s.nu[i] = given(job.tangents.lo, rows + i);
-      if (env.kind[cone] == ConeKind::box && mode == ConeMode::at_hi) s.nu[i] = given(job.tangents.hi, rows + i);
+      if (env.kind[cone] == ConeKind::box) s.nu[i] = change_by_bounds(s, job, rows + i, i, mode);
       if (env.kind[cone] != ConeKind::friction || mode != ConeMode::sliding || k == 0) continue;
       if (!(env.friction(i) > Real(0))) continue;
       const double share = div_(given(job.tangents.mu, rows + i), static_cast<double>(env.friction(i)));
@@ -75,9 +83,9 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
 
 /// The change of the solution by a set. Leaves d lambda in `s.nu` and dw in `s.seed`. Returns the relative residual of
 /// the system; below zero where one was not finite.
-template <Team TeamT, class Real>
-STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
-                                const DerivativeScratch& s, Offset set, Index unknowns) {
+template <Team TeamT, class Real, class Scratch>
+STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job, const Scratch& s,
+                                Offset set, Index unknowns) {
   const Offset rows = set * job.batch.row_count + env.first_row;
   const Real* const lambda = job.at.lambda + env.first_row;
   project_reactions(team, env, job, s, set);
@@ -126,12 +134,10 @@ STICTION_HD void write_changes(TeamT& team, const EnvView<Real>& env, const JvpJ
   });
 }
 
-/// Pushes all sets of changes of one environment forward and writes its record.
-template <Team TeamT, class Real>
-STICTION_HD void jvp_env(TeamT& team, const JvpJob<Real>& job, Offset index, double* memory) {
-  EnvView<Real> env = slice_problem(job.batch, job.law, index);
-  const DerivativeScratch s = lay_out(job, index, memory);
-  ModesFound found = find_answer(team, env, job, index, s);
+/// Pushes all sets of changes of one environment, whose directions are known, forward and writes its record.
+template <Team TeamT, class Real, class Scratch>
+STICTION_HD void jvp_along(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job, Offset index,
+                           const Scratch& s, ModesFound found) {
   if ((found.flags & kGradientRefused) == 0) found.flags |= factor_system<false>(team, env, s, found.unknowns);
   double residual = 0.0;
   const bool refused = (found.flags & kGradientRefused) != 0;
@@ -146,6 +152,14 @@ STICTION_HD void jvp_env(TeamT& team, const JvpJob<Real>& job, Offset index, dou
     write_changes(team, env, job, s, set, broken);
   }
   write_record(team, job, index, found, residual);
+}
+
+/// Pushes all sets of changes of one environment forward and writes its record.
+template <Team TeamT, class Real>
+STICTION_HD void jvp_env(TeamT& team, const JvpJob<Real>& job, Offset index, double* memory) {
+  const EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  const DerivativeScratch s = lay_out(job, index, memory);
+  jvp_along(team, env, job, index, s, find_answer(team, env, job, index, s));
 }
 
 /// Zeros for an environment that was not looked at, and its record.

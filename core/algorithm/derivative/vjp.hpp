@@ -25,11 +25,19 @@ STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offse
   });
 }
 
+/// A box row's cotangent by its bounds, from what follows changes of its reaction.
+STICTION_HD double by_lo(const DerivativeScratch& s, Index i, ConeMode mode) {
+  return mode == ConeMode::at_lo ? s.image[i] : 0.0;
+}
+STICTION_HD double by_hi(const DerivativeScratch& s, Index i, ConeMode mode) {
+  return mode == ConeMode::at_hi ? s.image[i] : 0.0;
+}
+
 /// Cotangents of the rows' numbers and of A, of a set whose adjoint reaction nu + w_bar is in `s.nu`. `image` holds
 /// what follows changes of the reactions that are not the unknowns'. All zeros where `refused`.
-template <Team TeamT, class Real>
-STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
-                                 const DerivativeScratch& s, Offset set, bool refused) {
+template <Team TeamT, class Real, class Scratch>
+STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job, const Scratch& s,
+                                 Offset set, bool refused) {
   const BatchCotangentView<Real>& to = job.gradients;
   const Offset rows = set * job.batch.row_count + env.first_row;
   const Real* const lambda = job.at.lambda + env.first_row;
@@ -60,8 +68,8 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
         by_mu = div_(fma_(s.image[i], reaction(i), own * s.w[i]), static_cast<double>(env.friction(i)));
       }
       put(to.mu, rows + i, by_mu);
-      put(to.lo, rows + i, is_box && mode == ConeMode::at_lo ? s.image[i] : 0.0);
-      put(to.hi, rows + i, is_box && mode == ConeMode::at_hi ? s.image[i] : 0.0);
+      put(to.lo, rows + i, is_box ? by_lo(s, i, mode) : 0.0);
+      put(to.hi, rows + i, is_box ? by_hi(s, i, mode) : 0.0);
     }
   });
 }
@@ -136,13 +144,10 @@ STICTION_HD bool stores_every_column(TeamT& team, const EnvView<Real>& env) {
   return team.combine(others) == 0;
 }
 
-/// Pulls all sets of cotangents of one environment back and writes its record.
-template <Team TeamT, class Real>
-STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, double* memory) {
-  EnvView<Real> env = slice_problem(job.batch, job.law, index);
-  if (team.size() > 1 && env.factor == nullptr) env.is_full = stores_every_column(team, env);
-  const DerivativeScratch s = lay_out(job, index, memory);
-  ModesFound found = find_answer(team, env, job, index, s);
+/// Pulls all sets of cotangents of one environment, whose directions are known, back and writes its record.
+template <Team TeamT, class Real, class Scratch>
+STICTION_HD void vjp_along(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job, Offset index,
+                           const Scratch& s, ModesFound found) {
   if ((found.flags & kGradientRefused) == 0) found.flags |= factor_system<true>(team, env, s, found.unknowns);
   double residual = 0.0;
   const bool refused = (found.flags & kGradientRefused) != 0;
@@ -158,6 +163,22 @@ STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, dou
     write_factor_gradients(team, env, job, s, set, broken);
   }
   write_record(team, job, index, found, residual);
+}
+
+/// The environment of a job.
+template <Team TeamT, class Real>
+STICTION_HD EnvView<Real> environment_of(TeamT& team, const VjpJob<Real>& job, Offset index) {
+  EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  if (team.size() > 1 && env.factor == nullptr) env.is_full = stores_every_column(team, env);
+  return env;
+}
+
+/// Pulls all sets of cotangents of one environment back and writes its record.
+template <Team TeamT, class Real>
+STICTION_HD void vjp_env(TeamT& team, const VjpJob<Real>& job, Offset index, double* memory) {
+  const EnvView<Real> env = environment_of(team, job, index);
+  const DerivativeScratch s = lay_out(job, index, memory);
+  vjp_along(team, env, job, index, s, find_answer(team, env, job, index, s));
 }
 
 /// Zeros for an environment that was not looked at, and its record.

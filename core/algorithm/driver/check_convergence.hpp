@@ -133,8 +133,9 @@ STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& en
   write_solution(team, env, s);
   const double scale = residual_scale(team, env);
   const double allowed = rule.tolerance * scale;
+  constexpr bool kMatrices = kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>;
   const auto evaluate = [&] {
-    return reported_residual(final_residual(team, env, residual_rows(team, env, s)), allowed);
+    return reported_residual(final_residual<kMatrices>(team, env, residual_rows(team, env, s)), allowed);
   };
   double absolute = evaluate();
   if (poll.ended && is_collapsed(div_(absolute, scale))) {

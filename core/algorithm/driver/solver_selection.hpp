@@ -13,6 +13,7 @@ struct EnvFeatures {
   Index rows = 0;
   Index friction_cones = 0;   ///< boxed or not
   bool is_boxed = false;      ///< some cone has boxed friction: for sweeps only
+  bool has_matrices = false;  ///< some cone is semidefinite: for methods that project only
   bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
   bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
   double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
@@ -57,6 +58,7 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   seen.rows = env.n;
   seen.friction_cones = friction_cones;
   seen.is_boxed = is_boxed;
+  seen.has_matrices = env.counts.semidefinite > 0;
   seen.spread = team.max(largest) * team.max(inverse);
   seen.is_pivots = team.max(flat) != 0.0;
   seen.is_compliant = team.max(rigid) == 0.0;
@@ -72,6 +74,10 @@ STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
 
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
+  if (seen.has_matrices) {
+    if (seen.is_boxed || seen.is_pivots) return false;
+    return solver == SolverKind::apgd || (solver == SolverKind::admm && seen.rows <= kDirectRows);
+  }
   if (seen.is_pivots && solver != SolverKind::lemke) return false;
   if (solver == SolverKind::subspace || solver == SolverKind::npgs) return true;
   if (seen.is_boxed) return false;
@@ -89,6 +95,7 @@ STICTION_HD bool is_smooth(const EnvFeatures& seen) {
 STICTION_HD int first_stage(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
   const auto can_start_at = [&](int stage) { return can_treat(fallback_stage(stage).solver, seen); };
+  if (seen.has_matrices) return can_start_at(kSplittingStage) ? kSplittingStage : kGradientStage;
   if (seen.is_pivots && can_start_at(kPivotingStage)) return kPivotingStage;
   if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_start_at(kSplittingStage)) return kSplittingStage;
   return 0;

@@ -89,6 +89,11 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
       if (!warm) s.x[slot.row + k] = 0;
     }
     with_shape(env.kind[cone], size, [&](auto shape) { finish_cone(shape, s, slot.cone, slot.row, scales, true); });
+    // Methods that take matrices project the guess themselves.
+    if constexpr (kMayHaveSemidefinite<System>) {
+      if (warm && env.kind[cone] == ConeKind::semidefinite)
+        for (Index k = 0; k < size; ++k) s.x[slot.row + k] = env.warm_start[first + k] * scales.x;
+    }
   });
   if (rules.needs_symmetry && asymmetry(team, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
@@ -103,6 +108,8 @@ STICTION_HD std::uint32_t unsupported_flags(const EnvView<Real>& env, const Syst
   if constexpr (requires { Method::unsupported(s); }) flags |= Method::unsupported(s);
   if constexpr (!requires { requires Method::kTakesBoxFriction; })
     flags |= env.counts.box_friction > 0 ? kFlagUnsupportedCone : 0U;
+  if constexpr (kMayHaveSemidefinite<System> && !kTakesSemidefinite<Method>)
+    flags |= env.counts.semidefinite > 0 ? kFlagUnsupportedCone : 0U;
   return flags;
 }
 
@@ -114,9 +121,25 @@ STICTION_HD void start_method(TeamT& team, const EnvView<Real>& env, System& s) 
   Method::template start<kLaw>(team, s);
 }
 
+/// Moves the guess of cones of semidefinite into them.
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void project_guess(TeamT& team, System& s) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
+    if constexpr (kMayBeMatrix<decltype(shape)>) {
+      if (!is_semidefinite(shape, s, cone)) return;
+      constexpr int kRows = decltype(shape)::kRows;
+      typename System::Real z[kRows];
+      for (int k = 0; k < kRows; ++k) z[k] = s.x[row + k];
+      project_semidefinite(z);
+      for (int k = 0; k < kRows; ++k) s.x[row + k] = canonical_zero(z[k]);
+    }
+  });
+}
+
 /// Records the first iterate of a loaded system and starts the method.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void begin_method(TeamT& team, const EnvView<Real>& env, System& s) {
+  if constexpr (kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>) project_guess(team, s);
   refresh_motion(team, s);
   for_each(team, s.n, [&](Index i) { s.best[i] = s.x[i]; });
   update_best<Method, kLaw>(team, s, true);

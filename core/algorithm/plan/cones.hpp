@@ -8,14 +8,15 @@ namespace stiction::inline STICTION_ISA {
 
 /// Kinds and sizes of cones in canonical order: free, unilateral, box, friction of 2, 3, ... rows.
 inline constexpr Index kConeBins = kConeShapes;
-/// And one more bin, for how many of them have boxed friction.
-inline constexpr Index kCountedBins = kConeBins + 1;
+/// And two more bins, for how many of them have boxed friction, and how many are semidefinite matrices.
+inline constexpr Index kCountedBins = kConeBins + 2;
 
 STICTION_HD void count_bins(const StructureView& s, Index begin, Index end, Index* bins) {
   for (Index bin = 0; bin < kCountedBins; ++bin) bins[bin] = 0;
   for (Index cone = begin; cone < end; ++cone) {
     ++bins[shape_of(s.kind[cone], s.cone_size(cone))];
     bins[kConeBins] += s.kind[cone] == ConeKind::box_friction ? 1 : 0;
+    bins[kConeBins + 1] += s.kind[cone] == ConeKind::semidefinite ? 1 : 0;
   }
 }
 
@@ -26,6 +27,7 @@ STICTION_HD ConeCounts counts_of(const Index* bins) {
   counts.box = bins[2];
   for (Index rows = 2; rows <= kMaxConeRows; ++rows) counts.friction[rows] = bins[1 + rows];
   counts.box_friction = bins[kConeBins];
+  counts.semidefinite = bins[kConeBins + 1];
   return counts;
 }
 

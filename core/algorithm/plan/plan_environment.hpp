@@ -68,7 +68,7 @@ STICTION_HD_OUTLINE void plan_sparse(TeamT& team, const StructureView& s, const 
 /// has room for plan_scratch_elements() if it is sparse, and is not read otherwise.
 template <Team TeamT>
 STICTION_HD void plan_environment(TeamT& team, const StructureView& s, const PlanTarget& plan, Index* scratch) {
-  const EnvPath path = path_of(s);
+  const EnvPath path = path_of(team, s);
   single(team, [&] { *plan.path = path; });
   if (path == EnvPath::sparse) {
     plan_sparse(team, s, plan, scratch);

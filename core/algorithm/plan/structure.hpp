@@ -60,14 +60,23 @@ STICTION_HD StructureView structure_of(const ContactBatchView<Real>& batch, Offs
   return s;
 }
 
-/// The path of an environment. Entries are counted only where they can matter.
-STICTION_HD EnvPath path_of(const StructureView& s) {
+/// Whether some cone is of that kind, on every lane.
+template <Team TeamT>
+STICTION_HD bool has_kind(TeamT& team, const StructureView& s, ConeKind kind) {
+  std::uint32_t found = 0;
+  for (Index cone = team.rank(); cone < s.cones; cone += team.size()) found |= s.kind[cone] == kind ? 1U : 0U;
+  return team.combine(found) != 0;
+}
+
+/// The path of an environment whose A is stored, on every lane. Entries are counted only where they can matter.
+template <Team TeamT>
+STICTION_HD EnvPath path_of(TeamT& team, const StructureView& s) {
   Offset entries = s.entry_span();
   if (s.row_counts != nullptr && choose_path(s.rows, 0) != choose_path(s.rows, Offset{s.rows} * s.rows)) {
     entries = 0;
     for (Index row = 0; row < s.rows; ++row) entries += s.row_counts[row];
   }
-  return choose_path(s.rows, entries);
+  return choose_path(s.rows, entries, has_kind(team, s, ConeKind::semidefinite));
 }
 
 /// Whether offsets[at], offsets[at + 1] bound a part of `total` things. They have to be in range and in order. The
@@ -75,11 +84,6 @@ STICTION_HD EnvPath path_of(const StructureView& s) {
 STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset total) {
   const Offset begin = offsets[at], end = offsets[at + 1];
   return begin >= 0 && begin <= end && end <= total && (at != 0 || begin == 0) && (at + 1 != count || end == total);
-}
-
-STICTION_HD bool is_cone(ConeKind kind, Offset rows) {
-  if (carries_friction(kind)) return rows >= 2 && rows <= kMaxConeRows;
-  return kind < ConeKind::friction && rows == 1;
 }
 
 /// How much of one environment's room for rows, or cones, is in use; -1 if that cannot be told.
@@ -155,7 +159,9 @@ STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<
   for_each(team, static_cast<Index>(cone_end - cone), [&](Index c) {
     const Offset begin = batch.cone_row_offsets[cone + c], end = batch.cone_row_offsets[cone + c + 1];
     const bool in_order = begin >= 0 && begin <= end && end <= batch.row_count;
-    expect(in_order && (c >= cones || (begin >= row && is_cone(batch.cone_kind[cone + c], end - begin))));
+    // Rows of a matrix have one order, with the normal last or not.
+    expect(in_order && (c >= cones || (begin >= row && is_cone(batch.cone_kind[cone + c], end - begin) &&
+                                       !(batch.normal_last && batch.cone_kind[cone + c] == ConeKind::semidefinite))));
   });
   for_each(team, static_cast<Index>(row_end - row), [&](Index i) { expect(has_columns(batch, row + i)); });
   if (team.combine(broken) != 0) return false;

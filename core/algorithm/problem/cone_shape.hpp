@@ -6,7 +6,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Kind and row count of a cone as a type, so that loops over its rows unroll. Boxed friction has the shape of a
-/// friction cone: a system's `lo` tells the two apart (docs/math/box_friction.md).
+/// friction cone: a system's `lo` tells the two apart (docs/math/box_friction.md). So has a semidefinite matrix, which
+/// the environment's kinds tell apart (docs/math/semidefinite.md).
 template <ConeKind kKindValue, int kRowsValue>
 struct ConeShape {
   static constexpr ConeKind kKind = kKindValue;
@@ -36,7 +37,7 @@ STICTION_HD void for_each_segment(const ConeCounts& counts, F&& f) {
 /// f(shape) for a cone whose kind and size are known at run time only.
 template <class F>
 STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
-  if (carries_friction(kind)) {
+  if (kind >= ConeKind::friction) {
     switch (rows) {
       case 2:
         return f(ConeShape<ConeKind::friction, 2>{});

@@ -138,8 +138,16 @@ struct LargestResidual {
   template <Law kLaw, class Shape, int M>
   STICTION_HD void add(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
     const auto is_boxed = Shape::kKind == ConeKind::friction ? lo < Real(0) : Real(0) < Real(0);
-    const Real own_floor = rounding_floor_of<kLaw>(x, y, a, is_boxed);
-    const Real own_square = natural_map_square<kLaw>(shape, x, y, a, lo, hi);
+    add(natural_map_square<kLaw>(shape, x, y, a, lo, hi), rounding_floor_of<kLaw>(x, y, a, is_boxed));
+  }
+  /// Adds that of a cone of semidefinite.
+  template <int M>
+  STICTION_HD void add_semidefinite(const Real (&x)[M], const Real (&y)[M], Real a) {
+    add(semidefinite_map_square(x, y, a), rounding_floor_of<Law::convex>(x, y, a, Real(0) < Real(0)));
+  }
+
+ private:
+  STICTION_HD void add(Real own_square, Real own_floor) {
     square = max_(own_square, square);
     square = select(own_floor == Real(kHiddenBySquares), max_(Real(0x1p-1064), square), square);
     rounding_floor = max_(own_floor, rounding_floor);
@@ -163,8 +171,9 @@ STICTION_HD double reported_residual(const FinalResidual& evaluated, double allo
 }
 
 /// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
-/// batch's own numbers (docs/math/residual.md). Writes env.w.
-template <Team TeamT, class Real, class Rows>
+/// batch's own numbers (docs/math/residual.md). Writes env.w. kMatrices: there may be cones of semidefinite; without it
+/// they count as friction cones, which no method that is given one reports.
+template <bool kMatrices = false, Team TeamT, class Real, class Rows>
 STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
   LargestResidual<double> largest;
   for_each(team, env.cone_count, [&](Index cone) {
@@ -187,6 +196,12 @@ STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>
         y[k] = mu * motion;
       }
       const double a = residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
+      if constexpr (kMatrices && kMayBeMatrix<decltype(shape)>) {
+        if (kind == ConeKind::semidefinite) {
+          largest.add_semidefinite(x, y, a);
+          return;
+        }
+      }
       const double lo = kind == ConeKind::box            ? static_cast<double>(env.lo[first])
                         : kind == ConeKind::box_friction ? -1.0
                                                          : 0.0;

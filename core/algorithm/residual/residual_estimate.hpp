@@ -1,28 +1,15 @@
 #pragma once
 
+#include "core/algorithm/sweep/semidefinite_projection.hpp"
 #include "core/algorithm/sweep/sweep.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
-/// Square of the norm of the natural map of one cone, a x - P(a x - y). Under the Coulomb law y has de Saxce's term
-/// (docs/math/residual.md). A friction cone with lo < 0 has boxed friction: its tangential rows are bounded by the
-/// normal reaction that x has. The cones are cones, so the weight a goes inside the projection and no division is
-/// needed. Anything that is not a finite number counts as infinite: a projection would hide it. A correctly rounded
-/// root is monotone, so the largest norm is the root of the largest square, bit for bit.
-template <Law kLaw, class Shape, class Real, int M>
-STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
-  Real ax[M];
-  Real z[M];
-  for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
-  proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
-  if constexpr (Shape::kKind == ConeKind::friction) {
-    if (const auto is_boxed = lo < Real(0); any(is_boxed)) {
-      const Real normal = project_half_line(ax[0] - y[0]);
-      const Real radius = project_half_line(ax[0]);
-      z[0] = select(is_boxed, normal, z[0]);
-      for (int k = 1; k < M; ++k) z[k] = select(is_boxed, clamp_(ax[k] - y[k], Real(0) - radius, radius), z[k]);
-    }
-  }
+/// Square of the norm of ax - z, of a cone's rows that are ax and its projection z. Anything in ax or y that is not a
+/// finite number counts as infinite: a projection would hide it. A correctly rounded root is monotone, so the largest
+/// norm is the root of the largest square, bit for bit.
+template <class Real, int M>
+STICTION_HD Real square_of_map(const Real (&ax)[M], const Real (&z)[M], const Real (&y)[M]) {
   Real sum(0);
   Real largest(0);
   for (int k = 0; k < M; ++k) {
@@ -37,6 +24,50 @@ STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real 
   Real input(0);
   for (int k = 0; k < M; ++k) input = input + (ax[k] + y[k]);
   return select(and_(finite_(sum), finite_(input)), sum, Real(__builtin_huge_valf()));
+}
+
+/// Square of the norm of the natural map of one cone, a x - P(a x - y). Under the Coulomb law y has de Saxce's term
+/// (docs/math/residual.md). A friction cone with lo < 0 has boxed friction: its tangential rows are bounded by the
+/// normal reaction that x has. The cones are cones, so the weight a goes inside the projection and no division is
+/// needed.
+template <Law kLaw, class Shape, class Real, int M>
+STICTION_HD Real natural_map_square(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+  Real ax[M];
+  Real z[M];
+  for (int k = 0; k < M; ++k) ax[k] = z[k] = a * x[k];
+  proximal_point<kLaw>(shape, z, y, Real(1), a * lo, a * hi);
+  if constexpr (Shape::kKind == ConeKind::friction) {
+    if (const auto is_boxed = lo < Real(0); any(is_boxed)) {
+      const Real normal = project_half_line(ax[0] - y[0]);
+      const Real radius = project_half_line(ax[0]);
+      z[0] = select(is_boxed, normal, z[0]);
+      for (int k = 1; k < M; ++k) z[k] = select(is_boxed, clamp_(ax[k] - y[k], Real(0) - radius, radius), z[k]);
+    }
+  }
+  return square_of_map(ax, z, y);
+}
+
+/// natural_map_square() of a cone of semidefinite.
+template <class Real, int M>
+STICTION_HD Real semidefinite_map_square(const Real (&x)[M], const Real (&y)[M], Real a) {
+  Real ax[M];
+  Real z[M];
+  for (int k = 0; k < M; ++k) {
+    ax[k] = a * x[k];
+    z[k] = ax[k] - y[k];
+  }
+  project_semidefinite(z);
+  return square_of_map(ax, z, y);
+}
+
+/// natural_map_square() of a cone of a system that `Method` iterates on.
+template <class Method, Law kLaw, class Shape, class System, class Real, int M>
+STICTION_HD Real cone_map_square(Shape shape, const System& s, Index cone, const Real (&x)[M], const Real (&y)[M],
+                                 Real lo, Real hi) {
+  if constexpr (kTakesSemidefinite<Method> && kMayBeMatrix<Shape> && kMayHaveSemidefinite<System>) {
+    if (is_semidefinite(shape, s, cone)) return semidefinite_map_square(x, y, s.residual_weight[cone]);
+  }
+  return natural_map_square<kLaw>(shape, x, y, s.residual_weight[cone], lo, hi);
 }
 
 /// The weight a of a cone in the natural map. Where the mean diagonal is not positive there is no exchange rate between
@@ -65,7 +96,7 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
     const bool is_bounded = decltype(shape)::kKind == ConeKind::box || (kRows > 1 && is_boxed);
     const Real lo = is_bounded ? s.lo[cone] : Real(0);
     const Real hi = is_bounded ? s.hi[cone] : Real(0);
-    largest = max_(natural_map_square<kLaw>(shape, x, y, s.residual_weight[cone], lo, hi), largest);
+    largest = max_(cone_map_square<Method, kLaw>(shape, s, cone, x, y, lo, hi), largest);
   });
   const Real residual = div_(sqrt_(team.max(largest)), s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);

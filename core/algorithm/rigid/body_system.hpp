@@ -35,12 +35,15 @@ enum ContactField : Index {
   kFieldMu = 9,
   kFieldBias = 10,     ///< target velocity of the normal row, negative
   kFieldWeight = 11,   ///< mean diagonal of the block and R, before mu: the residual's a
-  kFieldInverse = 12,  ///< 1 / normal diagonal, 1 / bound of the tangential block
-  kFieldBlock = 14,    ///< coulomb: n1, n2; convex: damping and share of BlockMetric, then nn, n1, n2, t11, t12, t22
+  kFieldInverse = 12,  ///< 1 / normal diagonal, 1 / bound of the tangential block; boxed: of t1
+  kFieldBlock = 14,    ///< coulomb: n1, n2; convex: damping and share of BlockMetric, then nn, n1, n2, t11, t12, t22;
+                       ///< boxed: n1, n2, t12, 1 / bound of t2
 };
 
 template <Law kLaw>
-inline constexpr Index kContactFields = kFieldBlock + (kLaw == Law::coulomb ? 2 : 8);
+inline constexpr Index kContactFields = kFieldBlock + (kLaw == Law::coulomb   ? 2
+                                                       : kLaw == kBoxFriction ? 4
+                                                                              : 8);
 
 /// The twist whose six numbers begin an array, of one precision, in another.
 template <class T, class Array>

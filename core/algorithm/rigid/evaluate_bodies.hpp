@@ -60,7 +60,7 @@ STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twi
     y[k] = k == 0 ? motion[k] : mu * motion[k];
   }
   const T weight = div_(block.nn + block.t11 + block.t22 + T(3) * r, T(3));
-  evaluated.template add<kLaw>(ContactShape{}, reaction, y, weight, T(0), T(0));
+  evaluated.template add<kLaw>(ContactShape{}, reaction, y, weight, T(kLowerBound<Scalar<T>, kLaw>), T(0));
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.

@@ -88,6 +88,16 @@ struct OneBlock {
   [[nodiscard]] STICTION_HD Real block_entry(Index, Index i, Index j) const { return block[i][j]; }
 };
 
+/// 1 / diagonal of a tangential row of boxed friction, at most 2^60 of `inv_t`. A row that couples to nothing still
+/// needs a finite step, as in box_friction_step().
+template <class Real>
+STICTION_HD Real axis_gain(Real diagonal, Real inv_t) {
+  const Real far = inv_t * Real(0x1p60F);
+  const Real most = select(finite_(far), far, inv_t);
+  const Real inverse = div_(Real(1), diagonal);
+  return select(and_(diagonal > Real(0), inverse < most), inverse, most);
+}
+
 /// The constants of a contact's local problem, and whether it can be solved.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block) {
@@ -110,6 +120,12 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   if constexpr (kLaw == Law::coulomb) {
     s.field.at(kFieldBlock, p) = one.block[1][0];
     s.field.at(kFieldBlock + 1, p) = one.block[2][0];
+  } else if constexpr (kLaw == kBoxFriction) {
+    s.field.at(kFieldInverse + 1, p) = axis_gain(one.block[1][1], inv_t);
+    s.field.at(kFieldBlock, p) = one.block[1][0];
+    s.field.at(kFieldBlock + 1, p) = one.block[2][0];
+    s.field.at(kFieldBlock + 2, p) = one.block[2][1];
+    s.field.at(kFieldBlock + 3, p) = axis_gain(one.block[2][2], inv_t);
   } else {
     const BlockMetric<Real> metric = block_metric<3>(one, 0, inv_n, inv_t);
     s.field.at(kFieldBlock, p) = metric.damping;
@@ -132,7 +148,12 @@ STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const S
   Real z[3];
   z[0] = s.x.at(0, p) * share;
   for (int k = 1; k < 3; ++k) z[k] = unit_reaction(s.x.at(k, p) * share, mu);
-  project_second_order_cone<3>(z);
+  if constexpr (kLaw == kBoxFriction) {
+    z[0] = project_half_line(z[0]);
+    project_box<3>(z, z[0]);
+  } else {
+    project_second_order_cone<3>(z);
+  }
   for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, canonical_zero(z[k]), s.x.at(k, p));
 }
 

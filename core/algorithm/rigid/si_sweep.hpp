@@ -33,6 +33,10 @@ struct LocalProblem {
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
+/// A contact's `lo`, as a residual takes that of a cone: -1 says that friction is boxed.
+template <class Real, Law kLaw>
+inline constexpr Real kLowerBound = Real(kLaw == kBoxFriction ? -1 : 0);
+
 /// A contact while it is visited: its sides, its geometry, and the twists that its bodies had when the visit began.
 /// This is one of a single system, and keeps all it has read; those of a pack have the same functions (pack_sweep.hpp).
 template <class Real>
@@ -101,13 +105,34 @@ STICTION_HD void push(const System& s, const Side& side, const Vector3<Real>& ar
     s.move_side(side, where, twist, pushed(twist, s.inverse_mass(slot_of(side)), impulse, cross(arm, impulse)));
 }
 
+/// The step of a contact with boxed friction, row by row (docs/math/box_friction.md, (4)), by what load_block() keeps.
+template <class System, class Real>
+STICTION_HD ConeStep<Real, 3> boxed_contact_step(const System& s, Index p, const Real (&y)[3], Real omega) {
+  const Real x_n = s.x.at(0, p);
+  const Real fresh = project_half_line(fma_(Real(0) - omega * s.field.at(kFieldInverse, p), y[0], x_n));
+  const auto clamped = [&](Index k, Real gain, Real motion) {
+    const Real x = s.x.at(k, p);
+    return clamp_(fma_(Real(0) - omega * gain, motion, x), Real(0) - fresh, fresh) - x;
+  };
+  ConeStep<Real, 3> step;
+  step.d[0] = fresh - x_n;
+  step.d[1] = clamped(1, s.field.at(kFieldInverse + 1, p), fma_(s.field.at(kFieldBlock, p), step.d[0], y[1]));
+  const Real pushed_by_n = fma_(s.field.at(kFieldBlock + 1, p), step.d[0], y[2]);
+  step.d[2] = clamped(2, s.field.at(kFieldBlock + 3, p), fma_(s.field.at(kFieldBlock + 2, p), step.d[1], pushed_by_n));
+  return step;
+}
+
 /// The step of a contact.
 template <class System, class Visit>
 STICTION_HD auto step_of(const System& s, const Visit& visit, Index p, typename System::Real omega) {
   const LocalProblem<System> local{s, p};
   typename System::Real y[3];
   motion_of(s, visit, s.field.at(kFieldBias, p), local.x, y);
-  return local_step<System::kLaw>(ContactShape{}, local, 0, 0, y, omega);
+  if constexpr (System::kLaw == kBoxFriction) {
+    return boxed_contact_step(s, p, y, omega);
+  } else {
+    return local_step<System::kLaw>(ContactShape{}, local, 0, 0, y, omega);
+  }
 }
 
 /// Takes it: moves x, and pushes the change into the twists of both bodies. Returns its size in units of w.
@@ -217,8 +242,9 @@ STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const Sy
     const Real x[3] = {s.x.at(0, p), s.x.at(1, p), s.x.at(2, p)};
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
-    largest = max_(
-        natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), Real(0), Real(0)), largest);
+    const Real lo(kLowerBound<Scalar<Real>, System::kLaw>);
+    largest =
+        max_(natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), lo, Real(0)), largest);
   });
   return sqrt_(team.max(largest));
 }

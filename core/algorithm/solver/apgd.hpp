@@ -18,6 +18,7 @@ struct Apgd {
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = true;
+  static constexpr bool kProjectsMatrices = true;
   static constexpr int kTrials = 12;
   static constexpr float kGrow = 1.7F;
   static constexpr float kDecay = 0.97F;
@@ -75,7 +76,7 @@ struct Apgd {
           z[k] = point[row + k];
           y[k] = gradient[row + k];
         }
-        proximal_point<kLaw>(shape, z, y, s.inv_cone[cone] * inverse, s.lo[cone], s.hi[cone]);
+        cone_proximal_point<kLaw>(shape, s, cone, z, y, s.inv_cone[cone] * inverse, s.lo[cone], s.hi[cone]);
         for (int k = 0; k < kRows; ++k) {
           s.x[row + k] = z[k];
           d[row + k] = z[k] - point[row + k];
@@ -98,12 +99,12 @@ struct Apgd {
     }
 
     // Restart when the step from the last iterate goes uphill along the gradient at z.
-    const Real slope = s.sum_over_cones(team, [&](auto shape, Index, Index row) {
+    const Real slope = s.sum_over_cones(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       Real g[kRows];
       for (int k = 0; k < kRows; ++k) g[k] = gradient[row + k];
       if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb)
-        g[0] = g[0] + tangential_norm<kRows>(g);
+        if (!is_semidefinite(shape, s, cone)) g[0] = g[0] + tangential_norm<kRows>(g);
       Real sum(0);
       for (int k = 0; k < kRows; ++k) sum = fma_(g[k], s.x[row + k] - x_before[row + k], sum);
       return sum;

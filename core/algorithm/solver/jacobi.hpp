@@ -17,6 +17,7 @@ struct Jacobi {
   static constexpr bool kKeepsMotion = true;
   static constexpr int kBoundIterations = 8;
   static constexpr bool kTakesBoxFriction = true;
+  static constexpr bool kProjectsMatrices = true;
 
   /// Overwrites inv_cone by the safe step length of each cone. Starts from z = 1 / sqrt(diagonal), so that cones of
   /// different mass get different steps.
@@ -65,7 +66,7 @@ struct Jacobi {
         z[k] = s.x[row + k];
         y[k] = s.y[row + k];
       }
-      proximal_point<kLaw>(shape, z, y, s.inv_cone[cone], s.lo[cone], s.hi[cone]);
+      cone_proximal_point<kLaw>(shape, s, cone, z, y, s.inv_cone[cone], s.lo[cone], s.hi[cone]);
       box_proximal_point(s, cone, row, z, y, s.inv_cone[cone]);
       for (int k = 0; k < kRows; ++k) s.x[row + k] = z[k];
     });

@@ -10,8 +10,9 @@ template <int N>
 inline constexpr int kJacobiPasses = N < 3 ? 1 : 6;
 
 /// S = V diag(e) V' of a symmetric S by cyclic Jacobi rotations (Golub and Van Loan 2013, section 8.5), in a fixed
-/// number of passes. V is orthogonal up to rounding whatever S is; S is used up.
-template <int N, class Real>
+/// number of passes. V is orthogonal up to rounding whatever S is; S is used up. kGraded: entries may be so small
+/// beside others that their squares vanish.
+template <int N, bool kGraded = false, class Real>
 STICTION_HD void symmetric_eigen(Real (&S)[N][N], Real (&V)[N][N], Real (&e)[N]) {
   for (int i = 0; i < N; ++i)
     for (int j = 0; j < N; ++j) V[i][j] = Real(i == j ? 1 : 0);
@@ -22,7 +23,9 @@ STICTION_HD void symmetric_eigen(Real (&S)[N][N], Real (&V)[N][N], Real (&e)[N])
         const Real off = Real(2) * S[p][q];
         const Real gap = S[q][q] - S[p][p];
         const Real reach = abs_(gap) + sqrt_(fma_(gap, gap, off * off));
-        const Real ratio = select(reach > Real(0), div_(off, reach), Real(0));
+        Real ratio = select(reach > Real(0), div_(off, reach), Real(0));
+        // Of such numbers `reach` may be next to nothing. To turn by 45 degrees then errs by no more than `off`.
+        if constexpr (kGraded) ratio = clamp_(ratio, Real(-1), Real(1));
         const Real t = select(gap < Real(0), Real(0) - ratio, ratio);
         const Real c = div_(Real(1), sqrt_(fma_(t, t, Real(1))));
         const Real s = t * c;

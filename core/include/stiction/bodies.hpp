@@ -150,7 +150,9 @@ struct TimeStepping {
 /// How bodies are solved: by sequential impulses, projected Gauss-Seidel on velocities without a matrix
 /// (docs/math/si.md), or by an inexact Newton method on velocities (docs/math/body_newton.md).
 struct BodySolverOptions {
-  Law law = Law::coulomb;                    ///< of friction
+  Law law = Law::coulomb;     ///< of friction
+  bool box_friction = false;  ///< friction is boxed (docs/math/box_friction.md): each tangent of
+                              ///< contact_tangents() has bounds of its own, and `law` is not read. Impulses alone
   BodyMethod method = BodyMethod::impulses;  ///< how
   BodySpaceOptions space;                    ///< read by Newton's method alone
   Index iterations = 50;                     ///< sweeps, or Newton steps, of each sub-step, at most, >= 0

@@ -17,9 +17,10 @@ namespace stiction {
 /// What was noticed about the derivative of one environment; any number of bits at once. The first five come with
 /// zeros in place of numbers.
 enum GradientFlag : std::uint32_t {
-  kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve; or it
-                                      ///< has a cone of box_friction, of which no derivatives are taken
-  kGradientUnconverged = 1U << 1,     ///< the answer is not one: its code is not `solved`, or its residual is too large
+  kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve. Or it
+                                      ///< has a cone of box_friction or semidefinite, of which no derivatives are taken
+  kGradientUnconverged = 1U << 1,     ///< the answer is not one: its code is not `solved`, or its residual is too
+                                      ///< large; or the relaxed problem of DerivativeOptions::kappa was not solved
   kGradientNonFinite = 1U << 2,       ///< a reaction or a cotangent or tangent is not finite, or a result is too large
   kGradientSingular = 1U << 3,        ///< reactions are not determined: contacts are redundant and R does not tell how
   kGradientOverCapacity = 1U << 4,    ///< more unknowns than DerivativeOptions::max_unknowns, or than there is room for
@@ -55,6 +56,9 @@ struct DerivativeOptions {
   double tie_tolerance = 1e-6;   ///< a cone this close to another mode, over max|b|, is degenerate [-]
   Index max_unknowns = 1024;     ///< of an environment; each thread keeps a square of doubles of the largest
   int threads = 0;               ///< CPU threads; 0: all cores
+  double kappa = 0.0;            ///< above 0: of the problem in which reaction times motion is kappa and not 0. Open
+                                 ///< contacts then pass some on. On the CPU alone (docs/math/derivative.md, "Relaxed")
+                                 ///< [lambda w]
 };
 
 /// Reactions at which a batch is differentiated, as a solve returned them; same memory space as the batch.
@@ -69,6 +73,16 @@ template <class Real>
 struct SolutionCotangentView {
   const Real* lambda = nullptr;  ///< by the reactions                                 (count * row_count)
   const Real* w = nullptr;       ///< by the residual motion w                         (count * row_count)
+};
+
+/// Sweeps of solver `pgs` that are differentiated as they run, and what comes of them beside the batch's cotangents.
+template <class Real>
+struct SweepsView {
+  const Real* warm_start = nullptr;  ///< where they begin, or null: at zero             (row_count)
+  Index count = 1;                   ///< sweeps
+  double omega = 1.0;                ///< SolverOptions::omega
+  Real* lambda = nullptr;            ///< out: the answer of so many sweeps              (row_count)
+  Real* by_warm_start = nullptr;     ///< out, set after set: by the warm start          (count of sets * row_count)
 };
 
 /// Where derivatives of losses by a batch's numbers go, set after set. Null: not wanted. Entries of A are independent:
@@ -162,7 +176,7 @@ class Derivative {
   /// factors and for J and M. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is
   /// needed.
   /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
-  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory). Error(unsupported) for kappa > 0 on one.
   explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
                       const Capacity& capacity = {});
   ~Derivative();
@@ -202,6 +216,19 @@ class Derivative {
   void jvp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
            const JacobianBatchTangentView<Real>& tangents, const JacobianSolutionTangentView<Real>& changes,
            GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
+
+  /// Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to their warm start. It is
+  /// the derivative of the iterations, not of the solution that they come near. The solve is one with tolerance 0,
+  /// stall_window 0 and `max_iterations` = sweeps.count. Sweeps are run again in double, in the solver's own order, and
+  /// kept. That takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the
+  /// record `forward_residual` is that of the answer, and `unconverged` is never set. On the CPU
+  /// (docs/math/derivative.md, "Unrolled").
+  /// \throws as vjp(); Error(invalid_argument) for sweeps.count < 0 or omega outside (0, 2); Error(unsupported) of a
+  /// derivative on a device.
+  template <class Real>
+  void unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsView<Real>& sweeps,
+                    const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
+                    GradientStatus* status, Offset count = 1) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;

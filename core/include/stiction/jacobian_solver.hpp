@@ -12,13 +12,14 @@ namespace stiction {
 
 /// Room that a JacobianSolver on a GPU has, taken when it is made. On the CPU room is made as it is needed.
 struct JacobianCapacity {
-  Offset envs = 0;     ///< environments of a batch
-  Offset rows = 0;     ///< rows of a batch, room between environments included
-  Offset cones = 0;    ///< cones of a batch, room between environments included
-  Index env_rows = 0;  ///< rows of the largest environment
-  Index env_dofs = 0;  ///< degrees of freedom of the largest
-  Offset matrix = 0;   ///< entries of all A together: n^2 of each environment that keeps its matrix
-  Offset factor = 0;   ///< entries of all Y together: n dofs of each that is kept as a factor
+  Offset envs = 0;            ///< environments of a batch
+  Offset rows = 0;            ///< rows of a batch, room between environments included
+  Offset cones = 0;           ///< cones of a batch, room between environments included
+  Index env_rows = 0;         ///< rows of the largest environment
+  Index env_dofs = 0;         ///< degrees of freedom of the largest
+  Offset matrix = 0;          ///< entries of all A together: n^2 of each environment that keeps its matrix
+  Offset factor = 0;          ///< entries of all Y together: n dofs of each that is kept as a factor
+  bool semidefinite = false;  ///< whether cones of semidefinite will come
 
   /// What a host batch needs. \throws Error(invalid_argument) if its structure is broken.
   template <class Real>

@@ -122,6 +122,7 @@ struct Capacity {
   Offset env_nonzeros = 0;               ///< stored entries of the environment with the most
   Index env_dofs = 0;                    ///< columns of the widest factor (docs/jacobian.md)
   Precision precision = Precision::f32;  ///< the widest that batches will have
+  bool semidefinite = false;             ///< whether cones of semidefinite will come (docs/math/semidefinite.md)
 
   /// What a host batch needs.
   template <class Real>

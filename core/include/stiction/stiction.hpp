@@ -21,6 +21,7 @@
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"
 #include "stiction/stepping.hpp"
+#include "stiction/thread_meter.hpp"
 #include "stiction/trace.hpp"
 #include "stiction/types.hpp"
 #include "stiction/warm_start.hpp"

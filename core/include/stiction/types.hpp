@@ -24,6 +24,9 @@ enum class ConeKind : std::uint8_t {
   /// inside,
   /// <= 0 at the upper bound, >= 0 at the lower. Boxed friction, as Bullet, DART, ODE and PhysX have it
   box_friction = 4,
+  /// 3 or 6 rows: a symmetric matrix of order 2 or 3, its upper triangle column by column, off-diagonals times sqrt(2).
+  /// lambda and w are positive semidefinite and lambda . w = 0 (docs/math/semidefinite.md)
+  semidefinite = 5,
 };
 
 /// Whether a cone has a normal row and then rows with mu: friction or box_friction.
@@ -33,6 +36,13 @@ STICTION_HD constexpr bool carries_friction(ConeKind kind) {
 
 /// The largest number of rows of a friction cone: normal, two tangential, torsional, two rolling.
 inline constexpr Index kMaxConeRows = 6;
+
+/// Whether a cone of that kind can have so many rows.
+STICTION_HD constexpr bool is_cone(ConeKind kind, Offset rows) {
+  if (carries_friction(kind)) return rows >= 2 && rows <= kMaxConeRows;
+  if (kind == ConeKind::semidefinite) return rows == 3 || rows == 6;
+  return kind < ConeKind::friction && rows == 1;
+}
 
 /// Law of the friction cones. Cones of box_friction have their own, whichever this is.
 enum class Law : std::uint8_t {

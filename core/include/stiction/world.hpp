@@ -107,8 +107,9 @@ struct WorldSeconds {
 /// environment's bits depend on description, options and its own state alone: not on its neighbours, the threads, or
 /// the device.
 ///
-/// A world is in the memory of its device, and what is read is copied from there. One thread at a time may use it. All
-/// shapes are tested against all others: tens of bodies an environment, and at most 2048 shapes.
+/// A world is in the memory of its device, and what is read is copied from there. One thread at a time may use it. An
+/// environment may have any number of bodies and shapes. Beyond 128 shapes a tree of boxes finds those near each other.
+/// Contacts, their order and their ids are those of testing all pairs.
 template <class Real>
 class World {
  public:

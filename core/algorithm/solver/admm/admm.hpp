@@ -19,6 +19,7 @@ struct Admm {
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
+  static constexpr bool kProjectsMatrices = true;
 
   static constexpr double kRelaxation = 1.6;
   static constexpr double kGrowth = 2.0;      ///< of the plain step's length beyond which a guess is taken back
@@ -74,7 +75,7 @@ struct Admm {
       double y[kRows];
       for (int k = 0; k < kRows; ++k) y[k] = static_cast<double>(s.y[row + k]) * a.scale[row + k];
       if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
-        y[0] = y[0] + tangential_norm<kRows>(y);
+        if (!is_semidefinite(shape, s, cone)) y[0] = y[0] + tangential_norm<kRows>(y);
       for (int k = 0; k < kRows; ++k) {
         a.g[row + k] = div_(static_cast<double>(s.x[row + k]), a.scale[row + k]);
         if constexpr (decltype(shape)::kKind != ConeKind::free) a.g[row + k] = a.g[row + k] - div_(y[k], rho);
@@ -95,7 +96,7 @@ struct Admm {
     const Index age = static_cast<Index>(s.scalar[kAge]);
     const bool is_skew = s.scalar[kSkewness] > Real(0);
     if (is_skew && age % kChunk == 0) find_skew(team, s, a, rho);
-    s.for_each_cone(team, [&](auto shape, Index, Index row) {
+    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double u[kRows];
       for (int k = 0; k < kRows; ++k) {
@@ -106,7 +107,7 @@ struct Admm {
         a.v[row + k] = fma_(own, a.z[row + k] - u[k], 0.0 - load);
       }
       if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
-        a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
+        if (!is_semidefinite(shape, s, cone)) a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
     });
     solve_penalized(team, s, a, rho);
     double apart = 0.0;
@@ -166,7 +167,7 @@ struct Admm {
       lo = div_(static_cast<double>(s.lo[cone]), a.scale[row]);
       hi = div_(static_cast<double>(s.hi[cone]), a.scale[row]);
     }
-    proximal_point<Law::convex>(shape, z, still, 0.0, lo, hi);
+    cone_proximal_point<Law::convex>(shape, s, cone, z, still, 0.0, lo, hi);
     for (int k = 0; k < kRows; ++k) {
       a.z[row + k] = z[k];
       Real x = static_cast<Real>(z[k] * a.scale[row + k]);

@@ -1,0 +1,209 @@
+#pragma once
+
+#include "core/algorithm/unrolled/sweep_tape.hpp"
+
+/// Sweeps in reverse: cotangents of what they return pulled back to the batch and to where they began
+/// (docs/math/derivative.md, (28) to (31)).
+namespace stiction::inline STICTION_ISA {
+
+/// One visit in reverse: `x` holds the iterate after it, and then that before it.
+template <Law kLaw, class Real, class Shape>
+STICTION_HD void pull_visit(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
+                            Index cone, Index first) {
+  constexpr int kRows = Shape::kRows;
+  const double* const before = s.before + static_cast<Offset>(sweep) * s.n + first;
+  const double* const motion = s.motion + static_cast<Offset>(sweep) * s.n + first;
+  const auto lone = lone_cone(shape, env, s, cone, first, before);
+  double y[kRows], bar[kRows];
+  for (int r = 0; r < kRows; ++r) {
+    y[r] = motion[r];
+    bar[r] = s.x_bar[first + r];
+    s.x[first + r] = before[r];
+  }
+  LoneConeBar<kRows> to;
+  pull_local_step<kLaw>(shape, lone, y, omega, bar, to);
+  for (int r = 0; r < kRows; ++r) s.x_bar[first + r] = to.x[r];
+  for (int r = 0; r < kRows; ++r) {
+    s.b_bar[first + r] = s.b_bar[first + r] + to.y[r];
+    for (int j = 0; j < kRows; ++j) {
+      double& entry = s.entry(s.A_bar, first + r, first + j);
+      entry = entry + to.B[r][j];
+    }
+    if (to.y[r] == 0.0) continue;
+    for (Index j = 0; j < s.n; ++j) {
+      s.entry(s.A_bar, first + r, j) = fma_(to.y[r], s.x[j], s.entry(s.A_bar, first + r, j));
+      s.x_bar[j] = fma_(s.entry(s.A, first + r, j), to.y[r], s.x_bar[j]);
+    }
+  }
+  double* const measured = s.measured + 4 * cone;
+  measured[0] = measured[0] + to.inv_n;
+  measured[1] = measured[1] + to.inv_t;
+  measured[2] = measured[2] + to.damping;
+  measured[3] = measured[3] + to.share;
+  s.lo_bar[first] = s.lo_bar[first] + to.lo;
+  s.hi_bar[first] = s.hi_bar[first] + to.hi;
+}
+
+/// What step lengths say of A, and the guess's way into its cone, in reverse.
+template <class Real>
+STICTION_HD void pull_start(const EnvView<Real>& env, const SweepTape& s) {
+  for_each_shape(env, [&](auto shape, Index cone, Index first) {
+    constexpr int kRows = decltype(shape)::kRows;
+    const auto lone = lone_cone(shape, env, s, cone, first, s.guess + first);
+    const double* const measured = s.measured + 4 * cone;
+    LoneConeBar<kRows> to;
+    to.inv_n = measured[0];
+    to.inv_t = measured[1];
+    to.damping = measured[2];
+    to.share = measured[3];
+    pull_measures(lone, to);
+    for (int i = 0; i < kRows; ++i)
+      for (int j = 0; j < kRows; ++j) {
+        double& entry = s.entry(s.A_bar, first + i, first + j);
+        entry = entry + to.B[i][j];
+      }
+    double z[kRows], bar[kRows], share = 0.0;
+    for (int k = 0; k < kRows; ++k) {
+      z[k] = s.guess[first + k];
+      bar[k] = s.x_bar[first + k];
+    }
+    if constexpr (kRows > 1) {
+      pull_cone_projection<kRows>(z, 0.5, bar, share);
+    } else if (shape.kKind == ConeKind::unilateral) {
+      if (!(z[0] > 0.0)) bar[0] = 0.0;
+    } else if (shape.kKind == ConeKind::box) {
+      double& of_bound = z[0] < lone.lo[0] ? s.lo_bar[first] : s.hi_bar[first];
+      if (z[0] < lone.lo[0] || z[0] > lone.hi[0]) {
+        of_bound = of_bound + bar[0];
+        bar[0] = 0.0;
+      }
+    }
+    for (int k = 0; k < kRows; ++k) s.x_bar[first + k] = bar[k];
+  });
+}
+
+/// All of the sweeps up to `chosen` in reverse, of one set of cotangents. Whether everything is finite.
+template <Law kLaw, class Real>
+STICTION_HD bool pull_sweeps(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s, Index chosen,
+                             Offset set) {
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  for (Index i = 0; i < s.n; ++i) s.seed[i] = given(job.cotangents.lambda, rows + i);
+  for (Index i = 0; i < s.n && job.cotangents.w != nullptr; ++i) {
+    const double w_bar = given(job.cotangents.w, rows + i);
+    s.seed[i] = fma_(static_cast<double>(env.R[i]), w_bar, s.seed[i]);
+    for_each_of_row(env, i, [&](Index j, double value) { s.seed[j] = fma_(value, w_bar, s.seed[j]); });
+  }
+  for (Offset k = 0; k < static_cast<Offset>(s.n) * s.n; ++k) s.A_bar[k] = 0.0;
+  for (Index k = 0; k < 4 * env.cone_count; ++k) s.measured[k] = 0.0;
+  for (Index p = 0; p < s.n; ++p) {
+    s.b_bar[p] = s.lo_bar[p] = s.hi_bar[p] = 0.0;
+    s.x[p] = s.best[p];
+    s.x_bar[p] = s.scale[p] * s.seed[s.row[p]];
+  }
+  for (Index sweep = chosen; sweep-- > 0;)
+    for (Index p = env.cone_count; p-- > 0;) {
+      const Index cone = env.factor == nullptr ? env.cone_order[p] : p;
+      with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+        pull_visit<kLaw>(shape, env, job.sweeps.omega, s, sweep, cone, env.cone_row(cone));
+      });
+    }
+  pull_start(env, s);
+  bool is_finite = true;
+  for (Index p = 0; p < s.n; ++p) is_finite = is_finite && finite_(s.x_bar[p]) && finite_(s.b_bar[p]);
+  for (Offset k = 0; k < static_cast<Offset>(s.n) * s.n; ++k) is_finite = is_finite && finite_(s.A_bar[k]);
+  return is_finite;
+}
+
+/// What the loss says of the friction of position p: by S in A, in b, in lambda = S x and in the guess.
+STICTION_HD double by_scale(const SweepTape& s, Index p) {
+  const double scale = s.scale[p];
+  if (!(scale > 0.0)) return 0.0;
+  double sum = 0.0;
+  for (Index q = 0; q < s.n; ++q) {
+    sum = fma_(s.entry(s.A_bar, p, q), s.entry(s.A, p, q), sum);
+    sum = fma_(s.entry(s.A_bar, q, p), s.entry(s.A, q, p), sum);
+  }
+  sum = fma_(s.b_bar[p], s.b[p], sum);
+  sum = fma_(0.0 - s.x_bar[p], s.guess[p], sum);
+  return fma_(s.best[p], s.seed[s.row[p]], div_(sum, scale));
+}
+
+/// Cotangents of one set in the batch's numbers; zeros where `refused`, and then no scratch is read.
+template <class Real>
+STICTION_HD void write_unrolled(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s, Offset set,
+                                bool refused) {
+  const BatchCotangentView<Real>& to = job.gradients;
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  const auto reaction = [&](Index i) { return s.scale[s.position[i]] * s.best[s.position[i]]; };
+  const auto by_entry = [&](Index i, Index j) {
+    const Index p = s.position[i], q = s.position[j];
+    const double swept = s.scale[p] * s.scale[q] * s.entry(s.A_bar, p, q);
+    return fma_(given(job.cotangents.w, rows + i), reaction(j), swept);
+  };
+  for (Index cone = 0; cone < env.cone_count; ++cone) {
+    const Index first = env.cone_row(cone), size = env.cone_size(cone);
+    for (Index k = 0; k < size; ++k) {
+      const Index i = env.row_of(first, size, k), p = first + k;
+      const bool has_friction = !refused && env.kind[cone] == ConeKind::friction && k > 0;
+      const bool is_box = !refused && env.kind[cone] == ConeKind::box;
+      put(to.b, rows + i, refused ? 0.0 : fma_(s.scale[p], s.b_bar[p], given(job.cotangents.w, rows + i)));
+      put(to.R, rows + i, refused ? 0.0 : by_entry(i, i));
+      put(to.mu, rows + i, has_friction ? by_scale(s, p) : 0.0);
+      put(to.lo, rows + i, is_box ? s.lo_bar[p] : 0.0);
+      put(to.hi, rows + i, is_box ? s.hi_bar[p] : 0.0);
+      put(job.sweeps.by_warm_start, rows + i, refused ? 0.0 : unit_reaction(s.x_bar[p], s.scale[p]));
+      if (set == 0) put(job.sweeps.lambda, env.first_row + i, refused ? 0.0 : reaction(i));
+    }
+  }
+  for (Index i = 0; i < env.n && to.A != nullptr && env.factor == nullptr; ++i)
+    for (Index k = 0; k < env.entries(i); ++k)
+      put(to.A, set * job.batch.nonzero_count + env.row_offsets[i] + k, refused ? 0.0 : by_entry(i, env.columns(i)[k]));
+  if (to.factor == nullptr || env.factor == nullptr) return;
+  Real* const factor = to.factor + set * job.batch.factor_count + (env.factor - job.batch.factor);
+  for (Index i = 0; i < env.n; ++i)
+    for (Index k = 0; k < env.dofs; ++k) {
+      double sum = 0.0;
+      for (Index j = 0; j < env.n && !refused; ++j)
+        sum = fma_(by_entry(i, j) + by_entry(j, i),
+                   static_cast<double>(env.factor[static_cast<Offset>(j) * env.dofs + k]), sum);
+      put(factor, static_cast<Offset>(i) * env.dofs + k, sum);
+    }
+}
+
+/// Pulls all sets of cotangents of one environment back through its sweeps and writes its record.
+template <class Real>
+STICTION_HD void unrolled_env(const UnrolledJob<Real>& job, Offset index, double* memory) {
+  EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  env.cone_order = job.cone_order + job.batch.env_cone_offsets[index];
+  GradientStatus record{0.0, 0.0, 0, 0, 0, 0};
+  SweepTape s{};
+  Index chosen = 0;
+  double square = 0.0;
+  if (env.n > most_unknowns(job, index)) {
+    record.flags |= kGradientOverCapacity;
+  } else {
+    s = lay_out_tape(job, index, memory);
+    record.flags |= load_tape(env, job, s);
+  }
+  const bool is_coulomb = job.law == Law::coulomb;
+  if (record.flags == 0) {
+    chosen = is_coulomb ? run_sweeps<Law::coulomb>(env, job, s, square) : run_sweeps<Law::convex>(env, job, s, square);
+    double scale = 0.0;
+    for (Index i = 0; i < env.n; ++i) scale = max_(abs_(static_cast<double>(env.b[i])), scale);
+    record.forward_residual = div_(sqrt_(square), max_(scale, 1e-300));
+    if (!finite_(square)) record.flags |= kGradientNonFinite;
+  }
+  const std::uint32_t before = record.flags;
+  for (Offset set = 0; set < job.count; ++set) {
+    bool refused = before != 0;
+    if (!refused) {
+      refused = !(is_coulomb ? pull_sweeps<Law::coulomb>(env, job, s, chosen, set)
+                             : pull_sweeps<Law::convex>(env, job, s, chosen, set));
+      if (refused) record.flags |= kGradientNonFinite;
+    }
+    write_unrolled(env, job, s, set, refused);
+  }
+  job.status[index] = record;
+}
+
+}  // namespace stiction::inline STICTION_ISA

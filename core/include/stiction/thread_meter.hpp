@@ -1,0 +1,56 @@
+#pragma once
+
+/// \file
+/// What the CPU's threads do in solves: work, or wait for one another (docs/threads.md).
+
+#include <vector>
+
+namespace stiction {
+
+class Tracer;
+
+/// What threads did in sections. A section is work that is shared out to threads and ends when all of it is done.
+struct ThreadUse {
+  double seconds = 0;        ///< that sections took, one after the other [s]
+  double available = 0;      ///< time that all threads of the sections had, at work or not [s]
+  std::vector<double> busy;  ///< time at work by place in a section, the caller's first [s]  (threads)
+
+  /// Share of the available time that was not work: threads waited at barriers, for a section to begin or to end. 0
+  /// without sections.
+  [[nodiscard]] double synchronisation_share() const noexcept;
+  /// Largest of the busy times over their mean; 1 is even. 1 without sections.
+  [[nodiscard]] double imbalance() const noexcept;
+
+  /// Takes in sections that were measured apart, threads by their place.
+  ThreadUse& operator+=(const ThreadUse& more);
+};
+
+/// Measures the sections of whatever its thread calls while it lives; of several, the last one made. Sections within
+/// sections are work of the outer one. Measuring takes two reads of the clock for an item and for a barrier, and
+/// reaches no bit. Without a meter nothing is read.
+class ThreadMeter {
+ public:
+  /// Begins to measure. `tracer` is given spans "wait" of what threads waited at ends of sections; null: none.
+  explicit ThreadMeter(Tracer* tracer = nullptr) noexcept;
+  /// Ends it. The thread that made the meter destroys it.
+  ~ThreadMeter();
+  ThreadMeter(const ThreadMeter&) = delete;
+  ThreadMeter& operator=(const ThreadMeter&) = delete;
+
+  /// What was measured so far.
+  [[nodiscard]] const ThreadUse& use() const noexcept { return use_; }
+
+  /// The meter of the calling thread, null without one. For those who share work out.
+  [[nodiscard]] static ThreadMeter* current() noexcept;
+  /// Takes in a section of so many seconds, and the busy times of its threads. For those who share work out.
+  void add(double seconds, std::vector<double> busy);
+  /// Where spans go, null: nowhere.
+  [[nodiscard]] Tracer* tracer() const noexcept { return tracer_; }
+
+ private:
+  Tracer* const tracer_;
+  ThreadMeter* const outer_;
+  ThreadUse use_;
+};
+
+}  // namespace stiction

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/kernels/velocity_blocks_program.hpp"
+#include "cuda/kernels/velocity_program.hpp"
+
+/// The part of a catalogue (catalogue.hpp) that Newton's method in velocities has. It is apart, as the method is long: no
+/// other kernel is compiled anew when it changes.
+namespace stiction::cuda {
+
+template <class Make, class Real>
+VelocityKernels velocity_kernels() {
+  return {Make::template kernel<SolveVelocities<Real, false>>("velocity_newton"),
+          Make::template kernel<SolveVelocities<Real, true>>("velocity_newton_in_parts"),
+          Make::template kernel<SolveVelocityBlocks<Real>>("velocity_newton_in_blocks")};
+}
+
+}  // namespace stiction::cuda

@@ -1,0 +1,12 @@
+#pragma once
+
+namespace stiction::cli {
+
+/// Whether the first argument is a command of the Python package: view or report.
+bool is_python_command(int argc, char** argv);
+
+/// Runs the package's command in place of this process, by the python3 on the path. Returns the exit status where there
+/// is no such interpreter.
+int run_python_command(char** argv);
+
+}  // namespace stiction::cli
