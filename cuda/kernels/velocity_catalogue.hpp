@@ -4,8 +4,8 @@
 #include "cuda/kernels/velocity_blocks_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 
-/// The part of a catalogue (catalogue.hpp) that Newton's method in velocities has. It is apart, as the method is long: no
-/// other kernel is compiled anew when it changes.
+/// The part of a catalogue (catalogue.hpp) that Newton's method in velocities has. It is apart, as the method is long:
+/// no other kernel is compiled anew when it changes.
 namespace stiction::cuda {
 
 template <class Make, class Real>
