@@ -30,6 +30,7 @@ void set_need(stiction_jacobian_capacity& capacity, const JacobianCapacity& need
   capacity.factor = need.factor;
   capacity.env_rows = need.env_rows;
   capacity.env_dofs = need.env_dofs;
+  capacity.semidefinite = need.semidefinite ? 1 : 0;
 }
 
 }  // namespace

@@ -100,6 +100,7 @@ JacobianCapacity to_cpp(const stiction_jacobian_capacity& capacity) {
   cpp.env_dofs = capacity.env_dofs;
   cpp.matrix = capacity.matrix;
   cpp.factor = capacity.factor;
+  cpp.semidefinite = yes_or_no("capacity.semidefinite", capacity.semidefinite);
   return cpp;
 }
 

@@ -273,16 +273,18 @@ typedef struct stiction_solution {
 
 /** Room that a solver of Jacobian batches takes when it is made. */
 typedef struct stiction_jacobian_capacity {
-  size_t size;        /**< sizeof of the struct that the caller has */
-  int64_t envs;       /**< environments of a batch */
-  int64_t rows;       /**< rows of a batch */
-  int64_t cones;      /**< cones of a batch */
-  int64_t matrix;     /**< entries of all A together */
-  int64_t factor;     /**< entries of all factors together */
-  int32_t env_rows;   /**< rows of the largest environment */
-  int32_t env_dofs;   /**< degrees of freedom of the largest */
-  int32_t precision;  /**< stiction_precision of the batches */
-  int32_t factor_use; /**< stiction_factor_use; it reaches the last bits of the answer */
+  size_t size;          /**< sizeof of the struct that the caller has */
+  int64_t envs;         /**< environments of a batch */
+  int64_t rows;         /**< rows of a batch */
+  int64_t cones;        /**< cones of a batch */
+  int64_t matrix;       /**< entries of all A together */
+  int64_t factor;       /**< entries of all factors together */
+  int32_t env_rows;     /**< rows of the largest environment */
+  int32_t env_dofs;     /**< degrees of freedom of the largest */
+  int32_t precision;    /**< stiction_precision of the batches */
+  int32_t factor_use;   /**< stiction_factor_use; it reaches the last bits of the answer */
+  int32_t semidefinite; /**< 1: cones of semidefinite will come; 0: none */
+  int32_t reserved;     /**< zero */
 } stiction_jacobian_capacity;
 
 /** Constraint Jacobian J, mass matrix M, velocities of many environments; rows and cones as in stiction_batch_view. */

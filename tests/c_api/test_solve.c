@@ -156,6 +156,50 @@ static void jacobians(void) {
   STICTION_CHECK_OK(stiction_jacobian_solver_destroy(solver));
 }
 
+/* J = M = 1, so A is the identity and lambda is the nearest semidefinite matrix to -v_free. Of the matrix with nothing
+ * but ones beside its diagonal that is half of the matrix of ones. */
+static void semidefinite_jacobians(const char* device, int32_t space) {
+  const double root = 1.41421356237309505, identity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, ones[] = {1, 1, 1};
+  const double v_free[] = {0, -root, 0}, zeros[3] = {0};
+  const int64_t rows[] = {0, 3}, cones[] = {0, 1}, entries[] = {0, 3, 6, 9};
+  const uint8_t kinds[] = {STICTION_CONE_SEMIDEFINITE};
+  stiction_jacobian_solver* solver = NULL;
+  stiction_solver_options options;
+  stiction_jacobian_capacity capacity;
+  stiction_jacobian_view batch;
+  stiction_jacobian_solution solution;
+  STICTION_CHECK_OK(stiction_jacobian_view_init(&batch, sizeof batch));
+  batch.precision = STICTION_F64;
+  batch.mass_block = 1;
+  batch.env_count = batch.cone_count = 1;
+  batch.row_count = batch.dof_count = batch.mass_count = 3;
+  batch.entry_count = 9;
+  batch.env_row_offsets = batch.env_dof_offsets = batch.env_mass_offsets = batch.cone_row_offsets = rows;
+  batch.env_cone_offsets = cones;
+  batch.cone_kind = kinds;
+  batch.row_offsets = entries;
+  batch.J = identity;
+  batch.M = ones;
+  batch.v_free = v_free;
+  batch.mu = batch.R = batch.lo = batch.hi = zeros;
+  STICTION_CHECK_OK(stiction_jacobian_solution_init(&solution, sizeof solution));
+  memset(status, 0xff, sizeof status);
+  solution.lambda = lambda, solution.w = w, solution.status = status;
+  STICTION_CHECK_OK(stiction_jacobian_capacity_init(&capacity, sizeof capacity));
+  STICTION_CHECK_OK(stiction_jacobian_capacity_of(&batch, &capacity));
+  STICTION_CHECK(capacity.semidefinite == 1);
+  STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
+  options.solver = STICTION_SOLVER_JACOBI;
+  STICTION_CHECK_OK(stiction_jacobian_solver_create(device, &options, &capacity, &solver));
+  batch.space = space;
+  STICTION_CHECK_OK(stiction_jacobian_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK_OK(stiction_jacobian_solver_synchronize(solver, NULL));
+  STICTION_CHECK(status[0].code == STICTION_ENV_SOLVED);
+  STICTION_CHECK(near_to(lambda[0], 0.5, 1e-3) && near_to(lambda[1], 0.5 * root, 1e-3) &&
+                 near_to(lambda[2], 0.5, 1e-3));
+  STICTION_CHECK_OK(stiction_jacobian_solver_destroy(solver));
+}
+
 /* A body of 2 kg that gravity pushes into the floor for 5 ms. The floor gives 2 kg * 9.81 m/s2 * 5 ms = 0.0981 N s
  * back. */
 static void bodies(void) {
@@ -241,6 +285,8 @@ int main(void) {
   isolates("emulated");
   solves_floats();
   jacobians();
+  semidefinite_jacobians("cpu", STICTION_SPACE_HOST);
+  semidefinite_jacobians("emulated", STICTION_SPACE_CUDA);
   bodies();
   steps();
   return failures != 0;

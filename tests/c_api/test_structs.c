@@ -14,7 +14,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_batch_view) == 264 && offsetof(stiction_batch_view, hi) == 256);
   STICTION_CHECK(offsetof(stiction_batch_view, env_count) == 24 && offsetof(stiction_batch_view, A) == 176);
   STICTION_CHECK(sizeof(stiction_solution) == 32);
-  STICTION_CHECK(sizeof(stiction_jacobian_capacity) == 64);
+  STICTION_CHECK(sizeof(stiction_jacobian_capacity) == 72);
   STICTION_CHECK(sizeof(stiction_jacobian_view) == 256 && offsetof(stiction_jacobian_view, J) == 192);
   STICTION_CHECK(sizeof(stiction_jacobian_solution) == 40);
   STICTION_CHECK(sizeof(stiction_time_stepping) == 48);
@@ -51,7 +51,7 @@ static void defaults(void) {
   STICTION_CHECK_OK(stiction_warm_start_options_init(&warm, sizeof warm));
   STICTION_CHECK(warm.beta == 0.95 && warm.scaling == STICTION_STEP_CAPPED);
   STICTION_CHECK_OK(stiction_jacobian_capacity_init(&capacity, sizeof capacity));
-  STICTION_CHECK(capacity.factor_use == STICTION_FACTOR_BY_SIZE && capacity.envs == 0);
+  STICTION_CHECK(capacity.factor_use == STICTION_FACTOR_BY_SIZE && capacity.envs == 0 && capacity.semidefinite == 0);
   memset(&batch, 0xff, sizeof batch);
   STICTION_CHECK_OK(stiction_batch_view_init(&batch, sizeof batch));
   STICTION_CHECK(batch.size == sizeof batch && batch.A == NULL && batch.env_count == 0 && batch.mu_count == 0);
