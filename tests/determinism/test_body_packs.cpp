@@ -98,7 +98,9 @@ void expect_packs_change_nothing(const Setting& setting) {
   EXPECT_EQ((together.status[29].flags & kFlagWarmStartRejected) != 0, setting.warm);
   EXPECT_EQ(together.status[21].residual_absolute, 0.0);
   // Boxed friction has impulses that single precision still holds, and finds them.
-  if (sizeof(Real) == sizeof(double) || !options.box_friction) EXPECT_NE(together.status[25].code, EnvCode::solved);
+  if (sizeof(Real) == sizeof(double) || !options.box_friction) {
+    EXPECT_NE(together.status[25].code, EnvCode::solved);
+  }
   for (Offset env = 0; env < view.env_count; ++env) {
     const auto one = batch_of<Real>({envs[static_cast<std::size_t>(env)]});
     const auto contact = static_cast<std::size_t>(3 * view.env_contact_offsets[env]);

@@ -19,7 +19,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Coordinates and reaches from which squares may overflow [m]. Such shapes are tested against all others.
-inline constexpr double kFar = 1e18;
+inline constexpr double kFarAway = 1e18;
 /// Beyond all boxes.
 inline constexpr double kBeyond = 1e30;
 inline constexpr double kUnderflow = 1e-15;
@@ -72,7 +72,7 @@ template <class Real>
 STICTION_HD ShapePlace place_of(const MovingShape<Real>& shape, Real margin) {
   if (shape.placed.kind == ShapeKind::plane) return ShapePlace::everywhere;
   const Vector3<Real>& c = shape.placed.centre;
-  const Real far = narrowed<Real>(kFar);
+  const Real far = narrowed<Real>(kFarAway);
   if (abs_(c.x) < far && abs_(c.y) < far && abs_(c.z) < far && reach_of(shape, margin) < far) return ShapePlace::tree;
   const bool is_somewhere = c.x == c.x && c.y == c.y && c.z == c.z && shape.travel == shape.travel;
   return is_somewhere ? ShapePlace::everywhere : ShapePlace::nowhere;
@@ -87,10 +87,10 @@ struct TreeLeaf {
 inline constexpr std::uint64_t kEverywhere = ~std::uint64_t{1};
 inline constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
 
-/// The lowest 21 bits of the cell that a coordinate, below kFar, is in, two zeros after each of them.
+/// The lowest 21 bits of the cell that a coordinate, below kFarAway, is in, two zeros after each of them.
 template <class Real>
 STICTION_HD std::uint64_t spread_cell(Real x, Real cells_per_length) {
-  const Real cell = clamp_(x * cells_per_length, -narrowed<Real>(kFar), narrowed<Real>(kFar));
+  const Real cell = clamp_(x * cells_per_length, -narrowed<Real>(kFarAway), narrowed<Real>(kFarAway));
   std::uint64_t bits = static_cast<std::uint64_t>(static_cast<std::int64_t>(cell) + (std::int64_t{1} << 20)) & 0x1fffff;
   bits = (bits | bits << 32) & 0x1f00000000ffff;
   bits = (bits | bits << 16) & 0x1f0000ff0000ff;
