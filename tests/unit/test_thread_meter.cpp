@@ -76,8 +76,9 @@ TEST_P(ThreadMeters, WorkOfAllItemsIsCounted) {
   cpu::parallel_for(GetParam(), 3, 12, [](int, int) { sleep_ms(2); });
   EXPECT_GE(sum(meter.use().busy), 0.024);
   EXPECT_LE(sum(meter.use().busy), meter.use().available);
-  EXPECT_GE(meter.use().imbalance(), 1);
-  EXPECT_LE(meter.use().imbalance(), 3);
+  // Up to the rounding of the mean; 3 where one thread was so quick that it took all items.
+  EXPECT_GE(meter.use().imbalance(), 1 - 1e-12);
+  EXPECT_LE(meter.use().imbalance(), 3 + 1e-12);
 }
 
 TEST_P(ThreadMeters, ASectionWithinASectionIsItsWork) {
