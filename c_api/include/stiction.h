@@ -22,6 +22,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "stiction_body_structs.h"
 #include "stiction_derivative_structs.h"
 #include "stiction_structs.h"
 

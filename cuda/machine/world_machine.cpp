@@ -143,13 +143,13 @@ void DeviceWorldMachine<Real>::launch_find() {
 template <class Real>
 bool DeviceWorldMachine<Real>::lacked_near_pairs() {
   if (!job_.model.by_tree) return false;
-  std::vector<Offset> near(at(env_count_));
-  Mover(*api_, stream_.get()).to_host(near.data(), near_, env_count_);
+  near_counts_.resize(at(env_count_));
+  Mover(*api_, stream_.get()).to_host(near_counts_.data(), near_, env_count_);
   api_->synchronize(stream_.get());
   Offset largest = 0;
   for (Offset env = 0; env < env_count_; ++env) {
-    check_near_pairs(near[at(env)], env);
-    largest = larger_of(largest, near[at(env)]);
+    check_near_pairs(near_counts_[at(env)], env);
+    largest = larger_of(largest, near_counts_[at(env)]);
   }
   if (largest <= near_room_) return false;
   make_workspaces(smaller_of(largest + largest / 4, kMostNearPairs));

@@ -66,8 +66,9 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   Offset* near_ = nullptr;  ///< near pairs of each environment
   Offset teams_ = 0;
   Index* count_ = nullptr;
-  std::vector<Index> counts_;  ///< copy of count_
-  Index most_ = 0;             ///< contacts of an environment that found_ has room for
+  std::vector<Index> counts_;        ///< copy of count_
+  std::vector<Offset> near_counts_;  ///< copy of near_, a member since copies may be queued when a step fails
+  Index most_ = 0;                   ///< contacts of an environment that found_ has room for
   DeviceMemory found_;
   Contacts now_, next_;
 };

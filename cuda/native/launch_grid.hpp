@@ -26,7 +26,8 @@ inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const Devic
     return static_cast<std::size_t>(threads / shape.lanes) * (kTeamBytes + own_bytes);
   };
   LaunchGrid grid;
-  grid.block = larger_of(shape.lanes, kTeamThreads);
+  // A team of more than a warp waits by the block's barrier, so it has the block to itself.
+  grid.block = shape.lanes > kWarp ? shape.lanes : kTeamThreads;
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
   while (grid.block > larger_of(shape.lanes, kWarp) && 2 * shared_of(grid.block) > facts.resident_shared_bytes)
     grid.block /= 2;
