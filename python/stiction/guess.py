@@ -186,7 +186,7 @@ class Guess:
         arrays["b"], arrays["R"] = step.b - change - softer * step.last, step.R + softer
         finite = np.ones(len(step), bool)
         np.logical_and.at(finite, step.row_env, np.isfinite(change) & np.isfinite(arrays["b"]))
-        derivative = _core.Derivative("cpu", law, np.inf, 1e-6, 512, self.threads)
+        derivative = _core.Derivative("cpu", law, np.inf, 1e-6, 512, self.threads, 0.0)
         predicted = np.zeros_like(step.b)
         records = np.zeros((len(step), GRADIENT_DTYPE.itemsize), np.uint8)
         derivative.jvp_contacts(_packed_batch(arrays, law)._view(False), _core.Array(step.last), None,
