@@ -37,6 +37,15 @@ GradientStatus* records(const Array& status, Offset envs) {
       room_for<std::uint8_t>(&status, "gradient_status", envs * static_cast<Offset>(sizeof(GradientStatus))));
 }
 
+/// Where cotangents of contact batches go, each where it is asked for.
+template <class Real>
+BatchCotangentView<Real> batch_cotangents(const nb::dict& gradients, Offset rows, Offset nonzeros) {
+  return {output<Real>(gradients, "A", nonzeros), nullptr,
+          output<Real>(gradients, "b", rows),     output<Real>(gradients, "R", rows),
+          output<Real>(gradients, "mu", rows),    output<Real>(gradients, "lo", rows),
+          output<Real>(gradients, "hi", rows)};
+}
+
 void vjp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
                   const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count) {
   std::visit(
@@ -45,13 +54,7 @@ void vjp_contacts(const Derivative& self, const ContactView& batch, const Array&
         const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
         const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
                                                input<Real>(cotangents, "w", rows)};
-        const BatchCotangentView<Real> to{output<Real>(gradients, "A", count * view.nonzero_count),
-                                          nullptr,
-                                          output<Real>(gradients, "b", rows),
-                                          output<Real>(gradients, "R", rows),
-                                          output<Real>(gradients, "mu", rows),
-                                          output<Real>(gradients, "lo", rows),
-                                          output<Real>(gradients, "hi", rows)};
+        const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
         self.vjp(view, at, from, to, record, count);
@@ -67,13 +70,7 @@ void unrolled_contacts(const Derivative& self, const ContactView& batch, const A
         const Offset rows = count * view.row_count;
         const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
                                                input<Real>(cotangents, "w", rows)};
-        const BatchCotangentView<Real> to{output<Real>(gradients, "A", count * view.nonzero_count),
-                                          nullptr,
-                                          output<Real>(gradients, "b", rows),
-                                          output<Real>(gradients, "R", rows),
-                                          output<Real>(gradients, "mu", rows),
-                                          output<Real>(gradients, "lo", rows),
-                                          output<Real>(gradients, "hi", rows)};
+        const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
         const SweepsView<Real> of{guess_of<Real>(warm_start, view.row_count, "warm_start"), sweeps, omega,
                                   output<Real>(gradients, "lambda_", view.row_count),
                                   output<Real>(gradients, "warm_start", rows)};

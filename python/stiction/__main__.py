@@ -12,7 +12,7 @@ import os
 import sys
 
 _COMMANDS = {"view": "records a contact-batch or FCLIB file for a viewer",
-             "report": "makes a page of a report of stiction solve or step"}
+             "report": "makes a page of a report of stiction solve, step or scaling"}
 _ELF = b"\x7fELF"
 
 

@@ -150,5 +150,22 @@ TEST(DeviceShapes, AStageOfTheFallbackChainAsksForNoMoreThanItsSolverDoesAlone) 
   }
 }
 
+/// A block's barrier is for all of its threads: two teams that wait by it wait for each other.
+TEST(LaunchGrids, ATeamOfMoreThanAWarpHasItsBlockToItself) {
+  for (const Gpu& gpu : kGpus) {
+    const CountingDevice device(gpu);
+    for (int lanes = 1; lanes <= cuda::kMostLanes; lanes *= 2) {
+      cuda::LaunchShape shape;
+      shape.teams = 1000;
+      shape.lanes = lanes;
+      const cuda::LaunchGrid grid = cuda::launch_grid(shape, false, device.facts(), nullptr);
+      EXPECT_EQ(grid.teams_per_block * lanes, grid.block) << gpu.name << ", " << lanes << " lanes";
+      if (lanes > cuda::kWarp) {
+        EXPECT_EQ(grid.teams_per_block, 1) << gpu.name << ", " << lanes << " lanes";
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace stiction::test
