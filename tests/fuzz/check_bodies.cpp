@@ -1,5 +1,6 @@
 #include <optional>
 
+#include "core/job/body_job.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/error.hpp"
 #include "tests/fuzz/checks.hpp"
