@@ -12,7 +12,7 @@
 #include "cpu_fallback/kernels/contact_kernels.hpp"
 #include "cpu_fallback/kernels/shared_instances.hpp"
 #include "cpu_fallback/pack/pack_driver.hpp"
-#include "cpu_fallback/pack/pack_width.hpp"
+#include "cpu_fallback/pack/shared_lanes.hpp"
 
 /// Environments of contacts, given by their matrices, in the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
@@ -159,7 +159,9 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
         reject(team_, state.env, Method::kKind, state.flags);
       }
     }
-    begin_lanes<Method, kLaw>(pack_, workspace_, mask_of<Real, kWidth>(loaded));
+    const Mask<Lanes> loading = mask_of<Real, kWidth>(loaded);
+    finish_lanes(pack_, workspace_, loading);
+    update_best<Method, kLaw>(team_, pack_, loading);
     loaded.for_each([&](int l) {
       start_method<Method, kLaw>(team_, states_[l].env, lanes_[l]);
       busy_.add(l);

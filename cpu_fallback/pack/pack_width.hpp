@@ -8,16 +8,16 @@ namespace stiction::inline STICTION_ISA {
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one
 // row, at a time. Tests ask for widths that the instruction set has not: the compiler then splits or halves vectors.
 #if defined(STICTION_VECTOR_BYTES)
-inline constexpr int kVectorBytes = STICTION_VECTOR_BYTES;
 #elif defined(__AVX512F__) && defined(__AVX512DQ__)
-inline constexpr int kVectorBytes = 64;
+#define STICTION_VECTOR_BYTES 64
 #elif defined(__AVX2__) && defined(__FMA__)
-inline constexpr int kVectorBytes = 32;
+#define STICTION_VECTOR_BYTES 32
 #elif defined(__ARM_NEON)
-inline constexpr int kVectorBytes = 16;
+#define STICTION_VECTOR_BYTES 16
 #else
-inline constexpr int kVectorBytes = 0;
+#define STICTION_VECTOR_BYTES 0
 #endif
+inline constexpr int kVectorBytes = STICTION_VECTOR_BYTES;
 
 /// Whether this build has kernels for packs alone: a CPU that runs it takes all others from a narrower one.
 #if defined(STICTION_PACKS_ALONE)

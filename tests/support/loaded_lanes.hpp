@@ -81,7 +81,9 @@ class Lanes {
       flags.push_back(load.flags);
       if ((load.flags & ~kHarmlessFlags) == 0) taken.v[load.lane] = Real(1);
     }
-    begin_lanes<Npgs, kLaw>(*pack, *workspace, taken > Packed(0));
+    finish_lanes(*pack, *workspace, taken > Packed(0));
+    SerialTeam team;
+    update_best<Npgs, kLaw>(team, *pack, taken > Packed(0));
     return flags;
   }
 

@@ -79,8 +79,9 @@ void evaluate_lanes_from(int first, const ConeCounts& slots, const PackWorkspace
 
 /// Writes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and evaluates them.
 template <Law kLaw, class Real, int W>
-void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                    const EnvView<Real>* const* envs, const int* asked, int count, FinalResidual* evaluated) {
+STICTION_HD_SHARED void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                                       const EnvView<Real>* const* envs, const int* asked, int count,
+                                       FinalResidual* evaluated) {
   using Lanes = Pack<Real, W>;
   constexpr int kWide = kWideLanes<Real, W>;
   const Lanes unscale = div_(pack.scalar[kScaleA], pack.scalar[kScaleB]);

@@ -298,8 +298,9 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
 
 /// load_system() of all entrants; their flags tell which have entered. The others leave numbers of no account.
 template <class Real, int W>
-void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
-                   const PackWorkspace<Real, W>& workspace, LoadRules rules, PendingLoad<Real>* loads, int count) {
+STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
+                                      const PackWorkspace<Real, W>& workspace, LoadRules rules,
+                                      PendingLoad<Real>* loads, int count) {
   using Lanes = Pack<Real, W>;
   const auto is_sound = [](std::uint32_t flags) { return (flags & ~kHarmlessFlags) == 0; };
   Lanes loading_mark(0);
@@ -361,10 +362,10 @@ void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Rea
   }
 }
 
-/// What is left to do for the environments in the lanes of `loading`, and the record of their first iterates.
-template <class Method, Law kLaw, class Real, int W>
-void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                 Mask<Pack<Real, W>> loading) {
+/// What is left to do for the environments in the lanes of `loading`, but for the record of their first iterates.
+template <class Real, int W>
+STICTION_HD_SHARED void finish_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                                     Mask<Pack<Real, W>> loading) {
   SerialTeam team;
   const auto scales = load_scales(pack);
   for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(loading, workspace.scale[r], pack.best[r]);
@@ -372,7 +373,6 @@ void begin_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>&
                      [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, loading); });
   refresh_motion(team, pack, loading);
   for_each(team, pack.n, [&](Index i) { pack.best[i] = select(loading, pack.x[i], pack.best[i]); });
-  update_best<Method, kLaw>(team, pack, loading);
 }
 
 }  // namespace stiction::inline STICTION_ISA

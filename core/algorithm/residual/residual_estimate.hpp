@@ -60,11 +60,11 @@ STICTION_HD Real semidefinite_map_square(const Real (&x)[M], const Real (&y)[M],
   return square_of_map(ax, z, y);
 }
 
-/// natural_map_square() of a cone of a system that `Method` iterates on.
-template <class Method, Law kLaw, class Shape, class System, class Real, int M>
+/// natural_map_square() of a cone of a system. kMatrices: it may be one of semidefinite.
+template <bool kMatrices, Law kLaw, class Shape, class System, class Real, int M>
 STICTION_HD Real cone_map_square(Shape shape, const System& s, Index cone, const Real (&x)[M], const Real (&y)[M],
                                  Real lo, Real hi) {
-  if constexpr (kTakesSemidefinite<Method> && kMayBeMatrix<Shape> && kMayHaveSemidefinite<System>) {
+  if constexpr (kMatrices && kMayBeMatrix<Shape>) {
     if (is_semidefinite(shape, s, cone)) return semidefinite_map_square(x, y, s.residual_weight[cone]);
   }
   return natural_map_square<kLaw>(shape, x, y, s.residual_weight[cone], lo, hi);
@@ -77,12 +77,10 @@ STICTION_HD Real residual_weight(Real mean_diagonal) {
   return select(mean_diagonal > Real(0), mean_diagonal, Real(1));
 }
 
-/// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
-/// iterate itself.
-template <class Method, Law kLaw, Team TeamT, class System>
-STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename System::Real> due) {
+/// update_best() of an iterate whose motion is known.
+template <bool kMatrices, Law kLaw, Team TeamT, class System>
+STICTION_HD_PART void record_iterate(TeamT& team, System& s, Mask<typename System::Real> due) {
   using Real = typename System::Real;
-  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
   Real largest(0);
   const bool is_boxed = has_box_friction(s);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
@@ -96,7 +94,7 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
     const bool is_bounded = decltype(shape)::kKind == ConeKind::box || (kRows > 1 && is_boxed);
     const Real lo = is_bounded ? s.lo[cone] : Real(0);
     const Real hi = is_bounded ? s.hi[cone] : Real(0);
-    largest = max_(cone_map_square<Method, kLaw>(shape, s, cone, x, y, lo, hi), largest);
+    largest = max_(cone_map_square<kMatrices, kLaw>(shape, s, cone, x, y, lo, hi), largest);
   });
   const Real residual = div_(sqrt_(team.max(largest)), s.scalar[kNormB]);
   const auto better = and_(due, residual < s.scalar[kBestResidual]);
@@ -106,6 +104,14 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
     s.scalar[kBestResidual] = select(better, residual, s.scalar[kBestResidual]);
     s.scalar[kLastResidual] = select(due, residual, s.scalar[kLastResidual]);
   });
+}
+
+/// Records the current iterate in the lanes of `due`: its residual estimate and, where it is the smallest so far, the
+/// iterate itself.
+template <class Method, Law kLaw, Team TeamT, class System>
+STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename System::Real> due) {
+  if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
+  record_iterate<kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>, kLaw>(team, s, due);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -88,16 +88,15 @@ STICTION_HD bool has_box_friction(const System& s) {
 }
 
 /// Boxed friction, row by row (docs/math/box_friction.md). The normal row steps alone. Then each further row steps
-/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Sets
-/// `step` to that in the lanes whose cone has boxed friction, and to the step of Usual in all others, if there are any.
-/// Kept out of line, so that visits where nothing is boxed stay short.
-template <class Usual, class Real, int M, class System>
-STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row, const ConeStep<Real, M>& motion,
-                                          Real omega, ConeStep<Real, M>& step) {
+/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Returns
+/// that in the lanes whose cone has boxed friction, and `usual` in all others. On the CPU it is out of line, so that
+/// visits where nothing is boxed stay short. On the device a function's arguments would lie in local memory.
+template <class Real, int M, class System>
+STICTION_HD_PART ConeStep<Real, M> box_friction_step(const System& s, Index cone, Index row, ConeStep<Real, M> motion,
+                                                     Real omega, ConeStep<Real, M> usual) {
   // A row that couples to nothing still needs a finite step: it slides to its bound.
   constexpr float kLargestRelative = 0x1p60F;
   const auto is_boxed = s.lo[cone] < Real(0);
-  if (any(not_(is_boxed))) step = Usual::of(s, cone, row, motion.d, omega);
   ConeStep<Real, M> own;
   const Real fresh = project_half_line(fma_(Real(0) - omega * s.inv_n[cone], motion.d[0], s.x[row]));
   own.d[0] = fresh - s.x[row];
@@ -111,27 +110,30 @@ STICTION_HD_SHARED void box_friction_step(const System& s, Index cone, Index row
     const Real z = fma_(Real(0) - omega * gain, moved, s.x[row + k]);
     own.d[k] = clamp_(z, Real(0) - fresh, fresh) - s.x[row + k];
   }
-  for (int k = 0; k < M; ++k) step.d[k] = select(is_boxed, own.d[k], step.d[k]);
+  for (int k = 0; k < M; ++k) own.d[k] = select(is_boxed, own.d[k], usual.d[k]);
+  return own;
 }
 
-/// The step of a cone with friction, that of Usual where no friction is boxed.
+/// The step of a cone with friction, that of Usual where no friction is boxed. Usual is there once, and skipped where
+/// it is not needed.
 template <class Usual, int M, class System>
 STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                                     typename System::Real omega) {
   using Real = typename System::Real;
-  if constexpr (kMayHaveBoxFriction<System>) {
-    if (has_box_friction(s)) {
+  if constexpr (!kMayHaveBoxFriction<System>) {
+    return Usual::of(s, cone, row, y, omega);
+  } else {
+    const bool is_boxed = has_box_friction(s);
+    ConeStep<Real, M> step;
+    for (int k = 0; k < M; ++k) step.d[k] = Real(0);
+    if (!is_boxed || any(not_(s.lo[cone] < Real(0)))) step = Usual::of(s, cone, row, y, omega);
+    if (is_boxed) {
       ConeStep<Real, M> motion;
-      ConeStep<Real, M> step;
-      for (int k = 0; k < M; ++k) {
-        motion.d[k] = y[k];
-        step.d[k] = Real(0);
-      }
-      box_friction_step<Usual>(s, cone, row, motion, omega, step);
-      return step;
+      for (int k = 0; k < M; ++k) motion.d[k] = y[k];
+      step = box_friction_step(s, cone, row, motion, omega, step);
     }
+    return step;
   }
-  return Usual::of(s, cone, row, y, omega);
 }
 
 /// The steps of friction cones under either law, for step_with_friction().

@@ -16,14 +16,17 @@
 /// among their arguments, so that no two builds share a symbol. On the device they stay functions, because a copy in
 /// every kernel would cost minutes of compile time and megabytes of code. STICTION_HD_SHARED is for those of them that
 /// a machine compiles once for all solvers (core/algorithm/driver/shared_instances.hpp): functions everywhere.
+/// STICTION_HD_PART is for what the CPU machine shares of a function that is one on the device.
 #if defined(__CUDACC__)
 #define STICTION_HD __host__ __device__ __forceinline__
 #define STICTION_HD_OUTLINE __host__ __device__ __noinline__
 #define STICTION_HD_SHARED __host__ __device__ __noinline__
+#define STICTION_HD_PART STICTION_HD
 #else
 #define STICTION_HD inline __attribute__((always_inline))
 #define STICTION_HD_OUTLINE inline
 #define STICTION_HD_SHARED __attribute__((noinline))
+#define STICTION_HD_PART STICTION_HD_SHARED
 #endif
 
 namespace stiction {
