@@ -9,7 +9,6 @@ is gathered. The callback gathers everything unless it is called inside jax.shar
 """
 
 import functools
-import typing
 
 import jax
 import jax.numpy as jnp
@@ -17,48 +16,16 @@ import numpy as np
 from jax.experimental.custom_partitioning import custom_partitioning
 from jax.sharding import NamedSharding, PartitionSpec
 
-from . import _core, _jax_derivative
+from . import _core, _jax_derivative, _jax_host
 from ._arrays import STATUS_DTYPE
-from ._batch import Batch
+from ._jax_host import How
 from ._layout import cone_list
 from ._solution import SOLVED
-from ._solver import Solver
 
 #: Whether `solve` is an XLA custom call on the CPU.
 uses_ffi = _core.jax_solve is not None
 if uses_ffi:
     jax.ffi.register_ffi_target("stiction_solve", _core.jax_solve, platform="cpu")
-
-
-@functools.lru_cache(maxsize=64)
-def _solver(solver, tolerance, max_iterations):
-    return Solver(solver=solver, tolerance=tolerance, max_iterations=max_iterations)
-
-
-def _on_host(cones, law, options, A, b, mu, R, lo, hi):
-    """Leading axes are environments."""
-    lead = np.shape(b)[:-1]
-    n = np.shape(b)[-1]
-    envs = int(np.prod(lead, dtype=int))
-    dtype = np.asarray(A).dtype
-    flat = [np.ascontiguousarray(np.asarray(x), dtype).reshape((envs,) + np.shape(x)[len(lead):])
-            for x in (A, b, mu, R, lo, hi)]
-    batch = Batch.from_delassus(flat[0], flat[1], mu=flat[2], R=flat[3], lo=flat[4], hi=flat[5],
-                                cones=cones if isinstance(cones, str) else list(cones), law=law)
-    solution = _solver(*options).solve(batch)
-    return (solution.lambda_.reshape(lead + (n,)), solution.w.reshape(lead + (n,)),
-            solution.status.view(np.uint8).reshape(lead + (STATUS_DTYPE.itemsize,)))
-
-
-class _How(typing.NamedTuple):
-    """What a solve is told besides numbers."""
-
-    cones: str | tuple
-    law: str
-    solver: str
-    tolerance: float
-    max_iterations: int
-    allow_ffi: bool
 
 
 def _by_environments(call):
@@ -91,13 +58,20 @@ def _results(A, b):
     return shape, shape, jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
 
 
+def _call_host(function, results, *arguments):
+    return jax.pure_callback(function, results, *arguments, vmap_method="broadcast_all")
+
+
+def _like(*arrays):
+    return tuple(jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays)
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(6,))
 def _solve(A, b, mu, R, lo, hi, how):
     arguments = (A, b, mu, R, lo, hi)
 
     def call_back(*arguments):
-        host = functools.partial(_on_host, how.cones, how.law, (how.solver, how.tolerance, how.max_iterations))
-        return jax.pure_callback(host, _results(*arguments[:2]), *arguments, vmap_method="broadcast_all")
+        return _call_host(functools.partial(_jax_host.solve, how), _results(*arguments[:2]), *arguments)
 
     if not (uses_ffi and how.allow_ffi):
         return call_back(*arguments)
@@ -120,10 +94,49 @@ def _(how, numbers, changes):
     return (lambda_, w, records), (*moved, np.zeros(records.shape, jax.dtypes.float0))
 
 
+@functools.partial(jax.custom_vjp, nondiff_argnums=(6, 7))
+def _solve_relaxed(A, b, mu, R, lo, hi, how, kappa):
+    """As _solve; its derivatives are those of the relaxed problem."""
+    return _solve(A, b, mu, R, lo, hi, how)
+
+
+def _keep_relaxed(*arguments):
+    numbers, how = arguments[:6], arguments[6]
+    lambda_, w, records = _solve(*numbers, how)
+    return (lambda_, w, records), (*numbers, lambda_, records)
+
+
+def _pull_relaxed(how, kappa, kept, by):
+    return _call_host(functools.partial(_jax_host.relaxed_vjp, how, kappa), _like(*kept[:6]), *kept, *by[:2])
+
+
+_solve_relaxed.defvjp(_keep_relaxed, _pull_relaxed)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(7,))
+def _sweep(start, A, b, mu, R, lo, hi, how):
+    """max_iterations sweeps from reactions `start`, and their derivatives."""
+    numbers = (A, b, mu, R, lo, hi)
+    return _call_host(functools.partial(_jax_host.sweep, how), _results(A, b), start, *numbers)
+
+
+def _keep_sweep(*arguments):
+    return _sweep(*arguments), arguments[:7]
+
+
+def _pull_sweep(how, kept, by):
+    start, *numbers = kept
+    *found, by_start = _call_host(functools.partial(_jax_host.sweep_vjp, how), _like(*numbers, start), *kept, *by[:2])
+    return by_start, *found
+
+
+_sweep.defvjp(_keep_sweep, _pull_sweep)
+
+
 @functools.partial(jax.jit, static_argnames=("cones", "law", "solver", "tolerance", "max_iterations",
-                                             "allow_ffi"))
+                                             "allow_ffi", "kappa", "derivative"))
 def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex", solver="auto", tolerance=1e-4,
-          max_iterations=1000, allow_ffi=True):
+          max_iterations=1000, allow_ffi=True, kappa=0.0, derivative="implicit", warm_start=None):
     """Reactions, residual motion and status of contact problems.
 
     A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64. Leading axes
@@ -134,12 +147,33 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     lambda_ and w have derivatives by all numbers, forward and reverse, of any order (docs/math/derivative.md). They are
     those of the solution, not of the iterations, and err by as much as the solution does: solve to 1e-6 or less. An
     environment that was not solved has derivatives of 0, and so has one whose reactions are not determined: give R.
+
+    kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass some on (stiction.Derivative).
+    What is returned does not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with
+    tolerance=0, converged or not (Derivative.unrolled_vjp). The sweeps begin at reactions warm_start, like b (None: 0),
+    which have derivatives, too. Both are in reverse and once, in a host callback, with the library's bits.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
     if A.shape[-2:] != (b.shape[-1],) * 2:
         raise ValueError(f"A: expected (..., {b.shape[-1]}, {b.shape[-1]}), got {A.shape}")
-    rows = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
-    return _solve(A, b.astype(A.dtype), *rows, _How(cones, law, solver, tolerance, max_iterations, allow_ffi))
+    _check_derivative(derivative, solver, tolerance, kappa, warm_start)
+    wide = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
+    numbers, how = (A, b.astype(A.dtype), *wide), How(cones, law, solver, tolerance, max_iterations, allow_ffi)
+    if derivative == "unrolled":
+        start = jnp.asarray(0 if warm_start is None else warm_start, A.dtype)
+        return _sweep(jnp.broadcast_to(start, b.shape), *numbers, how)
+    return _solve_relaxed(*numbers, how, kappa) if kappa else _solve(*numbers, how)
+
+
+def _check_derivative(derivative, solver, tolerance, kappa, warm_start):
+    if derivative not in ("implicit", "unrolled"):
+        raise ValueError(f"derivative: expected 'implicit' or 'unrolled', got {derivative!r}")
+    if derivative == "unrolled" and (solver != "pgs" or tolerance != 0 or kappa != 0):
+        raise ValueError("derivative: 'unrolled' is that of max_iterations sweeps as they run: expected solver='pgs', "
+                         f"tolerance=0 and kappa=0, got {solver!r}, {tolerance} and {kappa}")
+    if derivative == "implicit" and warm_start is not None:
+        raise ValueError("warm_start: expected None where derivative is 'implicit', got an array: the solution does "
+                         "not depend on where a solve begins")
 
 
 def status(records):

@@ -138,6 +138,15 @@ class TestJax:
                 np.testing.assert_allclose(getattr(found, name)[0], wanted, atol=1e-11 * (1 + np.abs(wanted).max()),
                                            err_msg=name)
 
+            def run(A, b, mu, R, start):
+                return self.solve(A, b, mu, R, law=law, solver="pgs", tolerance=0, max_iterations=sweeps,
+                                  derivative="unrolled", warm_start=start)[0]
+
+            lambda_, pull = self.jax.vjp(run, *numbers)
+            np.testing.assert_allclose(lambda_, found.lambda_[0], atol=1e-13)
+            for name, ours in zip(("A", "b", "mu", "R", "warm_start"), pull(by)):
+                np.testing.assert_array_equal(ours, getattr(found, name)[0], err_msg=name)
+
     def test_second_derivatives_are_those_of_finite_differences(self, law):
         numbers, weights = problem(3), cotangents(3)[0]
         answer = self.answer(law)

@@ -1,0 +1,198 @@
+"""stiction.jax.solve with kappa and with derivative="unrolled": against JAX's own differentiation of the equations that
+define the relaxed problem, by hand, and against differences of sweeps. Skipped, and says so, without JAX."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from test_framework_derivatives import CONES, EXACT, problem
+from test_frameworks import framework
+
+LAWS = pytest.mark.parametrize("law", ["convex", "coulomb"])
+
+
+@pytest.fixture
+def jax():
+    jax = framework("jax")
+    jax.config.update("jax_enable_x64", True)
+    import stiction.jax  # noqa: F401 - after the switch
+    yield jax
+    jax.config.update("jax_enable_x64", False)
+
+
+@pytest.fixture
+def solve(jax):
+    import stiction.jax
+    return stiction.jax.solve
+
+
+def contacts(seed, count=2):
+    """A, b, mu, R of friction cones of three rows."""
+    rng = np.random.default_rng(seed)
+    n = 3 * count
+    J = rng.normal(size=(n, n + 2))
+    return J @ J.T / n, rng.normal(size=n) - 0.3, rng.uniform(0.2, 1, n), rng.uniform(0.05, 0.2, n)
+
+
+class Relaxed:
+    """x o y = kappa (1, 0) of friction cones (docs/math/derivative.md, (22)), as the equations stand, in JAX."""
+
+    def __init__(self, jax, law, numbers):
+        self.np, self.law = jax.numpy, law
+        A, b, mu, R = numbers
+        self.is_normal = np.arange(len(b)) % 3 == 0
+        self.weight, self.largest = (np.diagonal(A) + R).reshape(-1, 3).mean(axis=1), np.abs(b).max()
+        self.jacobian = jax.jit(jax.jacfwd(self.products))
+        self.products_now = jax.jit(self.products)
+
+    def motion(self, x, numbers):
+        """(reactions, w, motion of the unit cones without De Saxce's term)"""
+        A, b, mu, R = numbers
+        scale = self.np.where(self.is_normal, 1.0, mu)
+        w = A @ (scale * x) + R * scale * x + b
+        return scale * x, w, scale * w
+
+    def cones(self, x, numbers, kappa):
+        x_, y = x.reshape(-1, 3), self.motion(x, numbers)[2].reshape(-1, 3)
+        if self.law == "coulomb":
+            radius = self.np.minimum(self.weight * kappa / self.largest, self.np.sqrt(self.weight * kappa))
+            speed = self.np.sqrt((y[:, 1:] ** 2).sum(axis=1) + radius ** 2) - radius
+            y = self.np.concatenate([(y[:, 0] + speed)[:, None], y[:, 1:]], axis=1)
+        return x_, y
+
+    def products(self, x, numbers, kappa):
+        x, y = self.cones(x, numbers, kappa)
+        along = x[:, :1] * y[:, 1:] + y[:, :1] * x[:, 1:]
+        return self.np.concatenate([(x * y).sum(axis=1)[:, None] - kappa, along], axis=1).reshape(-1)
+
+    def is_inside(self, x, numbers, kappa):
+        return all((part[:, 0] > np.linalg.norm(part[:, 1:], axis=1)).all()
+                   for part in map(np.asarray, self.cones(x, numbers, kappa)))
+
+    def solve(self, numbers, kappa):
+        """Newton's method inside the cones: first along A from its diagonal, then along falling kappa."""
+        A, x = numbers[0], np.where(self.is_normal, 30.0, 0.0)
+        path = [(300.0, share) for share in np.linspace(0, 1, 20)]
+        path += [(level, 1.0) for level in np.geomspace(300, kappa, 40)]
+        for level, share in path:
+            part = (np.diag(np.diagonal(A)) * (1 - share) + share * A, *numbers[1:])
+            for _ in range(30):
+                value = np.asarray(self.products_now(x, part, level))
+                if np.abs(value).max() < 1e-12 * (1 + level):
+                    break
+                step = np.linalg.solve(np.asarray(self.jacobian(x, part, level)), value)
+                while not self.is_inside(x - step, part, level):
+                    step = step / 2
+                x = x - step
+        assert np.abs(self.products_now(x, numbers, kappa)).max() < 1e-11
+        return x
+
+
+@LAWS
+def test_relaxed_is_that_of_the_equations_that_jax_differentiates(jax, solve, law):
+    """A step of Newton's method from the relaxed answer, by a matrix that rests, has that answer's derivative."""
+    for seed, kappa in enumerate((0.1, 0.01)):
+        numbers = contacts(seed)
+        relaxed = Relaxed(jax, law, numbers)
+        at = relaxed.solve(numbers, kappa)
+        inverse = np.linalg.inv(relaxed.jacobian(at, numbers, kappa))
+
+        def wanted(*numbers, relaxed=relaxed, at=at, inverse=inverse):
+            return relaxed.motion(at - inverse @ relaxed.products(at, numbers, kappa), numbers)[:2]
+
+        def answer(A, b, mu, R, kappa=kappa):
+            return solve(A, b, mu, R, law=law, kappa=kappa, **EXACT)[:2]
+
+        by = tuple(np.random.default_rng(seed + 9).normal(size=(2, len(at))))
+        exact, pull = jax.vjp(answer, *numbers)
+        _, pull_wanted = jax.vjp(wanted, *numbers)
+        for name, ours, theirs in zip(("A", "b", "mu", "R"), pull(by), pull_wanted(by)):
+            if name == "mu":  # of a normal row it is no number of the problem
+                ours, theirs = (np.where(relaxed.is_normal, 0, part) for part in (ours, theirs))
+            np.testing.assert_allclose(ours, theirs, atol=1e-8 * (1 + np.abs(theirs).max()), err_msg=name)
+        for found, plain in zip(exact, functools.partial(answer, kappa=0.0)(*numbers)):
+            np.testing.assert_array_equal(found, plain)
+
+
+@LAWS
+def test_kappa_tells_of_a_contact_that_is_open(jax, solve, law):
+    """b = 0.2 on A = 2, open: the answer stays 0, its derivative is that of (sqrt(b^2 + 4 A kappa) - b) / 2A."""
+    A, b = np.full((1, 1), 2.0), 0.2
+    for kappa in (0.0, 0.03):
+        slope = jax.grad(lambda b, kappa=kappa: solve(A, b, cones="unilateral", law=law, kappa=kappa, **EXACT)[0].sum())
+        wanted = (b / np.sqrt(b ** 2 + 8 * kappa) - 1) / 4 if kappa else 0.0
+        assert float(slope(np.array([b]))[0]) == pytest.approx(wanted, abs=1e-14)
+
+
+@LAWS
+def test_sweeps_of_all_cones_are_those_of_differences(jax, solve, law):
+    numbers, start = problem(3), np.random.default_rng(1).normal(size=sum(rows for _, rows in CONES))
+
+    def run(start, *numbers):
+        return solve(*numbers, cones=CONES, law=law, solver="pgs", tolerance=0, max_iterations=5, derivative="unrolled",
+                     warm_start=start)[:2]
+
+    rng = np.random.default_rng(4)
+    by = tuple(rng.normal(size=(2, len(start))))
+    _, pull = jax.vjp(run, start, *numbers)
+    for place, (slope, part) in enumerate(zip(pull(by), (start, *numbers))):
+        change = rng.normal(size=part.shape)
+        if place == 1:
+            change = change + change.T
+        ends = [run(*(x + step * change if k == place else x for k, x in enumerate((start, *numbers))))
+                for step in (1e-6, -1e-6)]
+        wanted = sum(float((bar * (above - below)).sum()) for bar, above, below in zip(by, *ends)) / 2e-6
+        assert float((slope * change).sum()) == pytest.approx(wanted, rel=1e-5, abs=1e-6), place
+
+
+@LAWS
+@pytest.mark.parametrize("how", [{"kappa": 0.05, **EXACT},
+                                 {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 7}])
+def test_jit_and_vmap_change_no_bit(jax, solve, law, how):
+    numbers = problem(2)
+
+    def loss(b, A=numbers[0]):
+        lambda_, w, _ = solve(A, b, *numbers[2:], cones=CONES, law=law, **how)
+        return (lambda_ ** 2).sum() + w.sum()
+
+    many = np.stack([scale * numbers[1] for scale in (0.5, 1.0, -1.0)])
+    together = jax.jit(jax.vmap(jax.grad(loss)))(many)
+    alone = np.stack([jax.grad(loss)(b) for b in many])
+    assert alone.any()
+    np.testing.assert_array_equal(together, alone)
+    by_matrix = jax.vmap(jax.grad(lambda A, b: loss(b, A)), (None, 0))(numbers[0], many)
+    assert by_matrix.shape == (3, *numbers[0].shape)
+
+
+def test_single_precision_stays_single(jax, solve):
+    numbers = [np.asarray(part, np.float32) for part in contacts(1)]
+    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 7}):
+        slope = jax.grad(lambda b, how=how: solve(numbers[0], b, *numbers[2:], **how)[0].sum())(numbers[1])
+        assert slope.dtype == np.float32 and np.asarray(slope).any()
+
+
+def test_what_there_is_not_is_refused(jax, solve):
+    A, b, mu, R = contacts(0)
+    with pytest.raises(ValueError, match="expected solver='pgs', tolerance=0"):
+        solve(A, b, derivative="unrolled")
+    with pytest.raises(ValueError, match="derivative: expected 'implicit' or 'unrolled', got 'explicit'"):
+        solve(A, b, derivative="explicit")
+    with pytest.raises(ValueError, match="warm_start: expected None"):
+        solve(A, b, warm_start=b)
+    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 3}):
+        loss = lambda b, how=how: (solve(A, b, mu, R, **how)[0] ** 2).sum()  # noqa: E731
+        with pytest.raises(TypeError, match="custom_vjp"):
+            jax.jvp(loss, (b,), (b,))
+        with pytest.raises((ValueError, TypeError)):
+            jax.hessian(loss)(b)
+
+
+def test_environments_that_were_not_solved_get_zeros(jax, solve):
+    """By their status: a residual of 1e-3 and less would do for a derivative."""
+    A, b, mu, R = contacts(0)
+    how = {"kappa": 0.05, "solver": "npgs", "tolerance": 1e-12, "max_iterations": 16}
+    import stiction.jax
+    record = stiction.jax.status(solve(A, b, mu, R, **how)[2])
+    assert record["code"] != 0 and 1e-12 < record["residual"] < 1e-3
+    assert not np.asarray(jax.grad(lambda b: solve(A, b, mu, R, **how)[0].sum())(b)).any()
