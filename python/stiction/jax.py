@@ -149,8 +149,8 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     environment that was not solved has derivatives of 0, and so has one whose reactions are not determined: give R.
 
     kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass some on (stiction.Derivative).
-    What is returned does not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with
-    tolerance=0, converged or not (Derivative.unrolled_vjp). The sweeps begin at reactions warm_start, like b (None: 0),
+    What is returned does not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs"
+    with tolerance=0, converged or not (Derivative.unrolled_vjp). They begin at reactions warm_start, like b (None: 0),
     which have derivatives, too. Both are in reverse and once, in a host callback, with the library's bits.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
