@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains a table that chooses a solver from what choice_measure.py wrote, and holds it to families it has not seen.
 
-    bench/studies/choice_table.py CSV [--json TABLE] [--out RESULTS.csv]
+    bench/studies/choice_table.py CSV [--json TABLE] [--out RESULTS.csv] [--forest]
 
 The table is a tree of comparisons of features. A leaf names the solver whose costs are the least there, in the
 geometric mean, every family with the same weight. A split must leave two families on either side. Families are held
@@ -101,6 +101,19 @@ def held_out(data, count, levels):
     return chosen
 
 
+def by_forest(data, count):
+    """The same by scikit-learn's extremely randomised trees, which predict every solver's cost: more than a table."""
+    from sklearn.ensemble import ExtraTreesRegressor
+
+    chosen = np.zeros(len(data.x), int)
+    for name in np.unique(data.family):
+        own = data.family == name
+        forest = ExtraTreesRegressor(n_estimators=60, min_samples_leaf=3, random_state=0)
+        forest.fit(data.x[~own, :count], data.gap[~own], sample_weight=weights_of(data.family[~own]))
+        chosen[own] = forest.predict(data.x[own, :count]).argmin(axis=1)
+    return chosen
+
+
 def described(data, chosen):
     """Over lines: median, 90th percentile; over families: geometric mean; the share of environments that is solved."""
     lines = np.arange(len(data.x))
@@ -140,6 +153,7 @@ def main():
     parser.add_argument("--levels", type=int, default=3)
     parser.add_argument("--features", choices=("extents", "numbers", "spectrum"), default="numbers")
     parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--forest", action="store_true", help="forests as well, which need scikit-learn")
     arguments = parser.parse_args()
     data = Data(arguments.csv)
     print(f"{len(data.x)} lines, {len(np.unique(data.family))} families; best how often: "
@@ -152,6 +166,8 @@ def main():
     for what, count in (("extents", EXTENTS), ("numbers", NUMBERS), ("spectrum", ALL)):
         for levels in (1, 2, 3, 4):
             ways[f"table, {what}, {levels} levels"] = held_out(data, count, levels)
+        if arguments.forest:
+            ways[f"forest, {what}"] = by_forest(data, count)
         tree = grow(data.x[:, :count], data.gap, data.family, 3)
         ways[f"table, {what}, 3 levels, on what it has seen"] = np.array([choose(tree, x) for x in data.x[:, :count]])
     rows = []
