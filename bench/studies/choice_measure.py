@@ -3,8 +3,8 @@
 
     PYTHONPATH=build/python bench/studies/choice_measure.py OUT.csv [--data ../shared/data] [--stiction PROGRAM]
 
-A line is a case at a tolerance: its features, and of each solver microseconds of the processor for an environment,
-the share of environments that the judge (bench/arena/judge.py) finds within the tolerance, and iterations. One thread,
+A line is a case at a tolerance, with its features. Of each solver it has microseconds of the processor for an
+environment, the share of environments within the tolerance, and iterations. bench/arena/judge.py judges. One thread,
 double precision, A given. Times are the least of several calls, because the machine may be shared. A solver that takes
 longer than --limit, and `auto` one of ten times that, is ended and has solved nothing. Lines of OUT.csv are kept.
 """

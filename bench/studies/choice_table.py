@@ -7,8 +7,8 @@ The table is a tree of comparisons of features. A leaf names the solver whose co
 geometric mean, every family with the same weight. A split must leave two families on either side. Families are held
 out one by one: the tree and the single best solver are found on all others.
 
-Cost: microseconds of an environment, and for the share that the judge refuses ten times the larger of that and what
-`auto` takes, so that giving up early does not look quick. The oracle takes the least cost of every case.
+The cost is microseconds of an environment. To that comes, for the share that the judge refuses, ten times the larger
+of it and what `auto` takes. So giving up early does not look quick. The oracle takes the least cost of every case.
 """
 
 import argparse
