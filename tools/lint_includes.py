@@ -96,9 +96,12 @@ TABLE = [
     Row("cpu_fallback", [PUBLIC]),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
-    # Ranks: what they send, and pieces of plans; a program beside the command line.
+    # Ranks: what they send, pieces of plans, parts of worlds; a program beside the command line.
     Row("distributed/transport", [PUBLIC, "distributed/transport"], foreign=("mpi.h", "sched.h")),
     Row("distributed/solve", [*KERNEL, *PLANS, "distributed/transport", "distributed/solve"]),
+    # A world over ranks: parts of its model, and the stages of a step that the CPU's worlds run.
+    Row("distributed/world", [*MACHINE, "core/plan/colored_body_plan.hpp", "core/runtime/world_model.hpp",
+                              "cpu_fallback/kernels/isa.hpp", "distributed/transport", "distributed/solve", "distributed/world"]),
     Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
         foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),

@@ -19,16 +19,6 @@ namespace stiction {
 
 namespace {
 
-void check_world_options(const WorldOptions& options) {
-  if (options.solver.substeps != 1)
-    refuse("solver.substeps = " + std::to_string(options.solver.substeps) +
-           ": must be 1: a world detects contacts in every step; take a smaller stepping.dt");
-  if (!(options.margin >= 0) || !std::isfinite(options.margin))
-    refuse("margin = " + shortest_text(options.margin) + ": must be finite and >= 0");
-  if (!(options.warm_start >= 0 && options.warm_start <= 1))
-    refuse("warm_start = " + shortest_text(options.warm_start) + ": must be in [0, 1]");
-}
-
 /// Contacts that a step is to find again by number.
 void check_remembered(const std::vector<Offset>& offsets, const std::vector<std::uint64_t>& ids, Offset env_count) {
   expect_length("from.contact_offsets", offsets.size(), at(env_count) + 1, "one more than there are environments");
@@ -98,16 +88,9 @@ struct World<Real>::Parts {
         const Offset place = env * body_count + body;
         std::copy(from.position.begin(), from.position.end(), now.position.begin() + 3 * place);
         std::copy(from.twist.begin(), from.twist.end(), now.twist.begin() + 6 * place);
-        put_orientation(now, place, from.orientation);
+        put_unit(from.orientation, now.orientation.data() + 4 * place);
       }
     machine->restart(mask);
-  }
-
-  /// Normalises in double.
-  static void put_orientation(WorldArrays<Real>& now, Offset place, const std::array<double, 4>& q) {
-    const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(norm > 0) || !std::isfinite(norm)) return;
-    for (std::size_t k = 0; k < 4; ++k) now.orientation[4 * at(place) + k] = static_cast<Real>(q[k] / norm);
   }
 
   [[nodiscard]] WorldSolve<Real> find_contacts() {
@@ -232,9 +215,9 @@ void World<Real>::reset(std::span<const std::uint8_t> mask, const WorldState<Rea
     const auto q = of_body(state.orientation, place, 4);
     std::copy(position.begin(), position.end(), now.position.begin() + 3 * place);
     std::copy(twist.begin(), twist.end(), now.twist.begin() + 6 * place);
-    parts.put_orientation(
-        now, place,
-        {static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]), static_cast<double>(q[3])});
+    put_unit(
+        {static_cast<double>(q[0]), static_cast<double>(q[1]), static_cast<double>(q[2]), static_cast<double>(q[3])},
+        now.orientation.data() + 4 * place);
   });
   parts.machine->restart(mask);
 }

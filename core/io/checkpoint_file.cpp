@@ -61,26 +61,32 @@ CheckpointFile read_checkpoint(const InputFile& file) {
   return checkpoint;
 }
 
-CheckpointFile read_checkpoint(const std::filesystem::path& path) {
-  const ScopedFpEnv fp_env;
-  return read_checkpoint(InputFile(path));
+std::int64_t checksum_of(const InputFile& file) {
+  return file.integer_attribute("checksum").value_or(0);
 }
 
 void write_checkpoint(const std::filesystem::path& path, const CheckpointFile& checkpoint) {
+  write_checkpoint_part(path, checkpoint);
+  remove_parts(path, {});
+}
+
+std::int64_t write_checkpoint_part(const std::filesystem::path& path, const CheckpointFile& checkpoint) {
   const ScopedFpEnv fp_env;
+  const std::int64_t sum = checksum(checkpoint);
   OutputFile file(path);
   file.attribute("format", kFormat);
   file.attribute("version", kVersion);
   file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
   file.attribute("run", checkpoint.run);
   file.attribute("step", checkpoint.step);
-  file.attribute("checksum", checksum(checkpoint));
+  file.attribute("checksum", sum);
   for_each_reals(checkpoint.world, [&](const char* name, const std::vector<double>& values) {
     file.reals(name, values, checkpoint.precision);
   });
   file.array("contact_id", std::span<const std::uint64_t>(checkpoint.world.contact_id));
   file.array("contact_offsets", checkpoint.world.contact_offsets);
   file.commit_to_disk();
+  return sum;
 }
 
 }  // namespace stiction::io

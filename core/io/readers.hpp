@@ -16,6 +16,14 @@ Recording read_fclib_global(const InputFile& file);
 Recording read_any(const InputFile& file);
 SolutionFile read_solution(const InputFile& file);
 CheckpointFile read_checkpoint(const InputFile& file);
+/// Reads the file that names the parts of a checkpoint; `base`: the name that theirs begin with.
+CheckpointParts read_checkpoint_parts(const InputFile& file, std::string& base);
+/// Whether a file is one.
+bool is_in_parts(const InputFile& file);
+/// Removes parts of a checkpoint that lie beside it, but for these.
+void remove_parts(const std::filesystem::path& path, const CheckpointParts& but);
+/// The checksum that a checkpoint was written with.
+std::int64_t checksum_of(const InputFile& file);
 
 /// A file's law attribute. Absent: `fallback`, or refused if there is none.
 Law read_law(const InputFile& file, std::optional<Law> fallback);

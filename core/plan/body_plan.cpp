@@ -1,4 +1,5 @@
 #include "core/plan/body_plan.hpp"
+#include "core/plan/colored_body_plan.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -69,11 +70,42 @@ class BodyPlanner {
  public:
   /// `chosen`: the contacts to solve, ascending.
   void plan(const EnvContacts& env, std::span<const Index> chosen, const EnvPlan& out) {
+    write(env, chosen, choose_order(env, chosen, [this] { return color(); }), out);
+  }
+
+  /// First half of a plan: `give_colors` colours the vertices, and returns how many colours there are; so does this.
+  template <class F>
+  Index choose_order(const EnvContacts& env, std::span<const Index> chosen, F&& give_colors) {
     find_vertices(env, chosen);
     list_bodies(env);
-    const Index colors = color();
+    const Index colors = give_colors();
     sort_vertices(env, colors);
-    write(env, chosen, colors, out);
+    return colors;
+  }
+  Index color_by(const ColorVertices& give) {
+    color_.assign(at(vertex_count()), -1);
+    return give(ends_, color_);
+  }
+
+  /// Second half.
+  void write(const EnvContacts& env, std::span<const Index> chosen, Index colors, const EnvPlan& out) {
+    *out.kept = static_cast<Index>(chosen.size());
+    *out.color_count = colors;
+    std::copy(color_begin_.begin(), color_begin_.end(), out.color_offsets);
+    Index position = 0;
+    Index vertex = 0;
+    for (const Index v : order_) {
+      out.vertex_offsets[vertex++] = position;
+      for (Index k = begin_[at(v)]; k < begin_[at(v) + 1]; ++k, ++position) {
+        const Index contact = chosen[at(k)];
+        out.contact_order[position] = contact;
+        out.sides[2 * Offset{position}] = env.side(env.a[contact]);
+        out.sides[2 * Offset{position} + 1] = env.side(env.b[contact]);
+      }
+    }
+    out.vertex_offsets[vertex] = position;
+    std::fill(out.contact_order + position, out.contact_order + env.contacts, -1);
+    write_bodies(env, position, out);
   }
 
  private:
@@ -101,7 +133,7 @@ class BodyPlanner {
   /// The vertices of each body that is pushed, ascending.
   void list_bodies(const EnvContacts& env) {
     body_begin_.assign(at(env.bodies) + 1, 0);
-    for (const Ends& ends : ends_)
+    for (const PushedBodies& ends : ends_)
       for (const Index body : {ends.low, ends.high})
         if (body >= 0) ++body_begin_[at(body) + 1];
     std::partial_sum(body_begin_.begin(), body_begin_.end(), body_begin_.begin());
@@ -173,36 +205,17 @@ class BodyPlanner {
     by_body_.clear();
     for (Index body = 0; body < env.bodies; ++body)
       for (Index k = body_begin_[at(body)]; k < body_begin_[at(body) + 1]; ++k) {
-        const Ends& ends = ends_[at(body_vertices_[at(k)])];
+        const PushedBodies& ends = ends_[at(body_vertices_[at(k)])];
         if ((ends.low >= 0 ? ends.low : ends.high) == body) by_body_.push_back(body_vertices_[at(k)]);
       }
     for (Index v = 0; v < vertex_count(); ++v)
       if (ends_[at(v)].low < 0 && ends_[at(v)].high < 0) by_body_.push_back(v);
+    order_.resize(at(vertex_count()));
     color_begin_.assign(at(colors) + 1, 0);
     for (const Index color : color_) ++color_begin_[at(color) + 1];
     std::partial_sum(color_begin_.begin(), color_begin_.end(), color_begin_.begin());
     next_.assign(color_begin_.begin(), color_begin_.end() - 1);
     for (const Index v : by_body_) order_[at(next_[at(color_[at(v)])]++)] = v;
-  }
-
-  void write(const EnvContacts& env, std::span<const Index> chosen, Index colors, const EnvPlan& out) {
-    *out.kept = static_cast<Index>(chosen.size());
-    *out.color_count = colors;
-    std::copy(color_begin_.begin(), color_begin_.end(), out.color_offsets);
-    Index position = 0;
-    Index vertex = 0;
-    for (const Index v : order_) {
-      out.vertex_offsets[vertex++] = position;
-      for (Index k = begin_[at(v)]; k < begin_[at(v) + 1]; ++k, ++position) {
-        const Index contact = chosen[at(k)];
-        out.contact_order[position] = contact;
-        out.sides[2 * Offset{position}] = env.side(env.a[contact]);
-        out.sides[2 * Offset{position} + 1] = env.side(env.b[contact]);
-      }
-    }
-    out.vertex_offsets[vertex] = position;
-    std::fill(out.contact_order + position, out.contact_order + env.contacts, -1);
-    write_bodies(env, position, out);
   }
 
   void write_bodies(const EnvContacts& env, Index kept, const EnvPlan& out) {
@@ -220,12 +233,8 @@ class BodyPlanner {
     for_each_push([&](Index body, Index entry) { out.body_contacts[next_[at(body)]++] = entry; });
   }
 
-  /// The pushed bodies of a vertex, -1 for one that is not.
-  struct Ends {
-    Index low, high;
-  };
   std::vector<Index> begin_;                     ///< first chosen contact of each vertex, closed
-  std::vector<Ends> ends_;                       ///< (vertices)
+  std::vector<PushedBodies> ends_;               ///< (vertices)
   std::vector<Index> body_begin_;                ///< (bodies + 1)
   std::vector<Index> body_vertices_;             ///< vertices of each body
   std::vector<Index> hub_of_;                    ///< which hub a body is, -1: none  (bodies)
@@ -248,10 +257,8 @@ void choose_contacts(const Real* depth, Index contacts, Index capacity, std::vec
   std::sort(chosen.begin(), chosen.end());
 }
 
-}  // namespace
-
 template <class Real>
-BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ParallelFor& parallel_for) {
+BodyPlanData room_for(const BodyBatchView<Real>& batch) {
   const auto envs = at(batch.env_count), bodies = at(batch.body_count), contacts = at(batch.contact_count);
   BodyPlanData plan;
   plan.env_body_offsets.assign(batch.env_body_offsets, batch.env_body_offsets + batch.env_count + 1);
@@ -264,18 +271,29 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, co
   plan.color_offsets.resize(contacts + envs);
   plan.body_offsets.resize(bodies + envs);
   plan.body_contacts.resize(2 * contacts);
+  return plan;
+}
+
+/// Where the plan of an environment of that batch is written.
+template <class Real>
+EnvPlan part_of(BodyPlanData& plan, const BodyBatchView<Real>& batch, Offset e) {
+  const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
+  return EnvPlan{plan.kept.data() + e,
+                 plan.contact_order.data() + contact,
+                 plan.sides.data() + 2 * contact,
+                 plan.vertex_offsets.data() + contact + e,
+                 plan.color_offsets.data() + contact + e,
+                 plan.color_count.data() + e,
+                 plan.body_offsets.data() + body + e,
+                 plan.body_contacts.data() + 2 * contact};
+}
+
+}  // namespace
+
+template <class Real>
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, const ParallelFor& parallel_for) {
+  BodyPlanData plan = room_for(batch);
   parallel_for(batch.env_count, [&](Offset begin, Offset end) {
-    const auto part_of = [&](Offset e) {
-      const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];
-      return EnvPlan{plan.kept.data() + e,
-                     plan.contact_order.data() + contact,
-                     plan.sides.data() + 2 * contact,
-                     plan.vertex_offsets.data() + contact + e,
-                     plan.color_offsets.data() + contact + e,
-                     plan.color_count.data() + e,
-                     plan.body_offsets.data() + body + e,
-                     plan.body_contacts.data() + 2 * contact};
-    };
     BodyPlanner planner;
     std::vector<Index> chosen;
     for (Offset e = begin; e < end; ++e) {
@@ -283,13 +301,26 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, co
       const bool is_over = capacity > 0 && env.contacts > capacity;
       // Copies of one robot often touch alike; what each keeps of too many contacts is a matter of depths.
       if (e > begin && !is_over && are_alike(contacts_of(batch, e - 1), env)) {
-        part_of(e).copy(part_of(e - 1), env.bodies, env.contacts);
+        part_of(plan, batch, e).copy(part_of(plan, batch, e - 1), env.bodies, env.contacts);
         continue;
       }
       choose_contacts(batch.depth + batch.env_contact_offsets[e], env.contacts, capacity, chosen);
-      planner.plan(env, chosen, part_of(e));
+      planner.plan(env, chosen, part_of(plan, batch, e));
     }
   });
+  return plan;
+}
+
+template <class Real>
+BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, const ColorVertices& color) {
+  BodyPlanData plan = room_for(batch);
+  BodyPlanner planner;
+  std::vector<Index> all;
+  const EnvContacts env = contacts_of(batch, 0);
+  choose_contacts(batch.depth, env.contacts, 0, all);
+  const Index colors = planner.choose_order(env, all, [&] { return planner.color_by(color); });
+  plan.color_offsets.resize(larger_of(plan.color_offsets.size(), at(colors) + 1));
+  planner.write(env, all, colors, part_of(plan, batch, 0));
   return plan;
 }
 
@@ -314,6 +345,8 @@ bool fits(const BodyPlanData& plan, const BodyBatchView<Real>& batch) {
 
 template BodyPlanData make_body_plan(const BodyBatchView<float>&, Index, const ParallelFor&);
 template BodyPlanData make_body_plan(const BodyBatchView<double>&, Index, const ParallelFor&);
+template BodyPlanData make_body_plan(const BodyBatchView<float>&, const ColorVertices&);
+template BodyPlanData make_body_plan(const BodyBatchView<double>&, const ColorVertices&);
 template bool fits(const BodyPlanData&, const BodyBatchView<float>&);
 template bool fits(const BodyPlanData&, const BodyBatchView<double>&);
 

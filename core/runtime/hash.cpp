@@ -29,10 +29,10 @@ constexpr std::uint64_t canonical_bits(double value) {
 }
 
 template <class Real>
-std::uint64_t hash_of(std::span<const Real> values) {
+std::uint64_t hash_of(std::span<const Real> values, std::uint64_t first = 0) {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    sum += splitmix64(canonical_bits(values[i]) ^ (kGolden * (static_cast<std::uint64_t>(i) + 1)));
+    sum += splitmix64(canonical_bits(values[i]) ^ (kGolden * (first + static_cast<std::uint64_t>(i) + 1)));
   }
   return sum;
 }
@@ -44,6 +44,12 @@ std::uint64_t hash_bits(std::span<const float> values) noexcept {
 }
 std::uint64_t hash_bits(std::span<const double> values) noexcept {
   return hash_of(values);
+}
+std::uint64_t hash_part(std::span<const float> values, std::uint64_t first) noexcept {
+  return hash_of(values, first);
+}
+std::uint64_t hash_part(std::span<const double> values, std::uint64_t first) noexcept {
+  return hash_of(values, first);
 }
 
 }  // namespace stiction

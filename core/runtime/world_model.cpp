@@ -212,18 +212,40 @@ void check_description(const WorldDescription& description) {
   require_finite("gravity", all_finite(description.gravity));
 }
 
+void check_world_options(const WorldOptions& options) {
+  if (options.solver.substeps != 1)
+    refuse("solver.substeps = " + std::to_string(options.solver.substeps) +
+           ": must be 1: a world detects contacts in every step; take a smaller stepping.dt");
+  if (!(options.margin >= 0) || !std::isfinite(options.margin))
+    refuse("margin = " + shortest_text(options.margin) + ": must be finite and >= 0");
+  if (!(options.warm_start >= 0 && options.warm_start <= 1))
+    refuse("warm_start = " + shortest_text(options.warm_start) + ": must be in [0, 1]");
+}
+
+template <class Real>
+void put_unit(const Four& quaternion, Real* to) {
+  const double norm = length_of(quaternion);
+  if (!(norm > 0) || !std::isfinite(norm)) return;
+  for (std::size_t k = 0; k < 4; ++k) to[k] = static_cast<Real>(quaternion[k] / norm);
+}
+
+template <class Real>
+void WorldModel<Real>::view_arrays() {
+  shapes_of_ = shapes_of(shape_, body_.size());
+  view_.bodies = static_cast<Index>(body_.size());
+  view_.shapes = static_cast<Index>(shape_.size());
+  view_.body = body_.data();
+  view_.shape = shape_.data();
+  view_.shapes_of = shapes_of_.data();
+}
+
 template <class Real>
 WorldModel<Real>::WorldModel(const WorldDescription& description, const WorldOptions& options, std::size_t most_listed)
     : order_(by_body(description.shapes)) {
   for (const WorldBody& body : description.bodies) body_.push_back(data_of<Real>(body));
   for (const Index shape : order_) shape_.push_back(data_of<Real>(description.shapes[at(shape)]));
-  shapes_of_ = shapes_of(shape_, body_.size());
-  view_.bodies = static_cast<Index>(body_.size());
-  view_.shapes = static_cast<Index>(shape_.size());
+  view_arrays();
   view_.by_tree = shape_.size() > most_listed;
-  view_.body = body_.data();
-  view_.shape = shape_.data();
-  view_.shapes_of = shapes_of_.data();
   for (std::size_t k = 0; k < 3; ++k) view_.gravity[k] = static_cast<Real>(description.gravity[k]);
   view_.step = static_cast<Real>(options.stepping.dt);
   view_.margin = static_cast<Real>(options.margin);
@@ -232,6 +254,27 @@ WorldModel<Real>::WorldModel(const WorldDescription& description, const WorldOpt
   if (!view_.by_tree) pair_ = pairs_of(view_);
   view_.pairs = static_cast<Index>(pair_.size());
   view_.pair = pair_.data();
+}
+
+template <class Real>
+WorldModel<Real>::WorldModel(const WorldModelView<Real>& whole, std::span<const Index> bodies) : view_(whole) {
+  body_.reserve(bodies.size());
+  const auto add_shapes = [&](const BodyShapes& of, Index body) {
+    for (Index shape = of.begin; shape < of.end; ++shape) {
+      order_.push_back(shape);
+      shape_.push_back(whole.shape[shape]);
+      shape_.back().body = body;
+    }
+  };
+  add_shapes(whole.shapes_of[0], -1);
+  for (const Index body : bodies) {
+    add_shapes(whole.shapes_of[body + 1], static_cast<Index>(body_.size()));
+    body_.push_back(whole.body[body]);
+  }
+  view_arrays();
+  view_.by_tree = true;
+  view_.pairs = 0;
+  view_.pair = nullptr;
 }
 
 WorldBody solid_body(const WorldShape& shape, double density) {
@@ -266,6 +309,8 @@ WorldBody solid_body(const WorldShape& shape, double density) {
   return body;
 }
 
+template void put_unit(const Four&, float*);
+template void put_unit(const Four&, double*);
 template class WorldModel<float>;
 template class WorldModel<double>;
 

@@ -79,7 +79,38 @@ std::string traffic_lines(const std::vector<RankReport>& ranks) {
               fmt::format("{:.1f} % of the ranks' time, imbalance {:.3f}", 100 * totals.share(), totals.imbalance()));
 }
 
+std::vector<RankReport> solves_of(const std::vector<StepRankReport>& ranks) {
+  std::vector<RankReport> solves;
+  for (const StepRankReport& rank : ranks) solves.push_back(rank.solve);
+  return solves;
+}
+
 }  // namespace
+
+void add(RankReport& total, const RankReport& more) {
+  total.seconds += more.seconds;
+  total.waited += more.waited;
+  total.bodies += more.bodies;
+  total.ghosts += more.ghosts;
+  total.contacts += more.contacts;
+  total.exchanges += more.exchanges;
+  total.gathers += more.gathers;
+  total.messages += more.messages;
+  total.bytes += more.bytes;
+}
+
+void add(StepTraffic& total, const StepTraffic& more) {
+  total.seconds.detect += more.seconds.detect;
+  total.seconds.plan += more.seconds.plan;
+  total.seconds.integrate += more.seconds.integrate;
+  total.near_bodies += more.near_bodies;
+  total.migrated += more.migrated;
+  total.waves += more.waves;
+  total.exchanges += more.exchanges;
+  total.gathers += more.gathers;
+  total.messages += more.messages;
+  total.bytes += more.bytes;
+}
 
 std::string to_json(const JobReport& report) {
   const cli::SolveReport& solve = report.solve;
@@ -102,7 +133,23 @@ std::string to_json(const JobReport& report) {
 
 std::string to_json(const StepJobReport& report) {
   Json json = cli::json_of(report.step);
-  put_ranks(json, report.ranks, report.partition);
+  put_ranks(json, solves_of(report.ranks), report.partition);
+  std::int64_t migrated = 0;
+  for (std::size_t k = 0; k < report.ranks.size(); ++k) {
+    const StepTraffic& rest = report.ranks[k].rest;
+    migrated += rest.migrated;
+    json["per_rank"][k]["rest"] = {{"near_bodies", rest.near_bodies},
+                                   {"migrated", rest.migrated},
+                                   {"waves", rest.waves},
+                                   {"exchanges", rest.exchanges},
+                                   {"gathers", rest.gathers},
+                                   {"messages", rest.messages},
+                                   {"bytes", rest.bytes},
+                                   {"detect_seconds", rest.seconds.detect},
+                                   {"plan_seconds", rest.seconds.plan}};
+    json["per_rank"][k]["peak_memory"] = report.ranks[k].peak_memory;
+  }
+  json["migrated"] = migrated;
   return cli::dump(json);
 }
 
@@ -122,7 +169,17 @@ std::string to_text(const JobReport& report) {
 }
 
 std::string to_text(const StepJobReport& report) {
-  return cli::to_text(report.step) + ranks_line(report.ranks, report.partition) + traffic_lines(report.ranks);
+  const std::vector<RankReport> solves = solves_of(report.ranks);
+  StepTraffic rest;
+  std::int64_t most = 0;
+  for (const StepRankReport& rank : report.ranks) {
+    add(rest, rank.rest);
+    most = std::max(most, rank.peak_memory);
+  }
+  return cli::to_text(report.step) + ranks_line(solves, report.partition) + traffic_lines(solves) +
+         line("beside solves",
+              fmt::format("{} messages, {} bytes, {} bodies migrated", rest.messages, rest.bytes, rest.migrated)) +
+         line("memory", fmt::format("{:.0f} MB at most of a rank", static_cast<double>(most) / 1e6));
 }
 
 }  // namespace stiction::distributed

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "distributed/solve/solve_over_ranks.hpp"
+#include "distributed/world/rank_world.hpp"
 #include "tools/cli/report.hpp"
 #include "tools/cli/step_report.hpp"
 
@@ -17,11 +18,20 @@ struct JobReport {
   std::vector<RankReport> ranks;
 };
 
-/// What `stiction-mpi step` reports. Bodies and ghosts of a rank are those of the last step, all else is of all steps.
+/// What one rank did in all steps. Bodies, ghosts and near bodies are those of the last.
+struct StepRankReport {
+  RankReport solve;
+  StepTraffic rest;
+  std::int64_t peak_memory = 0;  ///< of its process, the most so far [bytes]
+};
+void add(RankReport& total, const RankReport& more);
+void add(StepTraffic& total, const StepTraffic& more);
+
+/// What `stiction-mpi step` reports.
 struct StepJobReport {
   cli::StepReport step;
   std::string partition;
-  std::vector<RankReport> ranks;
+  std::vector<StepRankReport> ranks;
 };
 
 /// The JSON of docs/ranks.md, closed by a line feed.

@@ -1,5 +1,6 @@
 #include "distributed/solve/halo.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 namespace stiction::distributed {
@@ -9,6 +10,13 @@ namespace {
 constexpr std::size_t kNumbers = 6;  // of a twist
 
 }  // namespace
+
+Neighbour& neighbour_of(std::vector<Neighbour>& round, int rank) {
+  const auto found =
+      std::lower_bound(round.begin(), round.end(), rank, [](const Neighbour& n, int key) { return n.rank < key; });
+  if (found != round.end() && found->rank == rank) return *found;
+  return *round.insert(found, Neighbour{rank, {}, {}});
+}
 
 void Halo::share(Index round, float* rows, Index width) {
   share_rows(round, rows, width);

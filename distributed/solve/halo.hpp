@@ -18,6 +18,9 @@ struct Neighbour {
 /// is no exchange.
 using Rounds = std::vector<std::vector<Neighbour>>;
 
+/// What a round has of a rank, in order of ranks.
+Neighbour& neighbour_of(std::vector<Neighbour>& round, int rank);
+
 /// Carries out rounds over a transport. Not a template of an instruction set: kernels of each call it.
 class Halo {
  public:

@@ -127,17 +127,17 @@ std::vector<int> bisect(std::span<const Point> points, int ranks) {
   return owner;
 }
 
+int random_owner(Offset body, int ranks, std::uint64_t seed) {
+  std::uint64_t z = seed + (static_cast<std::uint64_t>(body) + 1) * 0x9e3779b97f4a7c15ULL;  // splitmix64
+  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
+  return static_cast<int>((z ^ (z >> 31U)) % static_cast<std::uint64_t>(ranks));
+}
+
 std::vector<int> random_owners(Offset count, int ranks, std::uint64_t seed) {
   require_ranks(ranks);
   std::vector<int> owner(at(count));
-  std::uint64_t state = seed;
-  for (int& rank : owner) {
-    state += 0x9e3779b97f4a7c15ULL;  // splitmix64
-    std::uint64_t z = state;
-    z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
-    z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
-    rank = static_cast<int>((z ^ (z >> 31U)) % static_cast<std::uint64_t>(ranks));
-  }
+  for (Offset body = 0; body < count; ++body) owner[at(body)] = random_owner(body, ranks, seed);
   return owner;
 }
 

@@ -23,6 +23,9 @@ std::vector<Point> centres_by_arms(const BodyBatchView<Real>& batch);
 /// \throws Error(invalid_argument) unless ranks >= 1
 std::vector<int> bisect(std::span<const Point> points, int ranks);
 
+/// The owner of a body, drawn at random: a function of the three alone.
+int random_owner(Offset body, int ranks, std::uint64_t seed);
+
 /// Owners drawn at random, the same on every machine.   (count)
 std::vector<int> random_owners(Offset count, int ranks, std::uint64_t seed);
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "distributed/solve/visits.hpp"
+
 namespace stiction::distributed {
 
 namespace {
@@ -59,10 +61,16 @@ Visitors::Visitors(const BodyPlanData& data, Offset env, std::span<const int> ow
       pairs_.push_back({one, one});
     }
   }
-  colors_.resize(at(plan.kept));
+  colors_ = colors_by_position(data, env);
+}
+
+std::vector<Index> colors_by_position(const BodyPlanData& data, Offset env) {
+  const EnvPlan plan(data, env);
+  std::vector<Index> colors(at(plan.kept));
   for (Index color = 0; color < plan.colors; ++color)
     for (Index v = plan.color_offsets[color]; v < plan.color_offsets[color + 1]; ++v)
-      for (Index p = plan.vertex_offsets[v]; p < plan.vertex_offsets[v + 1]; ++p) colors_[at(p)] = color;
+      for (Index p = plan.vertex_offsets[v]; p < plan.vertex_offsets[v + 1]; ++p) colors[at(p)] = color;
+  return colors;
 }
 
 template <class Real>
@@ -181,24 +189,16 @@ void Piece<Real>::make_plan(const BodyPlanData& data) {
 }
 
 template <class Real>
-void Piece<Real>::add_to_round(Index round, int neighbour, Index body, bool is_sent) {
-  std::vector<Neighbour>& neighbours = rounds_[at(round)];
-  auto found =
-      std::find_if(neighbours.begin(), neighbours.end(), [&](const Neighbour& n) { return n.rank == neighbour; });
-  if (found == neighbours.end()) found = neighbours.insert(neighbours.end(), Neighbour{neighbour, {}, {}});
-  (is_sent ? found->send : found->receive).push_back(local_[at(body)]);
+void Piece<Real>::add_to_round(Index round, int rank, Index body, bool is_sent) {
+  Neighbour& neighbour = neighbour_of(rounds_[at(round)], rank);
+  (is_sent ? neighbour.send : neighbour.receive).push_back(local_[at(body)]);
 }
 
-/// A body that others own or know. A rank whose ghost it is visits some of its contacts. Before it visits one, it has
-/// to be told what other contacts have done to the body since. Owner and ghost find the same rounds, each for itself.
+/// A body that others own or know. Owner and ghost find the same rounds, each for itself.
 template <class Real>
 void Piece<Real>::note_body(const BodyPlanData& data, std::span<const int> owner, Index body) {
   const EnvPlan plan(data, env_);
   const int own = owner[at(body)];
-  struct Visit {
-    Index color;
-    int other;  ///< owner of the other side; the body's own where there is none
-  };
   std::vector<Visit> visits;
   std::vector<int> others;
   for (Index k = plan.body_offsets[body]; k < plan.body_offsets[body + 1]; ++k) {
@@ -214,15 +214,8 @@ void Piece<Real>::note_body(const BodyPlanData& data, std::span<const int> owner
   others.erase(std::unique(others.begin(), others.end()), others.end());
   for (const int ghost : others) {
     const int neighbour = own == rank_ ? ghost : own;
-    const auto tell = [&](Index round) { add_to_round(round, neighbour, body, own == rank_); };
-    bool is_stale = false;
-    for (const Visit& visit : visits) {
-      const bool is_known = visit.other == ghost;
-      if (is_known && is_stale) tell(visit.color);
-      is_stale = !is_known;
-    }
-    if (is_stale) tell(plan.colors);
-    tell(plan.colors + 1);
+    for_each_round(visits, ghost, plan.colors,
+                   [&](Index round) { add_to_round(round, neighbour, body, own == rank_); });
   }
 }
 
@@ -230,9 +223,6 @@ template <class Real>
 void Piece<Real>::make_rounds(const BodyPlanData& data, std::span<const int> owner) {
   rounds_.resize(at(plan_.color_count.front()) + 2);
   for (const Index body : bodies_) note_body(data, owner, body);
-  for (auto& neighbours : rounds_)
-    std::sort(neighbours.begin(), neighbours.end(),
-              [](const Neighbour& a, const Neighbour& b) { return a.rank < b.rank; });
 }
 
 template <class Real>

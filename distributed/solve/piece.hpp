@@ -57,7 +57,7 @@ class Piece {
   void make_plan(const BodyPlanData& data);
   void make_rounds(const BodyPlanData& data, std::span<const int> owner);
   void note_body(const BodyPlanData& data, std::span<const int> owner, Index body);
-  void add_to_round(Index round, int neighbour, Index body, bool is_sent);
+  void add_to_round(Index round, int rank, Index body, bool is_sent);
 
   Offset env_, body_base_ = 0, contact_base_ = 0;
   int rank_;

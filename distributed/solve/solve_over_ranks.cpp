@@ -1,13 +1,11 @@
 #include "distributed/solve/solve_over_ranks.hpp"
 
-#include <chrono>
-#include <cstring>
 #include <string>
 
 #include "core/base/fp_env.hpp"
-#include "distributed/solve/kernels.hpp"
+#include "distributed/solve/agreement.hpp"
 #include "distributed/solve/piece.hpp"
-#include "stiction/hash.hpp"
+#include "distributed/solve/solve_piece.hpp"
 
 namespace stiction::distributed {
 
@@ -15,14 +13,6 @@ namespace {
 
 std::size_t at(Offset index) {
   return static_cast<std::size_t>(index);
-}
-
-void require_options(const BodySolverOptions& options) {
-  if (options.method != BodyMethod::impulses)
-    throw Error(ErrorCode::unsupported, "method: ranks solve by BodyMethod::impulses alone; choose it, or one process");
-  if (options.max_contacts_per_env != 0)
-    throw Error(ErrorCode::unsupported, "max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) +
-                                            ": ranks solve all contacts; use 0");
 }
 
 void require_owners(std::span<const int> owner, Offset bodies, int ranks) {
@@ -34,25 +24,6 @@ void require_owners(std::span<const int> owner, Offset bodies, int ranks) {
       throw Error(ErrorCode::invalid_argument, "owner[" + std::to_string(body) + "] = " + std::to_string(owner[body]) +
                                                    ": expected a rank in 0.." + std::to_string(ranks - 1));
 }
-
-/// Adds numbers and integers to a hash of all that reaches the bits, or what is sent.
-class Digest {
- public:
-  template <class T>
-  void add(const T* values, Offset count) {
-    if (values == nullptr) return add(std::uint64_t{0});
-    if constexpr (std::is_floating_point_v<T>) {
-      add(hash_bits(std::span<const T>(values, at(count))));
-    } else {
-      for (Offset i = 0; i < count; ++i) add(static_cast<std::uint64_t>(values[i]));
-    }
-  }
-  void add(std::uint64_t word) { sum_ = (sum_ ^ word) * 0x100000001b3ULL + 0x9e3779b97f4a7c15ULL; }
-  [[nodiscard]] std::uint64_t sum() const { return sum_; }
-
- private:
-  std::uint64_t sum_ = 0xcbf29ce484222325ULL;
-};
 
 template <class Real>
 std::uint64_t digest_of(const BodyBatchView<Real>& batch, std::span<const int> owner, const TimeStepping& stepping,
@@ -68,47 +39,9 @@ std::uint64_t digest_of(const BodyBatchView<Real>& batch, std::span<const int> o
     digest.add(rows, 3 * batch.contact_count);
   for (const Real* rows : {batch.mu, batch.depth, batch.restitution}) digest.add(rows, batch.contact_count);
   digest.add(owner.data(), batch.body_count);
-  const double numbers[] = {
-      stepping.dt,   stepping.erp,     stepping.slop, stepping.cfm, stepping.restitution_threshold,
-      options.omega, options.tolerance};
-  digest.add(numbers, 7);
-  const Index integers[] = {static_cast<Index>(contact_law(options)), options.iterations, options.substeps,
-                            options.momentum ? 1 : 0, kNumericsEpoch};
-  digest.add(integers, 5);
+  add_options(digest, stepping, options);
   return digest.sum();
 }
-
-template <class T>
-std::vector<T> gather(Transport& transport, const T& mine) {
-  std::vector<T> all(static_cast<std::size_t>(transport.size()));
-  transport.all_gather(std::as_bytes(std::span(&mine, 1)), std::as_writable_bytes(std::span(all)));
-  return all;
-}
-
-void require_agreement(Transport& transport, std::uint64_t digest) {
-  const std::vector<std::uint64_t> all = gather(transport, digest);
-  for (std::size_t rank = 1; rank < all.size(); ++rank)
-    if (all[rank] != all[0])
-      throw Error(ErrorCode::invalid_argument,
-                  "rank " + std::to_string(rank) +
-                      " has another batch, other options or other owners than rank 0: give "
-                      "all ranks the same");
-}
-
-/// Memory that begins on a cache line.
-template <class T>
-class Scratch {
- public:
-  explicit Scratch(Offset count) : numbers_(at(count) + 64 / sizeof(T)) {}
-  T* data() {
-    void* begin = numbers_.data();
-    std::size_t space = numbers_.size() * sizeof(T);
-    return static_cast<T*>(std::align(64, 1, begin, space));
-  }
-
- private:
-  std::vector<T> numbers_;
-};
 
 /// Solves the piece of one environment, and collects the answer on rank 0.
 template <class Real>
@@ -123,25 +56,7 @@ class EnvOverRanks {
         owner_(owner),
         piece_(job, plan, env, owner, transport.rank()) {}
 
-  void solve(RankReport& report) {
-    const RankKernels<Real> kernels = rank_kernels<Real>(contact_law(job_.options));
-    Scratch<Real> numbers(kernels.elements(piece_.contacts(), piece_.bodies(), job_.options.momentum));
-    Scratch<double> exact(kernels.exact_elements(piece_.bodies()));
-    Halo halo(transport_, piece_.rounds());
-    const Traffic before = transport_.traffic();
-    const auto start = std::chrono::steady_clock::now();
-    kernels.solve(piece_.job(), numbers.data(), exact.data(), halo);
-    report.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    const Traffic& after = transport_.traffic();
-    report.waited += after.waited - before.waited;
-    report.exchanges += after.exchanges - before.exchanges;
-    report.gathers += after.gathers - before.gathers;
-    report.messages += after.messages - before.messages;
-    report.bytes += after.bytes - before.bytes;
-    report.bodies += piece_.bodies();
-    report.ghosts += piece_.ghosts();
-    report.contacts += piece_.contacts();
-  }
+  void solve(RankReport& report) { solve_piece(transport_, piece_.job(), piece_.rounds(), piece_.ghosts(), report); }
 
   void collect(const BodySolutionView<Real>& solution, bool with_w) {
     const std::vector<Real> own = piece_.answer(with_w);
@@ -183,14 +98,15 @@ std::vector<RankReport> solve_over_ranks(Transport& transport, const BodyBatchVi
                                          const BodySolverOptions& options, const BodySolutionView<Real>& solution,
                                          const Real* warm_start) {
   const ScopedFpEnv fp_env;
-  require_options(options);
+  require_impulses(options);
   BodySolverOptions alone = options;
   alone.threads = 1;
   const BodySolver solver(Device::cpu(), stepping, alone);
   const BodyPlan plan = solver.plan(batch);
   require_owners(owner, batch.body_count, transport.size());
   if (transport.rank() == 0) solver.check(plan, batch, solution);
-  require_agreement(transport, digest_of(batch, owner, stepping, options, warm_start));
+  require_agreement(transport, digest_of(batch, owner, stepping, options, warm_start),
+                    "another batch, other options or other owners");
   const auto with_w = gather(transport, static_cast<std::uint8_t>(solution.w != nullptr ? 1 : 0));
   const BodyJob<Real> job{batch, plan.data().view(), solution, warm_start, stepping, options};
   RankReport report;

@@ -62,4 +62,14 @@ TEST(Hash, InfinityIsNotANan) {
   EXPECT_NE(hash_of(std::vector<double>{infinity}), hash_of(std::vector<double>{-infinity}));
 }
 
+TEST(Hash, IsTheSumOfItsParts) {
+  const std::vector<double> all{1, -0.0, 2.5, 1, 1e300, -7};
+  const std::span<const double> values(all);
+  EXPECT_EQ(stiction::hash_part(values.first(2), 0) + stiction::hash_part(values.subspan(2), 2), hash_bits(values));
+  EXPECT_NE(stiction::hash_part(values.first(2), 0) + stiction::hash_part(values.subspan(2), 3), hash_bits(values));
+  const std::vector<float> single{3, 4, 5};
+  const std::span<const float> numbers(single);
+  EXPECT_EQ(stiction::hash_part(numbers.first(1), 0) + stiction::hash_part(numbers.subspan(1), 1), hash_bits(numbers));
+}
+
 }  // namespace

@@ -107,5 +107,103 @@ TEST_F(IoCheckpoint, OtherFilesAreNone) {
               HasSubstr("expected 'world-checkpoint'"));
 }
 
+/// Two environments of three bodies, and their parts of two bodies and one. Contact 64 is of bodies of both parts.
+struct InParts {
+  CheckpointFile whole, first, second;
+  CheckpointParts parts;
+};
+
+CheckpointFile of_bodies(const std::vector<double>& bodies, const std::vector<Offset>& offsets,
+                         const std::vector<std::uint64_t>& ids) {
+  CheckpointFile file;
+  file.run = "scene=pile";
+  file.step = 7;
+  const auto put = [&](std::size_t width, std::vector<double>& to) {
+    for (const double body : bodies)
+      for (std::size_t k = 0; k < width; ++k) to.push_back(100 * body + static_cast<double>(10 * width + k));
+  };
+  put(3, file.world.position);
+  put(4, file.world.orientation);
+  put(6, file.world.twist);
+  put(6, file.world.wrench);
+  file.world.contact_offsets = offsets;
+  file.world.contact_id = ids;
+  for (const std::uint64_t id : ids)
+    for (int k = 0; k < 3; ++k) file.world.impulse.push_back(static_cast<double>(id) + 0.25 * k);
+  return file;
+}
+
+InParts in_parts() {
+  return {of_bodies({0, 1, 2, 10, 11, 12}, {0, 3, 4}, {3, 64, 130, 5}),
+          of_bodies({0, 1, 10, 11}, {0, 2, 3}, {3, 64, 5}),
+          of_bodies({2, 12}, {0, 2, 2}, {64, 130}),
+          {"scene=pile", 7, {0, 2, 3}, {}}};
+}
+
+void write(const std::filesystem::path& path, InParts& all) {
+  all.parts.checksums = {write_checkpoint_part(checkpoint_part(path, 7, 0, 2), all.first),
+                         write_checkpoint_part(checkpoint_part(path, 7, 1, 2), all.second)};
+  write_checkpoint_parts(path, all.parts);
+}
+
+TEST_F(IoCheckpoint, PartsAreReadAsOne) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  expect_same(read_checkpoint(at("c.h5")), all.whole);
+}
+
+TEST_F(IoCheckpoint, SomeBodiesAreReadFromTheirParts) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  const CheckpointShare last = read_checkpoint(at("c.h5"), 2, {2, 3});
+  EXPECT_EQ(last.bodies.first, 2);
+  EXPECT_EQ(last.bodies.end, 3);
+  expect_same(last.file, all.second);
+  // From one file, too, with all its contacts.
+  write_checkpoint(at("one.h5"), all.whole);
+  CheckpointFile middle = of_bodies({1, 2, 11, 12}, {0, 3, 4}, {3, 64, 130, 5});
+  expect_same(read_checkpoint(at("one.h5"), 2, {1, 3}).file, middle);
+  expect_same(read_checkpoint(at("c.h5"), 2, {1, 3}).file, middle);
+  EXPECT_EQ(read_checkpoint(at("c.h5"), 2, {1, 9}).bodies.end, 3);
+  // The part that is not needed may be gone.
+  std::filesystem::remove(checkpoint_part(at("c.h5"), 7, 0, 2));
+  expect_same(read_checkpoint(at("c.h5"), 2, {2, 3}).file, all.second);
+  EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { static_cast<void>(read_checkpoint(at("c.h5"))); }),
+              HasSubstr("names c.h5.step7.part0of2, which is not there"));
+}
+
+TEST_F(IoCheckpoint, PartsOfAnotherCheckpointAreRefused) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  all.second.world.twist[3] += 1;
+  write_checkpoint_part(checkpoint_part(at("c.h5"), 7, 1, 2), all.second);
+  EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { static_cast<void>(read_checkpoint(at("c.h5"))); }),
+              HasSubstr("part1of2, which is of another checkpoint"));
+  all.parts.body_offsets = {0, 1, 3};
+  write(at("c.h5"), all);
+  EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { static_cast<void>(read_checkpoint(at("c.h5"))); }),
+              HasSubstr("'position' has 12 elements, expected 6"));
+}
+
+TEST_F(IoCheckpoint, PartsThatNothingNamesAreRemoved) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  const auto files = [&] {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(at(""))) names.push_back(entry.path().filename());
+    std::sort(names.begin(), names.end());
+    return names;
+  };
+  write_checkpoint_part(checkpoint_part(at("c.h5"), 8, 0, 3), all.first);
+  std::ofstream(at("c.h5.step8.partition")) << "not ours";
+  std::ofstream(at("c.h5.stepless.part0of2")) << "not ours";
+  EXPECT_EQ(files().size(), 6U);
+  write(at("c.h5"), all);
+  EXPECT_THAT(files(), ::testing::ElementsAre("c.h5", "c.h5.step7.part0of2", "c.h5.step7.part1of2",
+                                              "c.h5.step8.partition", "c.h5.stepless.part0of2"));
+  write_checkpoint(at("c.h5"), all.whole);
+  EXPECT_THAT(files(), ::testing::ElementsAre("c.h5", "c.h5.step8.partition", "c.h5.stepless.part0of2"));
+}
+
 }  // namespace
 }  // namespace stiction::io::test

@@ -122,7 +122,6 @@ struct StepArguments {
   std::int64_t every = 0;  ///< states of every so many steps are written; 0: those of the last
   std::int64_t checkpoint_every = 100;
   bool quiet = false;
-  bool checkpoint_read_only = false;   ///< of processes with one file, all but one
   std::optional<std::int64_t> hashed;  ///< environments, the first, that the hash is of; without it: all
   std::optional<std::filesystem::path> output, json, checkpoint;
 };

@@ -13,26 +13,24 @@ namespace stiction::cli {
 namespace {
 
 template <class To, class From>
-std::vector<To> converted(const std::vector<From>& values) {
+std::vector<To> numbers(const std::vector<From>& values) {
   std::vector<To> all;
   all.reserve(values.size());
   for (const From value : values) all.push_back(static_cast<To>(value));
   return all;
 }
 
-/// Exact where `To` holds the numbers.
-template <class To, class From>
-WorldCheckpoint<To> converted(const WorldCheckpoint<From>& from) {
-  return {converted<To>(from.position), converted<To>(from.orientation),
-          converted<To>(from.twist),    converted<To>(from.wrench),
-          from.contact_offsets,         from.contact_id,
-          converted<To>(from.impulse)};
-}
-
 template <class Real>
 constexpr Precision kPrecision = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
 
 }  // namespace
+
+template <class To, class From>
+WorldCheckpoint<To> converted(const WorldCheckpoint<From>& from) {
+  return {numbers<To>(from.position), numbers<To>(from.orientation), numbers<To>(from.twist),
+          numbers<To>(from.wrench),   from.contact_offsets,          from.contact_id,
+          numbers<To>(from.impulse)};
+}
 
 StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOptions& options)
     : arguments_(arguments),
@@ -45,29 +43,56 @@ StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOption
   if (arguments.law != StepArguments{}.law) run_ += " law=" + arguments.law;
 }
 
-template <class Real>
-std::int64_t StepCheckpoint::resume(World<Real>& world) const {
-  if (!arguments_.checkpoint || !std::filesystem::exists(*arguments_.checkpoint)) return 0;
-  const io::CheckpointFile file = io::read_checkpoint(*arguments_.checkpoint);
+bool StepCheckpoint::is_there() const {
+  return arguments_.checkpoint && std::filesystem::exists(*arguments_.checkpoint);
+}
+
+void StepCheckpoint::check(const std::string& run, std::int64_t step) const {
   const std::string name = arguments_.checkpoint->filename().string();
-  if (file.run != run_)
+  if (run != run_)
     throw Error(ErrorCode::bad_file, fmt::format("{}: is of another run: it holds {}, and this one is {}; choose "
                                                  "another file, or remove it",
-                                                 name, file.run, run_));
-  if (file.step > arguments_.steps)
-    throw Error(ErrorCode::bad_file, fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name,
-                                                 file.step, arguments_.steps));
+                                                 name, run, run_));
+  if (step > arguments_.steps)
+    throw Error(ErrorCode::bad_file,
+                fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name, step, arguments_.steps));
+}
+
+std::optional<io::CheckpointShare> StepCheckpoint::read(io::CheckpointBodies bodies) const {
+  if (!is_there()) return std::nullopt;
+  io::CheckpointShare share = io::read_checkpoint(*arguments_.checkpoint, arguments_.environments, bodies);
+  check(share.file.run, share.file.step);
+  return share;
+}
+
+template <class Real>
+std::int64_t StepCheckpoint::resume(World<Real>& world) const {
+  if (!is_there()) return 0;
+  const io::CheckpointFile file = io::read_checkpoint(*arguments_.checkpoint);
+  check(file.run, file.step);
   world.resume(converted<Real>(file.world));
   return file.step;
 }
 
-template <class Real>
-void StepCheckpoint::after(std::int64_t step, const World<Real>& world) const {
-  if (!arguments_.checkpoint || arguments_.checkpoint_read_only) return;
-  if (step != arguments_.steps && step % arguments_.checkpoint_every != 0) return;
-  io::write_checkpoint(*arguments_.checkpoint, {kPrecision<Real>, run_, step, converted<double>(world.checkpoint())});
+bool StepCheckpoint::is_due(std::int64_t step) const {
+  return arguments_.checkpoint && (step == arguments_.steps || step % arguments_.checkpoint_every == 0);
 }
 
+template <class Real>
+void StepCheckpoint::after(std::int64_t step, const World<Real>& world) const {
+  if (is_due(step)) io::write_checkpoint(*arguments_.checkpoint, file_of(step, world.checkpoint()));
+}
+
+template <class Real>
+io::CheckpointFile StepCheckpoint::file_of(std::int64_t step, const WorldCheckpoint<Real>& world) const {
+  return {kPrecision<Real>, run_, step, converted<double>(world)};
+}
+
+template WorldCheckpoint<float> converted(const WorldCheckpoint<double>&);
+template WorldCheckpoint<double> converted(const WorldCheckpoint<double>&);
+template WorldCheckpoint<double> converted(const WorldCheckpoint<float>&);
+template io::CheckpointFile StepCheckpoint::file_of(std::int64_t, const WorldCheckpoint<float>&) const;
+template io::CheckpointFile StepCheckpoint::file_of(std::int64_t, const WorldCheckpoint<double>&) const;
 template std::int64_t StepCheckpoint::resume(World<float>&) const;
 template std::int64_t StepCheckpoint::resume(World<double>&) const;
 template void StepCheckpoint::after(std::int64_t, const World<float>&) const;

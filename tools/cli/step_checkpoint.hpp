@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include "stiction/io.hpp"
 #include "stiction/world.hpp"
 #include "tools/cli/commands.hpp"
 
@@ -20,13 +22,28 @@ class StepCheckpoint {
   template <class Real>
   [[nodiscard]] std::int64_t resume(World<Real>& world) const;
 
+  /// What the file holds of some bodies of each environment, if it is there. \throws as resume
+  [[nodiscard]] std::optional<io::CheckpointShare> read(io::CheckpointBodies bodies) const;
+
+  /// Whether the file is to be written after that step.
+  [[nodiscard]] bool is_due(std::int64_t step) const;
   /// Writes the file after that step, if it is its turn.
   template <class Real>
   void after(std::int64_t step, const World<Real>& world) const;
+  /// A file of that step.
+  template <class Real>
+  [[nodiscard]] io::CheckpointFile file_of(std::int64_t step, const WorldCheckpoint<Real>& world) const;
 
  private:
+  void check(const std::string& run, std::int64_t step) const;
+  [[nodiscard]] bool is_there() const;
+
   const StepArguments& arguments_;
   std::string run_;
 };
+
+/// Exact where `To` holds the numbers.
+template <class To, class From>
+WorldCheckpoint<To> converted(const WorldCheckpoint<From>& from);
 
 }  // namespace stiction::cli

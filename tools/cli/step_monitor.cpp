@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace stiction::cli {
 
@@ -18,22 +19,19 @@ double mean_energy(const std::vector<WorldMotion>& motion) {
 
 }  // namespace
 
-template <class Real>
-StepMonitor<Real>::StepMonitor(const World<Real>& world, double tolerance, std::int64_t steps)
-    : tolerance_(tolerance),
-      stride_(std::max<std::int64_t>(1, (world.env_count() * steps + kMostResiduals - 1) / kMostResiduals)),
-      before_(world.motion()) {
+StepMonitor::StepMonitor(const WorldDescription& description, double dt, std::vector<WorldMotion> motion,
+                         double tolerance, std::int64_t steps)
+    : tolerance_(tolerance), before_(std::move(motion)) {
+  const auto envs = static_cast<std::int64_t>(before_.size());
+  stride_ = std::max<std::int64_t>(1, (envs * steps + kMostResiduals - 1) / kMostResiduals);
   double mass = 0;
-  for (const WorldBody& body : world.description().bodies) mass += body.mass;
-  for (std::size_t k = 0; k < 3; ++k) weight_[k] = mass * world.description().gravity[k] * world.options().stepping.dt;
+  for (const WorldBody& body : description.bodies) mass += body.mass;
+  for (std::size_t k = 0; k < 3; ++k) weight_[k] = mass * description.gravity[k] * dt;
   energy_begin_ = mean_energy(before_);
 }
 
-/// Impulses of contacts with body -1, which is always the first of a pair.
 template <class Real>
-std::array<double, 3> StepMonitor<Real>::push_of_world(const World<Real>& world, Offset env) const {
-  const BodyBatchView<Real> contacts = world.contacts();
-  const std::span<const Real> impulses = world.impulses();
+std::array<double, 3> push_of_world(const BodyBatchView<Real>& contacts, std::span<const Real> impulses, Offset env) {
   std::array<double, 3> sum{};
   for (Offset c = contacts.env_contact_offsets[env]; c < contacts.env_contact_offsets[env + 1]; ++c) {
     if (contacts.body_a[c] >= 0) continue;
@@ -51,49 +49,68 @@ std::array<double, 3> StepMonitor<Real>::push_of_world(const World<Real>& world,
 }
 
 template <class Real>
-void StepMonitor<Real>::look(const World<Real>& world) {
-  const std::vector<WorldMotion> now = world.motion();
+double deepest_of(const BodyBatchView<Real>& contacts, Offset env) {
+  double deepest = 0;
+  for (Offset c = contacts.env_contact_offsets[env]; c < contacts.env_contact_offsets[env + 1]; ++c)
+    deepest = std::max(deepest, static_cast<double>(contacts.depth[c]));
+  return deepest;
+}
+
+template <class Real>
+std::vector<EnvSeen> see(const World<Real>& world) {
+  const std::vector<WorldMotion> motion = world.motion();
   const std::span<const EnvStatus> status = world.status();
+  const BodyBatchView<Real> contacts = world.contacts();
+  std::vector<EnvSeen> seen;
   for (Offset env = 0; env < world.env_count(); ++env) {
     const auto e = static_cast<std::size_t>(env);
-    const double residual = status[e].residual;
+    seen.push_back({motion[e], status[e], push_of_world(contacts, world.impulses(), env),
+                    contacts.env_contact_offsets[env + 1] - contacts.env_contact_offsets[env],
+                    deepest_of(contacts, env)});
+  }
+  return seen;
+}
+
+void StepMonitor::look(std::span<const EnvSeen> envs) {
+  for (std::size_t e = 0; e < envs.size(); ++e) {
+    const WorldMotion& now = envs[e].motion;
+    const WorldMotion& before = before_[e];
+    const double residual = envs[e].status.residual;
     if (steps_ % stride_ == 0) residuals_.push_back(residual);
     if (residual <= tolerance_) {
       quality_sum_ += 1;
     } else if (std::isfinite(residual)) {
       quality_sum_ += tolerance_ / residual;
     }
-    ++codes_[static_cast<std::size_t>(status[e].code)];
-    overflows_ += (status[e].flags & kFlagContactsDropped) != 0 ? 1 : 0;
-    largest_rise_ =
-        std::max(largest_rise_, (now[e].kinetic + now[e].potential) - (before_[e].kinetic + before_[e].potential));
-    const std::array<double, 3> push = push_of_world(world, env);
+    ++codes_[static_cast<std::size_t>(envs[e].status.code)];
+    overflows_ += (envs[e].status.flags & kFlagContactsDropped) != 0 ? 1 : 0;
+    largest_rise_ = std::max(largest_rise_, (now.kinetic + now.potential) - (before.kinetic + before.potential));
     double square = 0;
     for (std::size_t k = 0; k < 3; ++k) {
-      const double rest = now[e].momentum[k] - before_[e].momentum[k] - weight_[k] - push[k];
+      const double rest = now.momentum[k] - before.momentum[k] - weight_[k] - envs[e].push[k];
       square += rest * rest;
     }
     momentum_drift_ = std::max(momentum_drift_, std::sqrt(square));
+    deepest_ = std::max(deepest_, envs[e].deepest);
+    contacts_ += envs[e].contacts;
+    before_[e] = now;
   }
-  before_ = now;
-  const BodyBatchView<Real> contacts = world.contacts();
-  for (Offset c = 0; c < contacts.contact_count; ++c)
-    deepest_ = std::max(deepest_, static_cast<double>(contacts.depth[c]));
-  contacts_ += world.contact_offsets().back();
-  env_steps_ += world.env_count();
+  env_steps_ += static_cast<std::int64_t>(envs.size());
   ++steps_;
 }
 
-template <class Real>
-double StepMonitor<Real>::quality() const {
+double StepMonitor::quality() const {
   return env_steps_ > 0 ? quality_sum_ / static_cast<double>(env_steps_) : 1;
 }
-template <class Real>
-double StepMonitor<Real>::energy_end() const {
+double StepMonitor::energy_end() const {
   return mean_energy(before_);
 }
 
-template class StepMonitor<float>;
-template class StepMonitor<double>;
+template std::array<double, 3> push_of_world(const BodyBatchView<float>&, std::span<const float>, Offset);
+template std::array<double, 3> push_of_world(const BodyBatchView<double>&, std::span<const double>, Offset);
+template double deepest_of(const BodyBatchView<float>&, Offset);
+template double deepest_of(const BodyBatchView<double>&, Offset);
+template std::vector<EnvSeen> see(const World<float>&);
+template std::vector<EnvSeen> see(const World<double>&);
 
 }  // namespace stiction::cli

@@ -2,21 +2,43 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "stiction/world.hpp"
 
 namespace stiction::cli {
 
-/// Watches a world step by step; what docs/stepping.md calls residuals, quality, energy and momentum.
+/// What a step left of one environment.
+struct EnvSeen {
+  WorldMotion motion;
+  EnvStatus status;
+  std::array<double, 3> push{};  ///< of the world's contacts [N s]
+  std::int64_t contacts = 0;
+  double deepest = 0;  ///< penetration of any contact that was found, 0 where none is [m]
+};
+
+/// Impulse of contacts with body -1, which is always the first of a pair [N s].
 template <class Real>
+std::array<double, 3> push_of_world(const BodyBatchView<Real>& contacts, std::span<const Real> impulses, Offset env);
+/// Penetration of any contact of an environment, 0 where none is [m].
+template <class Real>
+double deepest_of(const BodyBatchView<Real>& contacts, Offset env);
+
+/// What the last step left of all environments.
+template <class Real>
+std::vector<EnvSeen> see(const World<Real>& world);
+
+/// Watches a world step by step; what docs/stepping.md calls residuals, quality, energy and momentum.
 class StepMonitor {
  public:
-  /// Residuals above `tolerance` lower the quality. `steps` are ahead.
-  StepMonitor(const World<Real>& world, double tolerance, std::int64_t steps);
+  /// A world of that description that moves as `motion` says. Residuals above `tolerance` lower the quality. `steps`
+  /// of `dt` are ahead.
+  StepMonitor(const WorldDescription& description, double dt, std::vector<WorldMotion> motion, double tolerance,
+              std::int64_t steps);
 
   /// After each step.
-  void look(const World<Real>& world);
+  void look(std::span<const EnvSeen> envs);
 
   [[nodiscard]] const std::vector<double>& residuals() const { return residuals_; }
   /// Mean over environment-steps of min(1, tolerance / residual); 0 where the residual is not finite.
@@ -32,10 +54,8 @@ class StepMonitor {
   [[nodiscard]] double deepest() const { return deepest_; }  ///< penetration of any contact that was found [m]
 
  private:
-  std::array<double, 3> push_of_world(const World<Real>& world, Offset env) const;
-
   double tolerance_;
-  std::int64_t stride_;  ///< residuals of every so many steps are kept
+  std::int64_t stride_ = 1;  ///< residuals of every so many steps are kept
   std::array<double, 3> weight_{};
   std::vector<WorldMotion> before_;
   std::vector<double> residuals_;

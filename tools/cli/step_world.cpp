@@ -41,7 +41,7 @@ class StateFile {
     require_writable(*path);
     name_ = path->string();
     file_.reset(*path == "-" ? stdout : std::fopen(path->c_str(), "wb"));
-    put("step,environment,body,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n");
+    put(kStateHeader);
   }
 
   template <class Real>
@@ -52,9 +52,9 @@ class StateFile {
       std::string text;
       for (Index body = 0; body < world.body_count(); ++body) {
         const auto place = static_cast<std::size_t>(env * world.body_count() + body);
-        text += fmt::format(
-            "{},{},{},{},{},{}\n", step, env, body, fmt::join(state.position.subspan(3 * place, 3), ","),
-            fmt::join(state.orientation.subspan(4 * place, 4), ","), fmt::join(state.twist.subspan(6 * place, 6), ","));
+        text += state_line<Real>(step, env, body,
+                                 {state.position.subspan(3 * place, 3), state.orientation.subspan(4 * place, 4),
+                                  state.twist.subspan(6 * place, 6)});
       }
       put(text);
     }
@@ -95,6 +95,40 @@ std::uint64_t hash_of_first(const World<Real>& world, Offset count) {
   return hash_bits(std::span<const Real>(first));
 }
 
+/// A world of this process.
+template <class Real>
+class WorldHere final : public SteppedWorld {
+ public:
+  WorldHere(const StepArguments& arguments, const scenes::WorldScene& scene, Device device, const WorldOptions& options)
+      : arguments_(arguments),
+        world_(device, scene.description, arguments.environments, options),
+        checkpoint_(arguments, options) {
+    scenes::start_all(world_, arguments.scene, arguments.seed, arguments.size);
+  }
+
+  std::int64_t resume() override {
+    const std::int64_t done = checkpoint_.resume(world_);
+    states_.emplace(arguments_.output);
+    return done;
+  }
+  void step() override { world_.step(); }
+  std::vector<WorldMotion> motion() override { return world_.motion(); }
+  std::vector<EnvSeen> see() override { return cli::see(world_); }
+  void write_states(std::int64_t step) override { states_->write(world_, step); }
+  void close_states() override { states_->close(); }
+  void write_checkpoint(std::int64_t step) override { checkpoint_.after(step, world_); }
+  WorldSeconds seconds() override { return world_.seconds(); }
+  std::uint64_t hash() override {
+    return arguments_.hashed ? hash_of_first(world_, *arguments_.hashed) : world_.hash();
+  }
+
+ private:
+  const StepArguments& arguments_;
+  World<Real> world_;
+  StepCheckpoint checkpoint_;
+  std::optional<StateFile> states_;
+};
+
 }  // namespace
 
 WorldOptions world_options(const StepArguments& arguments, const TimeStepping& stepping) {
@@ -112,18 +146,18 @@ WorldOptions world_options(const StepArguments& arguments, const TimeStepping& s
 }
 
 template <class Real>
-StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& scene, Device device,
-                      const StepSolver<Real>& solve) {
-  const WorldOptions options = world_options(arguments, scene.stepping);
-  World<Real> world(device, scene.description, arguments.environments, options);
-  scenes::start_all(world, arguments.scene, arguments.seed, arguments.size);
-  const StepCheckpoint checkpoint(arguments, options);
-  const std::int64_t done = checkpoint.resume(world);
+std::string state_line(std::int64_t step, Offset env, Index body, const WorldState<Real>& of) {
+  return fmt::format("{},{},{},{},{},{}\n", step, env, body, fmt::join(of.position, ","),
+                     fmt::join(of.orientation, ","), fmt::join(of.twist, ","));
+}
+
+StepReport run_steps(const StepArguments& arguments, const WorldOptions& options, const WorldDescription& description,
+                     Device device, SteppedWorld& world) {
+  const std::int64_t done = world.resume();
   const double tolerance = arguments.tolerance > 0 ? arguments.tolerance : kQualityTolerance;
-  StepMonitor<Real> monitor(world, tolerance, arguments.steps - done);
-  StateFile states(arguments.output);
+  StepMonitor monitor(description, options.stepping.dt, world.motion(), tolerance, arguments.steps - done);
   StepReport report;
-  if (arguments.every > 0) states.write(world, done);
+  if (arguments.every > 0) world.write_states(done);
   {
     GpuMeter gpu(device);
     Progress progress("step", arguments.steps - done, arguments.quiet);
@@ -131,25 +165,21 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
       const ThreadMeter meter;
       const double cpu_start = cpu_seconds();
       const Clock::time_point start = Clock::now();
-      if (solve) {
-        world.step(solve);
-      } else {
-        world.step();
-      }
+      world.step();
       report.wall += std::chrono::duration<double>(Clock::now() - start).count();
       report.cpu += cpu_seconds() - cpu_start;
       report.thread_use += meter.use();
-      monitor.look(world);
-      if (arguments.every > 0 && step % arguments.every == 0) states.write(world, step);
-      checkpoint.after(step, world);
+      monitor.look(world.see());
+      if (arguments.every > 0 && step % arguments.every == 0) world.write_states(step);
+      world.write_checkpoint(step);
       progress.advance();
     }
     report.gpu = gpu.end();
   }
-  if (arguments.every == 0) states.write(world, arguments.steps);
-  states.close();
+  if (arguments.every == 0) world.write_states(arguments.steps);
+  world.close_states();
   report.resumed_at = done;
-  report.bodies = world.body_count();
+  report.bodies = static_cast<std::int64_t>(description.bodies.size());
   report.dt = options.stepping.dt;
   report.solver = arguments.solver;
   report.law = arguments.law;
@@ -167,11 +197,20 @@ StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& 
   report.largest_rise = monitor.largest_rise();
   report.momentum_drift = monitor.momentum_drift();
   report.deepest = monitor.deepest();
-  report.hash = arguments.hashed ? hash_of_first(world, *arguments.hashed) : world.hash();
+  report.hash = world.hash();
   return report;
 }
 
-template StepReport step_world(const StepArguments&, const scenes::WorldScene&, Device, const StepSolver<float>&);
-template StepReport step_world(const StepArguments&, const scenes::WorldScene&, Device, const StepSolver<double>&);
+template <class Real>
+StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& scene, Device device) {
+  const WorldOptions options = world_options(arguments, scene.stepping);
+  WorldHere<Real> world(arguments, scene, device, options);
+  return run_steps(arguments, options, scene.description, device, world);
+}
+
+template std::string state_line(std::int64_t, Offset, Index, const WorldState<float>&);
+template std::string state_line(std::int64_t, Offset, Index, const WorldState<double>&);
+template StepReport step_world<float>(const StepArguments&, const scenes::WorldScene&, Device);
+template StepReport step_world<double>(const StepArguments&, const scenes::WorldScene&, Device);
 
 }  // namespace stiction::cli

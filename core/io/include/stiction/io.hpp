@@ -122,8 +122,42 @@ struct CheckpointFile {
   WorldCheckpoint<double> world;         ///< of any number of environments and bodies
 };
 
-/// Reads a checkpoint, and compares what it holds with the checksum that it was written with. \throws Error
+/// Reads a checkpoint, and compares what it holds with the checksum that it was written with. One in parts is read as
+/// one. \throws Error
 CheckpointFile read_checkpoint(const std::filesystem::path& path);
+
+/// Bodies first .. end - 1 of every environment.
+struct CheckpointBodies {
+  Offset first = 0;  ///< the first of them
+  Offset end = 0;    ///< one past the last
+};
+
+/// Some bodies of a checkpoint. Contacts are those of all bodies that lie in the same parts.
+struct CheckpointShare {
+  CheckpointFile file;      ///< `world` is of these bodies alone
+  CheckpointBodies bodies;  ///< those that were asked for and are there
+};
+
+/// Reads some bodies of a checkpoint of `environments` environments. Of one in parts, the parts that they lie in are
+/// read, and no others. \throws Error
+CheckpointShare read_checkpoint(const std::filesystem::path& path, Offset environments, CheckpointBodies bodies);
+
+/// What the parts of a checkpoint have in common (docs/file_formats.md).
+struct CheckpointParts {
+  std::string run;                      ///< of CheckpointFile
+  std::int64_t step = 0;                ///< of CheckpointFile
+  std::vector<Offset> body_offsets;     ///< first body of each part's, closed by their number  (parts + 1)
+  std::vector<std::int64_t> checksums;  ///< that write_checkpoint_part() returned              (parts)
+};
+
+/// Where part k of n of a checkpoint of that step lies: beside it.
+std::filesystem::path checkpoint_part(const std::filesystem::path& path, std::int64_t step, std::int64_t k,
+                                      std::int64_t n);
+/// Writes a part: a checkpoint of some bodies, with the contacts that they take part in. A contact may be in two parts.
+/// Returns its checksum when it is on the disk. \throws Error(io)
+std::int64_t write_checkpoint_part(const std::filesystem::path& part, const CheckpointFile& checkpoint);
+/// Makes parts that were written a checkpoint, and removes those of the one that was there. \throws Error(io)
+void write_checkpoint_parts(const std::filesystem::path& path, const CheckpointParts& parts);
 
 /// Writes like write_batch, and returns when the file is on the disk. \throws Error(io)
 void write_checkpoint(const std::filesystem::path& path, const CheckpointFile& checkpoint);

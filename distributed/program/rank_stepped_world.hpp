@@ -1,0 +1,51 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "distributed/program/commands.hpp"
+#include "distributed/program/rank_report.hpp"
+#include "distributed/program/rank_state_file.hpp"
+#include "distributed/world/rank_world.hpp"
+#include "tools/cli/step_checkpoint.hpp"
+#include "tools/cli/step_world.hpp"
+
+namespace stiction::distributed {
+
+/// A scene's environments, each of them over all ranks. Every rank calls the same functions in the same order.
+template <class Real>
+class RankSteppedWorld final : public cli::SteppedWorld {
+ public:
+  RankSteppedWorld(Transport& transport, const StepJobArguments& arguments, const scenes::WorldScene& scene,
+                   const WorldOptions& options);
+
+  std::int64_t resume() override;
+  void step() override;
+  std::vector<WorldMotion> motion() override;
+  std::vector<cli::EnvSeen> see() override;
+  void write_states(std::int64_t step) override;
+  void close_states() override;
+  void write_checkpoint(std::int64_t step) override;
+  WorldSeconds seconds() override;
+  std::uint64_t hash() override;
+
+  /// What each rank did, by rank; all ranks get it.
+  std::vector<StepRankReport> reports();
+
+ private:
+  using World = RankWorld<Real>;
+  void start(Offset env);
+  void go_on(Offset env, const BodyRange& share, const io::CheckpointShare& file);
+  BodyList<Real> by_number(const World& world, Impulses<Real>* impulses) const;
+
+  Transport& transport_;
+  const StepJobArguments& arguments_;
+  WorldOptions options_;
+  WorldModel<Real> whole_;
+  std::vector<std::unique_ptr<World>> worlds_;
+  cli::StepCheckpoint checkpoint_;
+  std::optional<RankStateFile> states_;
+};
+
+}  // namespace stiction::distributed

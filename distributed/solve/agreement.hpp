@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <type_traits>
+
+#include "distributed/transport/letters.hpp"
+#include "stiction/hash.hpp"
+#include "stiction/bodies.hpp"
+
+namespace stiction::distributed {
+
+/// Adds numbers and integers to a hash of all that reaches the bits, or what is sent.
+class Digest {
+ public:
+  template <class T>
+  void add(const T* values, Offset count) {
+    if (values == nullptr) return add(std::uint64_t{0});
+    if constexpr (std::is_floating_point_v<T>) {
+      add(hash_bits(std::span<const T>(values, static_cast<std::size_t>(count))));
+    } else {
+      for (Offset i = 0; i < count; ++i) add(static_cast<std::uint64_t>(values[i]));
+    }
+  }
+  void add(std::uint64_t word) { sum_ = (sum_ ^ word) * 0x100000001b3ULL + 0x9e3779b97f4a7c15ULL; }
+  [[nodiscard]] std::uint64_t sum() const { return sum_; }
+
+ private:
+  std::uint64_t sum_ = 0xcbf29ce484222325ULL;
+};
+
+/// Adds what a solve by sequential impulses is told.
+void add_options(Digest& digest, const TimeStepping& stepping, const BodySolverOptions& options);
+
+/// \throws Error(invalid_argument) unless all ranks have rank 0's digest. `what`: what they have to be given.
+void require_agreement(Transport& transport, std::uint64_t digest, const char* what);
+
+/// \throws Error(unsupported) for a method other than impulses, or a limit of contacts.
+void require_impulses(const BodySolverOptions& options);
+
+}  // namespace stiction::distributed
