@@ -111,8 +111,8 @@ void put_bodies(const std::vector<Piece>& pieces, Offset environments, Checkpoin
 }
 
 /// Reads what of the parts has some of those bodies; of all bodies without `of`.
-CheckpointShare read_parts(const std::filesystem::path& path, const InputFile& index, std::optional<Offset> environments,
-                           std::optional<CheckpointBodies> of) {
+CheckpointShare read_parts(const std::filesystem::path& path, const InputFile& index,
+                           std::optional<Offset> environments, std::optional<CheckpointBodies> of) {
   std::string base;
   const CheckpointParts parts = read_checkpoint_parts(index, base);
   const auto count = static_cast<Offset>(parts.checksums.size());
@@ -127,7 +127,8 @@ CheckpointShare read_parts(const std::filesystem::path& path, const InputFile& i
     if (of && (first >= share.bodies.end || first + bodies <= share.bodies.first)) continue;
     const std::filesystem::path name = path.parent_path() / part_name(base, parts.step, k, count);
     if (!std::filesystem::exists(name))
-      index.refuse("names " + name.filename().string() + ", which is not there: keep the parts of a checkpoint beside it");
+      index.refuse("names " + name.filename().string() +
+                   ", which is not there: keep the parts of a checkpoint beside it");
     const InputFile file(name);
     if (checksum_of(file) != parts.checksums[at(k)])
       index.refuse("names " + name.filename().string() + ", which is of another checkpoint");
@@ -175,8 +176,8 @@ CheckpointParts read_checkpoint_parts(const InputFile& file, std::string& base) 
   if (parts.checksums.empty()) file.refuse_dataset("checksums", "is empty: a checkpoint has one part at least");
   parts.body_offsets = file.integers<Offset>("body_offsets", parts.checksums.size() + 1);
   if (parts.body_offsets.back() < 0 || parts.body_offsets.back() > std::numeric_limits<Index>::max())
-    file.refuse_dataset("body_offsets", "ends with " + std::to_string(parts.body_offsets.back()) +
-                                            ", which is no number of bodies");
+    file.refuse_dataset("body_offsets",
+                        "ends with " + std::to_string(parts.body_offsets.back()) + ", which is no number of bodies");
   check_offsets(file, "body_offsets", parts.body_offsets, at(parts.body_offsets.back()));
   return parts;
 }

@@ -5,8 +5,8 @@
 #include <type_traits>
 
 #include "distributed/transport/letters.hpp"
-#include "stiction/hash.hpp"
 #include "stiction/bodies.hpp"
+#include "stiction/hash.hpp"
 
 namespace stiction::distributed {
 

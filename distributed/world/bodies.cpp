@@ -9,11 +9,9 @@ template <class Real>
 PartOfWorld<Real>::PartOfWorld(const WorldModelView<Real>& whole, const BodyList<Real>& bodies)
     : model_(whole, bodies.body), arrays_(model_.view(), 1) {
   for (std::size_t k = 0; k < bodies.size(); ++k)
-    for_each_number(
-        [&](std::size_t width, const auto& from, auto& to) {
-          std::copy_n(from, width, to.data() + static_cast<std::size_t>(width) * k);
-        },
-        bodies.numbers[k], arrays_);
+    for_each_number([&](std::size_t width, const auto& from,
+                        auto& to) { std::copy_n(from, width, to.data() + static_cast<std::size_t>(width) * k); },
+                    bodies.numbers[k], arrays_);
 }
 
 template <class Real>

@@ -229,14 +229,14 @@ class Coloring {
   const PieceBodies& bodies_;
   std::span<const PushedBodies> vertices_;
   std::span<Index> colors_;
-  std::vector<Border> borders_;               ///< by rank
-  std::vector<std::size_t> shared_place_;     ///< of each vertex in its border
-  std::vector<Index> order_;                  ///< vertices
-  std::vector<Index> next_, end_, list_;      ///< vertices of each body in their order, and the first without a colour
-  std::vector<ColorSet> used_;                ///< at each body
-  std::vector<ColorSet> foreign_;             ///< of each vertex: in use at its end that is another rank's
-  std::vector<char> is_known_, is_sent_;      ///< of each vertex: those came, those of this rank's end went
-  std::vector<Index> ready_;                  ///< bodies whose next vertex may have become free
+  std::vector<Border> borders_;            ///< by rank
+  std::vector<std::size_t> shared_place_;  ///< of each vertex in its border
+  std::vector<Index> order_;               ///< vertices
+  std::vector<Index> next_, end_, list_;   ///< vertices of each body in their order, and the first without a colour
+  std::vector<ColorSet> used_;             ///< at each body
+  std::vector<ColorSet> foreign_;          ///< of each vertex: in use at its end that is another rank's
+  std::vector<char> is_known_, is_sent_;   ///< of each vertex: those came, those of this rank's end went
+  std::vector<Index> ready_;               ///< bodies whose next vertex may have become free
 };
 
 }  // namespace

@@ -143,7 +143,8 @@ void StepPiece<Real>::choose_bodies(const WorldArrays<Real>& from) {
 
 template <class Real>
 Offset StepPiece<Real>::ghosts() const {
-  return static_cast<Offset>(bodies_.owner.size()) - std::count(bodies_.owner.begin(), bodies_.owner.end(), bodies_.rank);
+  return static_cast<Offset>(bodies_.owner.size()) -
+         std::count(bodies_.owner.begin(), bodies_.owner.end(), bodies_.rank);
 }
 
 template <class Real>

@@ -241,8 +241,7 @@ void RankWorld<Real>::integrate(const std::vector<Real>& twist) {
   const PieceBodies& bodies = piece_->bodies();
   auto to = arrays.solved_twist.begin();
   for (std::size_t k = 0; k < bodies.body.size(); ++k)
-    if (bodies.owner[k] == bodies.rank)
-      to = std::copy_n(twist.begin() + static_cast<std::ptrdiff_t>(6 * k), 6, to);
+    if (bodies.owner[k] == bodies.rank) to = std::copy_n(twist.begin() + static_cast<std::ptrdiff_t>(6 * k), 6, to);
   arrays.status.front() = status_;
   world_kernels<Real>().integrate(arrays.job(), 0);
   for (std::size_t k = 0; k < own_.size(); ++k) own_.numbers[k] = part_->numbers(k);

@@ -13,10 +13,10 @@ namespace stiction::distributed {
 
 /// What one rank did in all steps beside the solves.
 struct StepTraffic {
-  WorldSeconds seconds;         ///< detection is with ghosts and migration; `solve` is RankReport's [s]
+  WorldSeconds seconds;          ///< detection is with ghosts and migration; `solve` is RankReport's [s]
   std::int64_t near_bodies = 0;  ///< bodies that it looked for contacts among in the last step, its own and ghosts
-  std::int64_t migrated = 0;    ///< bodies that came to it, but for those it began with
-  std::int64_t waves = 0;       ///< exchanges of colours
+  std::int64_t migrated = 0;     ///< bodies that came to it, but for those it began with
+  std::int64_t waves = 0;        ///< exchanges of colours
   std::int64_t exchanges = 0, gathers = 0, messages = 0, bytes = 0;
 };
 
@@ -40,11 +40,11 @@ class RankWorld {
   void step();
 
   [[nodiscard]] Transport& transport() const { return transport_; }
-  [[nodiscard]] const BodyList<Real>& bodies() const { return own_; }      ///< that this rank owns
-  [[nodiscard]] const Impulses<Real>& impulses() const { return last_; }   ///< of the last step's contacts of them
+  [[nodiscard]] const BodyList<Real>& bodies() const { return own_; }          ///< that this rank owns
+  [[nodiscard]] const Impulses<Real>& impulses() const { return last_; }       ///< of the last step's contacts of them
   [[nodiscard]] const StepPiece<Real>* piece() const { return piece_.get(); }  ///< of the last step; null before it
-  [[nodiscard]] EnvStatus status() const { return status_; }               ///< of the last solve, alike on all ranks
-  [[nodiscard]] WorldMotion motion() const;                                ///< of this rank's bodies
+  [[nodiscard]] EnvStatus status() const { return status_; }  ///< of the last solve, alike on all ranks
+  [[nodiscard]] WorldMotion motion() const;                   ///< of this rank's bodies
   [[nodiscard]] const RankReport& solve_report() const { return report_; }
   [[nodiscard]] const StepTraffic& step_traffic() const { return step_traffic_; }
   /// The id's bodies, -1 for the world.

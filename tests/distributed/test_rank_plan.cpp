@@ -153,7 +153,8 @@ TEST(ColorOverRanks, GivesTheColoursOfOneProcess) {
         EXPECT_EQ(own.color_count[0], whole.color_count[0]);
         const std::vector<Index> colors = colors_of(own);
         for (std::size_t k = 0; k < part.contacts.size(); ++k)
-          EXPECT_EQ(colors[k], expected[part.contacts[k]]) << "contact " << part.contacts[k] << " of " << ranks << " ranks";
+          EXPECT_EQ(colors[k], expected[part.contacts[k]])
+              << "contact " << part.contacts[k] << " of " << ranks << " ranks";
         all_waves += waves;
       });
       EXPECT_EQ(all_waves > 0, ranks > 1);

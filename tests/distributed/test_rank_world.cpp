@@ -41,8 +41,7 @@ void expect_same(const Snapshot<Real>& a, const Snapshot<Real>& b) {
 template <class Real>
 std::map<std::uint64_t, std::array<Real, 3>> by_id(std::span<const std::uint64_t> id, std::span<const Real> impulse) {
   std::map<std::uint64_t, std::array<Real, 3>> all;
-  for (std::size_t k = 0; k < id.size(); ++k)
-    all[id[k]] = {impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]};
+  for (std::size_t k = 0; k < id.size(); ++k) all[id[k]] = {impulse[3 * k], impulse[3 * k + 1], impulse[3 * k + 2]};
   return all;
 }
 
@@ -77,9 +76,11 @@ void put(RankWorld<Real>& world, const WorldCheckpoint<Real>& from) {
   BodyList<Real> bodies;
   for (Index body = share.first; body < share.end; ++body) {
     BodyNumbers<Real> numbers;
-    for_each_number([&](std::size_t width, auto& to, const auto& all) {
-      std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(width) * body, width, to);
-    }, numbers, from);
+    for_each_number(
+        [&](std::size_t width, auto& to, const auto& all) {
+          std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(width) * body, width, to);
+        },
+        numbers, from);
     bodies.add(body, numbers);
   }
   Impulses<Real> last;
@@ -226,8 +227,7 @@ TEST(RankWorld, APileThatStopsByTolerance) {
                 scene.description.bodies[k].position.begin());
     std::copy_n(start.orientation.begin() + static_cast<std::ptrdiff_t>(4 * k), 4,
                 scene.description.bodies[k].orientation.begin());
-    std::copy_n(start.twist.begin() + static_cast<std::ptrdiff_t>(6 * k), 6,
-                scene.description.bodies[k].twist.begin());
+    std::copy_n(start.twist.begin() + static_cast<std::ptrdiff_t>(6 * k), 6, scene.description.bodies[k].twist.begin());
   }
   scene.options.stepping = pile.stepping;
   scene.options.solver.tolerance = 1e-4;
@@ -289,7 +289,8 @@ TEST(RankWorld, RestartsWithAnyNumberOfRanks) {
 TEST(RankWorld, ABodyThatIsNowhereStopsAllRanks) {
   Case scene = heap(16, 4);
   scene.steps = 3;
-  for (const double broken : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e25}) {
+  for (const double broken :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e25}) {
     SCOPED_TRACE(broken);
     World<double> world = world_of<double>(scene);
     WorldCheckpoint<double> point = world.checkpoint();
