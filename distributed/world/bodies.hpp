@@ -62,10 +62,10 @@ struct Impulses {
 
 /// By number.
 template <class Real>
-BodyList<Real> sorted(const BodyList<Real>& bodies);
+BodyList<Real> sorted(const BodyList<Real>& from);
 /// By id, each once. Two ranks know what a contact between them ended with, and know the same.
 template <class Real>
-Impulses<Real> sorted(const Impulses<Real>& impulses);
+Impulses<Real> sorted(const Impulses<Real>& from);
 
 /// Some bodies of a world as a world of their own, with all shapes of the world that stands still.
 template <class Real>

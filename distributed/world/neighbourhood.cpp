@@ -17,15 +17,20 @@ template <class Real>
 NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& own, PartOfWorld<Real>& part) {
   std::vector<BodyBox> boxes(own.size());
   find_body_boxes(part.arrays().job(), boxes);
-  BodyBox all;
-  for (const BodyBox& box : boxes) all.add(box);
-  const std::vector<BodyBox> of_rank = gather(transport, all);
+  /// What a rank says of its bodies.
+  struct Reach {
+    BodyBox box;
+    std::int64_t bodies;
+  };
+  Reach all{{}, static_cast<std::int64_t>(own.size())};
+  for (const BodyBox& box : boxes) all.box.add(box);
+  const std::vector<Reach> of_rank = gather(transport, all);
   const auto rank = static_cast<std::size_t>(transport.rank());
   std::vector<Letter> letters(of_rank.size());
   for (std::size_t other = 0; other < of_rank.size(); ++other) {
-    if (other == rank || !of_rank[other].overlaps(all)) continue;
+    if (other == rank || !of_rank[other].box.overlaps(all.box)) continue;
     for (std::size_t k = 0; k < boxes.size(); ++k) {
-      if (!boxes[k].overlaps(of_rank[other])) continue;
+      if (!boxes[k].overlaps(of_rank[other].box)) continue;
       letters[other].put(own.body[k]);
       letters[other].put(own.numbers[k]);
     }
@@ -45,6 +50,10 @@ NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& ow
     }
   std::sort(sources.begin(), sources.end(), [](const Source& a, const Source& b) { return a.body < b.body; });
   NearBodies<Real> near;
+  for (const Reach& reach : of_rank) {
+    near.all_bodies += reach.bodies;
+    near.most_bodies = larger_of(near.most_bodies, Offset{reach.bodies});
+  }
   for (const Source& source : sources) {
     near.list.add(source.body, source.numbers);
     near.owner.push_back(source.owner);

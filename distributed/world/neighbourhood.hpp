@@ -13,6 +13,8 @@ template <class Real>
 struct NearBodies {
   BodyList<Real> list;
   std::vector<int> owner;  ///< of each
+  Offset all_bodies = 0;   ///< of all ranks
+  Offset most_bodies = 0;  ///< that one rank has
 };
 
 /// The rank's own bodies and those of other ranks that may touch them within a step. Ranks tell one another the box of

@@ -17,8 +17,10 @@ namespace stiction::distributed {
 
 namespace {
 
-/// Steps after which space is cut anew. It reaches what is sent, and no bit.
-constexpr std::int64_t kCutEvery = 64;
+/// Steps after which space may be cut anew, and the share of its bodies that a rank has to have too many then. They
+/// reach what is sent, and no bit.
+constexpr std::int64_t kCutEvery = 8;
+constexpr Offset kTooMany = 8;
 
 /// Adds time and traffic between its birth and its death.
 class Meter {
@@ -101,6 +103,7 @@ template <class Real>
 void RankWorld<Real>::put(BodyList<Real> bodies, Impulses<Real> last) {
   take(std::move(bodies), sorted(last));
   steps_ = 0;
+  is_uneven_ = false;
   status_ = {};
   piece_.reset();
   cut_space();
@@ -195,9 +198,10 @@ void RankWorld<Real>::step() {
   const ScopedFpEnv fp_env;
   {
     const Meter meter(transport_, step_traffic_, step_traffic_.seconds.detect);
-    if (steps_ > 0 && steps_ % kCutEvery == 0) cut_space();
+    if (is_uneven_ && steps_ % kCutEvery == 0) cut_space();
     share_out();
     const NearBodies<Real> near = find_near_bodies(transport_, own_, *part_);
+    is_uneven_ = (near.most_bodies * transport_.size() - near.all_bodies) * kTooMany > near.all_bodies;
     step_traffic_.near_bodies = static_cast<std::int64_t>(near.list.size());
     piece_ = std::make_unique<StepPiece<Real>>(whole_, near, transport_.rank(), last_,
                                                static_cast<Real>(options_.warm_start));

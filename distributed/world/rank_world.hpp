@@ -64,6 +64,7 @@ class RankWorld {
   std::optional<std::uint64_t> random_;
   Cuts cuts_;
   std::int64_t steps_ = 0;
+  bool is_uneven_ = false;  ///< a rank has many more bodies than others
   BodyList<Real> own_;
   std::unique_ptr<PartOfWorld<Real>> part_;  ///< the same bodies as kernels have them
   Impulses<Real> last_;

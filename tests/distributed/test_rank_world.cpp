@@ -96,6 +96,7 @@ void put(RankWorld<Real>& world, const WorldCheckpoint<Real>& from) {
 struct Counts {
   std::int64_t migrated = 0, waves = 0;
   Offset owned = 0, near = 0;  ///< of all ranks
+  Offset most = 0;             ///< that one rank owns
 };
 
 template <class Real>
@@ -133,6 +134,7 @@ Snapshot<Real> by_ranks(const Case& scene, int ranks, Seed random, const WorldCh
     counts->migrated += world.step_traffic().migrated;
     counts->waves += world.step_traffic().waves;
     counts->owned += static_cast<Offset>(world.bodies().size());
+    counts->most = std::max(counts->most, static_cast<Offset>(world.bodies().size()));
     counts->near += world.step_traffic().near_bodies;
   });
   all.status = statuses.front();
@@ -286,22 +288,36 @@ TEST(RankWorld, RestartsWithAnyNumberOfRanks) {
   expect_same(by_ranks<double>(scene, 3, 5, point, 23), one);
 }
 
+/// Steps that begin with a checkpoint, by one process and by ranks.
+void expect_one_world_from(const Case& scene, const WorldCheckpoint<double>& point) {
+  World<double> world = world_of<double>(scene);
+  world.resume(point);
+  for (int step = 0; step < scene.steps; ++step) world.step();
+  const WorldCheckpoint<double> end = world.checkpoint();
+  const Snapshot<double> one{end.position, end.orientation, end.twist, by_id<double>(end.contact_id, end.impulse),
+                             world.status()[0]};
+  for (const int ranks : {2, 3}) expect_same(by_ranks<double>(scene, ranks, {}, point, scene.steps), one);
+}
+
 TEST(RankWorld, ABodyThatIsNowhereStopsAllRanks) {
   Case scene = heap(16, 4);
   scene.steps = 3;
+  const WorldCheckpoint<double> sound = world_of<double>(scene).checkpoint();
   for (const double broken :
        {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e25}) {
     SCOPED_TRACE(broken);
-    World<double> world = world_of<double>(scene);
-    WorldCheckpoint<double> point = world.checkpoint();
+    WorldCheckpoint<double> point = sound;
     point.position[3 * 5] = broken;
-    world.resume(point);
-    for (int step = 0; step < scene.steps; ++step) world.step();
-    const WorldCheckpoint<double> end = world.checkpoint();
-    const Snapshot<double> one{end.position, end.orientation, end.twist, by_id<double>(end.contact_id, end.impulse),
-                               world.status()[0]};
-    for (const int ranks : {2, 3}) expect_same(by_ranks<double>(scene, ranks, {}, point, scene.steps), one);
+    expect_one_world_from(scene, point);
   }
+}
+
+TEST(RankWorld, ABodyThatMayBeAnywhereIsEverybodysGhost) {
+  Case scene = heap(16, 4);
+  scene.steps = 1;
+  WorldCheckpoint<double> point = world_of<double>(scene).checkpoint();
+  point.twist[6 * 5] = 1e22;  // so far in a step that squares of distances may overflow
+  expect_one_world_from(scene, point);
 }
 
 TEST(RankWorld, MoreRanksThanBodiesAndNoBodies) {
@@ -323,6 +339,25 @@ TEST(RankWorld, ARankHoldsItsOwnBodiesAndThoseAtItsBorder) {
   EXPECT_GT(counts.near, 160);
   // Three borders, and at most three bricks of each course to either side of one: boxes reach 0.2 + a brick's diagonal.
   EXPECT_LE(counts.near, 160 + 3 * 2 * 3 * 4);
+}
+
+TEST(RankWorld, SharesBodiesOutAnewWhenTheyGather) {
+  // All go to the left; what began on the right has crossed every cut.
+  Case scene = on_a_floor();
+  for (int k = 0; k < 24; ++k)
+    add(scene, {.kind = ShapeKind::sphere, .size = {0.1, 0, 0}}, {0.3 * k, 0.25 * k, 1},
+        {k < 12 ? 0.0 : -0.3 * (k - 11.5) / 0.14, 0, 4, 0, 0, 0});
+  scene.options.stepping.dt = 0.01;
+  scene.steps = 16;
+  const Snapshot<double> one = by_one_process<double>(scene);
+  int left = 0;
+  for (std::size_t k = 0; k < 24; ++k) left += one.position[3 * k] < 0.3 * 11.5 ? 1 : 0;
+  ASSERT_EQ(left, 24);
+  Counts counts;
+  scene.steps = 18;  // one more, after cells were cut at the sixteenth
+  by_ranks<double>(scene, 2, {}, world_of<double>(scene).checkpoint(), scene.steps, &counts);
+  EXPECT_EQ(counts.owned, 24);
+  EXPECT_LE(counts.most, 14);
 }
 
 TEST(RankWorld, RefusesRanksThatDiffer) {
