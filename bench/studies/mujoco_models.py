@@ -1,4 +1,4 @@
-"""The five Gymnasium models that the MuJoCo benchmarks share, and the noise that drives them."""
+"""The Gymnasium models that the MuJoCo benchmarks share, and the noise that drives them."""
 
 import pathlib
 
@@ -8,12 +8,18 @@ import numpy as np
 
 MODELS = {"Ant": "ant.xml", "HalfCheetah": "half_cheetah.xml", "Hopper": "hopper.xml", "Walker2d": "walker2d_v5.xml",
           "Humanoid": "humanoid.xml"}
+OTHERS = {"Swimmer": "swimmer.xml"}
+ROBOTS = {"Fetch": "fetch/pick_and_place.xml", "ShadowHand": "hand/manipulate_block.xml"}  # of gymnasium_robotics
 CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC}
 
 
-def load(name, cone):
-    """A model as Gymnasium ships it (pyramidal, its own integrator), but with MuJoCo's Newton and that cone."""
-    path = pathlib.Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / MODELS[name]
+def load(name, cone, robots=None):
+    """A model as Gymnasium ships it (pyramidal, its own integrator), but with MuJoCo's Newton and that cone. robots: the
+    folder of gymnasium_robotics, for those of its models."""
+    if name in ROBOTS:
+        path = robots / "envs" / "assets" / ROBOTS[name]
+    else:
+        path = pathlib.Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / {**MODELS, **OTHERS}[name]
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.cone = CONES[cone]
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON

@@ -40,10 +40,15 @@ class Race(BatchedSimulation):
         self.residuals = {tolerance: [] for tolerance in self.times}
         self.rows = []
 
-    def _constrain(self):
+    def _solves(self, stages, count=1):
         if not hasattr(self, "times"):
-            super()._constrain()
-            return
+            return super()._solves(stages, count)
+        for before, after in stages:
+            self._run(*before)
+            self._race()
+            self._run(*after)
+
+    def _race(self):
         self.turn += 1
         forces = {}
         for tolerance in np.roll(THEIR_TOLERANCES, self.turn):
@@ -53,7 +58,7 @@ class Race(BatchedSimulation):
             self.times[tolerance].append(time.thread_time() - start)
             forces[tolerance] = np.concatenate([one.efc_force.copy() for one in self.data])
         start = time.thread_time()
-        super()._constrain()
+        super()._solves((((), ()),))
         self.times["ours"].append(time.thread_time() - start)
         self.rows.append(sum(one.nefc for one in self.data))
         if self.turn % self.judged == 0:

@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-#include "cpu_fallback/threads/thread_pool.hpp"
 #include "python/src/mujoco_memory.hpp"
 #include "stiction/error.hpp"
 
@@ -24,108 +23,99 @@ std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t secon
   return kind << 56U | first << 36U | second << 16U | number << 4U | edge;
 }
 
-/// What the solver begins with (docs/math/auto.md).
-MassForm mass_form_of(const SolverOptions& options, Index nv) {
-  return takes_newton(options) && nv <= kMostVelocityDofs ? MassForm::matrix : MassForm::factor;
-}
-
 }  // namespace
 
-MujocoSystem::MujocoSystem(MassForm form) : mass_form(form) {
-  for (auto* offsets :
-       {&env_row_offsets, &env_cone_offsets, &env_dof_offsets, &env_mass_offsets, &cone_row_offsets, &row_offsets})
-    offsets->assign(1, 0);
-  for (auto* numbers : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi, &start, &lambda, &velocity}) numbers->reserve(1);
-  cone_kind.reserve(1);
-  cone_id.reserve(1);
-}
-
-JacobianBatchView<double> MujocoSystem::view() const {
-  JacobianBatchView<double> view;
-  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
-  view.cone_count = static_cast<Offset>(cone_kind.size());
-  view.row_count = static_cast<Offset>(R.size());
-  view.dof_count = static_cast<Offset>(v_free.size());
-  view.entry_count = static_cast<Offset>(J.size());
-  view.mass_count = static_cast<Offset>(M.size());
-  view.env_row_offsets = env_row_offsets.data();
-  view.env_cone_offsets = env_cone_offsets.data();
-  view.env_dof_offsets = env_dof_offsets.data();
-  view.env_mass_offsets = env_mass_offsets.data();
-  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
-  view.cone_row_offsets = cone_row_offsets.data();
-  view.row_offsets = row_offsets.data();
-  view.J = J.data();
-  view.M = M.data();
-  view.v_free = v_free.data();
-  view.target = target.data();
-  view.R = R.data();
-  view.mu = mu.data();
-  view.lo = lo.data();
-  view.hi = hi.data();
-  view.mass_form = mass_form;
-  return view;
-}
-
-ContactBatchView<double> MujocoSystem::structure() const {
-  ContactBatchView<double> view;
-  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
-  view.cone_count = static_cast<Offset>(cone_kind.size());
-  view.row_count = static_cast<Offset>(R.size());
-  view.env_row_offsets = env_row_offsets.data();
-  view.env_cone_offsets = env_cone_offsets.data();
-  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
-  view.cone_row_offsets = cone_row_offsets.data();
-  return view;
-}
-
-MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model,
-                                     std::vector<void*> data, const SolverOptions& options, double warm_start)
-    : layout_(std::move(layout)),
+MujocoChunk::MujocoChunk(const MujocoLayout& layout, MujocoFunctions functions, const void* model,
+                         std::vector<void*> data, const SolverOptions& options, double warm_start)
+    : layout_(layout),
       functions_(functions),
       model_(model),
       data_(std::move(data)),
       options_(options),
       warm_start_(warm_start),
       active_(data_.size(), 1),
+      cones_(data_.size(), 0),
       system_(mass_form_of(options, layout_.nv)),
       previous_(system_.mass_form),
-      solver_(Device::cpu(), options, {}),
       was_reset_(data_.size(), 0),
-      starts_over_(data_.size(), 0) {}
+      starts_over_(data_.size(), 0),
+      rk4_(data_.size()) {}
 
-void MujocoSimulations::replace(std::size_t simulation, void* data) {
-  data_.at(simulation) = data;
-  reset_warm_start({static_cast<Offset>(simulation)});
+MassForm MujocoChunk::mass_form_of(const SolverOptions& options, Index nv) {
+  return takes_newton(options) && nv <= kMostVelocityDofs ? MassForm::matrix : MassForm::factor;
+}
+
+void MujocoChunk::replace(std::size_t simulation, void* data) {
+  data_[simulation] = data;
+  reset_warm_start(simulation);
   starts_over_[simulation] = 0;  // the new one's accelerations are its own
 }
 
-void MujocoSimulations::configure(double timestep, bool sparse) {
-  layout_.timestep = timestep;
-  layout_.sparse = sparse;
+void MujocoChunk::activate(const std::uint8_t* active) {
+  active_.assign(active, active + data_.size());
 }
 
-void MujocoSimulations::activate(std::vector<std::uint8_t> active) {
-  if (active.size() != data_.size())
-    throw Error(ErrorCode::invalid_argument, "active has " + std::to_string(active.size()) + " entries for " +
-                                                 std::to_string(data_.size()) + " simulations");
-  active_ = std::move(active);
-}
-
-void MujocoSimulations::each(const std::function<void(std::size_t)>& work) const {
-  cpu::parallel_for(options_.threads, static_cast<int>(data_.size()), [&](int item, int) {
-    const auto env = static_cast<std::size_t>(item);
-    if (active_[env] != 0) work(env);
-  });
-}
-
-void MujocoSimulations::run(const std::vector<MujocoStage>& stages) {
+void MujocoChunk::run(const std::vector<MujocoStage>& stages) {
   each([&](std::size_t env) {
-    for (const MujocoStage stage : stages) stage(model_, data_[env]);
+    for (const MujocoStage& stage : stages)
+      stage.function != nullptr ? stage.function(model_, data_[env]) : run_own(stage.own, env);
   });
 }
 
-Index MujocoSimulations::count_cones(const std::byte* data, Index rows) const {
+void MujocoChunk::run_own(OwnStage stage, std::size_t env) {
+  const auto number = [stage](OwnStage first) { return 1 + static_cast<int>(stage) - static_cast<int>(first); };
+  switch (stage) {
+    case OwnStage::count: {
+      const auto* data = bytes(data_[env]);
+      cones_[env] = count_cones(data, number_at<std::int32_t>(data, layout_.nefc));
+      return;
+    }
+    case OwnStage::write_back:
+      return write_back(env);
+    case OwnStage::renew_forces:
+      static_cast<std::uint8_t*>(data_[env])[layout_.flg_rnepost] = 0;
+      return;
+    case OwnStage::rk4_begin:
+      return rk4_begin(env);
+    case OwnStage::rk4_enter_1:
+    case OwnStage::rk4_enter_2:
+    case OwnStage::rk4_enter_3:
+      return rk4_enter(env, number(OwnStage::rk4_enter_1));
+    case OwnStage::rk4_leave_1:
+    case OwnStage::rk4_leave_2:
+    case OwnStage::rk4_leave_3:
+      return rk4_leave(env, number(OwnStage::rk4_leave_1));
+    case OwnStage::rk4_end:
+      return rk4_end(env);
+    case OwnStage::end:
+      return;
+  }
+}
+
+void MujocoChunk::write_controls(const double* controls) {
+  const auto width = static_cast<std::size_t>(layout_.nu);
+  if (width == 0) return;
+  each([&](std::size_t env) {
+    std::memcpy(array_at<double>(bytes(data_[env]), layout_.ctrl), controls + env * width, width * sizeof(double));
+  });
+}
+
+const double* MujocoChunk::set_masses(const double* masses) {
+  const auto each_one = static_cast<std::size_t>(layout_.nv) * static_cast<std::size_t>(layout_.nv);
+  each([&](std::size_t env) {
+    std::memcpy(system_.M.data() + system_.env_mass_offsets[env], masses, each_one * sizeof(double));
+    masses += each_one;
+  });
+  return masses;
+}
+
+void MujocoChunk::read(std::size_t offset, std::size_t width, double* to) const {
+  if (width == 0) return;
+  for (std::size_t env = 0; env < data_.size(); ++env)
+    std::memcpy(to + env * width, array_at<const double>(bytes(data_[env]), offset), width * sizeof(double));
+}
+
+Index MujocoChunk::count_cones(const std::byte* data, Index rows) const {
   const auto* type = array_at<const std::int32_t>(data, layout_.efc_type);
   const auto* id = array_at<const std::int32_t>(data, layout_.efc_id);
   const auto* contact = array_at<const std::byte>(data, layout_.contact);
@@ -142,14 +132,9 @@ Index MujocoSimulations::count_cones(const std::byte* data, Index rows) const {
   return cones;
 }
 
-void MujocoSimulations::count() {
+void MujocoChunk::place() {
   MujocoSystem& to = system_;
   const std::size_t envs = data_.size();
-  std::vector<Index> cones(envs, 0);
-  each([&](std::size_t env) {
-    const auto* data = bytes(data_[env]);
-    cones[env] = count_cones(data, number_at<std::int32_t>(data, layout_.nefc));
-  });
   for (auto* offsets : {&to.env_row_offsets, &to.env_cone_offsets, &to.env_dof_offsets, &to.env_mass_offsets})
     offsets->assign(envs + 1, 0);
   Offset entries = 0;
@@ -157,7 +142,7 @@ void MujocoSimulations::count() {
     const Offset dofs = active_[env] != 0 ? layout_.nv : 0;
     const Offset rows = active_[env] != 0 ? number_at<std::int32_t>(bytes(data_[env]), layout_.nefc) : 0;
     to.env_row_offsets[env + 1] = to.env_row_offsets[env] + rows;
-    to.env_cone_offsets[env + 1] = to.env_cone_offsets[env] + cones[env];
+    to.env_cone_offsets[env + 1] = to.env_cone_offsets[env] + (active_[env] != 0 ? cones_[env] : 0);
     to.env_dof_offsets[env + 1] = to.env_dof_offsets[env] + dofs;
     to.env_mass_offsets[env + 1] = to.env_mass_offsets[env] + dofs * dofs;
     entries += rows * dofs;
@@ -178,7 +163,7 @@ void MujocoSimulations::count() {
   to.cone_row_offsets.back() = to.env_row_offsets.back();
 }
 
-void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset cone, Index rows) {
+void MujocoChunk::fill_cones(const std::byte* data, Offset row, Offset cone, Index rows) {
   const auto* type = array_at<const std::int32_t>(data, layout_.efc_type);
   const auto* id = array_at<const std::int32_t>(data, layout_.efc_id);
   const auto* contact = array_at<const std::byte>(data, layout_.contact);
@@ -234,7 +219,7 @@ void MujocoSimulations::fill_cones(const std::byte* data, Offset row, Offset con
   }
 }
 
-void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index rows) const {
+void MujocoChunk::fill_jacobian(const std::byte* data, double* J, Index rows) const {
   const auto* values = array_at<const double>(data, layout_.efc_J);
   const auto nv = static_cast<std::size_t>(layout_.nv);
   if (!layout_.sparse) {
@@ -252,7 +237,7 @@ void MujocoSimulations::fill_jacobian(const std::byte* data, double* J, Index ro
   }
 }
 
-void MujocoSimulations::fill_mass(const std::byte* data, double* M) const {
+void MujocoChunk::fill_mass(const std::byte* data, double* M) const {
   if (system_.mass_form == MassForm::factor) {
     fill_factor(data, M);
     return;
@@ -268,7 +253,7 @@ void MujocoSimulations::fill_mass(const std::byte* data, double* M) const {
     }
 }
 
-void MujocoSimulations::fill_factor(const std::byte* data, double* factor) const {
+void MujocoChunk::fill_factor(const std::byte* data, double* factor) const {
   const auto* values = array_at<const double>(data, layout_.qLD);
   const auto nv = static_cast<std::size_t>(layout_.nv);
   std::memset(factor, 0, nv * nv * sizeof(double));
@@ -284,7 +269,7 @@ void MujocoSimulations::fill_factor(const std::byte* data, double* factor) const
   }
 }
 
-void MujocoSimulations::fill(std::size_t env) {
+void MujocoChunk::fill(std::size_t env) {
   const auto* data = bytes(data_[env]);
   const Offset row = system_.env_row_offsets[env];
   const auto rows = static_cast<Index>(system_.env_row_offsets[env + 1] - row);
@@ -311,13 +296,13 @@ void MujocoSimulations::fill(std::size_t env) {
   fill_cones(data, row, system_.env_cone_offsets[env], rows);
 }
 
-void MujocoSimulations::gather() {
+void MujocoChunk::gather() {
   std::swap(system_, previous_);
-  count();
+  place();
   each([this](std::size_t env) { fill(env); });
 }
 
-void MujocoSimulations::make_room() {
+void MujocoChunk::make_room() {
   const auto envs = static_cast<Offset>(data_.size());
   const auto cones = static_cast<Offset>(system_.cone_kind.size());
   const auto rows = static_cast<Offset>(system_.R.size());
@@ -335,10 +320,10 @@ void MujocoSimulations::make_room() {
   store_->reset_where(was_reset_.data());
 }
 
-void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::vector<Index>& max_iterations) {
+void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance, const Index* max_iterations) {
   auto view = system_.view();
-  if (!tolerance.empty()) view.env_tolerance = tolerance.data();
-  if (!max_iterations.empty()) view.env_max_iterations = max_iterations.data();
+  view.env_tolerance = tolerance;
+  view.env_max_iterations = max_iterations;
   const bool warm = warm_start_ > 0.0, by_accelerations = warm && starts_from_accelerations();
   const bool by_reactions = warm && !by_accelerations;
   if (by_reactions) {
@@ -349,7 +334,7 @@ void MujocoSimulations::solve(const std::vector<double>& tolerance, const std::v
   }
   const JacobianStart<double> start{by_reactions ? guess_.data() : nullptr,
                                     by_accelerations ? system_.start.data() : nullptr};
-  solver_.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()}, start);
+  solver.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()}, start);
   for (std::size_t env = 0; env < data_.size(); ++env)
     if (active_[env] != 0) starts_over_[env] = 0;
   if (!by_reactions) return;

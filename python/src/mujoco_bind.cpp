@@ -1,11 +1,14 @@
 #include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <memory>
 #include <string>
 
 #include "python/src/as_numpy.hpp"
-#include "python/src/mujoco.hpp"
+#include "python/src/mujoco_simulations.hpp"
 #include "python/src/solver.hpp"
 
 namespace nb = nanobind;
@@ -21,8 +24,10 @@ MujocoLayout layout_from(const nb::dict& fields) {
   };
   take("time", layout.time);
   take("nefc", layout.nefc);
+  take("flg_rnepost", layout.flg_rnepost);
   take("qpos", layout.qpos);
   take("qvel", layout.qvel);
+  take("ctrl", layout.ctrl);
   take("qacc", layout.qacc);
   take("qacc_smooth", layout.qacc_smooth);
   take("qacc_warmstart", layout.qacc_warmstart);
@@ -47,6 +52,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("contact_geom", layout.contact_geom);
   take("nq", layout.nq);
   take("nv", layout.nv);
+  take("nu", layout.nu);
   take("sparse", layout.sparse);
   take("M_rownnz", layout.mass_rownnz);
   take("M_colind", layout.mass_colind);
@@ -61,14 +67,38 @@ Function function_at(std::uintptr_t address) {
   return reinterpret_cast<Function>(address);
 }
 
-/// Records of the last solve as bytes; a copy.
-nb::bytes status_of(const MujocoSimulations& simulations) {
-  const std::vector<EnvStatus>& status = simulations.system().status;
+/// By address; numbers that are less than OwnStage::end, where no function can be, are our own.
+MujocoStage stage_at(std::uintptr_t address) {
+  if (address < static_cast<std::uintptr_t>(OwnStage::end)) return {nullptr, static_cast<OwnStage>(address)};
+  return {function_at<MujocoFunction>(address)};
+}
+
+/// Numbers of our own stages by their names.
+nb::dict own_stages() {
+  nb::dict stages;
+  std::uintptr_t number = 0;
+  for (const char* name : {"count", "write_back", "renew_forces", "rk4_begin", "rk4_enter_1", "rk4_enter_2",
+                           "rk4_enter_3", "rk4_leave_1", "rk4_leave_2", "rk4_leave_3", "rk4_end"})
+    stages[name] = nb::int_(number++);
+  return stages;
+}
+
+std::vector<MujocoStage> stages_at(const std::vector<std::uintptr_t>& addresses) {
+  std::vector<MujocoStage> stages;
+  stages.reserve(addresses.size());
+  for (const std::uintptr_t address : addresses) stages.push_back(stage_at(address));
+  return stages;
+}
+
+nb::bytes bytes_of(const std::vector<EnvStatus>& status) {
   return nb::bytes(reinterpret_cast<const char*>(status.data()), status.size() * sizeof(EnvStatus));
 }
 
-nb::dict arrays_of(const nb::object& self) {
-  const MujocoSystem& system = nb::cast<const MujocoSimulations&>(self).system();
+/// What the last solve had; copies.
+nb::dict arrays_of(const MujocoSimulations& simulations) {
+  auto kept = std::make_unique<MujocoSystem>(simulations.system());
+  const MujocoSystem& system = *kept;
+  const nb::capsule self(kept.release(), [](void* memory) noexcept { delete static_cast<MujocoSystem*>(memory); });
   nb::dict out;
   out["offsets"] = as_numpy(system.env_row_offsets, self);
   out["cone_offsets"] = as_numpy(system.env_cone_offsets, self);
@@ -106,7 +136,7 @@ void bind_mujoco(nb::module_& module) {
             std::vector<void*> simulations;
             for (const std::uintptr_t address : data) simulations.push_back(reinterpret_cast<void*>(address));
             new (self) MujocoSimulations(layout_from(layout), functions, reinterpret_cast<const void*>(model),
-                                         std::move(simulations), options, warm_start);
+                                         simulations, options, warm_start);
           },
           nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("model"), nb::arg("data"),
           nb::arg("options"), nb::arg("warm_start"))
@@ -121,23 +151,51 @@ void bind_mujoco(nb::module_& module) {
       .def(
           "run",
           [](MujocoSimulations& self, const std::vector<std::uintptr_t>& stages) {
-            std::vector<MujocoStage> functions;
-            for (const std::uintptr_t address : stages) functions.push_back(function_at<MujocoStage>(address));
+            const std::vector<MujocoStage> functions = stages_at(stages);
             const nb::gil_scoped_release unlocked;
             self.run(functions);
           },
           nb::arg("stages"))
+      .def(
+          "write_controls",
+          [](MujocoSimulations& self,
+             const nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>& controls) {
+            self.write_controls(controls.data());
+          },
+          nb::arg("controls"))
+      .def(
+          "read",
+          [](const MujocoSimulations& self, std::size_t offset,
+             const nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>& to) {
+            self.read(offset, to.shape(1), to.data());
+          },
+          nb::arg("offset"), nb::arg("to"))
       .def("gather", &MujocoSimulations::gather, Unlocked())
-      .def("solve", &MujocoSimulations::solve, nb::arg("tolerance"), nb::arg("max_iterations"), Unlocked())
-      .def("scatter", &MujocoSimulations::scatter, Unlocked())
+      .def("solve", nb::overload_cast<>(&MujocoSimulations::solve), Unlocked())
+      .def("limit", &MujocoSimulations::limit, nb::arg("tolerance"), nb::arg("max_iterations"))
+      .def("step", &MujocoSimulations::step, nb::arg("solves"), nb::arg("count"), Unlocked())
+      .def(
+          "set_masses",
+          [](MujocoSimulations& self,
+             const nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>& masses) {
+            self.set_masses(masses.data());
+          },
+          nb::arg("masses"))
       .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"))
       .def("starts_from_accelerations", &MujocoSimulations::starts_from_accelerations)
-      .def("rk4_begin", &MujocoSimulations::rk4_begin, Unlocked())
-      .def("rk4_enter", &MujocoSimulations::rk4_enter, nb::arg("stage"), Unlocked())
-      .def("rk4_leave", &MujocoSimulations::rk4_leave, nb::arg("stage"), Unlocked())
-      .def("rk4_end", &MujocoSimulations::rk4_end, Unlocked());
+      .def("has_factors", &MujocoSimulations::has_factors)
+      .def("status", [](const MujocoSimulations& self) { return bytes_of(self.status()); })
+      .def("take_records", [](MujocoSimulations& self) { return bytes_of(self.take_records()); });
+  nb::class_<MujocoSolve>(module, "MujocoSolve", "A solve of a step, and what comes before and after it.")
+      .def(
+          "__init__",
+          [](MujocoSolve* self, const std::vector<std::uintptr_t>& before, const std::vector<std::uintptr_t>& after,
+             std::uintptr_t constraint) {
+            new (self) MujocoSolve{stages_at(before), stages_at(after), function_at<MujocoFunction>(constraint)};
+          },
+          nb::arg("before"), nb::arg("after"), nb::arg("constraint"));
+  module.def("mujoco_stages", &own_stages);
   module.def("mujoco_arrays", &arrays_of, nb::arg("simulations"));
-  module.def("mujoco_status", &status_of, nb::arg("simulations"));
 }
 
 }  // namespace stiction::python

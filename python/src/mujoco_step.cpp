@@ -72,111 +72,104 @@ void write_states(const MujocoSystem& system, std::size_t env, int* state) {
 
 }  // namespace
 
-void MujocoSimulations::scatter() {
-  each([this](std::size_t env) {
-    auto* data = static_cast<std::byte*>(data_[env]);
-    const auto dofs = static_cast<std::size_t>(layout_.nv) * sizeof(double);
-    const auto row = system_.env_row_offsets[env];
-    const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
-    const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
-    auto* qacc = array_at<double>(data, layout_.qacc);
-    for (std::size_t dof = 0; dof < static_cast<std::size_t>(layout_.nv); ++dof) qacc[dof] = velocity[place_of(dof)];
-    auto* force = array_at<double>(data, layout_.qfrc_constraint);
-    if (rows == 0) {
-      std::memset(force, 0, dofs);
-      return;
-    }
-    auto* reactions = array_at<double>(data, layout_.efc_force);
-    std::memcpy(reactions, system_.lambda.data() + row, rows * sizeof(double));
-    write_states(system_, env, array_at<int>(data, layout_.efc_state));
-    functions_.mul_jac_t_vec(model_, data, force, reactions);
-  });
+void MujocoChunk::write_back(std::size_t env) {
+  auto* data = static_cast<std::byte*>(data_[env]);
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  const auto row = system_.env_row_offsets[env];
+  const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
+  const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
+  auto* qacc = array_at<double>(data, layout_.qacc);
+  for (std::size_t dof = 0; dof < nv; ++dof) qacc[dof] = velocity[place_of(dof)];
+  auto* force = array_at<double>(data, layout_.qfrc_constraint);
+  if (rows == 0) {
+    std::memset(force, 0, nv * sizeof(double));
+    return;
+  }
+  auto* reactions = array_at<double>(data, layout_.efc_force);
+  std::memcpy(reactions, system_.lambda.data() + row, rows * sizeof(double));
+  write_states(system_, env, array_at<int>(data, layout_.efc_state));
+  functions_.mul_jac_t_vec(model_, data, force, reactions);
 }
 
-void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations) {
-  if (store_) store_->reset(simulations);
-  for (const Offset env : simulations)
-    was_reset_.at(static_cast<std::size_t>(env)) = starts_over_.at(static_cast<std::size_t>(env)) = 1;
+void MujocoChunk::reset_warm_start(std::size_t simulation) {
+  const auto env = static_cast<Offset>(simulation);
+  if (store_) store_->reset({&env, 1});
+  was_reset_[simulation] = starts_over_[simulation] = 1;
 }
 
-void MujocoSimulations::rk4_begin() {
-  rk4_.resize(data_.size());
+void MujocoChunk::rk4_begin(std::size_t env) {
   const auto nq = static_cast<std::size_t>(layout_.nq);
   const auto nv = static_cast<std::size_t>(layout_.nv);
-  each([&](std::size_t env) {
-    const auto* data = static_cast<const std::byte*>(data_[env]);
-    RungeKutta& start = rk4_[env];
-    const auto* qpos = array_at<const double>(data, layout_.qpos);
-    const auto* qvel = array_at<const double>(data, layout_.qvel);
-    start.time = number_at<double>(data, layout_.time);
-    start.qpos.assign(qpos, qpos + nq);
-    start.qvel.assign(qvel, qvel + nv);
-    start.velocity.resize(4 * nv);
-    start.acceleration.resize(4 * nv);
-  });
-  rk4_leave(0);
+  const auto* data = static_cast<const std::byte*>(data_[env]);
+  RungeKutta& start = rk4_[env];
+  const auto* qpos = array_at<const double>(data, layout_.qpos);
+  const auto* qvel = array_at<const double>(data, layout_.qvel);
+  start.time = number_at<double>(data, layout_.time);
+  start.qpos.assign(qpos, qpos + nq);
+  start.qvel.assign(qvel, qvel + nv);
+  start.velocity.resize(5 * nv);
+  start.acceleration.resize(5 * nv);
+  rk4_leave(env, 0);
 }
 
-void MujocoSimulations::rk4_leave(int stage) {
+void MujocoChunk::rk4_leave(std::size_t env, int stage) {
   const auto nv = static_cast<std::size_t>(layout_.nv);
   const auto offset = static_cast<std::size_t>(stage) * nv;
-  each([&](std::size_t env) {
-    const auto* data = static_cast<const std::byte*>(data_[env]);
-    double* velocity = rk4_[env].velocity.data() + offset;
-    std::memcpy(velocity, array_at<const double>(data, layout_.qvel), nv * sizeof(double));
-    std::memcpy(rk4_[env].acceleration.data() + offset, array_at<const double>(data, layout_.qacc),
-                nv * sizeof(double));
-    if (stage == 0) return;
-    const double scale = layout_.timestep * kPart[stage];
-    for (const Index first : layout_.rotations) {
-      const double* before = velocity - nv + first;
-      const double turned[3] = {scale * before[0], scale * before[1], scale * before[2]};
-      correct_rotation(turned, velocity + first);
-    }
-  });
+  const auto* data = static_cast<const std::byte*>(data_[env]);
+  double* velocity = rk4_[env].velocity.data() + offset;
+  std::memcpy(velocity, array_at<const double>(data, layout_.qvel), nv * sizeof(double));
+  std::memcpy(rk4_[env].acceleration.data() + offset, array_at<const double>(data, layout_.qacc), nv * sizeof(double));
+  if (stage == 0) return;
+  const double scale = layout_.timestep * kPart[stage];
+  for (const Index first : layout_.rotations) {
+    const double* before = velocity - nv + first;
+    const double turned[3] = {scale * before[0], scale * before[1], scale * before[2]};
+    correct_rotation(turned, velocity + first);
+  }
 }
 
-void MujocoSimulations::advance(std::size_t env, const double* velocity, const double* acceleration, double dt) {
+void MujocoChunk::advance(std::size_t env, double dt) {
   auto* data = static_cast<std::byte*>(data_[env]);
   const RungeKutta& start = rk4_[env];
+  const std::size_t sum = 4 * start.qvel.size();
   auto* qpos = array_at<double>(data, layout_.qpos);
   auto* qvel = array_at<double>(data, layout_.qvel);
   std::memcpy(qpos, start.qpos.data(), start.qpos.size() * sizeof(double));
-  functions_.integrate_pos(model_, qpos, velocity, layout_.timestep);
+  functions_.integrate_pos(model_, qpos, start.velocity.data() + sum, layout_.timestep);
   for (std::size_t dof = 0; dof < start.qvel.size(); ++dof)
-    qvel[dof] = start.qvel[dof] + layout_.timestep * acceleration[dof];
+    qvel[dof] = start.qvel[dof] + layout_.timestep * start.acceleration[sum + dof];
   const double time = start.time + dt;
   std::memcpy(data + layout_.time, &time, sizeof time);
 }
 
-void MujocoSimulations::rk4_enter(int stage) {
+void MujocoChunk::rk4_enter(std::size_t env, int stage) {
+  RungeKutta& of = rk4_[env];
   const auto nv = static_cast<std::size_t>(layout_.nv);
   const auto offset = static_cast<std::size_t>(stage - 1) * nv;
-  each([&](std::size_t env) {
-    std::vector<double> velocity(nv), acceleration(nv);
-    for (std::size_t dof = 0; dof < nv; ++dof) {
-      velocity[dof] = kPart[stage] * rk4_[env].velocity[offset + dof];
-      acceleration[dof] = kPart[stage] * rk4_[env].acceleration[offset + dof];
-    }
-    advance(env, velocity.data(), acceleration.data(), kPart[stage] * layout_.timestep);
-  });
+  for (std::size_t dof = 0; dof < nv; ++dof) {
+    of.velocity[4 * nv + dof] = kPart[stage] * of.velocity[offset + dof];
+    of.acceleration[4 * nv + dof] = kPart[stage] * of.acceleration[offset + dof];
+  }
+  advance(env, kPart[stage] * layout_.timestep);
 }
 
-void MujocoSimulations::rk4_end() {
+void MujocoChunk::rk4_end(std::size_t env) {
+  RungeKutta& of = rk4_[env];
   const auto nv = static_cast<std::size_t>(layout_.nv);
-  each([&](std::size_t env) {
-    std::vector<double> velocity(nv, 0.0), acceleration(nv, 0.0);
-    for (std::size_t stage = 0; stage < 4; ++stage)
-      for (std::size_t dof = 0; dof < nv; ++dof) {
-        velocity[dof] += kWeight[stage] * rk4_[env].velocity[stage * nv + dof];
-        acceleration[dof] += kWeight[stage] * rk4_[env].acceleration[stage * nv + dof];
-      }
-    advance(env, velocity.data(), acceleration.data(), layout_.timestep);
-    auto* data = static_cast<std::byte*>(data_[env]);
-    std::memcpy(array_at<double>(data, layout_.qacc_warmstart), array_at<double>(data, layout_.qacc),
-                nv * sizeof(double));
-    std::memcpy(array_at<double>(data, layout_.qacc), acceleration.data(), nv * sizeof(double));
-  });
+  for (std::size_t dof = 0; dof < nv; ++dof) {
+    double velocity = 0.0, acceleration = 0.0;
+    for (std::size_t stage = 0; stage < 4; ++stage) {
+      velocity += kWeight[stage] * of.velocity[stage * nv + dof];
+      acceleration += kWeight[stage] * of.acceleration[stage * nv + dof];
+    }
+    of.velocity[4 * nv + dof] = velocity;
+    of.acceleration[4 * nv + dof] = acceleration;
+  }
+  advance(env, layout_.timestep);
+  auto* data = static_cast<std::byte*>(data_[env]);
+  auto* qacc = array_at<double>(data, layout_.qacc);
+  std::memcpy(array_at<double>(data, layout_.qacc_warmstart), qacc, nv * sizeof(double));
+  std::memcpy(qacc, of.acceleration.data() + 4 * nv, nv * sizeof(double));
 }
 
 }  // namespace stiction::python

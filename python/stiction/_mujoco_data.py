@@ -24,7 +24,6 @@ class Simulations(collections.abc.Sequence):
     def __init__(self, model, data):
         self._model, self._data, self._core = model, [], None
         self._places = {}  # address -> simulation
-        self.replaced = 0  #: how many times one was replaced: views of their arrays are old then
         for i, one in enumerate(data):
             self._data.append(self._checked(i, one))
             self._places[one._address] = i
@@ -50,7 +49,6 @@ class Simulations(collections.abc.Sequence):
         self._core.replace(i, one._address)
         del self._places[self._data[i]._address]
         self._data[i], self._places[one._address] = one, i
-        self.replaced += 1
 
     def _checked(self, i, one):
         check_data(self._model, i, one)

@@ -17,9 +17,10 @@ _NUMBERS = {"int": ctypes.c_int, "mjtNum": ctypes.c_double, "double": ctypes.c_d
             "char": ctypes.c_char, "unsigned int": ctypes.c_uint, "unsigned char": ctypes.c_uint8}
 
 #: Fields of mjData that hold a pointer to an array, by the name that they have here and there.
-POINTERS = ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "M", "efc_type", "efc_id",
-            "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_state", "efc_J", "efc_J_rownnz", "efc_J_rowadr",
-            "efc_J_colind", "contact")
+POINTERS = ("qpos", "qvel", "ctrl", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD", "M", "efc_type",
+            "efc_id", "efc_R", "efc_aref", "efc_frictionloss", "efc_force", "efc_state", "efc_J", "efc_J_rownnz",
+            "efc_J_rowadr", "efc_J_colind", "contact")
+_NUMBERS_OF_DATA = {"time": ctypes.c_double, "nefc": ctypes.c_int, "ncon": ctypes.c_int, "flg_rnepost": ctypes.c_uint8}
 
 #: One box on a plane, with a joint that has friction and a limit: rows of three kinds.
 _PROBE = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .09"><freejoint/>
@@ -114,11 +115,10 @@ def _data():
         mujoco.mj_forward(model, data)
         sparse = jacobian == mujoco.mjtJacobian.mjJAC_SPARSE
         _check(model, data, structure, [name for name in POINTERS if sparse or not name.startswith("efc_J_")])
-        data.time = 0.375
-        for name, value in (("time", data.time), ("nefc", data.nefc), ("ncon", data.ncon)):
-            kind = ctypes.c_double if name == "time" else ctypes.c_int
+        data.time, data.flg_rnepost = 0.375, sparse
+        for name, kind in _NUMBERS_OF_DATA.items():
             found = kind.from_address(data._address + getattr(structure, name).offset).value
-            if found != value:
+            if found != getattr(data, name):
                 raise LayoutError(f"mjData.{name} of MuJoCo {mujoco.__version__} is not where its description says")
         shown = data.contact
         if shown.dim.strides[0] != ctypes.sizeof(contact) or any(
@@ -138,14 +138,24 @@ def _rotations(model):
             if kind in (free, ball)]
 
 
+def place_of(model, data, name):
+    """Where mjData has the pointer to an array of numbers [bytes], and their shape. Raises LayoutError, ValueError."""
+    array = None if name.startswith("efc_") else getattr(data, name, None)  # the number of rows is each one's own
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        raise ValueError(f"name: expected an array of numbers of mjData's that is as large in all simulations, got {name!r}")
+    structure = _data()
+    _check(model, data, structure, (name,))
+    return getattr(structure, name).offset, array.shape
+
+
 def layout(model, data):
     """Offsets and sizes for stiction._core.MujocoSimulations. Raises LayoutError."""
     structure, contact = _data(), _contact()
-    _check(model, data, structure, ("qpos", "qvel", "qacc", "qacc_smooth", "qacc_warmstart", "qfrc_constraint", "qLD"))
-    found = {name: getattr(structure, name).offset for name in ("time", "nefc") + POINTERS}
+    _check(model, data, structure, POINTERS[:9])
+    found = {name: getattr(structure, name).offset for name in ("time", "nefc", "flg_rnepost") + POINTERS}
     found |= {"contact_bytes": ctypes.sizeof(contact), "contact_dim": contact.dim.offset,
               "contact_friction": contact.friction.offset, "contact_geom": contact.geom.offset,
-              "nq": model.nq, "nv": model.nv, "sparse": bool(mujoco.mj_isSparse(model)),
+              "nq": model.nq, "nv": model.nv, "nu": model.nu, "sparse": bool(mujoco.mj_isSparse(model)),
               "M_rownnz": np.asarray(model.M_rownnz).tolist(), "M_colind": np.asarray(model.M_colind).tolist(),
               "row_kind": ROW_KINDS, "rotations": _rotations(model), "timestep": float(model.opt.timestep)}
     return found

@@ -5,7 +5,6 @@ import ctypes
 import mujoco
 import numpy as np
 
-from . import _core
 from ._mujoco_layout import LayoutError, library
 
 _HINGE = """<mujoco><option integrator="discrete" timestep="0.01"/><worldbody><body><joint axis="0 1 0" damping="0.5"
@@ -66,15 +65,12 @@ class Metric:
         model, possible = self._model, _functions()[1]
         self._kept = [(one, first, one.qacc[first:first + 6].copy()) for one in data for joint, first in self._free
                       if possible(model._address, one._address, joint)]
-        arrays = _core.mujoco_arrays(core)
         masses = np.empty((len(data), model.nv, model.nv))
         for i, one in enumerate(data):
             masses[i] = effective_mass(model, one)
-        if arrays["factored"]:  # of degrees of freedom from the last to the first
+        if core.has_factors():  # of degrees of freedom from the last to the first
             masses = np.linalg.cholesky(np.ascontiguousarray(masses[:, ::-1, ::-1]))
-        # The batch is the core's own; Python sees it without the right to write.
-        to = arrays["M"].__array_interface__["data"][0]
-        ctypes.memmove(to, np.ascontiguousarray(masses).ctypes.data, arrays["M"].nbytes)
+        core.set_masses(np.ascontiguousarray(masses))
 
     def after(self):
         """Puts those accelerations back."""

@@ -39,12 +39,12 @@ class _Statistics:
         """Whether keep() is all there is to do with a solve that is complete."""
         return self._folder is None and self._callback is None
 
-    def keep(self, environments, seconds, is_warm, records):
-        """Takes one solve in: its status records, in whatever shape, or None."""
-        self._solves += 1
-        self._environments += environments
+    def keep(self, environments, seconds, is_warm, records, solves=1):
+        """Takes solves of so many environments in: all their status records, in whatever shape, or None."""
+        self._solves += solves
+        self._environments += solves * environments
         self._seconds += seconds
-        self._warm += is_warm
+        self._warm += solves * is_warm
         if records is not None:
             self._take(records)
 

@@ -21,7 +21,7 @@ from ._batch import Batch
 from ._mujoco_data import Simulations, check_data, refuse
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
-from ._mujoco_layout import LayoutError, address, layout
+from ._mujoco_layout import LayoutError, address, layout, place_of
 from ._mujoco_metric import Metric
 from ._solution import SOLVED, Solution
 from ._solver import Solver
@@ -49,8 +49,8 @@ class BatchedSimulation:
         `failed` has their indices. Costs a copy of the states.
 
     Attributes: model; data, a sequence of mujoco.MjData; solver. seconds is a dict of wall-clock seconds since the
-    last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch, answers back),
-    "solve" and "advance".
+    last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch), "solve" and
+    "advance" (answers back, sensors, the integrator).
 
     Raises ValueError for what cannot be stepped so. That is RK4 with actuator states, plugins, delays, plasticity or
     sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
@@ -81,12 +81,15 @@ class BatchedSimulation:
             [one._address for one in self.data], self.solver._options, float(warm_start))
         self._data._core = self._core
         self._warm = float(warm_start) > 0
-        self._functions = {}
-        self._tolerance, self._iterations = [], []
+        self._stages = _core.mujoco_stages()  # our own by name, and MuJoCo's functions that were called
+        self._places = {}
+        self._plans = {}  # what a step is, as the core takes it
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
         self._metric = None
-        self._feels = bool((np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any())
+        # Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new.
+        feels = (np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any()
+        self._sense = ("renew_forces", "mj_sensorAcc") if feels else ("mj_sensorAcc",)
         self.seconds = {}
         self.clear()
 
@@ -134,35 +137,41 @@ class BatchedSimulation:
         self.reset_warm_start(self.failed)
 
     def _advance(self, nstep):
+        if self.model.opt.integrator != _DISCRETE:
+            return self._solves(self._step_stages(), nstep)
         for _ in range(nstep):
-            self._smooth(first=True)
-            self._constrain()
+            self._constrain_discretely(check=True)
             start = time.perf_counter()
-            self._sense()
-            self._run("mj_checkAcc")
-            integrator = self.model.opt.integrator
-            if integrator == mujoco.mjtIntegrator.mjINT_RK4:
-                self.seconds["advance"] += time.perf_counter() - start
-                self._runge_kutta()
-                continue
-            if integrator == _DISCRETE:  # its own step: velocities by qacc, without damping once more
-                with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
-                    self._run("mj_Euler")
-            else:
-                self._run("mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit")
+            # Its own step: velocities by qacc, without damping once more.
+            with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
+                self._run(*self._sense, "mj_checkAcc", "mj_Euler")
             self.seconds["advance"] += time.perf_counter() - start
 
     def forward(self, active=None):
         """Forward dynamics without a step, as mujoco.mj_forward: accelerations at the present state."""
         self._activate(active)
-        self._smooth(first=True, check=False)
-        self._constrain()
-        self._sense()
+        if self.model.opt.integrator == _DISCRETE:
+            self._constrain_discretely(check=False)
+            self._run(*self._sense)
+        else:
+            self._solves(((self._smooth(check=False), self._sense),))
 
     def run(self, *functions, active=None):
         """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
         self._activate(active)
         self._run(*functions)
+
+    def read(self, name):
+        """An array of mjData's of all simulations, such as "qpos": (n, nq); a copy, made without an object for each.
+
+        Raises ValueError for names that are no arrays of numbers as large in all simulations.
+        """
+        if name not in self._places:
+            self._places[name] = place_of(self.model, self.data[0], name)
+        offset, shape = self._places[name]
+        values = np.empty((len(self), *shape))
+        self._core.read(offset, values.reshape(len(self), -1))
+        return values
 
     def reset_warm_start(self, simulations=None):
         """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
@@ -181,16 +190,16 @@ class BatchedSimulation:
     def set_accuracy(self, tolerance=None, max_iterations=None):
         """Tolerances and iteration limits of the solves to come: a number, one per simulation, or None: the solver's."""
         n = len(self)
-        self._tolerance = [] if tolerance is None else np.broadcast_to(np.asarray(tolerance, float), n).tolist()
-        self._iterations = [] if max_iterations is None else \
-            np.broadcast_to(np.asarray(max_iterations, np.int32), n).tolist()
+        self._core.limit(
+            [] if tolerance is None else np.broadcast_to(np.asarray(tolerance, float), n).tolist(),
+            [] if max_iterations is None else np.broadcast_to(np.asarray(max_iterations, np.int32), n).tolist())
 
     # -- what the last solve did --------------------------------------------------------------------------------------
 
     @property
     def status(self):
         """Records of the last solve, one per simulation, as stiction.Solution.status; a copy."""
-        return np.frombuffer(bytearray(_core.mujoco_status(self._core)), STATUS_DTYPE)
+        return np.frombuffer(bytearray(self._core.status()), STATUS_DTYPE)
 
     def batch(self):
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
@@ -237,15 +246,17 @@ class BatchedSimulation:
         ctrl = np.asarray(ctrl, float)
         if ctrl.shape != (len(self), self.model.nu):
             raise ValueError(f"ctrl: expected ({len(self)}, {self.model.nu}), got {ctrl.shape}")
-        for i, one in enumerate(self.data):
-            if self._active is None or self._active[i]:
-                one.ctrl[:] = ctrl[i]
+        self._core.write_controls(np.ascontiguousarray(ctrl))
 
-    def _run(self, *functions):
-        for name in functions:
-            if name not in self._functions:
-                self._functions[name] = address(name)
-        self._core.run([self._functions[name] for name in functions])
+    def _stages_at(self, names):
+        for name in names:
+            if name not in self._stages:
+                self._stages[name] = address(name)
+        return [self._stages[name] for name in names]
+
+    def _run(self, *stages):
+        """Takes every simulation through functions of MuJoCo's and stages of our own, all of them one after the other."""
+        self._core.run(self._stages_at(stages))
 
     @contextlib.contextmanager
     def _options(self, ls_iterations=None, disable=0):
@@ -259,64 +270,76 @@ class BatchedSimulation:
         finally:
             opt.ls_iterations, opt.disableflags = kept
 
-    def _sense(self):
-        """Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new."""
-        if self._feels:
-            for i, one in enumerate(self.data):
-                if self._active is None or self._active[i]:
-                    one.flg_rnepost = False
-        self._run("mj_sensorAcc")
+    def _smooth(self, check):
+        """The functions of MuJoCo up to the solve, of the first stage of a step."""
+        energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
+        return (*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_fwdPosition", "mj_sensorPos",
+                *(("mj_energyPos",) if energy else ()), "mj_fwdVelocity", "mj_sensorVel",
+                *(("mj_energyVel",) if energy else ()), "mj_fwdActuation", "mj_fwdAcceleration")
 
-    def _smooth_discretely(self, check):
-        """Up to the solve with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
+    def _step_stages(self):
+        """The solves of a step, and what simulations are taken through before and after each."""
+        integrator = self.model.opt.integrator
+        if integrator == mujoco.mjtIntegrator.mjINT_RK4:
+            smooth = (self._smooth(check=True), _SMOOTH, _SMOOTH, _SMOOTH)
+            on = ((*self._sense, "mj_checkAcc", "rk4_begin", "rk4_enter_1"), ("rk4_leave_1", "rk4_enter_2"),
+                  ("rk4_leave_2", "rk4_enter_3"), ("rk4_leave_3", "rk4_end"))
+            return tuple(zip(smooth, on))
+        name = "mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit"
+        return ((self._smooth(check=True), (*self._sense, "mj_checkAcc", name)),)
+
+    def _solves(self, stages, count=1):
+        """Solves the constraints of all simulations that often, each taken through some stages before and some after."""
+        if stages not in self._plans:
+            theirs = address("mj_fwdConstraint") if self._own else 0
+            self._plans[stages] = [
+                _core.MujocoSolve(self._stages_at(before), self._stages_at(after), theirs) if theirs else
+                _core.MujocoSolve(self._stages_at((*before, "count")), self._stages_at(("write_back", *after)), theirs)
+                for before, after in stages]
+        plan = self._plans[stages]
+        if self._own or self.solver._statistics.only_keeps:
+            return self._go(plan, count)
+        for _ in range(count):  # a callback is called after every solve
+            for one in plan:
+                self._go([one], 1)
+
+    def _go(self, plan, count):
+        found = self._core.step(plan, count)
+        for name, seconds in zip(self.seconds, found):
+            self.seconds[name] += seconds
+        if not self._own:
+            self._note(found[2], count * len(plan))
+
+    def _constrain_discretely(self, check):
+        """Up to accelerations with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
         solver whose line search makes no step."""
-        checks = ("mj_checkPos", "mj_checkVel") if check else ()
+        start = time.perf_counter()
         with self._options(ls_iterations=None if self._own else 0):
-            self._run(*checks, "mj_forward")
-
-    def _smooth(self, first, check=True):
-        start = time.perf_counter()
-        if self.model.opt.integrator == _DISCRETE:
-            self._smooth_discretely(check)
-        elif not first:
-            self._run(*_SMOOTH)
-        else:
-            energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
-            self._run(*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_fwdPosition", "mj_sensorPos",
-                      *(("mj_energyPos",) if energy else ()), "mj_fwdVelocity", "mj_sensorVel",
-                      *(("mj_energyVel",) if energy else ()), "mj_fwdActuation", "mj_fwdAcceleration")
-        self.seconds["smooth"] += time.perf_counter() - start
-
-    def _constrain(self):
-        start = time.perf_counter()
-        discrete = self.model.opt.integrator == _DISCRETE
+            self._run(*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_forward")
+        found = time.perf_counter()
+        self.seconds["smooth"] += found - start
         if self._own:
-            if not discrete:
-                self._run("mj_fwdConstraint")
-            self.seconds["solve"] += time.perf_counter() - start
             return
+        self._run("count")
         self._core.gather()
-        if discrete:
-            self._metric = self._metric or Metric(self.model)
-            self._metric.before(self._core, [one for i, one in enumerate(self.data)
-                                             if self._active is None or self._active[i]])
+        self._metric = self._metric or Metric(self.model)
+        self._metric.before(self._core, [one for i, one in enumerate(self.data)
+                                         if self._active is None or self._active[i]])
         gathered = time.perf_counter()
-        self._core.solve(self._tolerance, self._iterations)
+        self._core.solve()
         solved = time.perf_counter()
-        self._core.scatter()
-        if discrete:
-            self._metric.after()
-        end = time.perf_counter()
-        self.seconds["assemble"] += gathered - start + end - solved
+        self._run("write_back")
+        self._metric.after()
+        self.seconds["assemble"] += gathered - found + time.perf_counter() - solved
         self.seconds["solve"] += solved - gathered
-        self._note(solved - gathered)
+        self._note(solved - gathered, 1)
 
-    def _note(self, seconds):
+    def _note(self, seconds, solves):
         """Statistics, callback and files of failures of the solver, as of its own solves."""
         statistics, guess = self.solver._statistics, self._warm or None
+        records = self._core.take_records()
         if statistics.only_keeps:
-            records = np.frombuffer(_core.mujoco_status(self._core), STATUS_DTYPE)
-            statistics.keep(len(self), seconds, guess is not None, records)
+            statistics.keep(len(self), seconds, guess is not None, np.frombuffer(records, STATUS_DTYPE), solves)
             return
         if statistics._folder is None or (self.status["code"] == SOLVED).all():
             statistics.note(self, self, guess, seconds, False)
@@ -324,18 +347,6 @@ class BatchedSimulation:
         batch = self.batch()
         answer = {"lambda_": batch.extras["lambda_"], "velocities": batch.extras["velocities"], "status": self.status}
         statistics.note(batch, Solution.over(batch, answer), None, seconds, False)
-
-    def _runge_kutta(self):
-        start, before = time.perf_counter(), sum(self.seconds.values())
-        self._core.rk4_begin()
-        for stage in (1, 2, 3):
-            self._core.rk4_enter(stage)
-            self._smooth(first=False)
-            self._constrain()
-            self._core.rk4_leave(stage)
-        self._core.rk4_end()
-        elsewhere = sum(self.seconds.values()) - before
-        self.seconds["advance"] += time.perf_counter() - start - elsewhere
 
     #: Statistics read this of what was solved.
     form = "mujoco"
@@ -352,6 +363,7 @@ def gather(model, data, **options):
     refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
+    core.run([_core.mujoco_stages()["count"]])
     core.gather()
     return _batch_of(_core.mujoco_arrays(core), model.nv)
 

@@ -234,3 +234,47 @@ def test_a_description_that_is_wrong_is_noticed(monkeypatch):
     with pytest.raises(stiction.mujoco.LayoutError, match="is not"):
         model = zoo()
         _mujoco_layout.layout(model, mujoco.MjData(model))
+
+
+def test_a_simulation_does_not_notice_in_which_chunk_it_is():
+    """One thread steps 16 simulations at a time. Those of the second chunk have what was asked of them, and their bits."""
+    model, n = zoo(), 19
+    rng = np.random.default_rng(3)
+    many = stiction.mujoco.BatchedSimulation(model, n, threads=1)
+    many.data[17] = mujoco.MjData(model)
+    ctrl = rng.uniform(-1, 1, (12, n, model.nu))
+    active = rng.random((12, n)) < 0.8
+    limits = np.where(np.arange(n) == 16, 0, 1000)
+    many.set_accuracy(max_iterations=limits)
+    for values, mask in zip(ctrl, active):
+        many.step(values, nstep=2, active=mask)
+    for i in (0, 15, 16, 17, 18):
+        alone = stiction.mujoco.BatchedSimulation(model, 1)
+        alone.set_accuracy(max_iterations=limits[i])
+        for values, mask in zip(ctrl[:, i:i + 1], active[:, i:i + 1]):
+            alone.step(values, nstep=2, active=mask)
+        for name in ("qpos", "qvel", "qacc", "efc_force", "ctrl"):
+            np.testing.assert_array_equal(getattr(many.data[i], name), getattr(alone.data[0], name), err_msg=f"{i} {name}")
+        assert many.status[i] == alone.status[0]
+    assert many.solver.stats()["environments"] == 24 * n
+    rows = [data.nefc for data in many.data]
+    many.forward()
+    batch = many.batch()
+    np.testing.assert_array_equal(np.diff(batch.arrays["offsets"]), [data.nefc for data in many.data])
+    np.testing.assert_array_equal(batch.extras["lambda_"], np.concatenate([data.efc_force for data in many.data]))
+    assert len(set(rows)) > 1
+
+
+def test_an_array_of_all_simulations_is_read_at_once():
+    model = zoo()
+    simulation = stiction.mujoco.BatchedSimulation(model, 18, threads=1)
+    simulation.step(np.random.default_rng(0).uniform(-1, 1, (18, model.nu)), nstep=4)
+    simulation.data[17] = mujoco.MjData(model)
+    for name in ("qpos", "xpos", "cfrc_ext", "act"):
+        expected = np.stack([getattr(data, name) for data in simulation.data])
+        found = simulation.read(name)
+        assert found.shape == expected.shape
+        np.testing.assert_array_equal(found, expected)
+    for name in ("efc_force", "contact", "ncon", "efc_type", "nothing"):
+        with pytest.raises(ValueError, match=f"name: expected an array of numbers .* got '{name}'"):
+            simulation.read(name)

@@ -68,7 +68,6 @@ class MujocoVectorEnv(VectorEnv):
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self._views, self._views_of = {}, None
         first = self.simulation.data[0]
         self.task.init_qpos, self._init_qvel = first.qpos.copy(), first.qvel.copy()
         self.shard, self._seed = shard, None
@@ -250,11 +249,7 @@ class MujocoVectorEnv(VectorEnv):
         return generator(self._seed, self.shard.begin + i, int(self._episodes[i]))
 
     def _state(self):
-        data = self.simulation.data
-        if self._views_of != data.replaced:
-            self._views = {field: [getattr(one, field) for one in data] for field in self.task.fields}
-            self._views_of = data.replaced
-        return {field: np.stack(views) for field, views in self._views.items()}
+        return {field: self.simulation.read(field) for field in self.task.fields}
 
 
 def _wide(mask, value):

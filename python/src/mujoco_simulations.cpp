@@ -1,0 +1,182 @@
+#include "python/src/mujoco_simulations.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <utility>
+
+#include "cpu_fallback/threads/thread_pool.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction::python {
+
+namespace {
+
+/// Simulations of a chunk: two packs of lanes. What 16 robots touch in a step is about what a core's second cache
+/// holds; 64 took up to 1.4 times as long for each.
+constexpr std::size_t kChunk = 16;
+
+/// Adds up wall-clock seconds of parts of a step.
+class Watch {
+ public:
+  explicit Watch(std::array<double, 4>& seconds) : seconds_(seconds) {}
+  /// What went by since the last call was this part.
+  void was(std::size_t part) {
+    const Clock::time_point now = Clock::now();
+    seconds_[part] += std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::array<double, 4>& seconds_;
+  Clock::time_point last_ = Clock::now();
+};
+
+}  // namespace
+
+MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model,
+                                     const std::vector<void*>& data, const SolverOptions& options, double warm_start)
+    : layout_(std::move(layout)), threads_(cpu::thread_count(options.threads)) {
+  const auto threads = static_cast<std::size_t>(threads_);
+  chunk_size_ = std::clamp((data.size() + threads - 1) / threads, std::size_t{1}, kChunk);
+  const std::size_t chunks = (data.size() + chunk_size_ - 1) / chunk_size_;
+  SolverOptions own = options;
+  if (chunks > 1) own.threads = 1;  // chunks are what threads share
+  for (std::size_t begin = 0; begin < data.size(); begin += chunk_size_) {
+    const std::size_t end = std::min(begin + chunk_size_, data.size());
+    std::vector<void*> part(data.begin() + static_cast<std::ptrdiff_t>(begin),
+                            data.begin() + static_cast<std::ptrdiff_t>(end));
+    chunks_.push_back(std::make_unique<MujocoChunk>(layout_, functions, model, std::move(part), own, warm_start));
+  }
+  records_.resize(chunks);
+  for (std::size_t worker = 0; worker < std::min(threads, chunks); ++worker)
+    solvers_.emplace_back(Device::cpu(), own, JacobianCapacity{});
+}
+
+void MujocoSimulations::replace(std::size_t simulation, void* data) {
+  chunks_[simulation / chunk_size_]->replace(simulation % chunk_size_, data);
+}
+
+void MujocoSimulations::configure(double timestep, bool sparse) {
+  layout_.timestep = timestep;
+  layout_.sparse = sparse;
+}
+
+void MujocoSimulations::activate(const std::vector<std::uint8_t>& active) {
+  std::size_t size = 0;
+  for (const auto& chunk : chunks_) size += chunk->size();
+  if (active.size() != size)
+    throw Error(ErrorCode::invalid_argument, "active has " + std::to_string(active.size()) + " entries for " +
+                                                 std::to_string(size) + " simulations");
+  for (std::size_t i = 0; i < chunks_.size(); ++i) chunks_[i]->activate(active.data() + i * chunk_size_);
+}
+
+void MujocoSimulations::limit(std::vector<double> tolerance, std::vector<Index> max_iterations) {
+  tolerance_ = std::move(tolerance);
+  max_iterations_ = std::move(max_iterations);
+}
+
+template <class Work>
+void MujocoSimulations::each_chunk(const Work& work) {
+  cpu::parallel_for(static_cast<int>(solvers_.size()), static_cast<int>(chunks_.size()),
+                    [&](int item, int worker) { work(static_cast<std::size_t>(item), worker); });
+}
+
+void MujocoSimulations::solve(std::size_t chunk, int worker) {
+  const std::size_t first = chunk * chunk_size_;
+  chunks_[chunk]->solve(solvers_[static_cast<std::size_t>(worker)],
+                        tolerance_.empty() ? nullptr : tolerance_.data() + first,
+                        max_iterations_.empty() ? nullptr : max_iterations_.data() + first);
+  const std::vector<EnvStatus>& found = chunks_[chunk]->system().status;
+  records_[chunk].insert(records_[chunk].end(), found.begin(), found.end());
+}
+
+std::array<double, 4> MujocoSimulations::step(const std::vector<MujocoSolve>& solves, int count) {
+  std::vector<std::array<double, 4>> seconds(chunks_.size());
+  std::array<double, 4> sum{};
+  const auto start = std::chrono::steady_clock::now();
+  each_chunk([&](std::size_t i, int worker) {
+    MujocoChunk& chunk = *chunks_[i];
+    Watch watch(seconds[i]);
+    for (int step = 0; step < count; ++step)
+      for (const MujocoSolve& one : solves) {
+        chunk.run(one.before);
+        watch.was(0);
+        if (one.constraint != nullptr) {
+          chunk.run({{one.constraint}});
+        } else {
+          chunk.gather();
+          watch.was(1);
+          solve(i, worker);
+        }
+        watch.was(2);
+        chunk.run(one.after);
+        watch.was(3);
+      }
+  });
+  const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  double all = 0.0;
+  for (const auto& parts : seconds)
+    for (std::size_t part = 0; part < sum.size(); ++part) {
+      sum[part] += parts[part];
+      all += parts[part];
+    }
+  for (double& part : sum) part *= all > 0.0 ? wall / all : 0.0;
+  return sum;
+}
+
+void MujocoSimulations::run(const std::vector<MujocoStage>& stages) {
+  each_chunk([&](std::size_t i, int) { chunks_[i]->run(stages); });
+}
+
+void MujocoSimulations::gather() {
+  each_chunk([&](std::size_t i, int) { chunks_[i]->gather(); });
+}
+
+void MujocoSimulations::set_masses(const double* masses) {
+  for (const auto& chunk : chunks_) masses = chunk->set_masses(masses);
+}
+
+void MujocoSimulations::solve() {
+  each_chunk([&](std::size_t i, int worker) { solve(i, worker); });
+}
+
+void MujocoSimulations::write_controls(const double* controls) {
+  const std::size_t width = chunk_size_ * static_cast<std::size_t>(layout_.nu);
+  for (std::size_t i = 0; i < chunks_.size(); ++i) chunks_[i]->write_controls(controls + i * width);
+}
+
+void MujocoSimulations::read(std::size_t offset, std::size_t width, double* to) const {
+  for (std::size_t i = 0; i < chunks_.size(); ++i) chunks_[i]->read(offset, width, to + i * chunk_size_ * width);
+}
+
+void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations) {
+  for (const Offset simulation : simulations) {
+    const auto env = static_cast<std::size_t>(simulation);
+    chunks_.at(env / chunk_size_)->reset_warm_start(env % chunk_size_);
+  }
+}
+
+MujocoSystem MujocoSimulations::system() const {
+  MujocoSystem all(chunks_.front()->system().mass_form);
+  for (const auto& chunk : chunks_) all.append(chunk->system());
+  return all;
+}
+
+std::vector<EnvStatus> MujocoSimulations::take_records() {
+  std::vector<EnvStatus> all;
+  for (std::vector<EnvStatus>& records : records_) {
+    all.insert(all.end(), records.begin(), records.end());
+    records.clear();
+  }
+  return all;
+}
+
+std::vector<EnvStatus> MujocoSimulations::status() const {
+  std::vector<EnvStatus> all;
+  for (const auto& chunk : chunks_) all.insert(all.end(), chunk->system().status.begin(), chunk->system().status.end());
+  return all;
+}
+
+}  // namespace stiction::python
