@@ -9,7 +9,7 @@ import numpy as np
 MODELS = {"Ant": "ant.xml", "HalfCheetah": "half_cheetah.xml", "Hopper": "hopper.xml", "Walker2d": "walker2d_v5.xml",
           "Humanoid": "humanoid.xml"}
 OTHERS = {"Swimmer": "swimmer.xml"}
-ROBOTS = {"Fetch": "fetch/pick_and_place.xml", "ShadowHand": "hand/manipulate_block.xml"}  # of gymnasium_robotics
+ROBOTS = {"ShadowHand": "hand/manipulate_block.xml", "Franka": "kitchen_franka/kitchen_assets/kitchen_env_model.xml"}
 CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC}
 
 

@@ -40,10 +40,10 @@ class Race(BatchedSimulation):
         self.residuals = {tolerance: [] for tolerance in self.times}
         self.rows = []
 
-    def _solves(self, stages, count=1):
+    def _solves(self, key, stages, count=1):
         if not hasattr(self, "times"):
-            return super()._solves(stages, count)
-        for before, after in stages:
+            return super()._solves(key, stages, count)
+        for before, after in stages():
             self._run(*before)
             self._race()
             self._run(*after)
@@ -58,7 +58,7 @@ class Race(BatchedSimulation):
             self.times[tolerance].append(time.thread_time() - start)
             forces[tolerance] = np.concatenate([one.efc_force.copy() for one in self.data])
         start = time.thread_time()
-        super()._solves((((), ()),))
+        super()._solves("solve", lambda: (((), ()),))
         self.times["ours"].append(time.thread_time() - start)
         self.rows.append(sum(one.nefc for one in self.data))
         if self.turn % self.judged == 0:

@@ -6,7 +6,8 @@
 
 One thread, the processor's time, microseconds per simulation and step. Simulations begin lying or standing on the
 ground, and mj_step takes them through some steps. From each of those states one step is taken in every way below, in
-turns. Each number is the least of the repeats: what is above it is what else the machine did.
+turns. Of every step, and of every call of a part, the least of the repeats counts. What is above it is what else the
+machine did.
 
 mj_step: MuJoCo's own, called for one simulation after the other without Python.
 stages: the same by MuJoCo's functions. unsolved: without mj_fwdConstraint, on the accelerations that were there.
@@ -52,13 +53,14 @@ def first_states(model, envs, rng):
 
 
 def best_of(repeats, runs):
-    """runs: functions that return dicts of seconds. The least of each entry, taking turns."""
-    best = [{} for _ in runs]
+    """runs: functions that return dicts of arrays, seconds of pieces of work. They take turns, and of every piece the least
+    counts. Returns the sums."""
+    best = {}
     for turn in range(repeats):
         for k in np.roll(np.arange(len(runs)), turn):
             for name, seconds in runs[k]().items():
-                best[k][name] = min(seconds, best[k].get(name, np.inf))
-    return best
+                best[name] = np.minimum(seconds, best.get(name, np.inf))
+    return {name: float(np.sum(seconds)) for name, seconds in best.items()}
 
 
 class Bench:
@@ -84,15 +86,15 @@ class Bench:
         self.stages = self.ours._step_stages()
 
     def each_step(self, take):
-        """Seconds that take(controls) takes, all steps together."""
-        seconds = 0.0
+        """Seconds that take(controls) takes, step by step."""
+        seconds = []
         for ctrl, state in zip(self.controls, self.states):
             at_states(self.model, self.ours, state)
             self.ours._write_ctrl(ctrl)
             start = time.thread_time()
             take(ctrl)
-            seconds += time.thread_time() - start
-        return seconds
+            seconds.append(time.thread_time() - start)
+        return np.array(seconds)
 
     def mj_step(self):
         stage = self.ours._stages_at(["mj_step"])
@@ -112,7 +114,7 @@ class Bench:
 
     def parts(self):
         """The calls of which a step of a chunk consists."""
-        found = dict.fromkeys(("before", "gather", "solve", "after"), 0.0)
+        found = []
         calls = [(self.ours._stages_at((*before, "count")), self.ours._stages_at(("write_back", *after)))
                  for before, after in self.stages]
 
@@ -124,20 +126,19 @@ class Bench:
                     for call in (lambda: core.run(before), core.gather, core.solve, lambda: core.run(after)):
                         call()
                         times.append(time.thread_time())
-                    for name, seconds in zip(found, np.diff(times)):
-                        found[name] += seconds
+                    found.append(np.diff(times))
                 core.take_records()
 
         self.each_step(take)
-        return found
+        return dict(zip(("before", "gather", "solve", "after"), np.array(found).T))
 
 
 def measure(name, cone, options):
     model = models.load(name, cone, options.robots)
     bench = Bench(model, options.envs, options.steps, options.tolerance)
-    best = best_of(options.repeats, [bench.mj_step, bench.theirs, bench.step, bench.parts])
+    found = best_of(options.repeats, [bench.mj_step, bench.theirs, bench.step, bench.parts])
     scale = 1e6 / (options.envs * options.steps)
-    found = {key: scale * value for part in best for key, value in part.items()}
+    found = {key: scale * value for key, value in found.items()}
     rows = np.mean([one.nefc for one in bench.data])
     integrator = mujoco.mjtIntegrator(model.opt.integrator).name[6:]
     return {"model": name, "cone": cone, "integrator": integrator, "nv": model.nv, "rows": rows,
@@ -146,7 +147,7 @@ def measure(name, cone, options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--envs", type=int, default=128)
+    parser.add_argument("--envs", type=int, default=64)
     parser.add_argument("--steps", type=int, default=10)
     parser.add_argument("--repeats", type=int, default=12)
     parser.add_argument("--tolerance", type=float, default=1e-8)

@@ -1,5 +1,6 @@
 #include "python/src/mujoco.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -102,6 +103,7 @@ void MujocoChunk::write_controls(const double* controls) {
 
 const double* MujocoChunk::set_masses(const double* masses) {
   const auto each_one = static_cast<std::size_t>(layout_.nv) * static_cast<std::size_t>(layout_.nv);
+  system_.has_own_zeros = false;
   each([&](std::size_t env) {
     std::memcpy(system_.M.data() + system_.env_mass_offsets[env], masses, each_one * sizeof(double));
     masses += each_one;
@@ -152,7 +154,10 @@ void MujocoChunk::place() {
   for (auto* row_array : {&to.target, &to.R, &to.mu, &to.lo, &to.hi, &to.lambda}) row_array->resize(rows);
   for (auto* dof_array : {&to.v_free, &to.start, &to.velocity})
     dof_array->resize(static_cast<std::size_t>(to.env_dof_offsets.back()));
-  to.M.resize(static_cast<std::size_t>(to.env_mass_offsets.back()));
+  // Masses have the places of their zeros in common: what was zero stays so.
+  const auto masses = static_cast<std::size_t>(to.env_mass_offsets.back());
+  if (!to.has_own_zeros || to.M.size() != masses) to.M.assign(masses, 0.0);
+  to.has_own_zeros = true;
   to.J.resize(static_cast<std::size_t>(entries));
   to.row_offsets.resize(rows + 1);
   to.cone_kind.resize(all_cones);
@@ -223,8 +228,11 @@ void MujocoChunk::fill_jacobian(const std::byte* data, double* J, Index rows) co
   const auto* values = array_at<const double>(data, layout_.efc_J);
   const auto nv = static_cast<std::size_t>(layout_.nv);
   if (!layout_.sparse) {
-    for (Index row = 0; row < rows; ++row, J += nv, values += nv)
-      for (std::size_t dof = 0; dof < nv; ++dof) J[place_of(dof)] = values[dof];
+    if (system_.mass_form == MassForm::matrix) {
+      std::memcpy(J, values, static_cast<std::size_t>(rows) * nv * sizeof(double));
+      return;
+    }
+    for (Index row = 0; row < rows; ++row, J += nv, values += nv) std::reverse_copy(values, values + nv, J);
     return;
   }
   const auto* count = array_at<const std::int32_t>(data, layout_.efc_J_rownnz);
@@ -244,19 +252,15 @@ void MujocoChunk::fill_mass(const std::byte* data, double* M) const {
   }
   const auto* values = array_at<const double>(data, layout_.mass);
   const auto nv = static_cast<std::size_t>(layout_.nv);
-  std::memset(M, 0, nv * nv * sizeof(double));
   std::size_t entry = 0;
-  for (std::size_t row = 0; row < nv; ++row)
-    for (Index k = 0; k < layout_.mass_rownnz[row]; ++k, ++entry) {
-      const auto column = static_cast<std::size_t>(layout_.mass_colind[entry]);
-      M[row * nv + column] = M[column * nv + row] = values[entry];
-    }
+  for (std::size_t row = 0; row < nv; ++row, M += nv)
+    for (const std::size_t end = entry + static_cast<std::size_t>(layout_.mass_rownnz[row]); entry < end; ++entry)
+      M[layout_.mass_colind[entry]] = values[entry];
 }
 
 void MujocoChunk::fill_factor(const std::byte* data, double* factor) const {
   const auto* values = array_at<const double>(data, layout_.qLD);
   const auto nv = static_cast<std::size_t>(layout_.nv);
-  std::memset(factor, 0, nv * nv * sizeof(double));
   std::size_t entry = 0;
   for (std::size_t row = 0; row < nv; ++row) {
     const auto count = static_cast<std::size_t>(layout_.mass_rownnz[row]);
@@ -279,11 +283,13 @@ void MujocoChunk::fill(std::size_t env) {
   double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
   double* start = system_.start.data() + system_.env_dof_offsets[env];
   const auto* last = array_at<const double>(data, layout_.qacc_warmstart);
-  const bool starts_over = starts_over_[env] != 0;
-  for (std::size_t dof = 0; dof < static_cast<std::size_t>(nv); ++dof) {
-    v_free[place_of(dof)] = smooth[dof];
-    start[place_of(dof)] = starts_over ? 0.0 : last[dof];
+  if (system_.mass_form == MassForm::matrix) {
+    std::memcpy(v_free, smooth, bytes_of(nv));
+    std::memcpy(start, last, bytes_of(nv));
+  } else {
+    std::reverse_copy(smooth, smooth + nv, v_free);
   }
+  if (starts_over_[env] != 0) std::fill_n(start, nv, 0.0);
   fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;
 
@@ -297,7 +303,8 @@ void MujocoChunk::fill(std::size_t env) {
 }
 
 void MujocoChunk::gather() {
-  std::swap(system_, previous_);
+  // The last rows are of use to those alone who start from reactions. Else one system's memory stays in the cache.
+  if (!starts_from_accelerations()) std::swap(system_, previous_);
   place();
   each([this](std::size_t env) { fill(env); });
 }

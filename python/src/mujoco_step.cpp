@@ -1,5 +1,6 @@
 // Back into MuJoCo's structures, and the stages of its Runge-Kutta integrator.
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -79,7 +80,11 @@ void MujocoChunk::write_back(std::size_t env) {
   const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
   const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
   auto* qacc = array_at<double>(data, layout_.qacc);
-  for (std::size_t dof = 0; dof < nv; ++dof) qacc[dof] = velocity[place_of(dof)];
+  if (system_.mass_form == MassForm::matrix) {
+    std::memcpy(qacc, velocity, nv * sizeof(double));
+  } else {
+    std::reverse_copy(velocity, velocity + nv, qacc);
+  }
   auto* force = array_at<double>(data, layout_.qfrc_constraint);
   if (rows == 0) {
     std::memset(force, 0, nv * sizeof(double));

@@ -23,7 +23,8 @@ struct MujocoSystem {
   std::vector<std::uint8_t> cone_kind;
   std::vector<std::uint64_t> cone_id;
   std::vector<double> J, M, v_free, target, R, mu, lo, hi;
-  std::vector<double> start;  ///< accelerations to start from, where mass_form is matrix
+  bool has_own_zeros = false;  ///< M is zero where MuJoCo's has no entry
+  std::vector<double> start;   ///< accelerations to start from, where mass_form is matrix
   std::vector<double> lambda, velocity;
   std::vector<EnvStatus> status;
 

@@ -5,7 +5,10 @@ import collections.abc
 import mujoco
 import numpy as np
 
-_CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
+_CALLBACKS = [(name, getattr(mujoco, f"get_mjcb_{name}")) for name in (
+    "passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias") if hasattr(mujoco, f"get_mjcb_{name}")]
+_IPC, _SLEEP = (getattr(mujoco.mjtEnableBit, name, 0) for name in ("mjENBL_IPC", "mjENBL_SLEEP"))
+_RK4 = mujoco.mjtIntegrator.mjINT_RK4
 
 
 def check_data(model, i, one):
@@ -61,21 +64,21 @@ class Simulations(collections.abc.Sequence):
 def refuse(model):
     """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
     opt = model.opt
-    if opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_IPC", 0):
+    flags, is_rk4 = opt.enableflags, opt.integrator == _RK4
+    if flags & _IPC:
         raise ValueError("model.opt.enableflags: expected no mjENBL_IPC, got it, whose barriers are no constraint rows: "
                          "clear it")
-    sleeps = opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
-    if sleeps and opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+    if is_rk4 and flags & _SLEEP:
         raise ValueError("model.opt.enableflags: expected no sleeping bodies with RK4, got mjENBL_SLEEP: set "
                          "model.opt.integrator to mjINT_IMPLICITFAST")
     if opt.noslip_iterations:
         raise ValueError(f"model.opt.noslip_iterations: expected 0, got {opt.noslip_iterations}: that step leaves the "
                          "solution; a tighter tolerance does not need it")
-    for name in _CALLBACKS:
-        if getattr(mujoco, f"get_mjcb_{name}", lambda: None)() is not None:
+    for name, callback in _CALLBACKS:
+        if callback() is not None:
             raise ValueError(f"mjcb_{name}: expected no callback, got one, which simulations on several threads cannot "
                              f"call: mujoco.set_mjcb_{name}(None)")
-    if opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+    if is_rk4:
         for name, why in (("na", "actuator states"), ("nplugin", "plugins"), ("nhistory", "delays"),
                           ("nplastic", "plasticity")):
             if getattr(model, name, 0):

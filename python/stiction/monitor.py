@@ -40,7 +40,7 @@ class _Statistics:
         return self._folder is None and self._callback is None
 
     def keep(self, environments, seconds, is_warm, records, solves=1):
-        """Takes solves of so many environments in: all their status records, in whatever shape, or None."""
+        """Takes solves of so many environments in: all their status records, an array or its bytes, or None."""
         self._solves += solves
         self._environments += solves * environments
         self._seconds += seconds
@@ -61,8 +61,9 @@ class _Statistics:
             self._callback(summary(status, seconds))
 
     def _take(self, records):
-        self._fresh.append(records.tobytes())  # NumPy copies records field by field, bytes at once
-        self._fresh_count += len(records)
+        fresh = records if isinstance(records, bytes) else records.tobytes()  # copied at once, not field by field
+        self._fresh.append(fresh)
+        self._fresh_count += len(fresh) // STATUS_DTYPE.itemsize
         if self._fresh_count > WINDOW:
             self._count()
 

@@ -137,8 +137,9 @@ class BatchedSimulation:
         self.reset_warm_start(self.failed)
 
     def _advance(self, nstep):
-        if self.model.opt.integrator != _DISCRETE:
-            return self._solves(self._step_stages(), nstep)
+        opt = self.model.opt
+        if opt.integrator != _DISCRETE:
+            return self._solves(("step", opt.integrator, opt.enableflags), self._step_stages, nstep)
         for _ in range(nstep):
             self._constrain_discretely(check=True)
             start = time.perf_counter()
@@ -154,7 +155,7 @@ class BatchedSimulation:
             self._constrain_discretely(check=False)
             self._run(*self._sense)
         else:
-            self._solves(((self._smooth(check=False), self._sense),))
+            self._solves(("forward", self.model.opt.enableflags), lambda: ((self._smooth(check=False), self._sense),))
 
     def run(self, *functions, active=None):
         """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
@@ -288,15 +289,16 @@ class BatchedSimulation:
         name = "mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit"
         return ((self._smooth(check=True), (*self._sense, "mj_checkAcc", name)),)
 
-    def _solves(self, stages, count=1):
-        """Solves the constraints of all simulations that often, each taken through some stages before and some after."""
-        if stages not in self._plans:
+    def _solves(self, key, stages, count=1):
+        """Solves the constraints of all simulations that often, each taken through some stages before and some after. stages()
+        are those of that key: in a cache that MuJoCo has filled, every line of Python counts."""
+        plan = self._plans.get(key)
+        if plan is None:
             theirs = address("mj_fwdConstraint") if self._own else 0
-            self._plans[stages] = [
+            plan = self._plans[key] = [
                 _core.MujocoSolve(self._stages_at(before), self._stages_at(after), theirs) if theirs else
                 _core.MujocoSolve(self._stages_at((*before, "count")), self._stages_at(("write_back", *after)), theirs)
-                for before, after in stages]
-        plan = self._plans[stages]
+                for before, after in stages()]
         if self._own or self.solver._statistics.only_keeps:
             return self._go(plan, count)
         for _ in range(count):  # a callback is called after every solve
@@ -339,7 +341,7 @@ class BatchedSimulation:
         statistics, guess = self.solver._statistics, self._warm or None
         records = self._core.take_records()
         if statistics.only_keeps:
-            statistics.keep(len(self), seconds, guess is not None, np.frombuffer(records, STATUS_DTYPE), solves)
+            statistics.keep(len(self), seconds, guess is not None, records, solves)
             return
         if statistics._folder is None or (self.status["code"] == SOLVED).all():
             statistics.note(self, self, guess, seconds, False)
@@ -377,6 +379,9 @@ def _batch_of(arrays, nv):
             arrays[name] = np.ascontiguousarray(arrays[name].reshape(-1, nv)[:, ::-1]).reshape(-1)
         factor = arrays["M"].reshape(-1, nv, nv)
         arrays["M"] = np.ascontiguousarray((factor @ factor.transpose(0, 2, 1))[:, ::-1, ::-1]).reshape(-1)
+    else:  # its lower triangles alone were written
+        lower = np.tril(arrays["M"].reshape(-1, nv, nv))
+        arrays["M"] = (lower + np.tril(lower, -1).transpose(0, 2, 1)).reshape(-1)
     dims = np.diff(arrays["cone_row_offsets"])
     batch = Batch.from_jacobian(
         arrays["J"], arrays["M"], arrays["v_free"], arrays["target"], kinds=arrays["kinds"], dims=dims,

@@ -278,3 +278,14 @@ def test_an_array_of_all_simulations_is_read_at_once():
     for name in ("efc_force", "contact", "ncon", "efc_type", "nothing"):
         with pytest.raises(ValueError, match=f"name: expected an array of numbers .* got '{name}'"):
             simulation.read(name)
+
+
+def test_a_callback_is_called_after_every_solve_and_changes_no_bit():
+    model, called = zoo(integrator="RK4"), []
+    counted = stiction.mujoco.BatchedSimulation(model, 2, solver=stiction.Solver(tolerance=1e-6, callback=called.append))
+    plain = stiction.mujoco.BatchedSimulation(model, 2)
+    for simulation in (counted, plain):
+        simulation.step(np.ones((2, model.nu)), nstep=3)
+        assert simulation.solver.stats()["solves"] == 12 and simulation.solver.stats()["environments"] == 24
+    assert len(called) == 12 and all(one["environments"] == 2 for one in called)
+    np.testing.assert_array_equal(counted.data[1].qpos, plain.data[1].qpos)
