@@ -7,6 +7,7 @@ import os
 import numpy as np
 
 from . import _core
+from ._arguments import number, whole
 from ._arrays import FLOATS, NUMPY, as_numpy, framework_of, look, take
 from ._batch_arrays import BatchArrays
 from ._layout import Flat, Padded, offsets_of
@@ -169,8 +170,9 @@ class Batch(BatchArrays):
         seen = look("inv_mass", inv_mass)
         self = cls("bodies", framework_of(inv_mass), _float_type("inv_mass", seen), seen.device,
                    _law(law, ("convex", "coulomb", "boxed")))
-        self.stepping = (float(dt), float(erp), float(slop), float(cfm), float(restitution_threshold), int(substeps),
-                         int(max_contacts_per_env))
+        self.stepping = (number("dt", dt), number("erp", erp), number("slop", slop), number("cfm", cfm),
+                         number("restitution_threshold", restitution_threshold), whole("substeps", substeps),
+                         whole("max_contacts_per_env", max_contacts_per_env))
         if body_offsets is None:
             bodies = look("inv_mass", inv_mass).shape
             contacts = look("body_a", body_a).shape

@@ -7,6 +7,7 @@ import types
 import numpy as np
 
 from . import _core
+from ._arguments import number, whole, word
 from ._arrays import NUMPY, STATUS_DTYPE, take
 from ._batch import Batch, check_host_matrices
 from ._solution import Solution
@@ -56,8 +57,10 @@ class Derivative:
                  kappa: float = 0.0):
         if device != "cpu":
             raise ValueError(f"device: expected 'cpu', got {device!r}: gradients in Python are of batches on the host")
-        self._core = _core.Derivative(str(device), law, float(residual_limit), float(tie_tolerance), int(max_unknowns),
-                                      int(threads), float(kappa))
+        self._core = _core.Derivative(str(device), None if law is None else word("law", law),
+                                      number("residual_limit", residual_limit), number("tie_tolerance", tie_tolerance),
+                                      whole("max_unknowns", max_unknowns), whole("threads", threads),
+                                      number("kappa", kappa))
 
     def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None, status=None) -> Gradients:
         """Pulls derivatives of a loss by the solution back to the batch.
@@ -128,7 +131,7 @@ class Derivative:
         self._check(batch)
         if batch.form != "delassus":
             raise ValueError(f"batch: expected one of form 'delassus', got {batch.form!r}: sweeps go through A")
-        rows = batch.layout.row_shape
+        rows, sweeps, omega = batch.layout.row_shape, whole("sweeps", sweeps), number("omega", omega)
         if warm_start is not None:
             warm_start = take("warm_start", warm_start, batch.dtype, rows, "cpu")
         cotangents, front = self._sets(batch, {"lambda_": lambda_, "w": w}, {"lambda_": rows, "w": rows})
@@ -137,7 +140,7 @@ class Derivative:
         out["lambda_"] = np.zeros(rows, batch.dtype)
 
         def call(view, at, status, *arguments):
-            self._core.unrolled_contacts(view, at, int(sweeps), float(omega), *arguments)
+            self._core.unrolled_contacts(view, at, sweeps, omega, *arguments)
 
         return self._run(call, batch, warm_start, None, cotangents, out, front)
 

@@ -81,6 +81,7 @@ class Step:
 
     def _project_matrices(self, out, first, dim):
         rows = first[:, None] + np.arange(dim)
+        rows = rows[np.isfinite(out[rows]).all(axis=1)]  # of others LAPACK finds no eigenvalues, and raises
         value, vector = np.linalg.eigh(semidefinite_matrix(out[rows]))
         out[rows] = semidefinite_vector(np.einsum("...ik,...k,...jk->...ij", vector, np.maximum(value, 0.0), vector))
 

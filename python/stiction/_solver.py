@@ -9,10 +9,15 @@ import time
 import numpy as np
 
 from . import _core, _streams
+from ._arguments import number, whole, word
 from ._arrays import NUMPY, take
 from ._batch import Batch
 from ._solution import SOLVERS, Solution
 from .monitor import _Statistics, spans_by_kind
+
+
+#: What room may be asked for.
+_ROOMS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env_dofs")
 
 
 class _SolverBase:
@@ -25,18 +30,20 @@ class _SolverBase:
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
         chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
         if preset is not None:
-            chosen = _core.preset(preset)
+            chosen = _core.preset(word("preset", preset))
         given = {"solver": solver, "tolerance": tolerance, "max_iterations": max_iterations}
         chosen.update({name: value for name, value in given.items() if value is not None})
-        self.solver, self.tolerance = chosen["solver"], float(chosen["tolerance"])
-        self.max_iterations, self.law = int(chosen["max_iterations"]), law
+        self.solver, self.tolerance = chosen["solver"], number("tolerance", chosen["tolerance"])
+        self.max_iterations, self.law = whole("max_iterations", chosen["max_iterations"]), law
         if self.solver not in SOLVERS + ("auto", "multigrid"):
             raise ValueError(f"solver: expected one of auto, {', '.join(SOLVERS)}, multigrid, got {self.solver!r}")
         self._tracer = _core.Tracer() if trace else None
         # Only bodies have a multigrid solver, which they are told by name.
-        self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver, law, self.tolerance,
-                                      self.max_iterations, int(stall_window), float(omega), int(threads),
-                                      invalid == "isolate", islands, int(direct_rows), self._tracer)
+        self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver,
+                                      None if law is None else word("law", law), self.tolerance, self.max_iterations,
+                                      whole("stall_window", stall_window), number("omega", omega),
+                                      whole("threads", threads), invalid == "isolate", word("islands", islands),
+                                      whole("direct_rows", direct_rows), self._tracer)
         self._statistics = _Statistics(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
@@ -147,7 +154,7 @@ class Solver(_SolverBase):
                  tolerance: float | None = None, max_iterations: int | None = None, threads: int = 0, *,
                  capacity: dict | None = None, **options):
         super().__init__(solver, law, tolerance, max_iterations, threads, **options)
-        self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**(capacity or {})))
+        self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**_rooms(capacity)))
         self.device = self._core.device
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
         self._last = None  # the last solve, if it can be repeated as it was
@@ -173,6 +180,8 @@ class Solver(_SolverBase):
                 raise ValueError("warm_start: expected None beside a guess, got both")
             if ids is None:
                 raise ValueError("ids: expected the ids of contacts, by which a guess knows them, got None")
+            if not hasattr(guess, "start"):
+                raise TypeError(f"guess: expected a stiction.guess.Guess, got {type(guess).__name__}")
             return guess.solve(self, batch, ids, out, stream)
         last = self._last
         if (last is not None and batch is last.batch and out is last.out and warm_start is last.warm_start
@@ -229,6 +238,17 @@ class Solver(_SolverBase):
         if key not in self._bodies:
             self._bodies[key] = _core.BodySolver(self.device, _core.BodyOptions(self._options, self.solver, *key))
         return functools.partial(self._bodies[key].solve, view, lambda_, w, seen["velocities"], status, guess, handle)
+
+
+def _rooms(capacity):
+    """The caller's numbers of room by name."""
+    rooms = {} if capacity is None else capacity
+    if not isinstance(rooms, dict):
+        raise TypeError(f"capacity: expected a dict, got {type(rooms).__name__}")
+    for name in rooms:
+        if name not in _ROOMS:
+            raise ValueError(f"capacity: expected {', '.join(_ROOMS)}, got {name!r}")
+    return {name: whole(f"capacity[{name!r}]", value, 2**63 - 1) for name, value in rooms.items()}
 
 
 def _need_twists(seen):

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from . import _core, _streams
+from ._arguments import number, whole
 from ._arrays import as_numpy, look, take
 from ._batch import Batch
 from ._solution import Solution
@@ -47,10 +48,10 @@ class ParallelContactSolver(_SolverBase):
         if form not in ("delassus", "jacobian", "bodies"):
             raise ValueError(f"form: expected 'delassus', 'jacobian' or 'bodies', got {form!r}")
         self._check_form(form)
-        self.form, self.n_envs, self.max_rows = form, int(n_envs), int(max_rows)
+        self.form, self.n_envs, self.max_rows = form, whole("n_envs", n_envs), whole("max_rows", max_rows)
         cones = self.max_rows // 3 if form == "bodies" else self.max_rows
-        self.max_cones = cones if max_cones is None else int(max_cones)
-        self.max_dofs = None if max_dofs is None else int(max_dofs)
+        self.max_cones = cones if max_cones is None else whole("max_cones", max_cones)
+        self.max_dofs = None if max_dofs is None else whole("max_dofs", max_dofs)
         self.dtype = str(np.dtype(dtype))
         if self.dtype not in ("float32", "float64"):
             raise TypeError(f"dtype: expected float32 or float64, got {self.dtype}")
@@ -60,7 +61,7 @@ class ParallelContactSolver(_SolverBase):
         # One cone more in each padded environment: the entry that closes its last.
         self._most_cones = self.n_envs * (self.max_cones + (form != "bodies"))
         self._stepping = _DEFAULT_STEPPING
-        self._core = self._make(str(device), float(beta),
+        self._core = self._make(str(device), number("beta", beta),
                                 scaling or ("proportional" if form == "bodies" else "capped"))
         self.device = self._core.device
         self._ids = {}  # batch's framework and shape -> ids with the closing entries

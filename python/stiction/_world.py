@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import collections.abc
 import dataclasses
-import operator
 from typing import NamedTuple
 
 import numpy as np
 
 from . import _core
+from ._arguments import number, whole, word
 from ._arrays import FLOATS, STATUS_DTYPE, apart, look, status_bytes, take
 from ._batch import Batch
 from ._derivative import GRADIENT_DTYPE, Gradients
@@ -36,13 +37,6 @@ def _numbers(owner, name, value, length):
     return numbers
 
 
-def _index(name, value):
-    try:
-        return operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name}: expected an integer, got {value!r}") from None
-
-
 @dataclasses.dataclass(frozen=True)
 class Shape:
     """A shape fixed to a body, or to the world. Lengths in m.
@@ -64,11 +58,11 @@ class Shape:
     restitution: float = 0.0
 
     def __post_init__(self):
-        if self.kind not in _KINDS:
+        if not isinstance(self.kind, str) or self.kind not in _KINDS:
             raise ValueError(f"Shape.kind: expected one of {', '.join(_KINDS)}, got {self.kind!r}")
         size = np.atleast_1d(self.size)
         object.__setattr__(self, "size", _numbers("Shape", "size", size, _KINDS[self.kind]))
-        object.__setattr__(self, "body", _index("Shape.body", self.body))
+        object.__setattr__(self, "body", whole("Shape.body", self.body))
         object.__setattr__(self, "position", _numbers("Shape", "position", self.position, 3))
         object.__setattr__(self, "orientation", _numbers("Shape", "orientation", self.orientation, 4))
         for name in ("mu", "restitution"):
@@ -107,7 +101,8 @@ class Body:
         """The body of uniform density [kg/m3] that has this shape. begin: position, orientation or twist instead of
         the shape's.
         """
-        mass, inertia, position, orientation = _core.solid_body(_checked("shape", shape, Shape), float(density))
+        mass, inertia, position, orientation = _core.solid_body(_checked("shape", shape, Shape),
+                                                                number("density", density))
         return cls(mass, inertia, **{"position": position, "orientation": orientation} | begin)
 
 
@@ -165,15 +160,16 @@ class World:
         self.bodies = tuple(_checked(f"bodies[{i}]", body, Body) for i, body in enumerate(bodies))
         self.shapes = tuple(_checked(f"shapes[{i}]", shape, Shape) for i, shape in enumerate(shapes))
         self.gravity = _numbers("World", "gravity", gravity, 3)
-        self.env_count, self.law, self.solver = _index("env_count", env_count), law, solver
-        self.stepping = (float(dt), float(erp), float(slop), float(cfm), float(restitution_threshold), 1,
-                         _index("max_contacts_per_env", max_contacts_per_env))
-        options = _core.Options("npgs" if solver == "multigrid" else solver, None, float(tolerance),
-                                _index("max_iterations", max_iterations), 0, float(omega), _index("threads", threads),
-                                True, "together", 1024, None)
+        self.env_count, self.law, self.solver = whole("env_count", env_count), word("law", law), solver
+        self.stepping = (number("dt", dt), number("erp", erp), number("slop", slop), number("cfm", cfm),
+                         number("restitution_threshold", restitution_threshold), 1,
+                         whole("max_contacts_per_env", max_contacts_per_env))
+        options = _core.Options("npgs" if solver == "multigrid" else solver, None, number("tolerance", tolerance),
+                                whole("max_iterations", max_iterations), 0, number("omega", omega),
+                                whole("threads", threads), True, "together", 1024, None)
         self._core = _core.World(str(device), self.bodies, self.shapes, self.gravity, self.env_count,
-                                 _core.BodyOptions(options, solver, law, *self.stepping), float(margin),
-                                 float(warm_start), self.dtype == "float64")
+                                 _core.BodyOptions(options, solver, law, *self.stepping), number("margin", margin),
+                                 number("warm_start", warm_start), self.dtype == "float64")
         self.device = self._core.device
 
     def __len__(self) -> int:
@@ -195,16 +191,16 @@ class World:
         return None if value is None else take(name, value, self.dtype, self._shape(width), "cpu")
 
     def step(self, wrench=None, count: int = 1, progress: bool = False) -> None:
-        """Makes `count` steps.
+        """Makes `count` steps. Ctrl-C ends between two of them, and the world goes on from there.
 
         wrench: force [N] and torque about the centre of mass [N m] on every body in these steps, world axes. An array
             (B, bodies, 6) of any framework on the host; None: no forces.
-        progress: a bar on the terminal (stiction.monitor.Progress). The bits are the same; Ctrl-C ends between steps.
+        progress: a bar on the terminal (stiction.monitor.Progress). The bits are the same.
 
         An environment whose state or wrench is not finite ends as "invalid_input" and stays where it is; no other
         environment changes a bit.
         """
-        count = _index("count", count)
+        count = whole("count", count, 2**63 - 1)
         if count < 0:
             raise ValueError(f"count: expected at least 0 steps, got {count}")
         forces, done = self._taken("wrench", wrench, 6), 0
@@ -270,6 +266,8 @@ class World:
 
         checkpoint: a mapping of these six arrays, an open np.load file too. Nothing is changed if one does not fit.
         """
+        if not isinstance(checkpoint, collections.abc.Mapping):
+            raise TypeError(f"checkpoint: expected a mapping of arrays, got {type(checkpoint).__name__}")
         missing = [name for name in _CHECKPOINT if name not in checkpoint]
         if missing:
             raise ValueError(f"checkpoint: expected {', '.join(_CHECKPOINT)}, got no {', '.join(missing)}")
@@ -373,8 +371,9 @@ class WorldStep:
     def __init__(self, world: World, wrench=None, *, residual_limit: float = 1e-3, tie_tolerance: float = 1e-6,
                  max_unknowns: int = 1024, threads: int = 0, kappa: float = 0.0):
         _checked("world", world, World)
-        self._core = world._core.keep(world._taken("wrench", wrench, 6), float(residual_limit), float(tie_tolerance),
-                                      _index("max_unknowns", max_unknowns), _index("threads", threads), float(kappa))
+        self._core = world._core.keep(world._taken("wrench", wrench, 6), number("residual_limit", residual_limit),
+                                      number("tie_tolerance", tie_tolerance), whole("max_unknowns", max_unknowns),
+                                      whole("threads", threads), number("kappa", kappa))
         self._dtype, self._shape = world.dtype, world._shape
         self._counts = world.env_count, len(world.shapes)
 

@@ -42,7 +42,7 @@ class Ranks:
 
     def __post_init__(self):
         if not 0 <= self.rank < self.size:
-            raise ValueError(f"rank: expected a number in 0..{self.size - 1}, got {self.rank}")
+            raise ValueError(f"rank: expected a number from 0 to below the number of ranks, {self.size}, got {self.rank}")
 
     @property
     def is_first(self):
@@ -240,8 +240,14 @@ def save(folder, step, states, shard, keep=2):
     """Writes this rank's part of a checkpoint: FOLDER/step_000000120/000000000_000000256.npz. Every rank calls it.
 
     The file is complete or not there: it is written beside, forced to disk and renamed. A rank's files of checkpoints
-    before the last `keep` complete ones are removed.
+    before the last `keep` complete ones are removed. Raises ValueError for a step below 0, and for states that are not
+    those of the shard, which load() would not find again.
     """
+    if step < 0:
+        raise ValueError(f"step: expected at least 0, got {step}")
+    if not np.array_equal(states.get("id", ()), shard.ids):
+        raise ValueError(f"states: expected 'id' to be {shard.begin}..{shard.end - 1}, as in the shard, got "
+                         f"{states.get('id')}")
     place = pathlib.Path(folder) / f"step_{step:09d}"
     place.mkdir(parents=True, exist_ok=True)
     path = place / f"{shard.begin:09d}_{shard.end:09d}.npz"
@@ -253,9 +259,9 @@ def save(folder, step, states, shard, keep=2):
     os.replace(beside, path)
     complete = [one for one in _steps(folder) if _covers(one)]
     for old in _steps(folder):
-        if len(complete) < keep or old.name >= complete[-keep].name:
+        if len(complete) < keep or _number_of(old) >= _number_of(complete[-keep]):
             break
-        for own in old.glob("*.npz"):
+        for own in _parts(old):
             begin, end = _range_of(own)
             if shard.begin <= begin < shard.end or begin <= shard.begin < end:
                 own.unlink(missing_ok=True)
@@ -272,7 +278,7 @@ def load(folder, shard):
         return None, None
     parts = []
     # A step may have been written twice, by other numbers of ranks: what is newer counts.
-    for path in sorted(complete[-1].glob("*.npz"), key=lambda path: -path.stat().st_mtime_ns):
+    for path in sorted(_parts(complete[-1]), key=lambda path: -path.stat().st_mtime_ns):
         begin, end = _range_of(path)
         if end <= shard.begin or begin >= shard.end:
             continue
@@ -282,11 +288,21 @@ def load(folder, shard):
         parts.append(part)
     if not parts:
         raise ValueError(f"{complete[-1]}: expected {shard.total} environments in all, as this job has")
-    return int(complete[-1].name.rpartition("_")[2]), _chosen(parts, shard)
+    return _number_of(complete[-1]), _chosen(parts, shard)
 
 
 def _steps(folder):
-    return sorted(place for place in pathlib.Path(folder).glob("step_*") if place.name[5:].isdecimal())
+    """Folders of checkpoints by step; names stop being in that order where a number has ten digits."""
+    return sorted((place for place in pathlib.Path(folder).glob("step_*") if place.name[5:].isdecimal()), key=_number_of)
+
+
+def _number_of(place):
+    return int(place.name[5:])
+
+
+def _parts(place):
+    """Files of save() in a checkpoint's folder; what else lies there is not looked at."""
+    return [path for path in place.glob("*_*.npz") if path.stem.replace("_", "", 1).isdecimal()]
 
 
 def _read(path):
@@ -310,7 +326,7 @@ def _covers(place):
     """Whether the parts of a checkpoint are all there."""
     end = 0
     last = None
-    for path in sorted(place.glob("*.npz")):
+    for path in sorted(_parts(place), key=_range_of):
         begin, until = _range_of(path)
         if begin > end:
             return False

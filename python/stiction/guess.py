@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import _core
+from ._arguments import whole
 from ._arrays import NUMPY, as_numpy
 from ._batch import Batch, check_host_matrices
 from ._derivative import _REFUSED, GRADIENT_DTYPE
@@ -47,7 +48,7 @@ class Guess:
     """
 
     def __init__(self, candidates=NAMES, *, beta: float = 1.0, deterministic: bool = True, threads: int = 0):
-        self.candidates = tuple(candidates)
+        self.candidates = (candidates,) if isinstance(candidates, str) else tuple(candidates)
         for place, candidate in enumerate(self.candidates):
             if candidate not in NAMES if isinstance(candidate, str) else not callable(candidate):
                 raise ValueError(f"candidates[{place}]: expected one of {', '.join(NAMES)}, a Ridge, a Dense or a "
@@ -56,7 +57,7 @@ class Guess:
             raise ValueError("candidates: expected at least one, got none")
         if not 0 < beta <= 1:
             raise ValueError(f"beta: expected a number in (0, 1], got {beta}")
-        self.beta, self.deterministic, self.threads = float(beta), bool(deterministic), int(threads)
+        self.beta, self.deterministic, self.threads = float(beta), bool(deterministic), whole("threads", threads)
         self._memory = self._step = self.chosen = self.weights = None
         self._taken = np.zeros(len(self.candidates), np.int64)
         self._dropped = np.zeros(len(self.candidates), np.int64)

@@ -5,6 +5,7 @@ import pytest
 
 import stiction
 from stiction import Batch, Solver, semidefinite_matrix, semidefinite_vector
+from stiction.guess import Guess
 
 SOLVERS = ["auto", "admm", "apgd", "jacobi"]
 
@@ -131,3 +132,14 @@ def test_a_file_keeps_it(tmp_path):
     batch.save(tmp_path / "matrices.h5")
     again = Batch.from_file(tmp_path / "matrices.h5")
     assert Solver(tolerance=1e-10).solve(again).hash() == Solver(tolerance=1e-10).solve(batch).hash()
+
+
+def test_guesses_that_are_not_finite_are_dropped():
+    """NumPy finds no eigenvalues of NaN, and raises."""
+    A, b = np.tile(np.eye(6), (2, 1, 1)), np.tile([-1.0, 0.0, -2.0, 0.5, 0.0, 3.0], (2, 1))
+    batch = Batch.from_delassus(A, b, cones=[("semidefinite", 6)])
+    guess, ids = Guess([lambda step: np.r_[np.full(6, np.nan), np.ones(6)], "last"]), np.array([[1], [2]])
+    for _ in range(2):
+        solution = Solver(tolerance=1e-9).solve(batch, guess=guess, ids=ids)
+        assert solution.solved.all() and guess.chosen[0] == 1
+    assert guess.stats()["dropped"] == {"<lambda>": 2, "last": 0}
