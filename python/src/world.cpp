@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "python/src/names.hpp"
+#include "python/src/signal_check.hpp"
 #include "python/src/solver.hpp"
 #include "python/src/world_description.hpp"
 #include "stiction/world_derivative.hpp"
@@ -125,7 +126,11 @@ class SharedWorld {
       const Real* const force = given<Real>(wrench, "wrench");
       return [=, this, &world] {
         push(world, force);
-        for (std::int64_t k = 0; k < count; ++k) world.step();
+        SignalCheck signals;
+        for (std::int64_t k = 0; k < count; ++k) {
+          world.step();
+          signals.look();
+        }
       };
     });
   }

@@ -213,6 +213,20 @@ def _no_constant(name):
     raise ReportError(f"expected JSON, got {name}, which JSON has not")
 
 
+def _whole(digits):
+    """A whole number of JSON that fits into a float, as plots need it."""
+    if len(digits) > 300:
+        raise ReportError(f"expected numbers of at most 300 digits, got one of {len(digits)}")
+    return int(digits)
+
+
+def _check_out(out, inputs):
+    """Refuses a page in the place of what it is made from."""
+    for path in inputs:
+        if out.exists() and path.exists() and out.samefile(path):
+            raise ReportError(f"the page would overwrite {path}; choose another --out")
+
+
 def main(arguments=None, program="python -m stiction.report") -> int:
     """The command `stiction report`. Returns the exit status."""
     parser = argparse.ArgumentParser(prog=program,
@@ -223,7 +237,8 @@ def main(arguments=None, program="python -m stiction.report") -> int:
     options = parser.parse_args(arguments)
     out = options.out or options.run.with_suffix(".html")
     try:
-        report = json.loads(options.run.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        _check_out(out, [options.run, *([options.solution] if options.solution else [])])
+        report = json.loads(options.run.read_text(encoding="utf-8"), parse_constant=_no_constant, parse_int=_whole)
         solution = _read_solution(options.solution) if options.solution else None
         out.write_text(page(report, options.run.name, solution), encoding="utf-8")
     except (OSError, ValueError, RecursionError) as error:

@@ -227,6 +227,13 @@ def test_a_file_that_is_not_there_or_not_text(tmp_path, capsys):
         assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_page_does_not_replace_its_report(run, tmp_path, capsys):
+    path = tmp_path / "run.json"
+    path.write_text(run[1].read_text())
+    assert report.main([str(path), "-o", str(tmp_path / "." / "run.json")]) == 2
+    assert "would overwrite" in capsys.readouterr().err and path.read_text() == run[1].read_text()
+
+
 def mutations(values, rng, count):
     """Reports with one key removed, or with another value in its place."""
     def places(value, path=()):
@@ -235,7 +242,7 @@ def mutations(values, rng, count):
             if isinstance(inner, dict):
                 yield from places(inner, (*path, key))
 
-    others = [None, True, -1, 0, 1e308, "x", "<b>", [], {}, [1], {"a": {"b": 1}}, -1e-300, 2**70]
+    others = [None, True, -1, 0, 1e308, "x", "<b>", [], {}, [1], {"a": {"b": 1}}, -1e-300, 2**70, 10**400]
     for _ in range(count):
         changed = copy.deepcopy(values)
         path = rng.choice(list(places(values)))
