@@ -11,19 +11,18 @@ namespace stiction::cuda {
 /// What choosing solvers takes beside the job.
 template <class Real>
 struct ChooseArgs {
-  SolveJob<Real> job;      ///< with the caller's warm start
-  PlanArrays plan;         ///< sound; the keys are written
-  std::uint8_t* assigned;  ///< the stage that each environment stands on, kept from stage to stage  (envs)
-  int stage;               ///< the one to be solved next
-  ClassLimits limits;      ///< of the dense classes under its solver
+  SolveJob<Real> job;  ///< with the caller's warm start
+  PlanArrays plan;     ///< sound; the keys are written
+  ChainArrays chain;   ///< written
+  ClassLimits limits;  ///< of the dense classes under the first stage's solver
 };
 
 }  // namespace stiction::cuda
 
 namespace stiction::inline STICTION_ISA {
 
-/// Before every stage of the fallback chain: which environments it gets. An environment that this stage does not solve
-/// goes to the trivial class, which no stage launches.
+/// Before the first stage of the fallback chain: what every environment is like, and which stage it begins on. One that
+/// the first stage does not solve goes to the trivial class, which no stage launches.
 template <class Real>
 struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;
@@ -35,7 +34,7 @@ struct ChooseEnvironments {
       const EnvPath path = args.plan.path[index];
       SizeClass own = SizeClass::trivial;
       Index rows = 0;
-      if (path != EnvPath::empty && assign(team, args, index) == args.stage) {
+      if (path != EnvPath::empty && begin(team, args, index) == 0) {
         rows = args.job.batch.env_rows(index);
         own = size_class(path, rows, args.limits);
       }
@@ -44,21 +43,17 @@ struct ChooseEnvironments {
   }
 
  private:
-  /// The stage that an environment stands on now, on every lane.
+  /// The stage that an environment begins on, on every lane.
   template <Team TeamT>
-  static STICTION_HD int assign(TeamT& team, const Args& args, Offset index) {
-    std::uint8_t& assigned = args.assigned[index];
+  static STICTION_HD int begin(TeamT& team, const Args& args, Offset index) {
     const EnvView<Real> env = slice(args.job, index);
-    int stage = assigned;
-    if (args.stage == 0) {
-      begin_fallbacks(team, env);
-      stage = first_stage(features(team, env));
-    } else if (stage == args.stage - 1 && falls_short(*env.status)) {
-      stage = next_stage(stage, features(team, env));
-    }
-    // Every lane has read the stage that was assigned.
-    team.sync();
-    single(team, [&] { assigned = static_cast<std::uint8_t>(stage); });
+    begin_fallbacks(team, env);
+    const EnvFeatures seen = features(team, env);
+    const int stage = first_stage(seen);
+    single(team, [&] {
+      args.chain.features[index] = seen;
+      args.chain.assigned[index] = static_cast<std::uint8_t>(stage);
+    });
     return stage;
   }
 };

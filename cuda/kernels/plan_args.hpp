@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job/env_features.hpp"
 #include "core/job/plan_view.hpp"
 #include "core/job/size_class.hpp"
 #include "stiction/batch.hpp"
@@ -31,6 +32,22 @@ struct PlanArrays {
     return {path,          counts,     cone_order, env_vertex_offsets, vertex_offsets, env_vertex_offsets,
             color_offsets, color_count};
   }
+};
+
+/// What the fallback chain keeps of its environments from stage to stage (docs/math/auto.md).
+struct ChainArrays {
+  EnvFeatures* features;   ///< what the choice of their stages depends on                         (envs)
+  std::uint8_t* assigned;  ///< the stage that each stands on                                      (envs)
+};
+
+/// What sorting environments into classes is given.
+struct SortArgs {
+  Offset env_count;
+  PlanArrays plan;
+  int stage;                ///< of the fallback chain; 0: every environment has its key already
+  ChainArrays chain;        ///< read and written by later stages
+  const EnvStatus* status;  ///< of the stages before                                              (envs)
+  ClassLimits limits;       ///< of the dense classes under the stage's solver
 };
 
 /// What finding islands is given.

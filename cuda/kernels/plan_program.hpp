@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/driver/solver_selection.hpp"
 #include "core/algorithm/plan/counting_sort.hpp"
 #include "core/algorithm/plan/islands.hpp"
 #include "core/algorithm/plan/plan_environment.hpp"
@@ -47,36 +48,68 @@ struct InspectEnvironments {
     const Offset first_cone = sound ? batch.env_cone_offsets[env] : 0;
     const PlanTarget target = target_of(args, env, first_cone);
     const SizeClass own = size_class(path, s.rows, args.limits);
-    // Of a factor, whose cones stay in file order, a solve asks no more than whether it has some of these.
-    const bool is_boxed = path == EnvPath::factor && has_kind(team, s, ConeKind::box_friction);
-    const bool has_matrices = path == EnvPath::factor && has_kind(team, s, ConeKind::semidefinite);
     single(team, [&] {
       *target.path = path;
       *target.counts = ConeCounts{};
-      target.counts->box_friction = is_boxed ? 1 : 0;
-      target.counts->semidefinite = has_matrices ? 1 : 0;
       *target.color_count = 0;
       args.plan.env_vertex_offsets[env] = first_cone + env;
       args.plan.flags[env] = flags;
       args.plan.key[env] = static_cast<std::uint8_t>(sort_key(own, s.rows, args.limits));
     });
     if (path == EnvPath::dense) plan_dense(team, s, target.counts, target.cone_order);
+    // Cones of a factor stay in file order.
+    if (path == EnvPath::factor) single(team, [&] { *target.counts = count_cones(s); });
   }
 };
 
-/// The order of execution. One team's work.
+/// The order of execution, with nothing taken of it yet. One team's work. Before a later stage of the fallback chain it
+/// begins with those that fell short of the stage before. If the stage has none, there is nothing to sort.
 struct SortEnvironments {
-  using Args = cuda::PlanArgs;
+  using Args = cuda::SortArgs;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     if (id.index != 0) return;
     const cuda::PlanArrays& plan = args.plan;
+    for_each(team, kSizeClasses, [&](Index k) { plan.work_counter[k] = 0; });
+    if (args.stage > 0 && !find_stage(team, args)) {
+      for_each(team, kSizeClasses + 1, [&](Index k) { plan.class_begin[k] = 0; });
+      return;
+    }
     count_sort(
-        team, args.batch.env_count, kSortKeys, [&](Offset env) { return plan.key[env]; }, plan.order, plan.key_begin,
+        team, args.env_count, kSortKeys, [&](Offset env) { return plan.key[env]; }, plan.order, plan.key_begin,
         plan.sort_scratch != nullptr ? plan.sort_scratch : static_cast<Index*>(id.shared));
     for_each(team, kSizeClasses + 1, [&](Index k) { plan.class_begin[k] = plan.key_begin[k * kBucketsPerClass]; });
+  }
+
+ private:
+  /// Moves environments that fell short of the stage before to the next that can treat them. Writes all keys: what this
+  /// stage does not solve is of the trivial class, which no stage launches. Whether the stage has any, on every lane.
+  template <Team TeamT>
+  static STICTION_HD bool find_stage(TeamT& team, const Args& args) {
+    std::uint32_t found = 0;
+    for (Offset env = team.rank(); env < args.env_count; env += team.size()) {
+      const EnvPath path = args.plan.path[env];
+      SizeClass own = SizeClass::trivial;
+      Index rows = 0;
+      if (path != EnvPath::empty && stage_of(args, env) == args.stage) {
+        rows = args.chain.features[env].rows;
+        own = size_class(path, rows, args.limits);
+        found = 1;
+      }
+      args.plan.key[env] = static_cast<std::uint8_t>(sort_key(own, rows, args.limits));
+    }
+    team.sync();
+    return team.combine(found) != 0;
+  }
+
+  /// The stage that an environment stands on now.
+  static STICTION_HD int stage_of(const Args& args, Offset env) {
+    std::uint8_t& assigned = args.chain.assigned[env];
+    if (assigned == args.stage - 1 && falls_short(args.status[env]))
+      assigned = static_cast<std::uint8_t>(next_stage(assigned, args.chain.features[env]));
+    return assigned;
   }
 };
 

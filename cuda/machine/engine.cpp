@@ -89,7 +89,8 @@ void Engine::queue_plan(const SolveRequest<Real>& request) {
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
-  api_.launch(kernels.sort, sort_, &args, stream);
+  const SortArgs sort{request.batch.env_count, plan_, 0, {}, nullptr, {}};
+  api_.launch(kernels.sort, sort_, &sort, stream);
   if (may_be_sparse(reserved_.capacity)) api_.launch(kernels.color, graph_, &args, stream);
 }
 
@@ -139,16 +140,16 @@ void Engine::queue_class(const SolveRequest<Real>& request, const SolveJob<Real>
 /// Classes on branches of their own, so that a small one fills what a large one leaves idle at its end.
 template <class Real>
 void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
-                           bool with_trivial) {
+                           const ClassLimits& limits, bool with_trivial) {
   const StreamHandle stream = request.stream.handle();
   api_.record(forked_->get(), stream);
   for (const auto& branch : branch_) api_.wait(branch->get(), forked_->get());
-  const ClassLimits limits = limits_for(solver, request.batch.env_count);
   int next = 0;
   for (int k = 0; k < kSizeClasses; ++k) {
     const auto size_class = static_cast<SizeClass>(k);
     if (!has_class(solver, size_class) || (size_class == SizeClass::trivial && !with_trivial)) continue;
     if (is_dense(size_class) && !limits.holds(size_class)) continue;
+    if (is_dense(size_class) && reserved_.capacity.env_rows <= limits.below(size_class)) continue;
     const int lane = next++ % (kBranches + 1);
     const StreamHandle own = lane == 0 ? stream : branch_[static_cast<std::size_t>(lane - 1)]->get();
     if (size_class == SizeClass::trivial)
@@ -168,23 +169,24 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream.handle();
-  const PlanArgs plan{structure_view(request.batch), plan_, 0, 0, 0, false, {}};
   const KernelRef& choose = api_.kernels().choose[static_cast<std::size_t>(kPrecisionOf<Real>)];
+  const Offset envs = request.batch.env_count;
   const Real omega = job.omega;
   job.stage = 0;
   queue_trivial(request, job, 0, stream);
   for (int stage = 0; stage < kFallbackStages; ++stage) {
     const SolverKind solver = fallback_stage(stage).solver;
-    const ChooseArgs<Real> args{job, plan_, assigned_, stage, limits_for(solver, request.batch.env_count)};
+    const ClassLimits limits = limits_of_stage(stage, envs);
+    const ChooseArgs<Real> chosen{job, plan_, chain_, limits};
+    const SortArgs sort{envs, plan_, stage, chain_, job.status, limits};
     timer_.time("choose", to_string(solver), 0, stream, [&] {
-      api_.launch(choose, {request.batch.env_count, kPlanLanes}, &args, stream);
-      api_.launch(api_.kernels().plan.sort, sort_, &plan, stream);
-      api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
+      if (stage == 0) api_.launch(choose, {envs, kPlanLanes}, &chosen, stream);
+      api_.launch(api_.kernels().plan.sort, sort_, &sort, stream);
     });
     job.warm_start = job.lambda;
     job.stage = stage;
     job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
-    queue_classes(request, job, solver, false);
+    queue_classes(request, job, solver, limits, false);
   }
 }
 
@@ -197,8 +199,10 @@ void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
   // where the graph is launched.
   if (!capturing) api_.wait(stream, done_->get());
   timer_.attach(request.options.tracer, capturing);
-  api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
-  if (!is_planned) timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
+  if (is_planned)
+    api_.fill_zero(plan_.work_counter, kSizeClasses * sizeof(Offset), stream);
+  else
+    timer_.time("plan", nullptr, 0, stream, [&] { queue_plan(request); });
 
   const SolverOptions& options = request.options;
   const bool is_ladder = options.solver == SolverKind::automatic;
@@ -211,7 +215,7 @@ void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
   if (is_ladder)
     queue_fallbacks(request, job);
   else
-    queue_classes(request, job, options.solver, true);
+    queue_classes(request, job, options.solver, limits_for(options.solver, request.batch.env_count), true);
   if (!capturing) api_.record(done_->get(), stream);
 }
 

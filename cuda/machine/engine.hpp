@@ -93,6 +93,7 @@ class Engine {
   [[nodiscard]] const Workspace& method_workspace(SolverKind solver) const;
   [[nodiscard]] ClassLimits limits_for(const Workspace& method, Offset envs) const;
   [[nodiscard]] ClassLimits limits_for(SolverKind solver, Offset envs) const;
+  [[nodiscard]] ClassLimits limits_of_stage(int stage, Offset envs) const;
   template <class Real>
   [[nodiscard]] Offset slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const;
@@ -109,7 +110,7 @@ class Engine {
                    SizeClass size_class, int lane, StreamHandle stream);
   template <class Real>
   void queue_classes(const SolveRequest<Real>& request, const SolveJob<Real>& job, SolverKind solver,
-                     bool with_trivial);
+                     const ClassLimits& limits, bool with_trivial);
   template <class Real>
   void queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job);
   template <class Real>
@@ -124,7 +125,7 @@ class Engine {
   bool captured_ = false;
   DeviceMemory memory_;
   PlanArrays plan_;
-  std::uint8_t* assigned_ = nullptr;             ///< fallback chain: the stage that each environment stands on
+  ChainArrays chain_{};                          ///< of the fallback chain
   std::array<Shapes, kSolverKindCount> shapes_;  ///< of each solver there is room for: a stage takes what it needs
   LaunchShape sort_;                             ///< of the program that sorts environments into classes
   LaunchShape graph_;                            ///< of programs that look at whole graphs

@@ -25,8 +25,8 @@ constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 constexpr Offset kMostEnvs = std::numeric_limits<Index>::max();
 /// Warps with an environment a lane that run at once on a multiprocessor, as registers allow.
 constexpr Offset kWarpsPerProcessor = 8;
-/// Smallest class of a method that factorises.
-constexpr SizeClass kFinestDirect = SizeClass::dense_tile;
+/// Smallest class that has more than a lane for an environment.
+constexpr SizeClass kFinestTeam = SizeClass::dense_tile;
 
 Capacity joined(const Capacity& a, const Capacity& b) {
   Capacity both;
@@ -92,9 +92,11 @@ Offset Engine::slot_elements(SizeClass size_class, const Capacity& capacity, con
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
       elements = larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, method));
   } else {
-    // A batch of few environments may come, too: then what a lane each would take is shared out over more.
+    // A batch of few environments may come, too: then what a lane each would take is shared out over more. A later
+    // stage of the fallback chain has teams alone.
     const bool needs_many = size_class == SizeClass::thread_large;
-    const ClassLimits limits = limits_for(method, needs_many ? capacity.envs : 0);
+    ClassLimits limits = limits_for(method, needs_many ? capacity.envs : 0);
+    if (!is_thread_per_env(size_class)) limits = limits.from(kFinestTeam);
     if (!limits.holds(size_class) || capacity.env_rows <= limits.below(size_class)) return 0;
     const Offset rows = smaller_of(limits.of(size_class), capacity.env_rows);
     // One row each: no cones take more room than cones of one row.
@@ -163,12 +165,19 @@ ClassLimits Engine::limits_for(const Workspace& method, Offset envs) const {
   ClassLimits limits = rules_.limits;
   if (envs >= rules_.many_per_processor * api_.facts().processors)
     limits = limits.with(SizeClass::thread_large, rules_.most_rows_of_many);
-  return method.is_direct() ? limits.from(kFinestDirect) : limits;
+  return method.is_direct() ? limits.from(kFinestTeam) : limits;
 }
 
 /// What they are under a solver. The fallback chain's stages sort anew.
 ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
   return limits_for(solver == SolverKind::automatic ? Workspace{} : method_workspace(solver), envs);
+}
+
+/// What they are under a stage of the fallback chain. Few environments come to a later one, however large the batch is.
+/// A lane each would leave the device idle, and its classes would be launches for nothing.
+ClassLimits Engine::limits_of_stage(int stage, Offset envs) const {
+  const SolverKind solver = fallback_stage(stage).solver;
+  return stage == 0 ? limits_for(solver, envs) : limits_for(solver, 0).from(kFinestTeam);
 }
 
 /// Prepares every kernel that a solve may launch, under either law: the very first solve can be captured.
@@ -217,7 +226,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
                 "capacity: the solver would have to make room, and its memory is part of captured graphs: use another "
                 "Solver for this batch, or construct this one with the Capacity of all batches to come");
   Reserved reserved;
-  std::uint8_t* assigned = nullptr;
+  ChainArrays chain{};
   reserved.capacity = joined(reserved_.capacity, capacity);
   reserved.solvers = reserved_.solvers | stages_of(solver);
   reserved.has_doubles = reserved_.has_doubles || precision == Precision::f64;
@@ -249,7 +258,8 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   arrays.add(plan.color_count, envs);
   arrays.add(plan.flags, envs);
   arrays.add(plan.key, envs);
-  arrays.add(assigned, envs);
+  arrays.add(chain.features, envs);
+  arrays.add(chain.assigned, envs);
   arrays.add(plan.order, envs);
   arrays.add(plan.key_begin, kSortKeys + 1);
   arrays.add(plan.class_begin, kSizeClasses + 1);
@@ -269,7 +279,7 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   memory_ = std::move(memory);
   reserved_ = reserved;
   plan_ = plan;
-  assigned_ = assigned;
+  chain_ = chain;
   shapes_ = shapes;
   for (Shapes& of_solver : shapes_)
     for (std::size_t k = 0; k < of_solver.size(); ++k) of_solver[k].workspace = workspace[k];

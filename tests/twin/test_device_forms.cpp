@@ -39,7 +39,8 @@ std::uint64_t hash_of(const Solution<double>& solution) {
 
 /// Once through the buffers of a host batch, once where it lies (the emulated device's memory is the host's).
 void expect_the_cpus_bits(const ContactBatchView<double>& view) {
-  for (const SolverKind kind : {SolverKind::npgs, SolverKind::apgd}) {
+  // Lemke's method refuses by the kinds of cones that planning counted.
+  for (const SolverKind kind : {SolverKind::npgs, SolverKind::apgd, SolverKind::lemke}) {
     SolverOptions options;
     options.solver = kind;
     options.max_iterations = 30;

@@ -6,6 +6,7 @@
 #include <string>
 #include <tuple>
 
+#include "core/job/fallback_chain.hpp"
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/engine.hpp"
 #include "cuda/native/launch_grid.hpp"
@@ -42,7 +43,7 @@ class CountingDevice final : public cuda::DeviceApi {
   cuda::EventHandle create_event(cuda::EventUse) override { return this; }
   void destroy_event(cuda::EventHandle) noexcept override {}
   void copy(void*, const void*, std::size_t, cuda::CopyKind, cuda::StreamHandle) override {}
-  void fill_zero(void*, std::size_t, cuda::StreamHandle) override {}
+  void fill_zero(void*, std::size_t, cuda::StreamHandle) override { ++fills; }
   void prepare(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape) override {
     ASSERT_NE(kernel.entry, nullptr) << kernel.name;
     prepared.insert(what_counts(kernel, shape));
@@ -65,6 +66,7 @@ class CountingDevice final : public cuda::DeviceApi {
   std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
 
   int launches = 0;
+  int fills = 0;
   std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
   std::map<const void*, std::size_t> shared;  ///< most fast memory that teams of a kernel asked for [byte]
 
@@ -147,6 +149,19 @@ TEST(DeviceShapes, AStageOfTheFallbackChainAsksForNoMoreThanItsSolverDoesAlone) 
       }
     }
     EXPECT_GT(kernels, 4);
+  }
+}
+
+/// Counted by hand, of each law: two to plan, one for trivial environments, one to look at all, one before each of
+/// eight stages. The first stage has a lane each, in up to three classes by size. The seven others have teams.
+TEST(DeviceShapes, TheFallbackChainQueuesOneLaunchAStageBesideItsClasses) {
+  const std::map<Index, int> classes_by_rows = {{12, 1 + 7}, {18, 2 + 7}, {25, 3 + 7}, {42, 3 + 7 * 2}};
+  for (const auto& [rows, classes] : classes_by_rows) {
+    SCOPED_TRACE(std::to_string(rows) + " rows");
+    CountingDevice device(kGpus[0]);
+    queue_solves<float>(device, SolverKind::automatic, rows, 0);
+    EXPECT_EQ(device.launches, 2 * (2 + 1 + 1 + kFallbackStages + classes));
+    EXPECT_EQ(device.fills, 0);
   }
 }
 

@@ -1,24 +1,13 @@
 #pragma once
 
 #include "core/algorithm/residual/final_residual.hpp"
+#include "core/job/env_features.hpp"
 #include "core/job/fallback_chain.hpp"
 #include "core/job/workspace.hpp"
 
 /// Which solver an environment gets under SolverKind::automatic, and which one next if that one falls short. A function
 /// of the environment alone; the table and where it comes from: docs/math/auto.md.
 namespace stiction::inline STICTION_ISA {
-
-/// What the choice depends on.
-struct EnvFeatures {
-  Index rows = 0;
-  Index friction_cones = 0;   ///< boxed or not
-  bool is_boxed = false;      ///< some cone has boxed friction: for sweeps only
-  bool has_matrices = false;  ///< some cone is semidefinite: for methods that project only
-  bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
-  bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
-  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
-  Law law = Law::convex;
-};
 
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) {

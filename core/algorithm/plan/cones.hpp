@@ -12,12 +12,17 @@ inline constexpr Index kConeBins = kConeShapes;
 inline constexpr Index kCountedBins = kConeBins + 2;
 
 STICTION_HD void count_bins(const StructureView& s, Index begin, Index end, Index* bins) {
-  for (Index bin = 0; bin < kCountedBins; ++bin) bins[bin] = 0;
+  for (Index bin = 0; bin < kConeBins; ++bin) bins[bin] = 0;
+  // Not in their bins, of which a device reads and writes each anew whenever any of them may have changed.
+  Index boxed = 0, matrices = 0;
   for (Index cone = begin; cone < end; ++cone) {
-    ++bins[shape_of(s.kind[cone], s.cone_size(cone))];
-    bins[kConeBins] += s.kind[cone] == ConeKind::box_friction ? 1 : 0;
-    bins[kConeBins + 1] += s.kind[cone] == ConeKind::semidefinite ? 1 : 0;
+    const ConeKind kind = s.kind[cone];
+    ++bins[shape_of(kind, s.cone_size(cone))];
+    boxed += kind == ConeKind::box_friction ? 1 : 0;
+    matrices += kind == ConeKind::semidefinite ? 1 : 0;
   }
+  bins[kConeBins] = boxed;
+  bins[kConeBins + 1] = matrices;
 }
 
 STICTION_HD ConeCounts counts_of(const Index* bins) {
@@ -29,6 +34,13 @@ STICTION_HD ConeCounts counts_of(const Index* bins) {
   counts.box_friction = bins[kConeBins];
   counts.semidefinite = bins[kConeBins + 1];
   return counts;
+}
+
+/// How many cones of each kind there are.
+STICTION_HD ConeCounts count_cones(const StructureView& s) {
+  Index bins[kCountedBins];
+  count_bins(s, 0, s.cones, bins);
+  return counts_of(bins);
 }
 
 /// How many cones of each kind there are, on every lane; `parts` has room for kScanParts.

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "stiction/types.hpp"
+
+namespace stiction {
+
+/// What the choice of a solver under SolverKind::automatic depends on (docs/math/auto.md).
+struct EnvFeatures {
+  Index rows = 0;
+  Index friction_cones = 0;   ///< boxed or not
+  bool is_boxed = false;      ///< some cone has boxed friction: for sweeps only
+  bool has_matrices = false;  ///< some cone is semidefinite: for methods that project only
+  bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
+  bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
+  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
+  Law law = Law::convex;
+};
+
+}  // namespace stiction
