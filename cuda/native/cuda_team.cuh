@@ -70,18 +70,21 @@ class CudaTeam {
     }
   }
 
+  /// f is compiled once, whatever the team is: only then comes the way that its value takes.
   template <class F>
   __device__ auto broadcast(F&& f) {
     using T = std::remove_cvref_t<decltype(f())>;
     static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= CudaTeamMemory::kSlotBytes);
-    if (lanes() <= kWarp) {
-      if constexpr (sizeof(T) <= kShuffledBytes) return shuffled<T>(f);
-      return through_slot<T>(f);
+    Box<T> box;
+    if (rank() == 0) box.value = f();
+    if (lanes() > kWarp) {
+      through_slots(box);
+    } else if constexpr (sizeof(T) <= kShuffledBytes) {
+      shuffle(box);
+    } else {
+      through_slot(box);
     }
-    T* const slot = reinterpret_cast<T*>(memory().slot[next_turn()]);
-    if (rank() == 0) *slot = f();
-    sync();
-    return *slot;
+    return box.value;
   }
 
   __device__ std::uint32_t combine(std::uint32_t bits) {
@@ -142,32 +145,41 @@ class CudaTeam {
 
   __device__ int next_turn() { return turn_ ^= 1; }
 
-  /// f() of the first lane, to all lanes of a part of a warp.
-  template <class T, class F>
-  __device__ T shuffled(F&& f) const {
-    constexpr int kWords = (sizeof(T) + sizeof(unsigned) - 1) / sizeof(unsigned);
-    union Box {
-      __device__ Box() : word{} {}
-      unsigned word[kWords];
-      T value;
-    } box;
-    if (threadIdx.x == 0) box.value = f();
+  /// A value, which the first lane alone sets.
+  template <class T>
+  union Box {
+    __device__ Box() : word{} {}
+    unsigned word[(sizeof(T) + sizeof(unsigned) - 1) / sizeof(unsigned)];
+    T value;
+  };
+
+  /// The first lane's value to all lanes of a part of a warp.
+  template <class T>
+  __device__ void shuffle(Box<T>& box) const {
     with_mask([&](unsigned mask) {
       for (unsigned& word : box.word) word = __shfl_sync(mask, word, 0, lanes());
     });
     sync();  // a shuffle orders no memory
-    return box.value;
   }
 
-  /// f() of the first lane by way of memory. A second barrier stands for a second slot: within a warp it costs nothing.
-  template <class T, class F>
-  __device__ T through_slot(F&& f) const {
+  /// The first lane's value by way of memory. A second barrier stands for a second slot: within a warp it costs
+  /// nothing.
+  template <class T>
+  __device__ void through_slot(Box<T>& box) const {
     T* const slot = reinterpret_cast<T*>(memory().slot[0]);
-    if (threadIdx.x == 0) *slot = f();
+    if (threadIdx.x == 0) *slot = box.value;
     sync();
-    const T value = *slot;
+    box.value = *slot;
     sync();
-    return value;
+  }
+
+  /// The first lane's value to all lanes of a block or a grid.
+  template <class T>
+  __device__ void through_slots(Box<T>& box) {
+    T* const slot = reinterpret_cast<T*>(memory().slot[next_turn()]);
+    if (rank() == 0) *slot = box.value;
+    sync();
+    box.value = *slot;
   }
 
   /// Joins one value per warp, equal on its lanes, into one for the team.
