@@ -87,35 +87,60 @@ STICTION_HD bool has_box_friction(const System& s) {
   }
 }
 
+/// What a visit of boxed friction reads of its cone.
+template <class Real, int M>
+struct BoxedCone {
+  Real x[M];
+  Real y[M];
+  Real block[M][M];  ///< A + diag R of its rows, up to the diagonal
+  Real gain;         ///< step length of the normal row
+  Real largest;      ///< largest of the further rows before omega
+  Real omega;
+};
+
 /// Boxed friction, row by row (docs/math/box_friction.md). The normal row steps alone. Then each further row steps
-/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it. Returns
-/// that in the lanes whose cone has boxed friction, and `usual` in all others. On the CPU it is out of line, so that
-/// visits where nothing is boxed stay short. On the device a function's arguments would lie in local memory.
-template <class Real, int M, class System>
-STICTION_HD_PART ConeStep<Real, M> box_friction_step(const System& s, Index cone, Index row, ConeStep<Real, M> motion,
-                                                     Real omega, ConeStep<Real, M> usual) {
-  // A row that couples to nothing still needs a finite step: it slides to its bound.
-  constexpr float kLargestRelative = 0x1p60F;
-  const auto is_boxed = s.lo[cone] < Real(0);
-  ConeStep<Real, M> own;
-  const Real fresh = project_half_line(fma_(Real(0) - omega * s.inv_n[cone], motion.d[0], s.x[row]));
-  own.d[0] = fresh - s.x[row];
-  const Real largest = s.inv_t[cone] * Real(kLargestRelative);
+/// between the bounds that the fresh normal reaction gives it. Its motion is corrected for the rows before it.
+///
+/// Kept out of line, so that visits where nothing is boxed stay short, and given numbers alone. A function that is
+/// given the system may change it, as far as a device's compiler knows. It would read all addresses anew for every
+/// cone.
+template <class Real, int M>
+STICTION_HD_SHARED ConeStep<Real, M> box_friction_step(BoxedCone<Real, M> cone) {
+  ConeStep<Real, M> step;
+  const Real fresh = project_half_line(fma_(Real(0) - cone.gain, cone.y[0], cone.x[0]));
+  step.d[0] = fresh - cone.x[0];
   for (int k = 1; k < M; ++k) {
-    Real moved = motion.d[k];
-    for (int j = 0; j < k; ++j) moved = fma_(s.block_entry(row, k, j), own.d[j], moved);
-    const Real diagonal = s.block_entry(row, k, k);
+    Real moved = cone.y[k];
+    for (int j = 0; j < k; ++j) moved = fma_(cone.block[k][j], step.d[j], moved);
+    const Real diagonal = cone.block[k][k];
     const Real inverse = div_(Real(1), diagonal);
-    const Real gain = select(and_(diagonal > Real(0), inverse < largest), inverse, largest);
-    const Real z = fma_(Real(0) - omega * gain, moved, s.x[row + k]);
-    own.d[k] = clamp_(z, Real(0) - fresh, fresh) - s.x[row + k];
+    const Real gain = select(and_(diagonal > Real(0), inverse < cone.largest), inverse, cone.largest);
+    const Real z = fma_(Real(0) - cone.omega * gain, moved, cone.x[k]);
+    step.d[k] = clamp_(z, Real(0) - fresh, fresh) - cone.x[k];
   }
-  for (int k = 0; k < M; ++k) own.d[k] = select(is_boxed, own.d[k], usual.d[k]);
-  return own;
+  return step;
 }
 
-/// The step of a cone with friction, that of Usual where no friction is boxed. Usual is there once, and skipped where
-/// it is not needed.
+/// What box_friction_step() is given of a cone of a system.
+template <int M, class System>
+STICTION_HD auto boxed_cone(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                            typename System::Real omega) {
+  using Real = typename System::Real;
+  // A row that couples to nothing still needs a finite step: it slides to its bound.
+  constexpr float kLargestRelative = 0x1p60F;
+  BoxedCone<Real, M> read;
+  for (int k = 0; k < M; ++k) {
+    read.x[k] = s.x[row + k];
+    read.y[k] = y[k];
+    for (int j = 0; j <= k; ++j) read.block[k][j] = s.block_entry(row, k, j);
+  }
+  read.gain = omega * s.inv_n[cone];
+  read.largest = s.inv_t[cone] * Real(kLargestRelative);
+  read.omega = omega;
+  return read;
+}
+
+/// The step of a cone with friction, that of Usual where no friction is boxed. In a pack both may be needed.
 template <class Usual, int M, class System>
 STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                                     typename System::Real omega) {
@@ -123,14 +148,14 @@ STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, cons
   if constexpr (!kMayHaveBoxFriction<System>) {
     return Usual::of(s, cone, row, y, omega);
   } else {
-    const bool is_boxed = has_box_friction(s);
+    const bool has_box = has_box_friction(s);
     ConeStep<Real, M> step;
     for (int k = 0; k < M; ++k) step.d[k] = Real(0);
-    if (!is_boxed || any(not_(s.lo[cone] < Real(0)))) step = Usual::of(s, cone, row, y, omega);
-    if (is_boxed) {
-      ConeStep<Real, M> motion;
-      for (int k = 0; k < M; ++k) motion.d[k] = y[k];
-      step = box_friction_step(s, cone, row, motion, omega, step);
+    if (!has_box || any(not_(s.lo[cone] < Real(0)))) step = Usual::of(s, cone, row, y, omega);
+    if (has_box) {
+      const auto is_boxed = s.lo[cone] < Real(0);
+      const ConeStep<Real, M> own = box_friction_step(boxed_cone<M>(s, cone, row, y, omega));
+      for (int k = 0; k < M; ++k) step.d[k] = select(is_boxed, own.d[k], step.d[k]);
     }
     return step;
   }
