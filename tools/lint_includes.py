@@ -102,6 +102,7 @@ TABLE = [
     # A world over ranks: parts of its model, and the stages of a step that the CPU's worlds run.
     Row("distributed/world", [*MACHINE, "core/plan/colored_body_plan.hpp", "core/runtime/world_model.hpp",
                               "cpu_fallback/kernels/isa.hpp", "distributed/transport", "distributed/solve", "distributed/world"]),
+    Row("distributed/subdomains", [*KERNEL, *PLANS, "distributed/transport", "distributed/solve", "distributed/subdomains"]),
     Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
         foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
@@ -110,6 +111,8 @@ TABLE = [
         foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
     Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "bench/scenes", "core/job/size_class.hpp"],
         foreign=("benchmark/", "Eigen/")),
+    # What ranks send is counted where ranks are.
+    Row("bench/programs/bench_consensus.cpp", [PUBLIC, "bench", "distributed"]),
     Row("bench/programs", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/transport/transport.hpp"
 #include "stiction/types.hpp"
 #include "tools/cli/commands.hpp"
@@ -26,7 +27,9 @@ struct SolveArguments {
   Index max_iterations = 1000;
   double omega = 1.0;
   std::string partition = "bisection";
-  double deadline = 60;  ///< longest wait for another rank [s]
+  std::string method = "si";   ///< or consensus
+  ConsensusOptions consensus;  ///< of that method
+  double deadline = 60;        ///< longest wait for another rank [s]
   std::optional<std::filesystem::path> warm_start, output, json;
   bool quiet = false;
 };

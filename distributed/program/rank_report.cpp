@@ -71,6 +71,13 @@ std::string ranks_line(const std::vector<RankReport>& ranks, const std::string& 
   return line("ranks", fmt::format("{}, partition {}", ranks.size(), partition));
 }
 
+/// Nothing for a method without subdomains.
+std::string method_line(const JobReport& report) {
+  if (report.method != "consensus") return {};
+  return line("method", fmt::format("consensus of {} subdomains, {} sweeps a round", report.consensus.subdomains,
+                                    report.consensus.sweeps));
+}
+
 std::string traffic_lines(const std::vector<RankReport>& ranks) {
   const Totals totals(ranks);
   return line("exchanges", fmt::format("{} of twists, {} of single numbers", totals.exchanges, totals.gathers)) +
@@ -128,6 +135,12 @@ std::string to_json(const JobReport& report) {
                {"hash", cli::hex(solve.hash)},
                {"epoch", kNumericsEpoch}};
   put_ranks(json, report.ranks, report.partition);
+  json["method"] = report.method;
+  if (report.method == "consensus") {
+    json["subdomains"] = report.consensus.subdomains;
+    json["sweeps_per_round"] = report.consensus.sweeps;
+    json["penalty"] = report.consensus.penalty;
+  }
   return cli::dump(json);
 }
 
@@ -160,7 +173,7 @@ std::string to_text(const JobReport& report) {
          line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", solve.solver, solve.options.tolerance,
                                     solve.options.max_iterations)) +
          line("law", to_string(solve.law)) + line("precision", stiction::to_string(solve.precision)) +
-         ranks_line(report.ranks, report.partition) +
+         method_line(report) + ranks_line(report.ranks, report.partition) +
          line("seconds", fmt::format("load {:.4g}  solve {:.4g}", solve.seconds.load, solve.seconds.solve)) +
          line("iterations", cli::quantile_text(solve.iterations)) +
          line("residual", cli::quantile_text(solve.residual)) + traffic_lines(report.ranks) +

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "distributed/solve/solve_over_ranks.hpp"
+#include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/world/rank_world.hpp"
 #include "tools/cli/report.hpp"
 #include "tools/cli/step_report.hpp"
@@ -14,6 +15,8 @@ namespace stiction::distributed {
 struct JobReport {
   cli::SolveReport solve;
   std::string partition;
+  std::string method = "si";
+  ConsensusOptions consensus;  ///< of that method
   Offset bodies = 0;
   std::vector<RankReport> ranks;
 };

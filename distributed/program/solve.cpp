@@ -67,8 +67,10 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   const JacobianBodies<Real> bodies = as_bodies(io::jacobian_batch<Real>(recording).view());
   const BodyBatchView<Real> view = bodies.batch.view();
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
+  const bool by_consensus = arguments.method == "consensus";
+  const int parts = by_consensus ? arguments.consensus.subdomains : transport.size();
   const std::vector<int> owner =
-      seed ? random_owners(view.body_count, transport.size(), *seed) : bisect(centres_by_arms(view), transport.size());
+      seed ? random_owners(view.body_count, parts, *seed) : bisect(centres_by_arms(view), parts);
   const std::vector<Real> first = first_guess(arguments, recording, bodies);
   cli::SolveReport& solve = report.solve;
   solve.seconds.load = cli::seconds_since(start);
@@ -83,8 +85,11 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
     status.resize(static_cast<std::size_t>(view.env_count));
   }
   const auto data = [](auto& array) { return array.empty() ? nullptr : array.data(); };
-  report.ranks = solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options,
-                                        {data(impulse), data(twist), data(w), data(status)}, data(first));
+  const BodySolutionView<Real> solution{data(impulse), data(twist), data(w), data(status)};
+  report.ranks = by_consensus
+                     ? solve_by_consensus<Real>(transport, view, owner, arguments.consensus, bodies.stepping, options,
+                                                solution, data(first))
+                     : solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options, solution, data(first));
   if (!is_first) return cli::kExitDone;
   for (const RankReport& rank : report.ranks) solve.seconds.solve = std::max(solve.seconds.solve, rank.seconds);
   const std::vector<Real> lambda = to_rows(bodies, std::span<const Real>(impulse));
@@ -116,6 +121,8 @@ int run_solve(Transport& transport, const SolveArguments& arguments) {
   const bool is_first = transport.rank() == 0;
   JobReport report;
   report.partition = arguments.partition;
+  report.method = arguments.method;
+  report.consensus = arguments.consensus;
   cli::SolveReport& solve = report.solve;
   solve.file = arguments.scene.empty() ? arguments.batch.string()
                                        : fmt::format("scene {}, seed {}", arguments.scene, arguments.seed);

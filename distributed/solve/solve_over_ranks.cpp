@@ -15,34 +15,6 @@ std::size_t at(Offset index) {
   return static_cast<std::size_t>(index);
 }
 
-void require_owners(std::span<const int> owner, Offset bodies, int ranks) {
-  if (owner.size() != at(bodies))
-    throw Error(ErrorCode::invalid_argument, "owner has " + std::to_string(owner.size()) + " elements, expected " +
-                                                 std::to_string(bodies) + ", one for each body");
-  for (std::size_t body = 0; body < owner.size(); ++body)
-    if (owner[body] < 0 || owner[body] >= ranks)
-      throw Error(ErrorCode::invalid_argument, "owner[" + std::to_string(body) + "] = " + std::to_string(owner[body]) +
-                                                   ": expected a rank in 0.." + std::to_string(ranks - 1));
-}
-
-template <class Real>
-std::uint64_t digest_of(const BodyBatchView<Real>& batch, std::span<const int> owner, const TimeStepping& stepping,
-                        const BodySolverOptions& options, const Real* warm_start) {
-  Digest digest;
-  digest.add(batch.env_body_offsets, batch.env_count + 1);
-  digest.add(batch.env_contact_offsets, batch.env_count + 1);
-  digest.add(batch.kinematic, batch.body_count);
-  digest.add(batch.inv_mass, batch.body_count);
-  for (const Real* rows : {batch.inv_inertia, batch.twist, batch.twist_change}) digest.add(rows, 6 * batch.body_count);
-  for (const Index* rows : {batch.body_a, batch.body_b}) digest.add(rows, batch.contact_count);
-  for (const Real* rows : {batch.arm_a, batch.arm_b, batch.normal, warm_start})
-    digest.add(rows, 3 * batch.contact_count);
-  for (const Real* rows : {batch.mu, batch.depth, batch.restitution}) digest.add(rows, batch.contact_count);
-  digest.add(owner.data(), batch.body_count);
-  add_options(digest, stepping, options);
-  return digest.sum();
-}
-
 /// Solves the piece of one environment, and collects the answer on rank 0.
 template <class Real>
 class EnvOverRanks {
@@ -103,7 +75,7 @@ std::vector<RankReport> solve_over_ranks(Transport& transport, const BodyBatchVi
   alone.threads = 1;
   const BodySolver solver(Device::cpu(), stepping, alone);
   const BodyPlan plan = solver.plan(batch);
-  require_owners(owner, batch.body_count, transport.size());
+  require_owners("owner", "rank", owner, batch.body_count, transport.size());
   if (transport.rank() == 0) solver.check(plan, batch, solution);
   require_agreement(transport, digest_of(batch, owner, stepping, options, warm_start),
                     "another batch, other options or other owners");

@@ -1,8 +1,7 @@
 #include "distributed/solve/solve_piece.hpp"
 
-#include <chrono>
-
 #include "distributed/solve/kernels.hpp"
+#include "distributed/solve/rank_meter.hpp"
 #include "distributed/solve/scratch.hpp"
 
 namespace stiction::distributed {
@@ -15,16 +14,9 @@ void solve_piece(Transport& transport, const BodyJob<Real>& piece, const Rounds&
   Scratch<Real> numbers(kernels.elements(contacts, bodies, piece.options.momentum));
   Scratch<double> exact(kernels.exact_elements(bodies));
   Halo halo(transport, rounds);
-  const Traffic before = transport.traffic();
-  const auto start = std::chrono::steady_clock::now();
+  const RankMeter meter(transport);
   kernels.solve(piece, numbers.data(), exact.data(), halo);
-  report.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const Traffic& after = transport.traffic();
-  report.waited += after.waited - before.waited;
-  report.exchanges += after.exchanges - before.exchanges;
-  report.gathers += after.gathers - before.gathers;
-  report.messages += after.messages - before.messages;
-  report.bytes += after.bytes - before.bytes;
+  meter.add_to(report);
   report.bodies += bodies;
   report.ghosts += ghosts;
   report.contacts += contacts;

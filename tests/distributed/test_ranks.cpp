@@ -10,40 +10,10 @@
 #include "distributed/solve/partition.hpp"
 #include "distributed/solve/solve_over_ranks.hpp"
 #include "distributed/transport/thread_transport.hpp"
-#include "tests/support/bits.hpp"
+#include "tests/distributed/rank_cases.hpp"
 
 namespace stiction::distributed {
 namespace {
-
-template <class Real>
-BodySolution<Real> room_for(const BodyBatchView<Real>& view) {
-  BodySolution<Real> solution;
-  // What is not written stays, and shows.
-  const auto unset = static_cast<Real>(777);
-  solution.impulse.assign(static_cast<std::size_t>(3 * view.contact_count), unset);
-  solution.w = solution.impulse;
-  solution.twist.assign(static_cast<std::size_t>(6 * view.body_count), unset);
-  solution.status.resize(static_cast<std::size_t>(view.env_count));
-  return solution;
-}
-
-template <class Real>
-BodySolutionView<Real> view_of(BodySolution<Real>& solution) {
-  return {solution.impulse.data(), solution.twist.data(), solution.w.data(), solution.status.data()};
-}
-
-struct Case {
-  TimeStepping stepping;
-  BodySolverOptions options;
-};
-
-template <class Real>
-BodySolution<Real> by_one_process(const BodyBatch<Real>& batch, const Case& how, const std::vector<Real>& start = {}) {
-  BodySolution<Real> solution = room_for(batch.view());
-  const BodySolver solver(Device::cpu(), how.stepping, how.options);
-  solver.solve(batch.view(), view_of(solution), start.empty() ? nullptr : start.data());
-  return solution;
-}
 
 template <class Real>
 BodySolution<Real> by_ranks(const BodyBatch<Real>& batch, int ranks, const std::vector<int>& owner, const Case& how,
@@ -59,15 +29,6 @@ BodySolution<Real> by_ranks(const BodyBatch<Real>& batch, int ranks, const std::
   return solution;
 }
 
-template <class Real>
-void expect_same(const BodySolution<Real>& a, const BodySolution<Real>& b) {
-  using Numbers = std::span<const Real>;
-  EXPECT_TRUE(test::same_bits(Numbers(b.impulse), Numbers(a.impulse)));
-  EXPECT_TRUE(test::same_bits(Numbers(b.twist), Numbers(a.twist)));
-  EXPECT_TRUE(test::same_bits(Numbers(b.w), Numbers(a.w)));
-  EXPECT_TRUE(test::same_bits(std::span<const EnvStatus>(b.status), std::span<const EnvStatus>(a.status)));
-}
-
 /// Every number of ranks up to 4, owners by bisection and drawn at random.
 template <class Real>
 void expect_one_answer(const BodyBatch<Real>& batch, const Case& how, const std::vector<Real>& start = {}) {
@@ -79,31 +40,6 @@ void expect_one_answer(const BodyBatch<Real>& batch, const Case& how, const std:
     for (std::uint64_t seed = 0; seed < 3; ++seed)
       expect_same(by_ranks(batch, ranks, random_owners(batch.body_count(), ranks, seed), how, start), one);
   }
-}
-
-BodyBatch<double> batch_of(const BodyEnvironment<double>& environment) {
-  BodyBatch<double> batch;
-  batch.add(environment);
-  return batch;
-}
-BodyBatch<float> single_of(const BodyEnvironment<double>& environment) {
-  BodyBatch<float> batch;
-  batch.add(scenes::rounded(environment));
-  return batch;
-}
-
-/// A wall that is hit from the side, so that no half of it is at rest.
-BodyEnvironment<double> wall() {
-  BodyEnvironment<double> env = scenes::box_bodies(scenes::box_wall(6, 7), 0.5);
-  env.bodies[3].twist = {0.7, 0.3, 0, 0, 1, 0};
-  return env;
-}
-
-Case sweeps(Index iterations, double tolerance = 0) {
-  Case how;
-  how.options.iterations = iterations;
-  how.options.tolerance = tolerance;
-  return how;
 }
 
 TEST(Ranks, AWallHasTheBitsOfOneProcess) {
@@ -261,16 +197,6 @@ TEST(Ranks, WhatIsSentFollowsTheOwners) {
   by_ranks(batch, 2, random_owners(42, 2, 1), how, {}, &report);
   for (const RankReport& rank : report) scattered += rank.bytes;
   EXPECT_LT(bisected, scattered) << "bisection cuts fewer contacts";
-}
-
-template <class F>
-std::string message_of(F&& f) {
-  try {
-    f();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(Ranks, RefusesWhatItCannotDo) {

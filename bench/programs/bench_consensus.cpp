@@ -1,0 +1,123 @@
+// What one scene over ranks sends and how many sweeps it takes to a residual: sequential impulses (docs/ranks.md) and
+// consensus between subdomains (docs/math/consensus.md). Ranks are threads of this process. Only counts are printed,
+// which are the same on every machine; bench/studies/cluster_model.py reads them.
+//
+//   bench_consensus [--scene wall|pile|tower] [--sizes 16] [--ranks 4] [--subdomains 4] [--sweeps 16] [--penalty 32]
+//                   [--law convex] [--tolerances 1e-3,1e-6] [--methods si,consensus] [--limit 100000] [--csv PATH]
+
+#include <algorithm>
+#include <cstdio>
+
+#include "bench/scenes/body_scenes.hpp"
+#include "bench/scenes/box_scenes.hpp"
+#include "bench/support/arguments.hpp"
+#include "bench/support/table_main.hpp"
+#include "distributed/solve/partition.hpp"
+#include "distributed/subdomains/solve_by_consensus.hpp"
+#include "distributed/transport/thread_transport.hpp"
+
+namespace stiction::bench {
+
+namespace {
+
+using distributed::ConsensusOptions;
+using distributed::RankReport;
+
+BodyEnvironment<double> make_scene(const std::string& name, Index size) {
+  if (name == "wall") return scenes::box_bodies(scenes::box_wall(size, size), 0.5);
+  if (name == "tower") return scenes::box_bodies(scenes::box_tower(size), 0.5);
+  if (name == "pile") return scenes::make_body_pile(1, size);
+  throw Error(ErrorCode::invalid_argument, "--scene " + name + ": expected wall, pile or tower");
+}
+
+struct Counts {
+  EnvStatus status{};
+  std::int64_t exchanges = 0, gathers = 0, messages = 0, bytes = 0;
+
+  void take(const std::vector<RankReport>& ranks) {
+    for (const RankReport& rank : ranks) {
+      exchanges = std::max(exchanges, rank.exchanges);
+      gathers = std::max(gathers, rank.gathers);
+      messages += rank.messages;
+      bytes += rank.bytes;
+    }
+  }
+};
+
+/// By sequential impulses, or by consensus where there are options of it.
+Counts count(const BodyBatch<double>& batch, int ranks, const ConsensusOptions* consensus,
+             const BodySolverOptions& options) {
+  const BodyBatchView<double> view = batch.view();
+  const std::vector<int> part = distributed::bisect(distributed::centres_by_arms(view),
+                                                    consensus != nullptr ? consensus->subdomains : ranks);
+  std::vector<double> impulse(static_cast<std::size_t>(3 * view.contact_count));
+  std::vector<double> twist(static_cast<std::size_t>(6 * view.body_count));
+  Counts counts;
+  // A loaded machine is slow, and nothing here is about time.
+  distributed::run_thread_ranks(ranks, 3600, [&](distributed::Transport& transport) {
+    BodySolutionView<double> solution;
+    if (transport.rank() == 0) solution = {impulse.data(), twist.data(), nullptr, &counts.status};
+    const auto all =
+        consensus != nullptr
+            ? distributed::solve_by_consensus<double>(transport, view, part, *consensus, {}, options, solution)
+            : distributed::solve_over_ranks<double>(transport, view, part, {}, options, solution);
+    if (transport.rank() == 0) counts.take(all);
+  });
+  return counts;
+}
+
+}  // namespace
+
+int run(int argc, char** argv) {
+  const Arguments arguments(argc, argv,
+                            {{"--scene", "wall"},
+                             {"--sizes", "16"},
+                             {"--ranks", "4"},
+                             {"--subdomains", "4"},
+                             {"--sweeps", "16"},
+                             {"--penalty", "32"},
+                             {"--law", "convex"},
+                             {"--tolerances", "1e-3,1e-6"},
+                             {"--methods", "si,consensus"},
+                             {"--limit", "100000"}});
+  const std::string& scene = arguments.text("--scene");
+  const int ranks = arguments.count("--ranks");
+  ConsensusOptions consensus;
+  consensus.subdomains = arguments.count("--subdomains");
+  consensus.sweeps = arguments.count("--sweeps");
+  consensus.penalty = arguments.number("--penalty");
+  BodySolverOptions options;
+  options.law = arguments.text("--law") == "convex" ? Law::convex : Law::coulomb;
+  options.iterations = arguments.count("--limit");
+  const auto csv = arguments.csv(
+      "scene,size,bodies,contacts,law,method,ranks,subdomains,sweeps_per_round,penalty,tolerance,sweeps,residual,code,"
+      "exchanges,gathers,messages,bytes");
+  std::printf("%-6s %6s %7s %-9s %9s %8s %9s %-14s %9s %8s %12s\n", "scene", "size", "bodies", "method", "tolerance",
+              "sweeps", "residual", "ended", "exchanges", "gathers", "bytes");
+  for (const int size : arguments.counts("--sizes")) {
+    BodyBatch<double> batch;
+    batch.add(make_scene(scene, size));
+    for (const double tolerance : arguments.numbers("--tolerances"))
+      for (const std::string& method : arguments.texts("--methods")) {
+        options.tolerance = tolerance;
+        const bool by_consensus = method == "consensus";
+        const Counts counts = count(batch, ranks, by_consensus ? &consensus : nullptr, options);
+        const EnvStatus& status = counts.status;
+        std::printf("%-6s %6d %7lld %-9s %9.0e %8d %9.1e %-14s %9lld %8lld %12lld\n", scene.c_str(), size,
+                    static_cast<long long>(batch.body_count()), method.c_str(), tolerance, status.iterations,
+                    status.residual, to_string(status.code), static_cast<long long>(counts.exchanges),
+                    static_cast<long long>(counts.gathers), static_cast<long long>(counts.bytes));
+        std::fflush(stdout);
+        if (csv)
+          csv->row({scene, std::to_string(size), std::to_string(batch.body_count()),
+                    std::to_string(batch.contact_count()), to_string(options.law), method, std::to_string(ranks),
+                    by_consensus ? std::to_string(consensus.subdomains) : "", by_consensus ? std::to_string(consensus.sweeps) : "",
+                    by_consensus ? number(consensus.penalty) : "", number(tolerance), std::to_string(status.iterations),
+                    number(status.residual), to_string(status.code), std::to_string(counts.exchanges),
+                    std::to_string(counts.gathers), std::to_string(counts.messages), std::to_string(counts.bytes)});
+      }
+  }
+  return 0;
+}
+
+}  // namespace stiction::bench
