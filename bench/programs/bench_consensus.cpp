@@ -32,13 +32,12 @@ BodyEnvironment<double> make_scene(const std::string& name, Index size) {
 
 struct Counts {
   EnvStatus status{};
-  std::int64_t exchanges = 0, gathers = 0, messages = 0, bytes = 0;
+  std::int64_t exchanges = 0, gathers = 0, bytes = 0;
 
   void take(const std::vector<RankReport>& ranks) {
     for (const RankReport& rank : ranks) {
       exchanges = std::max(exchanges, rank.exchanges);
       gathers = std::max(gathers, rank.gathers);
-      messages += rank.messages;
       bytes += rank.bytes;
     }
   }
@@ -91,7 +90,7 @@ int run(int argc, char** argv) {
   options.iterations = arguments.count("--limit");
   const auto csv = arguments.csv(
       "scene,size,bodies,contacts,law,method,ranks,subdomains,sweeps_per_round,penalty,tolerance,sweeps,residual,code,"
-      "exchanges,gathers,messages,bytes");
+      "exchanges,gathers,bytes");
   std::printf("%-6s %6s %7s %-9s %9s %8s %9s %-14s %9s %8s %12s\n", "scene", "size", "bodies", "method", "tolerance",
               "sweeps", "residual", "ended", "exchanges", "gathers", "bytes");
   for (const int size : arguments.counts("--sizes")) {
@@ -114,7 +113,7 @@ int run(int argc, char** argv) {
                     by_consensus ? std::to_string(consensus.subdomains) : "", by_consensus ? std::to_string(consensus.sweeps) : "",
                     by_consensus ? number(consensus.penalty) : "", number(tolerance), std::to_string(status.iterations),
                     number(status.residual), to_string(status.code), std::to_string(counts.exchanges),
-                    std::to_string(counts.gathers), std::to_string(counts.messages), std::to_string(counts.bytes)});
+                    std::to_string(counts.gathers), std::to_string(counts.bytes)});
       }
   }
   return 0;
