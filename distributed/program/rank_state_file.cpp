@@ -15,6 +15,7 @@ RankStateFile::RankStateFile(Transport& transport, const std::optional<std::file
                              const std::string& header)
     : transport_(transport), path_(path) {
   if (!path_) return;
+  name_ = path_->string();
   const bool is_first = transport.rank() == 0;
   if (is_first) cli::require_writable(*path_);
   if (*path_ != "-") {
@@ -28,7 +29,7 @@ RankStateFile::RankStateFile(Transport& transport, const std::optional<std::file
 
 void RankStateFile::fail() const {
   throw Error(ErrorCode::io, fmt::format("{}: rank {} cannot write it; name a file in a folder that all ranks see",
-                                         path_->string(), transport_.rank()));
+                                         name_, transport_.rank()));
 }
 
 void RankStateFile::append(const std::string& text) {

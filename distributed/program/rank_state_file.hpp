@@ -29,6 +29,7 @@ class RankStateFile {
 
   Transport& transport_;
   std::optional<std::filesystem::path> path_;
+  std::string name_;
   std::fstream file_;
   std::uint64_t length_ = 0;
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <optional>
 #include <string>
 
 #include "distributed/program/partition_option.hpp"
@@ -108,7 +109,7 @@ std::int64_t RankSteppedWorld<Real>::resume() {
       start(env);
     }
   }
-  states_.emplace(transport_, arguments_.step.output, cli::kStateHeader);
+  states_ = std::make_unique<RankStateFile>(transport_, arguments_.step.output, cli::kStateHeader);
   return done;
 }
 
@@ -251,7 +252,7 @@ void RankSteppedWorld<Real>::write_checkpoint(std::int64_t step) {
     part.impulse.insert(part.impulse.end(), last.impulse.begin(), last.impulse.end());
     part.contact_offsets.push_back(static_cast<Offset>(part.contact_id.size()));
   }
-  const std::filesystem::path& path = *arguments_.step.checkpoint;
+  const std::filesystem::path& path = *checkpoint_.path();
   const io::CheckpointFile file = checkpoint_.file_of(step, part);
   if (transport_.size() == 1) return io::write_checkpoint(path, file);
   const std::filesystem::path name = io::checkpoint_part(path, step, transport_.rank(), transport_.size());

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "distributed/program/commands.hpp"
@@ -45,7 +44,7 @@ class RankSteppedWorld final : public cli::SteppedWorld {
   WorldModel<Real> whole_;
   std::vector<std::unique_ptr<World>> worlds_;
   cli::StepCheckpoint checkpoint_;
-  std::optional<RankStateFile> states_;
+  std::unique_ptr<RankStateFile> states_;
 };
 
 }  // namespace stiction::distributed

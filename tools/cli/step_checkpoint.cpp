@@ -43,12 +43,16 @@ StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOption
   if (arguments.law != StepArguments{}.law) run_ += " law=" + arguments.law;
 }
 
-bool StepCheckpoint::is_there() const {
-  return arguments_.checkpoint && std::filesystem::exists(*arguments_.checkpoint);
+const std::filesystem::path* StepCheckpoint::path() const {
+  return arguments_.checkpoint ? &*arguments_.checkpoint : nullptr;
 }
 
-void StepCheckpoint::check(const std::string& run, std::int64_t step) const {
-  const std::string name = arguments_.checkpoint->filename().string();
+bool StepCheckpoint::is_there() const {
+  return path() != nullptr && std::filesystem::exists(*path());
+}
+
+void StepCheckpoint::check(const std::filesystem::path& path, const std::string& run, std::int64_t step) const {
+  const std::string name = path.filename().string();
   if (run != run_)
     throw Error(ErrorCode::bad_file, fmt::format("{}: is of another run: it holds {}, and this one is {}; choose "
                                                  "another file, or remove it",
@@ -60,27 +64,27 @@ void StepCheckpoint::check(const std::string& run, std::int64_t step) const {
 
 std::optional<io::CheckpointShare> StepCheckpoint::read(io::CheckpointBodies bodies) const {
   if (!is_there()) return std::nullopt;
-  io::CheckpointShare share = io::read_checkpoint(*arguments_.checkpoint, arguments_.environments, bodies);
-  check(share.file.run, share.file.step);
+  io::CheckpointShare share = io::read_checkpoint(*path(), arguments_.environments, bodies);
+  check(*path(), share.file.run, share.file.step);
   return share;
 }
 
 template <class Real>
 std::int64_t StepCheckpoint::resume(World<Real>& world) const {
   if (!is_there()) return 0;
-  const io::CheckpointFile file = io::read_checkpoint(*arguments_.checkpoint);
-  check(file.run, file.step);
+  const io::CheckpointFile file = io::read_checkpoint(*path());
+  check(*path(), file.run, file.step);
   world.resume(converted<Real>(file.world));
   return file.step;
 }
 
 bool StepCheckpoint::is_due(std::int64_t step) const {
-  return arguments_.checkpoint && (step == arguments_.steps || step % arguments_.checkpoint_every == 0);
+  return path() != nullptr && (step == arguments_.steps || step % arguments_.checkpoint_every == 0);
 }
 
 template <class Real>
 void StepCheckpoint::after(std::int64_t step, const World<Real>& world) const {
-  if (is_due(step)) io::write_checkpoint(*arguments_.checkpoint, file_of(step, world.checkpoint()));
+  if (is_due(step)) io::write_checkpoint(*path(), file_of(step, world.checkpoint()));
 }
 
 template <class Real>

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -25,6 +26,8 @@ class StepCheckpoint {
   /// What the file holds of some bodies of each environment, if it is there. \throws as resume
   [[nodiscard]] std::optional<io::CheckpointShare> read(io::CheckpointBodies bodies) const;
 
+  /// Null without arguments.checkpoint.
+  [[nodiscard]] const std::filesystem::path* path() const;
   /// Whether the file is to be written after that step.
   [[nodiscard]] bool is_due(std::int64_t step) const;
   /// Writes the file after that step, if it is its turn.
@@ -35,7 +38,7 @@ class StepCheckpoint {
   [[nodiscard]] io::CheckpointFile file_of(std::int64_t step, const WorldCheckpoint<Real>& world) const;
 
  private:
-  void check(const std::string& run, std::int64_t step) const;
+  void check(const std::filesystem::path& path, const std::string& run, std::int64_t step) const;
   [[nodiscard]] bool is_there() const;
 
   const StepArguments& arguments_;

@@ -108,7 +108,7 @@ class WorldHere final : public SteppedWorld {
 
   std::int64_t resume() override {
     const std::int64_t done = checkpoint_.resume(world_);
-    states_.emplace(arguments_.output);
+    states_ = std::make_unique<StateFile>(arguments_.output);
     return done;
   }
   void step() override { world_.step(); }
@@ -126,7 +126,7 @@ class WorldHere final : public SteppedWorld {
   const StepArguments& arguments_;
   World<Real> world_;
   StepCheckpoint checkpoint_;
-  std::optional<StateFile> states_;
+  std::unique_ptr<StateFile> states_;
 };
 
 }  // namespace
