@@ -124,6 +124,14 @@ nb::dict arrays_of(const MujocoSimulations& simulations) {
 
 void bind_mujoco(nb::module_& module) {
   using Unlocked = nb::call_guard<nb::gil_scoped_release>;
+  nb::class_<MujocoSolve>(module, "MujocoSolve", "A solve of a step, and what comes before and after it.")
+      .def(
+          "__init__",
+          [](MujocoSolve* self, const std::vector<std::uintptr_t>& before, const std::vector<std::uintptr_t>& after,
+             std::uintptr_t constraint) {
+            new (self) MujocoSolve{stages_at(before), stages_at(after), function_at<MujocoFunction>(constraint)};
+          },
+          nb::arg("before"), nb::arg("after"), nb::arg("constraint"));
   nb::class_<MujocoSimulations>(module, "MujocoSimulations", "Many simulations of one MuJoCo model (stiction.mujoco).")
       .def(
           "__init__",
@@ -186,14 +194,6 @@ void bind_mujoco(nb::module_& module) {
       .def("has_factors", &MujocoSimulations::has_factors)
       .def("status", [](const MujocoSimulations& self) { return bytes_of(self.status()); })
       .def("take_records", [](MujocoSimulations& self) { return bytes_of(self.take_records()); });
-  nb::class_<MujocoSolve>(module, "MujocoSolve", "A solve of a step, and what comes before and after it.")
-      .def(
-          "__init__",
-          [](MujocoSolve* self, const std::vector<std::uintptr_t>& before, const std::vector<std::uintptr_t>& after,
-             std::uintptr_t constraint) {
-            new (self) MujocoSolve{stages_at(before), stages_at(after), function_at<MujocoFunction>(constraint)};
-          },
-          nb::arg("before"), nb::arg("after"), nb::arg("constraint"));
   module.def("mujoco_stages", &own_stages);
   module.def("mujoco_arrays", &arrays_of, nb::arg("simulations"));
 }
