@@ -220,3 +220,21 @@ def test_a_metric_that_is_another_is_noticed(monkeypatch):
     monkeypatch.setattr(_mujoco_metric, "library", lambda: Library(own))
     with pytest.raises(stiction.mujoco.LayoutError, match="is not what it was in 4.0.0"):
         _mujoco_metric._functions()
+
+
+@pytest.mark.skipif(not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"), reason="MuJoCo before 3.13")
+def test_nothing_of_a_metric_is_left_for_the_next_integrator():
+    """A damper between two bodies couples them in the metric of `discrete`, and M has no entry for that."""
+    model = mujoco.MjModel.from_xml_string("""
+<mujoco><option integrator="discrete"/><worldbody>
+  <body><joint name="a" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>
+  <body pos="0 1 0"><joint name="b" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>
+</worldbody><tendon><fixed damping="50"><joint joint="a" coef="1"/><joint joint="b" coef="-1"/></fixed></tendon></mujoco>""")
+    simulation = stiction.mujoco.BatchedSimulation(model, 2)
+    simulation.step()
+    assert simulation.batch().M.reshape(2, 2, 2)[1, 1, 0] != 0
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    simulation.step()
+    expected = np.zeros((2, 2))
+    mujoco.mj_fullM(model, simulation.data[1], expected)
+    np.testing.assert_array_equal(simulation.batch().M.reshape(2, 2, 2)[1], expected)
