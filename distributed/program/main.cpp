@@ -15,6 +15,7 @@
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/step_options.hpp"
+#include "tools/cli/whole_number.hpp"
 
 namespace stiction::distributed {
 
@@ -30,10 +31,10 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch file with J and M of rigid bodies");
   app.add_option("--scene", a.scene, "A scene of stiction generate, made by every rank, in place of a file");
   app.add_option("--envs", a.environments, "Environments of the scene")
-      ->check(CLI::NonNegativeNumber)
+      ->check(cli::whole_number())
       ->capture_default_str();
-  app.add_option("--seed", a.seed, "Seed of the scene")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
+  app.add_option("--seed", a.seed, "Seed of the scene")->check(cli::whole_number())->capture_default_str();
+  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(cli::whole_number());
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();

@@ -136,6 +136,7 @@ int run_solve(Transport& transport, const SolveArguments& arguments) {
   options.tolerance = arguments.tolerance;
   options.iterations = arguments.max_iterations;
   options.omega = arguments.omega;
+  cli::require_distinct({{"-o", arguments.output}, {"--json", arguments.json}});
   if (is_first && arguments.output) {
     if (!arguments.batch.empty()) cli::require_different(arguments.batch, *arguments.output);
     if (arguments.warm_start) cli::require_different(*arguments.warm_start, *arguments.output);

@@ -36,6 +36,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   if (step.scene.empty())
     throw Error(ErrorCode::invalid_argument, "a scene is missing: stiction step --list shows them");
   partition_seed(arguments.partition);
+  cli::require_distinct({{"-o", step.output}, {"--json", step.json}, {"--checkpoint", step.checkpoint}});
   if (is_first && step.json) cli::require_writable(*step.json);
   if (is_first && step.checkpoint) cli::require_replaceable(*step.checkpoint);
   const scenes::WorldScene scene = scenes::make_world(step.scene, step.size);

@@ -29,8 +29,8 @@ class ParallelContactSolver(_SolverBase):
 
     n_envs: environments of every step. device: as for Solver. form: of the batches to come, "delassus", "jacobian" or
     "bodies". max_rows, max_cones: room of one environment (cones: as many as rows if not given; a contact of bodies is
-    a cone of three rows). max_dofs: degrees of freedom of one environment, for the Jacobian form on a GPU. dtype:
-    "float32" or "float64". beta: part of the last reaction to start from, in (0, 1]. scaling: what a change of dt does
+    a cone of three rows). max_dofs: degrees of freedom of one environment, for the Jacobian form on a GPU.
+    semidefinite: whether cones of that kind will come, for which a GPU takes room. dtype: "float32" or "float64". beta: part of the last reaction to start from, in (0, 1]. scaling: what a change of dt does
     to it. "capped": lambda is a force, and no more impulse than before; the default. "none": a force that lasts. Also
     "proportional": lambda is an impulse; the default of bodies. All other options as for Solver.
 
@@ -39,8 +39,8 @@ class ParallelContactSolver(_SolverBase):
     """
 
     def __init__(self, n_envs: int, device: str = "cpu", *, max_rows: int, max_cones: int | None = None,
-                 form: str = "delassus", max_dofs: int | None = None, dtype: str = "float64", beta: float = 0.95,
-                 scaling: str | None = None, **options):
+                 form: str = "delassus", max_dofs: int | None = None, semidefinite: bool = False,
+                 dtype: str = "float64", beta: float = 0.95, scaling: str | None = None, **options):
         if options.get("record_failures") is not None:
             raise ValueError("record_failures: expected a stiction.Solver, whose warm starts can be recorded, got a "
                              "ParallelContactSolver")
@@ -52,6 +52,7 @@ class ParallelContactSolver(_SolverBase):
         cones = self.max_rows // 3 if form == "bodies" else self.max_rows
         self.max_cones = cones if max_cones is None else whole("max_cones", max_cones)
         self.max_dofs = None if max_dofs is None else whole("max_dofs", max_dofs)
+        self.semidefinite = bool(semidefinite)
         self.dtype = str(np.dtype(dtype))
         if self.dtype not in ("float32", "float64"):
             raise TypeError(f"dtype: expected float32 or float64, got {self.dtype}")
@@ -75,12 +76,14 @@ class ParallelContactSolver(_SolverBase):
             return _core.Stepper(device, _core.BodyOptions(self._options, self.solver, *self._stepping), envs, self._most_cones,
                                  wide, beta, scaling)
         if self.form == "delassus":
-            room = _core.Capacity(envs, envs * rows, self._most_cones, envs * rows * rows, rows, rows ** 2, 0, wide)
+            room = _core.Capacity(envs, envs * rows, self._most_cones, envs * rows * rows, rows, rows ** 2, 0, wide,
+                                  self.semidefinite)
             return _core.Stepper(device, self._options, room, beta, scaling)
         if self.max_dofs is None and device != "cpu":
             raise ValueError("max_dofs: expected the degrees of freedom of the largest environment, which a device takes "
                              "room for, got None")
         room = _core.JacobianCapacity.of_largest(envs, rows, self.max_cones + 1, self.max_dofs or 0)
+        room.semidefinite = self.semidefinite
         return _core.Stepper(device, self._options, room, wide, beta, scaling)
 
     def step(self, batch: Batch, ids, dt: float | None = None, out=None, stream=None) -> Solution:
@@ -139,6 +142,10 @@ class ParallelContactSolver(_SolverBase):
             raise ValueError(f"batch: expected at most {self.n_envs} environments, {self.n_envs * self.max_rows} rows and "
                              f"{self._most_cones} cones{note}, got {len(batch)}, {rows} and {cones}: construct the solver "
                              "with more")
+        if not bodies and self.device != "cpu" and not self.semidefinite and batch.layout.padded \
+                and batch.layout.has("semidefinite"):
+            raise ValueError("batch: expected no cones of semidefinite, for which the device has no room: construct the solver "
+                             "with semidefinite=True")
         if self.form == "jacobian" and self.max_dofs is not None:
             dofs = int(batch._most_dofs())
             if dofs > self.max_dofs:

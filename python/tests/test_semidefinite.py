@@ -143,3 +143,17 @@ def test_guesses_that_are_not_finite_are_dropped():
         solution = Solver(tolerance=1e-9).solve(batch, guess=guess, ids=ids)
         assert solution.solved.all() and guess.chosen[0] == 1
     assert guess.stats()["dropped"] == {"<lambda>": 2, "last": 0}
+
+
+def test_a_loop_on_a_device_has_room_for_matrices_where_it_is_told_to():
+    A, b = np.tile(np.eye(6), (2, 1, 1)), np.tile([-1.0, 0.0, -2.0, 0.5, 0.0, 3.0], (2, 1))
+    batch, ids = Batch.from_delassus(A, b, cones=[("semidefinite", 6)]), np.array([[1], [2]])
+    hashes = set()
+    for device, options in (("cpu", {}), ("emulated", {"semidefinite": True})):
+        solver = stiction.ParallelContactSolver(2, device, max_rows=6, **options)
+        solution = solver.step(batch, ids, 0.01)
+        assert solution.solved.all()
+        hashes.add(solution.hash())
+    assert len(hashes) == 1
+    with pytest.raises(ValueError, match="construct the solver with semidefinite=True"):
+        stiction.ParallelContactSolver(2, "emulated", max_rows=6).step(batch, ids, 0.01)

@@ -145,6 +145,7 @@ TEST_F(Refused, UsageErrors) {
 TEST_F(Refused, ANameThatIsNotKnownListsThoseThatAre) {
   EXPECT_TRUE(is_refused(run_stiction({"solve", good(), "--solver", "magic"}), {"magic", "pgs", "npgs", "apgd"}));
   EXPECT_TRUE(is_refused(run_stiction({"generate", "x", "-o", folder_ / "x.h5"}), {"stack", "walker"}));
+  EXPECT_TRUE(is_refused(run_stiction({"slove", good()}), {"slove: there is no such command"}));
 }
 
 TEST_F(Refused, AnOutputThatCannotBeWrittenIsFoundBeforeTheBatchIsRead) {
@@ -165,6 +166,33 @@ TEST_F(Refused, AnOutputThatWouldReplaceTheInputOrADevice) {
   EXPECT_TRUE(is_refused(run_stiction({"convert", batch, batch}), {"overwrite"}));
   EXPECT_TRUE(is_refused(run_stiction({"solve", batch, "-o", "/dev/null"}), {"not an ordinary file"}));
   EXPECT_EQ(read_text(batch), before);
+}
+
+TEST_F(Refused, TwoOutputsInOneFile) {
+  const std::string batch = good(), one = folder_ / "one.h5", also = folder_ / "./one.h5";
+  EXPECT_TRUE(is_refused(run_stiction({"solve", batch, "-o", one, "--json", also}), {also, "both -o and --json"}));
+  EXPECT_TRUE(is_refused(run_stiction({"solve", batch, "-o", one, "--record", one}), {"both -o and --record"}));
+  EXPECT_TRUE(is_refused(run_stiction({"solve", batch, "--trace", one, "--convergence", one}), {"--convergence"}));
+  EXPECT_TRUE(
+      is_refused(run_stiction({"step", "stack", "-o", one, "--checkpoint", one}), {"both -o and --checkpoint"}));
+  EXPECT_TRUE(is_refused(run_stiction({"step", "stack", "--json", "beside", "--checkpoint", "./beside"}), {"--json"}));
+  EXPECT_TRUE(is_refused(run_stiction({"step", "stack", "-o", "-", "--json", "-"}), {"standard output: both"}));
+  EXPECT_FALSE(std::filesystem::exists(one));
+}
+
+TEST_F(Refused, ANumberThatIsNotWholeOrNotThere) {
+  const auto refused = [](const std::string& option, const std::string& value, const std::string& least) {
+    return is_refused(run_stiction({"step", "stack", option, value}),
+                      {option + ": " + value + " is not a whole number of at least " + least + ";"});
+  };
+  EXPECT_TRUE(refused("--size", "0", "1"));
+  EXPECT_TRUE(refused("--envs", "-1", "0"));
+  EXPECT_TRUE(refused("--steps", "1.5", "0"));
+  EXPECT_TRUE(refused("--every", "two", "0"));
+  EXPECT_TRUE(is_refused(run_stiction({"step", "stack", "--seed", "18446744073709551616"}),  // 2^64
+                         {"--seed: 18446744073709551616 is more than 64 bits hold;"}));
+  EXPECT_EQ(run_stiction({"step", "stack", "--envs", "+1", "--steps", "0", "--seed", "18446744073709551615"}).status,
+            0);
 }
 
 TEST_F(Refused, ASolutionOfAnotherBatch) {

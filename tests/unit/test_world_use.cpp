@@ -107,6 +107,23 @@ TEST(WorldUse, SpeedsBeyondAllNumbersEndAsInvalidInput) {
   EXPECT_TRUE(std::isfinite(world.state().position[0]));
 }
 
+/// Squares of such spins overflow, so that the quaternion after the step has no length. No later step may call what
+/// follows from it solved.
+TEST(WorldUse, ABodyThatIsTurnedNoWayEndsAsInvalidInputAlone) {
+  World<double> world(Device::cpu(), ball_above_floor(), 2);
+  World<double> sound(Device::cpu(), ball_above_floor(), 2);
+  WorldCheckpoint<double> point = world.checkpoint();
+  std::fill_n(point.orientation.begin(), 4, 0.0);
+  world.resume(point);
+  run(world, 3);
+  run(sound, 3);
+  EXPECT_EQ(world.status()[0].code, EnvCode::invalid_input);
+  EXPECT_EQ(world.state().position[2], 0.5);
+  EXPECT_EQ(world.state().orientation[0], 0.0);
+  EXPECT_EQ(world.status()[1].code, EnvCode::solved);
+  EXPECT_EQ(world.state().position[5], sound.state().position[5]);
+}
+
 TEST(WorldUse, TooManyContactsAreFlaggedAndTheDeepestKept) {
   WorldOptions options;
   options.solver.max_contacts_per_env = 6;

@@ -7,11 +7,13 @@
 #include <memory>
 #include <new>
 #include <stdexcept>
+#include <utility>
 
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/python_command.hpp"
 #include "tools/cli/step_options.hpp"
+#include "tools/cli/whole_number.hpp"
 
 namespace stiction::cli {
 
@@ -35,11 +37,11 @@ void declare_info(CLI::App& app, InfoArguments& a) {
 
 void declare_generate(CLI::App& app, GenerateArguments& a) {
   app.add_option("scene", a.scene, "Scene; --list shows them");
-  app.add_option("--envs", a.environments, "Number of environments")->check(CLI::NonNegativeNumber);
+  app.add_option("--envs", a.environments, "Number of environments")->check(whole_number());
   app.add_option("--seed", a.seed, "Seed; an environment depends on scene, seed, size and its index alone")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(CLI::NonNegativeNumber);
-  app.add_option("--threads", a.threads, "Threads (0: all cores)")->check(CLI::NonNegativeNumber);
+      ->check(whole_number());
+  app.add_option("--size", a.size, "Size of the scene (0: its default)")->check(whole_number());
+  app.add_option("--threads", a.threads, "Threads (0: all cores)")->check(whole_number());
   app.add_flag("--box-friction", a.box_friction, "Boxed friction in place of friction cones");
   app.add_option("-o,--output", a.output, "Contact-batch file to write");
   app.add_flag("--list", a.list, "List the scenes");
@@ -73,12 +75,12 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->capture_default_str();
   app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->capture_default_str();
   app.add_option("--repeat", a.repeat, "Solve so many times and report the shortest time")
-      ->check(CLI::PositiveNumber)
+      ->check(whole_number(1))
       ->capture_default_str();
   app.add_option("--pyramid", a.pyramid, "Replace friction cones by pyramids of 4, 8 or 16 sides, law convex")
       ->check(CLI::IsMember({4, 8, 16}));
   app.add_option("--permute", a.permute, "Solve the environments in a pseudo-random order of this seed")
-      ->check(CLI::NonNegativeNumber);
+      ->check(whole_number());
   app.add_option("--shard", a.shard,
                  "I/N: solve part I of N of the environments, I from 0; stiction merge joins parts");
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
@@ -138,9 +140,7 @@ void declare_step(CLI::App& app, StepArguments& a) {
   app.add_option("--preconditioner", a.preconditioner, "Of newton's linear systems [block_diagonal]");
   app.add_option("--max-contacts", a.max_contacts, "The deepest of an environment that are solved; 0: all")
       ->capture_default_str();
-  app.add_option("--threads", a.threads, "CPU threads (0: all cores)")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  app.add_option("--threads", a.threads, "CPU threads (0: all cores)")->check(whole_number())->capture_default_str();
   app.add_flag("--list", a.list, "List the scenes");
 }
 
@@ -149,20 +149,18 @@ void declare_scaling(CLI::App& app, ScalingArguments& a) {
       ->required();
   app.add_option("--threads", a.threads, "Numbers of CPU threads, as 1,2,4 [powers of 2 and all cores]")
       ->delimiter(',')
-      ->check(CLI::PositiveNumber);
+      ->check(whole_number(1));
   app.add_flag("--weak", a.weak, "Weak scaling, too: so many times the environments on so many threads");
   app.add_option("--repeat", a.repeat, "Runs for each number of threads, of which the shortest counts")
-      ->check(CLI::PositiveNumber)
+      ->check(whole_number(1))
       ->capture_default_str();
   app.add_option("--solver", a.solver, "Of a file: as in stiction solve [npgs]; of a scene: as in stiction step [si]");
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4, 1e-3]");
   app.add_option("--max-iterations", a.max_iterations, "Per environment, or of a step [1000, 50]");
-  app.add_option("--envs", a.environments, "Environments of a scene")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--steps", a.steps, "Steps of a scene")->check(CLI::PositiveNumber)->capture_default_str();
-  app.add_option("--seed", a.seed, "Seed of a scene")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--envs", a.environments, "Environments of a scene")->check(whole_number(1))->capture_default_str();
+  app.add_option("--steps", a.steps, "Steps of a scene")->check(whole_number(1))->capture_default_str();
+  app.add_option("--seed", a.seed, "Seed of a scene")->check(whole_number())->capture_default_str();
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");
 }
@@ -199,7 +197,10 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    fmt::print(stderr, "stiction: {}; see stiction --help\n", error.what());
+    const auto is_meant = [&](const CLI::App* command) { return command->check_name(argv[1]); };
+    const bool is_unknown = argc > 1 && argv[1][0] != '-' && std::as_const(app).get_subcommands(is_meant).empty();
+    fmt::print(stderr, "stiction: {}; see stiction --help\n",
+               is_unknown ? fmt::format("{}: there is no such command", argv[1]) : error.what());
     return kExitBadInput;
   }
   const int status = chosen();

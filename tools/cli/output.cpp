@@ -30,6 +30,15 @@ void probe(const fs::path& target, const fs::path& probed) {
   if (!there) fs::remove(probed, ignored);
 }
 
+/// Devices such as /dev/null take any number of outputs.
+bool is_one_file(const fs::path& a, const fs::path& b) {
+  std::error_code ignored;
+  if (a == "-" || b == "-") return a == b;
+  if (fs::exists(a, ignored) && !fs::is_regular_file(a, ignored)) return false;
+  const auto place = [&](const fs::path& path) { return fs::weakly_canonical(fs::absolute(path, ignored), ignored); };
+  return fs::equivalent(a, b, ignored) || place(a) == place(b);
+}
+
 }  // namespace
 
 void require_writable(const fs::path& path) {
@@ -55,6 +64,18 @@ void require_different(const fs::path& input, const fs::path& output) {
   if (fs::equivalent(input, output, ignored)) {
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("{}: the output would overwrite the input; choose another output", output.string()));
+  }
+}
+
+void require_distinct(std::initializer_list<OutputOption> outputs) {
+  for (const OutputOption* one = outputs.begin(); one != outputs.end(); ++one) {
+    for (const OutputOption* other = outputs.begin(); other != one; ++other) {
+      if (!one->path || !other->path || !is_one_file(*other->path, *one->path)) continue;
+      const std::string file = *one->path == "-" ? "standard output" : one->path->string();
+      throw Error(
+          ErrorCode::invalid_argument,
+          fmt::format("{}: both {} and {} would be written there; choose another file", file, other->name, one->name));
+    }
   }
 }
 

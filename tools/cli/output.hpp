@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
+#include <optional>
 #include <string>
 
 namespace stiction::cli {
@@ -14,6 +16,16 @@ void require_replaceable(const std::filesystem::path& path);
 
 /// \throws Error(invalid_argument) if `output` is the same file as `input`.
 void require_different(const std::filesystem::path& input, const std::filesystem::path& output);
+
+/// An option that names a file to write, and the file if it was given.
+struct OutputOption {
+  const char* name;
+  std::optional<std::filesystem::path> path;
+};
+
+/// \throws Error(invalid_argument) if two of them name one file, or both are standard output ("-"). Whether files are
+/// there already does not matter.
+void require_distinct(std::initializer_list<OutputOption> outputs);
 
 /// Writes `text` to `path`, "-" meaning standard output. \throws Error(io).
 void write_text(const std::filesystem::path& path, const std::string& text);

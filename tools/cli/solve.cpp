@@ -77,22 +77,20 @@ BodySolverOptions body_options(const SolveArguments& arguments, const SolverOpti
 
 /// Whatever can be refused is refused before the file is read, let alone solved.
 void check_outputs(const SolveArguments& arguments) {
-  if (arguments.output) {
-    require_different(arguments.batch, *arguments.output);
-    if (arguments.warm_start) require_different(*arguments.warm_start, *arguments.output);
-    require_replaceable(*arguments.output);
-  }
-  if (arguments.record) {
-    require_different(arguments.batch, *arguments.record);
-    if (arguments.warm_start) require_different(*arguments.warm_start, *arguments.record);
-    if (arguments.output) require_different(*arguments.output, *arguments.record);
-    require_replaceable(*arguments.record);
-  }
-  for (const auto& text : {arguments.json, arguments.trace, arguments.convergence}) {
-    if (!text) continue;
-    require_different(arguments.batch, *text);
-    require_writable(*text);
-  }
+  require_distinct({{"-o", arguments.output},
+                    {"--json", arguments.json},
+                    {"--trace", arguments.trace},
+                    {"--convergence", arguments.convergence},
+                    {"--record", arguments.record}});
+  const auto check = [&](const std::optional<std::filesystem::path>& path,
+                         void (*probe)(const std::filesystem::path&)) {
+    if (!path) return;
+    require_different(arguments.batch, *path);
+    if (arguments.warm_start) require_different(*arguments.warm_start, *path);
+    probe(*path);
+  };
+  for (const auto& file : {arguments.output, arguments.record}) check(file, require_replaceable);
+  for (const auto& text : {arguments.json, arguments.trace, arguments.convergence}) check(text, require_writable);
 }
 
 /// Pyramids, recordings and curves are of A; islands and presets are not of bodies.

@@ -29,6 +29,7 @@ int run_step(const StepArguments& arguments) {
   if (arguments.list) return list_scenes();
   if (arguments.scene.empty())
     throw Error(ErrorCode::invalid_argument, "a scene is missing: stiction step --list shows them");
+  require_distinct({{"-o", arguments.output}, {"--json", arguments.json}, {"--checkpoint", arguments.checkpoint}});
   if (arguments.json) require_writable(*arguments.json);
   if (arguments.checkpoint) require_replaceable(*arguments.checkpoint);
   const scenes::WorldScene scene = scenes::make_world(arguments.scene, arguments.size);

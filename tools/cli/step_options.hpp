@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "tools/cli/commands.hpp"
+#include "tools/cli/whole_number.hpp"
 
 namespace stiction::cli {
 
@@ -10,11 +11,11 @@ namespace stiction::cli {
 /// where a program's other options are.
 inline void declare_steps(CLI::App& app, StepArguments& a) {
   app.add_option("scene", a.scene, "Scene; stiction step --list shows them");
-  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(CLI::PositiveNumber);
-  app.add_option("--envs", a.environments, "Environments")->check(CLI::NonNegativeNumber)->capture_default_str();
-  app.add_option("--steps", a.steps, "Steps")->check(CLI::NonNegativeNumber)->capture_default_str();
+  app.add_option("--size", a.size, "Bodies of an environment of pile or stack [12, 5]")->check(whole_number(1));
+  app.add_option("--envs", a.environments, "Environments")->check(whole_number())->capture_default_str();
+  app.add_option("--steps", a.steps, "Steps")->check(whole_number())->capture_default_str();
   app.add_option("--seed", a.seed, "Seed; where an environment begins depends on scene, seed and its index alone")
-      ->check(CLI::NonNegativeNumber);
+      ->check(whole_number());
   app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "Of contacts: coulomb, convex or boxed")->capture_default_str();
@@ -23,11 +24,11 @@ inline void declare_steps(CLI::App& app, StepArguments& a) {
   app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();
   app.add_option("-o,--output", a.output, "CSV of states to write; - is standard output");
   app.add_option("--every", a.every, "Write states of every so many steps; 0: of the last")
-      ->check(CLI::NonNegativeNumber)
+      ->check(whole_number())
       ->capture_default_str();
   app.add_option("--checkpoint", a.checkpoint, "File that the run goes on from where it is there, and is written to");
   app.add_option("--checkpoint-every", a.checkpoint_every, "Write it after every so many steps, and after the last")
-      ->check(CLI::PositiveNumber)
+      ->check(whole_number(1))
       ->capture_default_str();
   app.add_option("--json", a.json, "JSON report to write; - is standard output");
   app.add_flag("--quiet", a.quiet, "No progress, no summary");

@@ -75,6 +75,13 @@ STICTION_HD Real nothing_if_finite(const Real* values, Index count) {
   return sum;
 }
 
+/// Zero, or NaN for a quaternion without a length: spins whose squares overflow leave one behind.
+template <class Real>
+STICTION_HD Real nothing_if_turned(const Quaternion<Real>& q) {
+  const Real inverse = div_(Real(1), (q.w * q.w + q.x * q.x) + (q.y * q.y + q.z * q.z));
+  return inverse - inverse;
+}
+
 /// Writes inv_inertia and twist_change of one environment.
 template <Team TeamT, class Real>
 STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset env) {
@@ -82,7 +89,8 @@ STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset en
   for_each(team, model.bodies, [&](Index body) {
     const Offset slot = env * model.bodies + body;
     const WorldBodyData<Real>& data = model.body[body];
-    const Axes3<Real> axes = axes_of(load_quaternion(job.orientation + 4 * slot));
+    const Quaternion<Real> orientation = load_quaternion(job.orientation + 4 * slot);
+    const Axes3<Real> axes = axes_of(orientation);
     const Vector3<Real> d = load3<Real>(data.inv_inertia);
     const Symmetric3<Real> inverse =
         data.isotropic ? Symmetric3<Real>{d.x, Real(0), Real(0), d.x, Real(0), d.x} : spread(axes, d);
@@ -96,10 +104,11 @@ STICTION_HD void prepare_world(TeamT& team, const WorldJob<Real>& job, Offset en
     const Vector3<Real> force = load3<Real>(job.wrench + 6 * slot);
     const Vector3<Real> torque = load3<Real>(job.wrench + 6 * slot + 3);
     Vector3<Real> pull = scaled(model.step, add_scaled(load3<Real>(model.gravity), data.inv_mass, force));
-    // A body that is nowhere touches nothing, so its environment would go on as if it were sound. The solver's own
-    // check of its numbers is made to find it.
+    // A body that is nowhere, or turned no way, touches nothing, so its environment would go on as if it were sound.
+    // The solver's own check of its numbers is made to find it.
     pull.x = pull.x + nothing_if_finite(job.position + 3 * slot, 3);
     pull.y = pull.y + nothing_if_finite(job.orientation + 4 * slot, 4);
+    pull.y = pull.y + nothing_if_turned(orientation);
     const Vector3<Real> twist =
         scaled(model.step, add_product(Vector3<Real>{Real(0), Real(0), Real(0)}, inverse, torque));
     Real* const change = job.twist_change + 6 * slot;
