@@ -11,7 +11,7 @@ set -euo pipefail
 . "$root/scripts/systems.sh"
 
 work=${STICTION_DEB_DIR:-$root/build-deb}
-build=${STICTION_BUILD_DIR:-$work/build}
+build=${STICTION_BUILD_DIR:-$work-objects}  # beside build/, whose compiled objects a cache then hands over
 begin=$SECONDS
 passed=0 failed=0 skipped=0
 
@@ -48,7 +48,8 @@ inside() {
   stiction solve /src/examples/data/hand_cube.h5 --solver npgs --tolerance 1e-6 -o /tmp/solution.h5
   stiction verify /src/examples/data/hand_cube.h5 /tmp/solution.h5
   apt-get -qq purge -y libstiction0 libstiction-dev stiction
-  [ ! -e /usr/include/stiction ] && [ ! -e /usr/bin/stiction ]
+  left=$(find /usr /etc -name '*stiction*')
+  [ -z "$left" ] || { echo "left behind: $left"; return 1; }
 }
 
 if [ "${1:-}" = --inside ]; then
@@ -69,8 +70,9 @@ mkdir -p "$work"
 say "deb: build"
 configure -DCMAKE_INSTALL_PREFIX=/usr -DCMAKE_SKIP_INSTALL_ALL_DEPENDENCY=ON -DSTICTION_CPU_KERNELS=all -DSTICTION_ENABLE_CUDA=OFF \
   -DSTICTION_ENABLE_MPI=OFF -DSTICTION_BUILD_PYTHON=OFF -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF \
-  -DSTICTION_BUILD_EXAMPLES=OFF "$@"
+  -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_KEEP_LINES=ON "$@"
 build_targets stiction_facade stiction_io stiction_c stiction_cli || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
+find "$build" -name '*.a' -exec strip --strip-debug {} +  # cpack strips programs and shared libraries alone
 rm -rf "$work/packages"
 quiet "$work/cpack.log" cpack --config "$build/CPackConfig.cmake" -G DEB -B "$work/packages" || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 rm -rf "$work/packages/_CPack_Packages"

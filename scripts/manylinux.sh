@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
 # Builds wheels that run on every Linux with glibc 2.28 or later (manylinux_2_28, x86-64), with the kernels of every
 # instruction set and HDF5 inside, and uses them in an empty system. Each is built in a fresh Debian of its own
-# (debootstrap, as root), so that nothing of this machine gets in. Its g++ compiles; PyPI's ziglang links, which can against
-# any glibc. Builds into build-manylinux/, the wheels are in build-manylinux/wheels/.
-# The last line is: N passed, M failed, K skipped; exit status 77 where root, debootstrap, Debian or PyPI is missing.
+# (mmdebstrap, as root), so that nothing of this machine gets in. Debian 12's g++ compiles for all of them, so a compiler's
+# cache in build-manylinux/ccache hands what one has compiled to the next; PyPI's ziglang links, which can against any glibc.
+# Builds into build-manylinux/, the wheels are in build-manylinux/wheels/.
+# The last line is: N passed, M failed, K skipped; exit status 77 where root, mmdebstrap, Debian or PyPI is missing.
 #
 #   scripts/manylinux.sh [SUITE ...]        default: bookworm (Python 3.11) and trixie (every Python from 3.12 on)
 #   STICTION_WHEEL_DEFINES="STICTION_ENABLE_AVX2=OFF" scripts/manylinux.sh        options of CMake, for a quick try
+#   STICTION_WHEEL_CCACHE=~/.cache/ccache scripts/manylinux.sh                    another folder of ccache
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -16,6 +18,7 @@ set -euo pipefail
 glibc=2.28
 zig=0.15.2
 work=${STICTION_MANYLINUX_DIR:-$root/build-manylinux}
+cache=${STICTION_WHEEL_CCACHE:-$work/ccache}
 
 skip() {
   echo "SKIPPED: no wheel for other machines was built, $*"
@@ -29,7 +32,8 @@ fail() {
   exit 1
 }
 
-# Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment.
+# Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment, and /compiler
+# Debian 12 with g++.
 compilers() {
   local name zig_program library
   python3 -m venv /tools || return 1
@@ -40,16 +44,26 @@ compilers() {
   done
   chmod +x /tools/bin/zig-*
   /tools/bin/zig-cc -O1 -fPIC -c /src/packaging/glibc.c -o /tools/lib/glibc.o || return 1
-  library=$(g++ -print-file-name=libstdc++.a)
+  library=/compiler$(chroot /compiler g++ -print-file-name=libstdc++.a)
   cat > /tools/bin/old-c++ << WRAPPER
 #!/bin/sh
 for argument in "\$@"; do
-  case \$argument in -c | -E | -S | -M | --version | -v | -dump* | -print*) exec g++ "\$@" ;; esac
+  case \$argument in
+    -c | -E | -S | -M | --version | -v | -dump* | -print* | *.cpp) exec chroot /compiler env --chdir="\$PWD" ccache c++ "\$@" ;;
+  esac
 done
-exec /tools/bin/zig-cc "\$@" /tools/lib/glibc.o $library ${library%libstdc++.a}libgcc.a /usr/lib/x86_64-linux-gnu/libgcc_s.so.1 \\
-  -lm -lpthread -ldl
+exec /tools/bin/zig-cc "\$@" -Wl,--allow-shlib-undefined /tools/lib/glibc.o $library ${library%libstdc++.a}libgcc.a \\
+  /compiler/usr/lib/x86_64-linux-gnu/libgcc_s.so.1 -lm -lpthread -ldl
 WRAPPER
   chmod +x /tools/bin/old-c++
+}
+
+# What the compiler's system sees of this one: sources, objects, and the headers of Python and nanobind.
+show_to_compiler() {
+  local folder
+  for folder in /src /out /tmp /tools /dev /usr/include/python3* /usr/include/x86_64-linux-gnu/python3*; do
+    mkdir -p "/compiler$folder" && mount --rbind "$folder" "/compiler$folder" || return 1
+  done
 }
 
 # HDF5 and zlib from Debian's sources, static, into /out/hdf5.
@@ -77,10 +91,12 @@ hdf5() {
 }
 
 inside() {
-  local suite=$1
+  local suite=$1 place=$2
   export PATH=/tools/bin:$PATH CC=/tools/bin/zig-cc CXX=/tools/bin/old-c++
   export ZIG_GLOBAL_CACHE_DIR=/out/zig ZIG_LOCAL_CACHE_DIR=/out/zig CMAKE_BUILD_PARALLEL_LEVEL=$jobs
+  export CCACHE_DIR=/ccache CCACHE_MAXSIZE=0
   say "$suite: compilers"
+  show_to_compiler
   [ -x /tools/bin/old-c++ ] || quiet /out/tools.log compilers || return 77
   if [ ! -e /out/hdf5/lib/libhdf5.a ]; then
     say "$suite: HDF5"
@@ -92,13 +108,14 @@ inside() {
   fi
   say "$suite: wheel"
   local define=(STICTION_CPU_KERNELS=all STICTION_ENABLE_CUDA=OFF STICTION_ENABLE_TBB=OFF STICTION_ENABLE_ORDERINGS=OFF
-    STICTION_BUILD_C=OFF HDF5_ROOT=/out/hdf5 HDF5_USE_STATIC_LIBRARIES=ON
+    STICTION_BUILD_C=OFF STICTION_KEEP_LINES=ON STICTION_WARNINGS_AS_ERRORS=ON HDF5_ROOT=/out/hdf5 HDF5_USE_STATIC_LIBRARIES=ON
+    CMAKE_LINK_DEPENDS_USE_LINKER=OFF  # a linker's list of what it read, which Zig's does not write
     "CMAKE_MODULE_LINKER_FLAGS=-Wl,--version-script=/src/packaging/python_module.map")
   local more
   read -r -a more <<< "${STICTION_WHEEL_DEFINES:-}"
   define+=("${more[@]}")
   rm -rf "/out/raw-$suite"
-  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/out/build-$suite" \
+  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/src/$place" \
     "${define[@]/#/--config-settings=cmake.define.}" /src 2>&1 | tee "/out/wheel-$suite.log" | only_progress=1 show_progress; then
     tail -n 60 "/out/wheel-$suite.log"
     return 1
@@ -111,23 +128,30 @@ inside() {
 }
 
 if [ "${1:-}" = --inside ]; then
-  inside "$2"
+  inside "$2" "$3"
   exit
 fi
 
 reason=$(can_make_systems) || skip "$reason"
-mkdir -p "$work"
+mkdir -p "$work" "$cache"
+say "the compiler's system"
+quiet "$work/compiler.log" make_system compiler bookworm g++ ccache || skip "Debian does not deliver bookworm"
 suites=("$@")
 [ $# -gt 0 ] || suites=(bookworm trixie)
 passed=0 failed=0 skipped=0
 for suite in "${suites[@]}"; do
   say "$suite: systems"
-  quiet "$work/$suite.log" make_system "build-in-$suite" "$suite" python3 python3-venv python3-dev g++ bzip2 || skip "Debian does not deliver $suite"
+  quiet "$work/$suite.log" make_system "build-in-$suite" "$suite" python3 python3-venv python3-dev binutils bzip2 xz-utils || skip "Debian does not deliver $suite"
   quiet "$work/$suite.log" make_system "empty-$suite" "$suite" python3 python3-venv || skip "Debian does not deliver $suite"
   rm -rf "$work/wheels-$suite"
   status=0
+  # Objects lie beside build/: compiled by the same options, they are the same ones to a cache.
+  place=$(basename "$work")-objects-$suite
+  mkdir -p "$root/$place"
+  folders=("$root/$place:/src/$place" "$work/compiler:/compiler" "$cache:/compiler/ccache")
   in_system "build-in-$suite" STICTION_DEBIAN_MIRROR="$mirror" OMP_NUM_THREADS="$jobs" \
-    STICTION_WHEEL_DEFINES="${STICTION_WHEEL_DEFINES:-}" bash /src/scripts/manylinux.sh --inside "$suite" || status=$?
+    STICTION_WHEEL_DEFINES="${STICTION_WHEEL_DEFINES:-}" bash /src/scripts/manylinux.sh --inside "$suite" "$place" || status=$?
+  folders=()
   [ "$status" -ne 77 ] || skip "Debian or PyPI does not deliver what the build needs"
   [ "$status" -eq 0 ] || fail "$suite: the wheel was not built"
   wheel=$(echo "$work/wheels-$suite/"*.whl)
@@ -137,15 +161,16 @@ for suite in "${suites[@]}"; do
   python3 "$root/tools/check_wheel.py" --glibc "$glibc" "$wheel" && passed=$((passed + 1)) || failed=$((failed + 1))
 
   say "$suite: an empty system"
-  rm -rf "$work/empty-$suite/venv"
+  in_system "empty-$suite" bash -c "rm -rf /venv && python3 -m venv /venv"
   begin=$(date +%s%N)
-  in_system "empty-$suite" bash -c "python3 -m venv /venv && /venv/bin/pip install --quiet --disable-pip-version-check \
-    /out/wheels-$suite/$(basename "$wheel")" || skip "PyPI does not deliver numpy"
+  in_system "empty-$suite" /venv/bin/pip install --quiet --no-cache-dir --disable-pip-version-check \
+    "/out/wheels-$suite/$(basename "$wheel")" || skip "PyPI does not deliver numpy"
+  note "pip install: $((($(date +%s%N) - begin) / 1000000)) ms"
   # shellcheck disable=SC2016  # Python's
   in_system "empty-$suite" /venv/bin/python -c 'import numpy as np, stiction
 A, b = np.eye(3)[None], np.array([[-9.81, 6.0, 0.0]])
 print(stiction.Solver(device="cpu").solve(stiction.Batch.from_delassus(A, b, mu=0.5, law="coulomb")).lambda_)'
-  note "from an empty system to the first answer: $((($(date +%s%N) - begin) / 1000000)) ms"
+  note "from pip install to the first answer: $((($(date +%s%N) - begin) / 1000000)) ms"
   in_system "empty-$suite" /venv/bin/python /src/python/tests/wheel.py "/out/wheels-$suite/$(basename "$wheel")" /src 2>&1 |
     tee "$work/test-$suite.log" || true
   read -r p _ f _ k _ <<< "$(grep -E '^[0-9]+ passed, ' "$work/test-$suite.log" || echo '0 passed, 1 failed, 0 skipped')"
