@@ -47,8 +47,8 @@ struct Counts {
 Counts count(const BodyBatch<double>& batch, int ranks, const ConsensusOptions* consensus,
              const BodySolverOptions& options) {
   const BodyBatchView<double> view = batch.view();
-  const std::vector<int> part = distributed::bisect(distributed::centres_by_arms(view),
-                                                    consensus != nullptr ? consensus->subdomains : ranks);
+  const std::vector<int> part =
+      distributed::bisect(distributed::centres_by_arms(view), consensus != nullptr ? consensus->subdomains : ranks);
   std::vector<double> impulse(static_cast<std::size_t>(3 * view.contact_count));
   std::vector<double> twist(static_cast<std::size_t>(6 * view.body_count));
   Counts counts;
@@ -110,10 +110,11 @@ int run(int argc, char** argv) {
         if (csv)
           csv->row({scene, std::to_string(size), std::to_string(batch.body_count()),
                     std::to_string(batch.contact_count()), to_string(options.law), method, std::to_string(ranks),
-                    by_consensus ? std::to_string(consensus.subdomains) : "", by_consensus ? std::to_string(consensus.sweeps) : "",
-                    by_consensus ? number(consensus.penalty) : "", number(tolerance), std::to_string(status.iterations),
-                    number(status.residual), to_string(status.code), std::to_string(counts.exchanges),
-                    std::to_string(counts.gathers), std::to_string(counts.bytes)});
+                    by_consensus ? std::to_string(consensus.subdomains) : "",
+                    by_consensus ? std::to_string(consensus.sweeps) : "", by_consensus ? number(consensus.penalty) : "",
+                    number(tolerance), std::to_string(status.iterations), number(status.residual),
+                    to_string(status.code), std::to_string(counts.exchanges), std::to_string(counts.gathers),
+                    std::to_string(counts.bytes)});
       }
   }
   return 0;

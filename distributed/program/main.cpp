@@ -45,7 +45,7 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->check(CLI::IsMember({"si", "consensus"}))
       ->capture_default_str();
   app.add_option("--subdomains", a.consensus.subdomains, "Of consensus; they reach the bits, ranks do not")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   app.add_option("--sweeps", a.consensus.sweeps, "Of consensus, in a subdomain between two exchanges")
       ->capture_default_str();

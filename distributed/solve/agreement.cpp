@@ -50,9 +50,9 @@ void require_owners(const char* name, const char* what, std::span<const int> own
                                                  ", one for each body");
   for (std::size_t body = 0; body < owner.size(); ++body)
     if (owner[body] < 0 || owner[body] >= count)
-      throw Error(ErrorCode::invalid_argument,
-                  std::string(name) + "[" + std::to_string(body) + "] = " + std::to_string(owner[body]) +
-                      ": expected a " + what + " in 0.." + std::to_string(count - 1));
+      throw Error(ErrorCode::invalid_argument, std::string(name) + "[" + std::to_string(body) +
+                                                   "] = " + std::to_string(owner[body]) + ": expected a " + what +
+                                                   " in 0.." + std::to_string(count - 1));
 }
 
 void require_impulses(const BodySolverOptions& options) {

@@ -108,7 +108,8 @@ void Region<Real>::find_shared(const Subdomains& parts, int rank, int ranks) {
       const auto is_there = [&](int subdomain) { return parts.rank_of(subdomain, ranks) == other; };
       if (other == rank || std::none_of(holders.begin(), holders.end(), is_there)) continue;
       for (std::size_t k = 0; k < holders.size(); ++k)
-        if (is_here(holders[k])) neighbours[at(other)].send.push_back(shared_.back().first_slot + static_cast<Index>(k));
+        if (is_here(holders[k]))
+          neighbours[at(other)].send.push_back(shared_.back().first_slot + static_cast<Index>(k));
     }
   }
   z_.resize(6 * shared_.size());
@@ -198,9 +199,8 @@ void Region<Real>::use_plan(const BodyPlanView& plan) {
     }
   }
   // The first z is what forces alone lead to.
-  for_each_copy([&](const Shared&, Index which, Index, Index row) {
-    std::copy_n(row6(free_, row), 6, row6(z_, which));
-  });
+  for_each_copy(
+      [&](const Shared&, Index which, Index, Index row) { std::copy_n(row6(free_, row), 6, row6(z_, which)); });
 }
 
 template <class Real>
@@ -268,9 +268,8 @@ void Region<Real>::tell_changes() {
       if (!env.is_kinematic(body)) pushed_change(env, body, impulse, pushed);
     }
   }
-  for_each_copy([&](const Shared&, Index, Index slot, Index row) {
-    std::copy_n(row6(judged_, row), 6, row6(told_, slot));
-  });
+  for_each_copy(
+      [&](const Shared&, Index, Index slot, Index row) { std::copy_n(row6(judged_, row), 6, row6(told_, slot)); });
 }
 
 template <class Real>
@@ -287,9 +286,15 @@ LargestResidual<double> Region<Real>::judge() {
     const Real* impulse = impulse_.data() + 3 * contact_offsets_[at(subdomain)];
     const double* twists = row6(judged_, body_offsets_[at(subdomain)]);
     switch (contact_law(options_)) {
-      case Law::convex: evaluate_subdomain<Law::convex>(env, params, impulse, twists, largest); break;
-      case Law::coulomb: evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, largest); break;
-      case kBoxFriction: evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, largest); break;
+      case Law::convex:
+        evaluate_subdomain<Law::convex>(env, params, impulse, twists, largest);
+        break;
+      case Law::coulomb:
+        evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, largest);
+        break;
+      case kBoxFriction:
+        evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, largest);
+        break;
     }
   }
   return largest;

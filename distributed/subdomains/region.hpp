@@ -44,7 +44,9 @@ class Region {
   [[nodiscard]] double scale() const;
 
   [[nodiscard]] int first() const { return first_; }
-  [[nodiscard]] const std::vector<ConsensusGap>& gaps() const { return gaps_; }  ///< of each subdomain here, in the last round
+  [[nodiscard]] const std::vector<ConsensusGap>& gaps() const {
+    return gaps_;
+  }  ///< of each subdomain here, in the last round
   /// Whether a round has changed an impulse since this was last asked.
   [[nodiscard]] bool has_moved();
   /// Whether a subdomain had no finite answer in some round so far.
@@ -76,7 +78,8 @@ class Region {
   bool is_broken_ = false, has_moved_ = true;
   BodyPlanView plan_;
 
-  // Arrays as in BodyBatchView, of the subdomains one after the other. Those with `own_` are the body's, not the copy's.
+  // Arrays as in BodyBatchView, of the subdomains one after the other. Those with `own_` are the body's, not the
+  // copy's.
   std::vector<Offset> body_offsets_{0}, contact_offsets_{0};
   std::vector<Index> body_of_row_;
   std::vector<Real> inv_mass_, inv_inertia_, twist_, twist_change_, own_inv_mass_, own_inv_inertia_, own_change_;
@@ -87,11 +90,11 @@ class Region {
   std::vector<EnvStatus> status_;
 
   std::vector<Shared> shared_;
-  std::vector<double> z_, z_before_;        ///< six numbers of each shared body
-  std::vector<Index> row_, subdomain_;      ///< of each slot, a copy of a shared body: its row here or -1
-  std::vector<double> told_, u_;            ///< six numbers of each slot
-  std::vector<double> change_, free_;       ///< six numbers of each row, of the body
-  std::vector<double> judged_;              ///< six numbers of each row
+  std::vector<double> z_, z_before_;    ///< six numbers of each shared body
+  std::vector<Index> row_, subdomain_;  ///< of each slot, a copy of a shared body: its row here or -1
+  std::vector<double> told_, u_;        ///< six numbers of each slot
+  std::vector<double> change_, free_;   ///< six numbers of each row, of the body
+  std::vector<double> judged_;          ///< six numbers of each row
   std::vector<ConsensusGap> gaps_;
   Rounds rounds_;
 };

@@ -264,10 +264,10 @@ class ConsensusOfEnv {
     judged_.w.resize(judged_.impulse.size());
     judged_.twist.resize(at(6 * env_.view.body_count));
     judged_.status.resize(1);
-    judge_.solve(judge_plan_, env_.view,
-                 BodySolutionView<Real>{judged_.impulse.data(), judged_.twist.data(), judged_.w.data(),
-                                        judged_.status.data()},
-                 impulses);
+    judge_.solve(
+        judge_plan_, env_.view,
+        BodySolutionView<Real>{judged_.impulse.data(), judged_.twist.data(), judged_.w.data(), judged_.status.data()},
+        impulses);
     return judged_.status.front();
   }
 

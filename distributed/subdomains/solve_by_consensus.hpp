@@ -16,10 +16,10 @@ struct ConsensusOptions {
 };
 
 /// Solves every environment of a host batch, which all ranks have. `part` says which subdomain each body is in, the
-/// same on all ranks (body_count). A subdomain is swept as BodySolver sweeps an environment. `options.iterations` limits
-/// sweeps, of which whole rounds of `sweeps` are made, and status counts them. Each rank solves some of the subdomains;
-/// answers have the same bits for any number of ranks. Rank 0 gets the solution, as of solve_over_ranks(). Status says
-/// what a BodySolver finds of the impulses that are returned.
+/// same on all ranks (body_count). A subdomain is swept as BodySolver sweeps an environment. `options.iterations`
+/// limits sweeps, of which whole rounds of `sweeps` are made, and status counts them. Each rank solves some of the
+/// subdomains; answers have the same bits for any number of ranks. Rank 0 gets the solution, as of solve_over_ranks().
+/// Status says what a BodySolver finds of the impulses that are returned.
 ///
 /// With the convex law the iteration is that of a convex problem, solved inexactly in each subdomain. With Coulomb's
 /// law or boxed friction a point where it rests is a solution, and that it comes to rest is not proven.

@@ -99,6 +99,16 @@ TEST(Consensus, UnderTheConvexLawItsTwistsAreThoseOfSweeps) {
   }
 }
 
+/// A solver returns its first guess if that is the best it has seen, and so would every round.
+TEST(Consensus, RoundsThatChangeNothingGrow) {
+  const BodyBatch<double> batch = batch_of(small_wall());
+  Case how = until(1e-8, Law::convex);
+  how.stepping.cfm = 1e-4;
+  EXPECT_EQ(by_consensus(batch, 1, parts_of(batch, 1), into(1), how).status[0].code, EnvCode::solved);
+  how.options.iterations = 1000;
+  EXPECT_LE(by_consensus(batch, 1, parts_of(batch, 1), into(1), how).status[0].iterations, 1000);
+}
+
 /// 1 to 4 ranks, and more ranks than subdomains.
 template <class Real>
 void expect_one_answer(const BodyBatch<Real>& batch, const std::vector<int>& part, const ConsensusOptions& consensus,

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4
@@ -46,6 +46,31 @@ EOF
     done
   done
   echo "$scene: 5 jobs have the bits of one process, $("$stiction" hash "$folder/one.h5")"
+}
+
+# Consensus by 1 to 4 ranks: one answer, and another one with another number of subdomains.
+compare_consensus() {  # compare_consensus SCENE SIZE OPTIONS...
+  local scene=$1 size=$2 ranks
+  shift 2
+  for ranks in 1 2 3 4; do
+    ranks "$ranks" solve --scene "$scene" --size "$size" --seed 3 --method consensus --subdomains 3 "$@" --quiet \
+      --json "$folder/ranks$ranks.json" -o "$folder/ranks$ranks.h5" 2> "$folder/err"
+    [ $? -le 1 ] || fail "$scene, $ranks ranks: $(cat "$folder/err")"
+    "$stiction" diff "$folder/ranks1.h5" "$folder/ranks$ranks.h5" || fail "$scene, $ranks ranks"
+  done
+  ranks 2 solve --scene "$scene" --size "$size" --seed 3 --method consensus --subdomains 2 "$@" --quiet \
+    --json "$folder/two.json" 2> "$folder/err"
+  python3 - "$folder"/{ranks1,ranks4,two}.json << 'EOF' || fail "$scene: reports"
+import json, sys
+one, four, two = (json.load(open(name)) for name in sys.argv[1:])
+assert one["hash"] == four["hash"] != two["hash"], (one["hash"], four["hash"], two["hash"])
+assert one["method"] == "consensus" and one["subdomains"] == 3 and one["sweeps_per_round"] == 16, one
+assert one["unconverged"] == 0 and one["bytes"] == 0 < four["bytes"], (one, four)
+assert 16 * four["exchanges"] < 2 * four["iterations"]["max"], four
+assert sum(rank["bodies"] for rank in four["per_rank"]) == four["bodies"], four
+EOF
+  rm "$folder"/ranks?.json "$folder"/ranks?.h5
+  echo "consensus, $scene: 4 jobs have one answer"
 }
 
 # compare_reports ONE MANY: what a run of `stiction step` and a job have in common.
@@ -169,6 +194,10 @@ case $what in
     compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
     compare pile 40 --max-iterations 150 --precision f32 --law convex
     ;;
+  consensus)
+    compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-5
+    compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-4 --precision f32 --law convex
+    ;;
   step)
     compare_steps pile --envs 2 --steps 40 --seed 3
     compare_steps pile --size 150 --envs 1 --steps 30
@@ -211,7 +240,7 @@ EOF
     for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
       "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
       "step" "step nothing" "step pile --partition thirds" "step pile --checkpoint /nowhere/x.h5" \
-      "solve --scene wall -o /nowhere/x.h5"; do
+      "solve --scene wall -o /nowhere/x.h5" "solve --scene wall --method jacobi" "solve --scene wall --method consensus --subdomains 0"; do
       # shellcheck disable=SC2086
       ranks 2 $arguments > "$folder/out" 2> "$folder/err"
       status=$?

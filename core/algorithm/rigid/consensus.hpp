@@ -91,8 +91,8 @@ STICTION_HD void settle_copy(const InverseMass<double>& inverse, Index copies, c
                 div_(mass_square(inverse, twist_at<double>(moved)), count)});
 }
 
-/// What the penalty is multiplied by, a power of two: twice where twists are apart by more than ten times what z moves
-/// by, times the penalty; half where it is the other way round (He, Yang, Wang 2000; Boyd et al. 2011, section 3.4.1).
+/// What the penalty is multiplied by, a power of two (He, Yang, Wang 2000; Boyd et al. 2011, section 3.4.1). Gaps are
+/// squares: a hundredfold one is a tenfold distance.
 STICTION_HD double penalty_factor(const ConsensusGap& gap, double penalty) {
   const double dual = penalty * penalty * gap.dual;
   if (gap.primal > 100.0 * dual && penalty < 0x1p20) return 2.0;
@@ -120,7 +120,8 @@ STICTION_HD void free_twist_of(const BodyEnv<Real>& env, Index body, double* cha
 template <class Real>
 STICTION_HD void pushed_change(const BodyEnv<Real>& env, Index body, const Real* impulse, double* change) {
   const Twist<double> none{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-  put_twist(change, gather_impulses(env, body, none, exact_mass(env, body), [&](Index p, bool is_b, Vector3<double>& arm) {
+  put_twist(change,
+            gather_impulses(env, body, none, exact_mass(env, body), [&](Index p, bool is_b, Vector3<double>& arm) {
               const ExactContact contact = exact_contact(env, p);
               arm = is_b ? contact.arm_b : contact.arm_a;
               const Vector3<double> lambda = load3<double>(impulse + 3 * static_cast<Offset>(contact.contact));
