@@ -192,34 +192,3 @@ show_progress() {
 build_targets() {
   cmake --build "$build" -j "$jobs" ${1:+--target "$@"} 2>&1 | show_progress
 }
-
-# configure_sanitized BUILD OPTION ...: a build under a sanitizer, without what it does not test.
-configure_sanitized() {
-  build=$1
-  local options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=None -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
-    -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_GPU_FIRST=OFF -DSTICTION_BUILD_TESTS=ON
-    -DSTICTION_TEST_TIMEOUT=900 "${@:2}")
-  command -v ccache > /dev/null && options+=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-  mkdir -p "$build"
-  cmake "${options[@]}" > "$build/configure.log" 2>&1 || { cat "$build/configure.log"; echo "0 passed, 1 failed, 0 skipped"; return 1; }
-}
-
-# The build of address and undefined-behaviour sanitizers, which the tests and the fuzzers share; needs clang.
-# Undefined behaviour traps, and addresses are checked by calls: a kernel compiles in two thirds of the time. Four checks of
-# every pointer are left out of kernels, which would take three times as long: what they find beside the address sanitizer is
-# an overflow of the pointer itself, and a load that is not aligned, which a vector's traps anyway. A trap cannot compare types
-# of functions by name, as it has to across shared libraries. Scratch holds other numbers every time. Tests go through packs as
-# wide as AVX-512's by kernels that AVX2 runs.
-configure_address_sanitized() {
-  local flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize=function"
-  flags+=" -fsanitize-trap=undefined -mllvm -asan-instrumentation-with-call-threshold=0 -DSTICTION_NOISY_SCRATCH"
-  configure_sanitized "${STICTION_SANITIZE_DIR:-$root/build-sanitize-address}" "-DCMAKE_C_COMPILER=${CC_FOR_FUZZING:-clang}" \
-    "-DCMAKE_CXX_COMPILER=${CXX_FOR_FUZZING:-clang++}" "-DCMAKE_C_FLAGS=$flags" "-DCMAKE_CXX_FLAGS=$flags" \
-    -DSTICTION_KERNEL_OPTIONS=-fno-sanitize=null,object-size,alignment,pointer-overflow -DSTICTION_ENABLE_AVX512=OFF \
-    -DSTICTION_ENABLE_FUZZERS=ON
-}
-
-# Whether clang is here, with what it is needed for.
-# shellcheck disable=SC2034
-clang_packages=("clang: no fuzzers, no address sanitizer" "libclang-rt-14-dev: no fuzzers, no address sanitizer")
-have_clang() { command -v "${CXX_FOR_FUZZING:-clang++}" > /dev/null; }
