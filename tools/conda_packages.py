@@ -3,9 +3,9 @@
 
     conda_packages.py render|build|stand-ins FOLDER
 
-`build` takes compilers and libraries from conda-forge. `stand-ins` makes packages of the same names in their place, which hold
-nothing where the system's own compiler or library is found in any case, and what PyPI has where it is Python's. That runs
-the recipe's own steps and tests; what conda-forge's packages would do, it does not show.
+`build` takes compilers and libraries from conda-forge. `stand-ins` makes packages of the same names in their place. They hold
+nothing where the system's own compiler or library is found in any case, and PyPI's package where one is Python's. That
+runs the recipe's own steps and tests; what conda-forge's packages would do, it does not show.
 The last line is: N passed, M failed, K skipped; exit status 77 where conda-forge is out of reach.
 """
 
