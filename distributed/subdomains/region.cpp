@@ -285,16 +285,13 @@ LargestResidual<double> Region<Real>::judge() {
     const BodyEnv<Real> env = own_env(own, plan_, subdomain);
     const Real* impulse = impulse_.data() + 3 * contact_offsets_[at(subdomain)];
     const double* twists = row6(judged_, body_offsets_[at(subdomain)]);
-    switch (contact_law(options_)) {
-      case Law::convex:
-        evaluate_subdomain<Law::convex>(env, params, impulse, twists, largest);
-        break;
-      case Law::coulomb:
-        evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, largest);
-        break;
-      case kBoxFriction:
-        evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, largest);
-        break;
+    const Law law = contact_law(options_);
+    if (law == kBoxFriction) {
+      evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, largest);
+    } else if (law == Law::convex) {
+      evaluate_subdomain<Law::convex>(env, params, impulse, twists, largest);
+    } else {
+      evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, largest);
     }
   }
   return largest;
