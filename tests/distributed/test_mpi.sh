@@ -132,7 +132,7 @@ restart() {  # restart KILLS STEPS
   ranks 3 "${arguments[@]}" --checkpoint "$folder/point.h5" --json "$folder/ranks.json" --quiet 2> "$folder/err" ||
     fail "the last job: $(cat "$folder/err")"
   grep -q '"resumed_at": 0,' "$folder/ranks.json" && fail "the last job began anew"
-  [ "$(echo "$folder"/point.h5.step"$steps".part?of3)" = "$(echo "$folder"/point.h5.*)" ] ||
+  [ "$(echo "$folder"/point.h5.step"$steps".part?of3)" = "$(echo "$folder"/point.h5.step*.part[0-9]of[0-9])" ] ||
     fail "parts of checkpoints that are no more: $(echo "$folder"/point.h5.*)"
   "$stiction" step "${arguments[@]:1}" --checkpoint "$folder/copy/point.h5" --json "$folder/last.json" --quiet || fail "one process goes on"
   python3 - "$kills" "$folder"/{one,ranks,last}.json << 'EOF' || fail "other bits than without a stop"
