@@ -5,9 +5,11 @@ differentiated, and links no PyTorch.
 """
 
 import functools
+import math
 
 import torch
 
+from ._arguments import whole
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import Derivative
@@ -92,6 +94,9 @@ def _keep(ctx, inputs, output):
 
 
 def _differentiate(ctx, by_lambda, by_w, _):
+    without = [kind for kind in ("box_friction", "semidefinite") if kind in ctx.cones]
+    if without:
+        raise RuntimeError(f"cones: expected cones that have a derivative, got {without[0]}")
     if ctx.unrolled:
         *found, by_start = torch.ops.stiction.sweeps_backward(*ctx.saved_tensors, by_lambda, by_w, ctx.cones, ctx.law,
                                                               ctx.sweeps)
@@ -153,14 +158,20 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     On the CPU lambda_ and w have derivatives by A, b, mu, R, lo and hi, in reverse and once (docs/math/derivative.md).
     Entries of A are independent. Derivatives are those of the solution, not of the iterations, and err by as much as the
     solution does: solve to 1e-6 or less. An environment that was not solved has derivatives of 0, and so has one whose
-    reactions are not determined: give R. warm_start has none. kappa > 0 takes the derivatives of the relaxed problem, so
-    that open contacts pass some on (stiction.Derivative); what is returned does not change.
+    reactions are not determined: give R. warm_start has none. Boxed friction and semidefinite cones have none, and a
+    backward pass through them raises. kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass
+    some on (stiction.Derivative); what is returned does not change.
 
     derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with tolerance=0, converged or not,
     and by warm_start, too (Derivative.unrolled_vjp).
     """
     if derivative not in ("implicit", "unrolled"):
         raise ValueError(f"derivative: expected 'implicit' or 'unrolled', got {derivative!r}")
+    for name, tensor in (("A", A), ("b", b)):
+        if not isinstance(tensor, torch.Tensor):
+            raise TypeError(f"{name}: expected a torch.Tensor, got {type(tensor).__name__}")
+    if not 0 <= kappa < math.inf:
+        raise ValueError(f"kappa: expected a finite number of at least 0, got {kappa}")
     unrolled = derivative == "unrolled"
     if unrolled and (solver != "pgs" or tolerance != 0 or kappa != 0):
         raise ValueError("derivative: 'unrolled' is that of max_iterations sweeps as they run: expected solver='pgs', "
@@ -172,7 +183,7 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
         A, b, mu, R, lo, hi, warm_start = (None if t is None else t.unsqueeze(0)
                                            for t in (A, b, mu, R, lo, hi, warm_start))
     out = torch.ops.stiction.solve(A, b, mu, R, lo, hi, counts, warm_start, _text_of(cones), law, solver,
-                                   float(tolerance), int(max_iterations), float(kappa), unrolled)
+                                   float(tolerance), whole("max_iterations", max_iterations), float(kappa), unrolled)
     return tuple(tensor.squeeze(0) for tensor in out) if single else out
 
 
