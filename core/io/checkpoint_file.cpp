@@ -70,10 +70,10 @@ void write_checkpoint(const std::filesystem::path& path, const CheckpointFile& c
   remove_parts(path, {});
 }
 
-std::int64_t write_checkpoint_part(const std::filesystem::path& path, const CheckpointFile& checkpoint) {
+std::int64_t write_checkpoint_part(const std::filesystem::path& part, const CheckpointFile& checkpoint) {
   const ScopedFpEnv fp_env;
   const std::int64_t sum = checksum(checkpoint);
-  OutputFile file(path);
+  OutputFile file(part);
   file.attribute("format", kFormat);
   file.attribute("version", kVersion);
   file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
