@@ -27,7 +27,13 @@ STICTION_HD Offset pair_number(const WorldModelView<Real>& model, const ShapePai
          Offset{pair.shape_a - a.begin} * (b.end - b.begin) + (pair.shape_b - b.begin);
 }
 
-/// The pair that has that number.
+/// How many pairs there are: all that come before the last body, which shares none with a later one.
+template <class Real>
+STICTION_HD Offset pair_count(const WorldModelView<Real>& model) {
+  return shapes_of_body(model, model.bodies - 1).pairs_before;
+}
+
+/// The pair that has that number, which is below pair_count().
 template <class Real>
 STICTION_HD ShapePair numbered_pair(const WorldModelView<Real>& model, Offset number) {
   // The last body that no more pairs come before. It has pairs, since those without any share the next one's number.

@@ -125,9 +125,13 @@ void RankSteppedWorld<Real>::go_on(Offset env, const BodyRange& share, const io:
     bodies.add(body, row_of(from, env * (share.end - share.first) + body - share.first));
   Impulses<Real> last;
   for (Offset c = from.contact_offsets[at(env)]; c < from.contact_offsets[at(env) + 1]; ++c) {
-    const ShapePair pair = world.pair_of(from.contact_id[at(c)]);
+    const std::uint64_t id = from.contact_id[at(c)];
+    if (!world.has_pair(id))
+      throw Error(ErrorCode::bad_file, "--checkpoint: contact_id = " + std::to_string(id) +
+                                           " is of no pair of shapes of the scene; choose another file");
+    const ShapePair pair = world.pair_of(id);
     if (!share.has(pair.body_a) && !share.has(pair.body_b)) continue;
-    last.id.push_back(from.contact_id[at(c)]);
+    last.id.push_back(id);
     for (Offset k = 0; k < 3; ++k) last.impulse.push_back(from.impulse[at(3 * c + k)]);
   }
   world.put(std::move(bodies), std::move(last));

@@ -12,14 +12,22 @@ class RankMeter {
   explicit RankMeter(const Transport& transport)
       : transport_(transport), before_(transport.traffic()), start_(std::chrono::steady_clock::now()) {}
 
-  void add_to(RankReport& report) const {
-    report.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+  /// Adds exchanges, gathers, messages and bytes.
+  template <class Counts>
+  void add_messages_to(Counts& counts) const {
     const Traffic& after = transport_.traffic();
-    report.waited += after.waited - before_.waited;
-    report.exchanges += after.exchanges - before_.exchanges;
-    report.gathers += after.gathers - before_.gathers;
-    report.messages += after.messages - before_.messages;
-    report.bytes += after.bytes - before_.bytes;
+    counts.exchanges += after.exchanges - before_.exchanges;
+    counts.gathers += after.gathers - before_.gathers;
+    counts.messages += after.messages - before_.messages;
+    counts.bytes += after.bytes - before_.bytes;
+  }
+  void add_to(RankReport& report) const {
+    report.seconds += seconds();
+    report.waited += transport_.traffic().waited - before_.waited;
+    add_messages_to(report);
   }
 
  private:

@@ -8,6 +8,7 @@
 #include "core/job/shape_pairs.hpp"
 #include "core/plan/colored_body_plan.hpp"
 #include "distributed/solve/agreement.hpp"
+#include "distributed/solve/rank_meter.hpp"
 #include "distributed/solve/solve_piece.hpp"
 #include "distributed/world/coloring.hpp"
 #include "distributed/world/rounds.hpp"
@@ -26,25 +27,18 @@ constexpr Offset kTooMany = 8;
 class Meter {
  public:
   Meter(const Transport& transport, StepTraffic& traffic, double& seconds)
-      : transport_(transport), traffic_(traffic), seconds_(seconds), before_(transport.traffic()) {}
+      : meter_(transport), traffic_(traffic), seconds_(seconds) {}
   ~Meter() {
-    const Traffic& after = transport_.traffic();
-    traffic_.exchanges += after.exchanges - before_.exchanges;
-    traffic_.gathers += after.gathers - before_.gathers;
-    traffic_.messages += after.messages - before_.messages;
-    traffic_.bytes += after.bytes - before_.bytes;
-    seconds_ += std::chrono::duration<double>(Clock::now() - start_).count();
+    meter_.add_messages_to(traffic_);
+    seconds_ += meter_.seconds();
   }
   Meter(const Meter&) = delete;
   Meter& operator=(const Meter&) = delete;
 
  private:
-  using Clock = std::chrono::steady_clock;
-  const Transport& transport_;
+  RankMeter meter_;
   StepTraffic& traffic_;
   double& seconds_;
-  Traffic before_;
-  Clock::time_point start_ = Clock::now();
 };
 
 template <class Real>
@@ -101,6 +95,11 @@ BodyRange RankWorld<Real>::first_share() const {
 
 template <class Real>
 void RankWorld<Real>::put(BodyList<Real> bodies, Impulses<Real> last) {
+  for (const std::uint64_t id : last.id)
+    if (!has_pair(id))
+      throw Error(ErrorCode::invalid_argument,
+                  "contact_id = " + std::to_string(id) + ": the scene has " + std::to_string(pair_count(whole_)) +
+                      " pairs of shapes, and none of that id; go on from a checkpoint of this scene");
   take(std::move(bodies), sorted(last));
   steps_ = 0;
   is_uneven_ = false;
@@ -130,6 +129,11 @@ template <class Real>
 int RankWorld<Real>::owner_of(std::size_t k) const {
   return random_ ? random_owner(own_.body[k], transport_.size(), *random_)
                  : cuts_.owner(own_.body[k], centre_of(own_.numbers[k]));
+}
+
+template <class Real>
+bool RankWorld<Real>::has_pair(std::uint64_t contact_id) const {
+  return contact_id / kFeatures < static_cast<std::uint64_t>(pair_count(whole_));
 }
 
 template <class Real>

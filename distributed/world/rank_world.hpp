@@ -34,7 +34,7 @@ class RankWorld {
   /// Bodies that this rank is to be given first: a share of their numbers.
   [[nodiscard]] BodyRange first_share() const;
   /// Puts the bodies of first_share() where they are, in order, and says what contacts of theirs ended with. Then ranks
-  /// share them out anew. \throws RankLost
+  /// share them out anew. \throws RankLost; Error(invalid_argument) for an id without has_pair()
   void put(BodyList<Real> bodies, Impulses<Real> last = {});
   /// A step. \throws RankLost; Error(out_of_memory) as World
   void step();
@@ -47,7 +47,9 @@ class RankWorld {
   [[nodiscard]] WorldMotion motion() const;                   ///< of this rank's bodies
   [[nodiscard]] const RankReport& solve_report() const { return report_; }
   [[nodiscard]] const StepTraffic& step_traffic() const { return step_traffic_; }
-  /// The id's bodies, -1 for the world.
+  /// Whether an id is of a pair of shapes of this scene.
+  [[nodiscard]] bool has_pair(std::uint64_t contact_id) const;
+  /// The id's bodies, -1 for the world. The id is one of those.
   [[nodiscard]] ShapePair pair_of(std::uint64_t contact_id) const;
 
  private:

@@ -16,8 +16,9 @@ from ._solution import SOLVERS, Solution
 from .monitor import _Statistics, spans_by_kind
 
 
-#: What room may be asked for.
-_ROOMS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env_dofs")
+#: What room may be asked for: counts, then what there is room for or not.
+_COUNTS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env_dofs")
+_SWITCHES = ("wide", "semidefinite")
 
 
 class _SolverBase:
@@ -142,6 +143,7 @@ class Solver(_SolverBase):
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
         is for the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
+        Beside these, wide: room for double precision, the default; semidefinite: for cones of that kind, not by default.
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
         `stiction replay`.
@@ -241,14 +243,15 @@ class Solver(_SolverBase):
 
 
 def _rooms(capacity):
-    """The caller's numbers of room by name."""
+    """The caller's room by name."""
     rooms = {} if capacity is None else capacity
     if not isinstance(rooms, dict):
         raise TypeError(f"capacity: expected a dict, got {type(rooms).__name__}")
     for name in rooms:
-        if name not in _ROOMS:
-            raise ValueError(f"capacity: expected {', '.join(_ROOMS)}, got {name!r}")
-    return {name: whole(f"capacity[{name!r}]", value, 2**63 - 1) for name, value in rooms.items()}
+        if name not in _COUNTS + _SWITCHES:
+            raise ValueError(f"capacity: expected {', '.join(_COUNTS + _SWITCHES)}, got {name!r}")
+    return {name: bool(value) if name in _SWITCHES else whole(f"capacity[{name!r}]", value, 2**63 - 1)
+            for name, value in rooms.items()}
 
 
 def _need_twists(seen):

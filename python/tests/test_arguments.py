@@ -52,6 +52,10 @@ def test_a_float_that_is_whole_is_a_whole_number():
     assert stiction.World([], [], 3.0).env_count == 3
 
 
+def test_room_is_counts_and_switches():
+    Solver(capacity={"envs": 2, "rows": 1e2, "wide": False, "semidefinite": True})
+
+
 def test_a_signal_ends_many_steps_between_two_of_them():
     """In a process of its own: without the check it would step for half an hour."""
     program = textwrap.dedent("""

@@ -195,7 +195,7 @@ Case heap(int count, std::uint64_t seed) {
                            .size = kind == ShapeKind::box ? std::array{0.08, 0.06, 0.1} : std::array{0.08, 0.07, 0.0},
                            .mu = 0.4,
                            .restitution = 0.2};
-    add(scene, shape, {0.22 * (k % 4), 0.22 * (k / 4 % 4), 0.12 + 0.22 * (k / 16)},
+    add(scene, shape, {0.22 * (k % 4), 0.22 * Index{k / 4 % 4}, 0.12 + 0.22 * Index{k / 16}},
         {symmetric(), symmetric(), symmetric() - 1, 3 * symmetric(), 3 * symmetric(), 3 * symmetric()});
   }
   return scene;
@@ -241,7 +241,8 @@ TEST(RankWorld, ABodyWithMoreContactsThanAWordHasBits) {
   Case scene = on_a_floor();
   add(scene, {.kind = ShapeKind::box, .size = {1.2, 1.2, 0.1}}, {0, 0, 0.1});
   for (int k = 0; k < 81; ++k)
-    add(scene, {.kind = ShapeKind::sphere, .size = {0.1, 0, 0}}, {0.24 * (k % 9) - 0.96, 0.24 * (k / 9) - 0.96, 0.3});
+    add(scene, {.kind = ShapeKind::sphere, .size = {0.1, 0, 0}},
+        {0.24 * (k % 9) - 0.96, 0.24 * Index{k / 9} - 0.96, 0.3});
   scene.steps = 5;
   expect_one_world<double>(scene);
 }
@@ -252,7 +253,9 @@ TEST(RankWorld, BodiesThatGoToOtherRanksTakeTheirImpulsesAlong) {
   const WorldShape box{.kind = ShapeKind::box, .size = {0.1, 0.1, 0.1}, .mu = 0.05};
   for (int k = 0; k < 12; ++k) {
     const bool is_left = k % 2 == 0;
-    add(scene, box, {is_left ? -0.6 - 0.3 * (k / 6) : 0.6 + 0.3 * (k / 6), is_left ? 0 : 0.4, 0.1 + 0.2 * (k / 2 % 3)},
+    add(scene, box,
+        {is_left ? -0.6 - 0.3 * Index{k / 6} : 0.6 + 0.3 * Index{k / 6}, is_left ? 0 : 0.4,
+         0.1 + 0.2 * Index{k / 2 % 3}},
         {is_left ? 5.0 : -5.0, 0, 0, 0, 0, 0});
   }
   scene.steps = 50;
@@ -358,6 +361,23 @@ TEST(RankWorld, SharesBodiesOutAnewWhenTheyGather) {
   by_ranks<double>(scene, 2, {}, world_of<double>(scene).checkpoint(), scene.steps, &counts);
   EXPECT_EQ(counts.owned, 24);
   EXPECT_LE(counts.most, 14);
+}
+
+TEST(RankWorld, RefusesImpulsesOfNoPair) {
+  const Case scene = heap(4, 5);
+  const std::vector<WorldShape>& shapes = scene.description.shapes;
+  std::uint64_t pairs = 0;
+  for (std::size_t a = 0; a < shapes.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) pairs += shapes[a].body != shapes[b].body ? 1 : 0;
+  run_thread_ranks(1, kDeadline, [&](Transport& transport) {
+    const WorldModel<double> whole(scene.description, scene.options);
+    RankWorld<double> world(transport, whole.view(), scene.options);
+    const std::uint64_t last = pairs * kFeatures - 1;
+    EXPECT_LT(world.pair_of(last).body_a, world.pair_of(last).body_b);
+    EXPECT_FALSE(world.has_pair(last + 1));
+    EXPECT_NO_THROW(world.put({}, {{last}, {1, 2, 3}}));
+    for (const std::uint64_t id : {last + 1, ~std::uint64_t{0}}) EXPECT_THROW(world.put({}, {{id}, {1, 2, 3}}), Error);
+  });
 }
 
 TEST(RankWorld, RefusesRanksThatDiffer) {

@@ -6,8 +6,9 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 
-/// What all solvers on one kind of team have in common: half of the code of each. It is compiled once for a team
-/// instead of once for every solver. `kind` is `extern` where it is used and empty in the one unit that holds it.
+/// What all solvers on one kind of team have in common: loading, the record of the best iterate, judging. It is
+/// compiled once for a team instead of once for every solver. `kind` is `extern` where it is used and empty in the one
+/// unit that holds it.
 #define STICTION_SHARED_RECORDS(kind, BlockType, kMatrices, ...)                               \
   kind template void record_iterate<kMatrices, Law::convex>(BlockType&, __VA_ARGS__&,          \
                                                             Mask<typename __VA_ARGS__::Real>); \
