@@ -7,9 +7,10 @@ set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
+# A test that only calls the library is compiled as test.sh does it. Where there is a compiler's cache, that has been done.
 kind=${1:-address}
 build=${STICTION_SANITIZE_DIR:-$root/build-sanitize-$kind}
-options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=None -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
+options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
   -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_GPU_FIRST=OFF -DSTICTION_BUILD_TESTS=ON
   -DSTICTION_TEST_TIMEOUT=900)
 case $kind in
@@ -17,10 +18,11 @@ case $kind in
     # Checks as calls, and none of the stack: else a kernel takes four times as long to compile. The fuzzers' build checks
     # the stack, and undefined behaviour in kernels.
     # Scratch holds other numbers every time: what is read before it is written shows where bits are compared.
-    flags="-O1 -g1 -fno-omit-frame-pointer -fsanitize=address --param asan-instrumentation-with-call-threshold=0 --param asan-stack=0 -DSTICTION_NOISY_SCRATCH"
     # Tests go through packs as wide as AVX-512's by kernels that AVX2 runs.
-    options+=(-DSTICTION_ENABLE_AVX512=OFF "-DSTICTION_CORE_OPTIONS=-fsanitize=undefined;-fno-sanitize-recover=all"
-      -DCMAKE_EXE_LINKER_FLAGS=-fsanitize=undefined -DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=undefined)
+    options+=(-DSTICTION_ENABLE_AVX512=OFF -DSTICTION_CPU_KERNELS=native
+      "-DSTICTION_LIBRARY_OPTIONS=-O1;-g1;-fno-omit-frame-pointer;-fsanitize=address;SHELL:--param asan-instrumentation-with-call-threshold=0;SHELL:--param asan-stack=0;-DSTICTION_NOISY_SCRATCH"
+      "-DSTICTION_CORE_OPTIONS=-fsanitize=undefined;-fno-sanitize-recover=all"
+      "-DCMAKE_EXE_LINKER_FLAGS=-fsanitize=address,undefined" "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=address,undefined")
     targets=()
     # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes
     # minutes and runs no code of the library that others do not.
@@ -29,10 +31,11 @@ case $kind in
     export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1
     ;;
   thread)
-    flags="-O1 -g1 -fsanitize=thread"
-    # Threads do not depend on vectors, and oneTBB is not instrumented. Without precompiled headers a file that does not
-    # include what it uses fails.
-    options+=(-DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON)
+    # Threads do not depend on vectors, and oneTBB is not instrumented. Without precompiled headers a file of the library
+    # that does not include what it uses fails.
+    options+=(-DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON
+      "-DSTICTION_LIBRARY_OPTIONS=-O1;-g1;-fsanitize=thread" "-DCMAKE_EXE_LINKER_FLAGS=-fsanitize=thread"
+      "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=thread")
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
       unit_test_parallel_for unit_test_solver)
     for solver in $(sed -n 's/^stiction_add_solver(\([a-z0-9_]*\).*/\1/p' "$root/cmake/solvers.cmake"); do
@@ -48,7 +51,6 @@ case $kind in
     ;;
   *) echo "sanitize.sh: $kind: give address or thread" >&2; exit 2 ;;
 esac
-options+=("-DCMAKE_C_FLAGS=$flags" "-DCMAKE_CXX_FLAGS=$flags")
 command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 
 begin=$SECONDS

@@ -29,7 +29,7 @@ if(TARGET stiction_cpu_avx2)
     target_compile_definitions(stiction_test_${width} PRIVATE STICTION_ISA=isa_test_${width}
       STICTION_ISA_NAME="${width}" STICTION_VECTOR_BYTES=${bytes} STICTION_PACKS_ALONE)
     # Optimised little: what they are for is width, not speed.
-    target_compile_options(stiction_test_${width} PRIVATE ${options})
+    target_compile_options(stiction_test_${width} PRIVATE ${STICTION_LIBRARY_OPTIONS} ${options})
     target_link_libraries(stiction_test_${width} PRIVATE stiction_fp stiction_warnings)
     stiction_keep_lines(stiction_test_${width})
     list(APPEND _widths $<TARGET_OBJECTS:stiction_test_${width}>)

@@ -14,5 +14,5 @@ except ImportError as error:
     sys.exit(77)
 
 folder = str(pathlib.Path(__file__).parent)
-options = ["-q", "-rs", "-p", "no:cacheprovider", "-m", "quick or not warp"]
+options = ["-q", "-rs", "--durations=20", "--durations-min=2", "-p", "no:cacheprovider", "-m", "quick or not warp"]
 sys.exit(pytest.main([*options, folder, *sys.argv[1:]]))
