@@ -7,6 +7,8 @@
 import csv
 import json
 import os
+import pathlib
+import tempfile
 
 import numpy as np
 
@@ -21,12 +23,27 @@ WINDOW = 65536
 _MOST_RECORDED = 256
 
 
+def _writable(name, folder):
+    """The path of a folder that files can be written to, or that can be made. It is not made before there is a file for
+    it. Raises ValueError where it cannot be."""
+    folder = os.fspath(folder)
+    above = pathlib.Path(folder).absolute()
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    try:
+        with tempfile.TemporaryFile(dir=above):
+            return folder
+    except OSError as error:
+        raise ValueError(f"{name}: expected a folder that can be written to, got {str(folder)!r} ({above}: "
+                         f"{error.strerror}): name another one") from None
+
+
 class _Statistics:
     """Counts what a solver's solves did."""
 
     def __init__(self, solver, callback=None, record_failures=None):
         self._solver, self._callback = solver, callback
-        self._folder = None if record_failures is None else os.fspath(record_failures)
+        self._folder = None if record_failures is None else _writable("record_failures", record_failures)
         self._files = {}
         self._solves, self._environments, self._seconds, self._warm = 0, 0, 0.0, 0
         self._codes, self._flags, self._solvers = np.zeros(256, int), np.zeros(32, int), np.zeros(256, int)

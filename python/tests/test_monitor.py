@@ -112,6 +112,20 @@ def test_nothing_is_written_where_nothing_failed(padded, tmp_path):
     assert not (tmp_path / "failures").exists()
 
 
+@pytest.mark.parametrize("where", ["taken/failures", "taken"])
+def test_a_folder_that_cannot_be_written_to_is_refused_at_once(tmp_path, where):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ValueError, match="record_failures: expected a folder that can be written to, got .*taken"):
+        Solver(record_failures=tmp_path / where)
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_folder_that_is_writable_stays_as_it_is_until_something_fails(tmp_path):
+    Solver(record_failures=tmp_path)
+    Solver(record_failures=tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_callback_that_fails_is_heard(padded):
     def fail(stats):
         raise KeyError("logger")
