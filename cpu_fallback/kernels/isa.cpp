@@ -2,7 +2,10 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <string>
 #include <vector>
+
+#include "stiction/error.hpp"
 
 namespace stiction {
 
@@ -79,6 +82,31 @@ std::vector<Isa>& added() {
   return isas;
 }
 
+/// f(isa) of all builds, the library's and those that were added.
+template <class F>
+void for_each_isa(const F& f) {
+  for (const Isa& isa : kIsas) f(isa);
+  for (const Isa& isa : added()) f(isa);
+}
+
+/// Whether it asks for what is taken without being asked for.
+bool is_widest(const char* name) {
+  return *name == '\0' || std::strcmp(name, "widest") == 0;
+}
+
+bool is_built(const char* name) {
+  bool found = false;
+  for_each_isa([&](const Isa& isa) { found = found || std::strcmp(name, isa.name) == 0; });
+  return found;
+}
+
+[[noreturn]] void refuse_name(const char* name) {
+  std::string built;
+  for_each_isa([&](const Isa& isa) { built += std::string(", ") + isa.name; });
+  throw Error(ErrorCode::invalid_argument, std::string("STICTION_ISA = '") + name + "': expected one of widest" +
+                                               built + ", the kernels of this build: unset it for the widest");
+}
+
 }  // namespace
 
 bool add_isa(const Isa& isa) {
@@ -96,8 +124,11 @@ const Isa* find_isa(const char* name) {
 }
 
 const Isa& best_isa() {
-  if (const char* wanted = std::getenv("STICTION_ISA"))
+  const char* const wanted = std::getenv("STICTION_ISA");
+  if (wanted != nullptr && !is_widest(wanted)) {
     if (const Isa* isa = find_isa(wanted)) return *isa;
+    if (!is_built(wanted)) refuse_name(wanted);
+  }
   for (const Isa& isa : kIsas)
     if (isa.supported()) return isa;
   return kIsas[sizeof(kIsas) / sizeof(kIsas[0]) - 1];

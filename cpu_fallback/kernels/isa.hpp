@@ -24,7 +24,8 @@ struct Isa {
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
-/// (baseline, avx2, avx512) asks for a narrower one; what the CPU cannot run is not taken.
+/// (baseline, avx2, avx512) asks for a narrower one; widest, or nothing, for this one. What the CPU cannot run is not
+/// taken. \throws Error(invalid_argument) for a name that no build has, with those that there are.
 const Isa& best_isa();
 
 /// The build of that name, or null where the CPU cannot run it or there is none.

@@ -171,6 +171,14 @@ def test_errors_say_their_code():
     assert issubclass(stiction.Error, RuntimeError)
 
 
+def test_kernels_that_no_build_has_are_refused_with_those_that_there_are(monkeypatch):
+    monkeypatch.setenv("STICTION_ISA", "mmx")
+    refused(stiction.Error, "STICTION_ISA = 'mmx': expected one of widest, ", Solver)
+    assert "baseline, the kernels of this build" in str(refused(stiction.Error, "", Solver))
+    monkeypatch.setenv("STICTION_ISA", "baseline")
+    Solver()
+
+
 def test_a_gpu_that_is_not_there_is_refused_with_the_reason():
     if any(report["device"].startswith("cuda") and report["usable"] for report in stiction.devices()):
         pytest.skip("there is a GPU")

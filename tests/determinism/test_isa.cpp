@@ -149,9 +149,24 @@ TYPED_TEST(Isa, ABatchOfOneIsSolvedLikeTheSameEnvironmentInAPack) {
   }
 }
 
-TEST(IsaChoice, AnUnknownNameFallsBackToTheWidestBuild) {
+TEST(IsaChoice, AnUnknownNameIsRefusedWithThoseThatThereAre) {
   const ScopedIsa isa("mmx");
-  EXPECT_EQ(cpu::best_isa().name, std::string(usable_shipped_isas().back()));
+  try {
+    const Solver solver(Device::cpu(), SolverOptions{});
+    ADD_FAILURE() << "made a solver";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::invalid_argument);
+    const std::string said = error.what();
+    EXPECT_EQ(said.find("STICTION_ISA = 'mmx': expected one of widest, "), 0U) << said;
+    for (const char* name : usable_isas()) EXPECT_NE(said.find(name), std::string::npos) << name << " in " << said;
+  }
+}
+
+TEST(IsaChoice, TheWidestBuildIsTakenIfItIsNamedOrNothingIs) {
+  for (const char* name : {"widest", ""}) {
+    const ScopedIsa isa(name);
+    EXPECT_EQ(cpu::best_isa().name, std::string(usable_shipped_isas().back())) << "'" << name << "'";
+  }
 }
 
 TEST(IsaChoice, TheBuildThatTheEnvironmentAsksForIsTheOneThatRuns) {
