@@ -38,6 +38,7 @@ MujocoChunk::MujocoChunk(const MujocoLayout& layout, MujocoFunctions functions, 
       cones_(data_.size(), 0),
       system_(mass_form_of(options, layout_.nv)),
       previous_(system_.mass_form),
+      left_out_(data_.size(), 0),
       was_reset_(data_.size(), 0),
       starts_over_(data_.size(), 0),
       rk4_(data_.size()) {}
@@ -134,15 +135,16 @@ Index MujocoChunk::count_cones(const std::byte* data, Index rows) const {
   return cones;
 }
 
-void MujocoChunk::place() {
+void MujocoChunk::place(Rowless rowless) {
   MujocoSystem& to = system_;
   const std::size_t envs = data_.size();
   for (auto* offsets : {&to.env_row_offsets, &to.env_cone_offsets, &to.env_dof_offsets, &to.env_mass_offsets})
     offsets->assign(envs + 1, 0);
   Offset entries = 0;
   for (std::size_t env = 0; env < envs; ++env) {
-    const Offset dofs = active_[env] != 0 ? layout_.nv : 0;
     const Offset rows = active_[env] != 0 ? number_at<std::int32_t>(bytes(data_[env]), layout_.nefc) : 0;
+    left_out_[env] = active_[env] != 0 && rows == 0 && rowless == Rowless::left_out ? 1 : 0;
+    const Offset dofs = active_[env] != 0 && left_out_[env] == 0 ? layout_.nv : 0;
     to.env_row_offsets[env + 1] = to.env_row_offsets[env] + rows;
     to.env_cone_offsets[env + 1] = to.env_cone_offsets[env] + (active_[env] != 0 ? cones_[env] : 0);
     to.env_dof_offsets[env + 1] = to.env_dof_offsets[env] + dofs;
@@ -155,8 +157,8 @@ void MujocoChunk::place() {
   for (auto* dof_array : {&to.v_free, &to.start, &to.velocity})
     dof_array->resize(static_cast<std::size_t>(to.env_dof_offsets.back()));
   // Masses have the places of their zeros in common: what was zero stays so.
-  const auto masses = static_cast<std::size_t>(to.env_mass_offsets.back());
-  if (!to.has_own_zeros || to.M.size() != masses) to.M.assign(masses, 0.0);
+  if (!to.has_own_zeros) to.M.clear();
+  to.M.resize(static_cast<std::size_t>(to.env_mass_offsets.back()));
   to.has_own_zeros = true;
   to.J.resize(static_cast<std::size_t>(entries));
   to.row_offsets.resize(rows + 1);
@@ -273,24 +275,28 @@ void MujocoChunk::fill_factor(const std::byte* data, double* factor) const {
   }
 }
 
-void MujocoChunk::fill(std::size_t env) {
-  const auto* data = bytes(data_[env]);
-  const Offset row = system_.env_row_offsets[env];
-  const auto rows = static_cast<Index>(system_.env_row_offsets[env + 1] - row);
-  const auto nv = static_cast<Offset>(layout_.nv);
-  const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
+void MujocoChunk::fill_motion(const std::byte* data, double* v_free, double* start, double* M) const {
+  const auto nv = static_cast<std::size_t>(layout_.nv);
   const auto* smooth = array_at<const double>(data, layout_.qacc_smooth);
-  double* v_free = system_.v_free.data() + system_.env_dof_offsets[env];
-  double* start = system_.start.data() + system_.env_dof_offsets[env];
-  const auto* last = array_at<const double>(data, layout_.qacc_warmstart);
   if (system_.mass_form == MassForm::matrix) {
-    std::memcpy(v_free, smooth, bytes_of(nv));
-    std::memcpy(start, last, bytes_of(nv));
+    std::memcpy(v_free, smooth, nv * sizeof(double));
+    std::memcpy(start, array_at<const double>(data, layout_.qacc_warmstart), nv * sizeof(double));
   } else {
     std::reverse_copy(smooth, smooth + nv, v_free);
   }
+  fill_mass(data, M);
+}
+
+void MujocoChunk::fill(std::size_t env) {
+  if (left_out_[env] != 0) return;
+  const auto* data = bytes(data_[env]);
+  const Offset row = system_.env_row_offsets[env], dof = system_.env_dof_offsets[env];
+  const auto rows = static_cast<Index>(system_.env_row_offsets[env + 1] - row);
+  const auto nv = static_cast<Offset>(layout_.nv);
+  const auto bytes_of = [](Offset count) { return static_cast<std::size_t>(count) * sizeof(double); };
+  double* start = system_.start.data() + dof;
+  fill_motion(data, system_.v_free.data() + dof, start, system_.M.data() + system_.env_mass_offsets[env]);
   if (starts_over_[env] != 0) std::fill_n(start, nv, 0.0);
-  fill_mass(data, system_.M.data() + system_.env_mass_offsets[env]);
   if (rows == 0) return;
 
   // Rows of one simulation have as many entries each, and inactive ones have none, so the row's number says where.
@@ -302,52 +308,41 @@ void MujocoChunk::fill(std::size_t env) {
   fill_cones(data, row, system_.env_cone_offsets[env], rows);
 }
 
-void MujocoChunk::gather() {
+void MujocoChunk::gather(Rowless rowless) {
   // The last rows are of use to those alone who start from reactions. Else one system's memory stays in the cache.
   if (!starts_from_accelerations()) std::swap(system_, previous_);
-  place();
+  place(rowless);
   each([this](std::size_t env) { fill(env); });
 }
 
-void MujocoChunk::make_room() {
-  const auto envs = static_cast<Offset>(data_.size());
-  const auto cones = static_cast<Offset>(system_.cone_kind.size());
-  const auto rows = static_cast<Offset>(system_.R.size());
-  if (store_ && cones <= store_->capacity().cones && rows <= store_->capacity().rows) return;
-  WarmStartOptions options;
-  options.beta = warm_start_;
-  options.scaling = StepScaling::none;  // reactions are forces here
-  options.threads = options_.threads;
-  store_ = std::make_unique<WarmStartStore<double>>(Device::cpu(), WarmStartCapacity{envs, 2 * cones + 1, 2 * rows + 1},
-                                                    options);
-  // What the smaller one knew, without what was reset since: room must not reach a bit.
-  if (previous_.env_row_offsets.size() != data_.size() + 1) return;
-  store_->store(previous_.structure(), previous_.cone_id.data(),
-                {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
-  store_->reset_where(was_reset_.data());
-}
-
-void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance, const Index* max_iterations) {
-  auto view = system_.view();
-  view.env_tolerance = tolerance;
-  view.env_max_iterations = max_iterations;
-  const bool warm = warm_start_ > 0.0, by_accelerations = warm && starts_from_accelerations();
-  const bool by_reactions = warm && !by_accelerations;
-  if (by_reactions) {
-    make_room();
-    guess_.reserve(1);
-    guess_.resize(system_.R.size());
-    store_->load(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
+MujocoSystem MujocoChunk::whole_system() const {
+  MujocoSystem whole = system_;
+  if (std::find(left_out_.begin(), left_out_.end(), 1) == left_out_.end()) return whole;
+  const auto nv = static_cast<std::size_t>(layout_.nv);
+  for (std::size_t env = 0; env < data_.size(); ++env) {
+    const Offset dofs =
+        left_out_[env] != 0 ? Offset{layout_.nv} : system_.env_dof_offsets[env + 1] - system_.env_dof_offsets[env];
+    whole.env_dof_offsets[env + 1] = whole.env_dof_offsets[env] + dofs;
+    whole.env_mass_offsets[env + 1] = whole.env_mass_offsets[env] + dofs * dofs;
   }
-  const JacobianStart<double> start{by_reactions ? guess_.data() : nullptr,
-                                    by_accelerations ? system_.start.data() : nullptr};
-  solver.solve(view, {system_.lambda.data(), nullptr, system_.velocity.data(), system_.status.data()}, start);
-  for (std::size_t env = 0; env < data_.size(); ++env)
-    if (active_[env] != 0) starts_over_[env] = 0;
-  if (!by_reactions) return;
-  store_->store(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
-                layout_.timestep);
-  was_reset_.assign(data_.size(), 0);
+  for (auto* array : {&whole.v_free, &whole.start, &whole.velocity})
+    array->resize(static_cast<std::size_t>(whole.env_dof_offsets.back()));
+  whole.M.assign(static_cast<std::size_t>(whole.env_mass_offsets.back()), 0.0);
+  for (std::size_t env = 0; env < data_.size(); ++env) {
+    const Offset dof = whole.env_dof_offsets[env], mass = whole.env_mass_offsets[env];
+    double* const v_free = whole.v_free.data() + dof;
+    if (left_out_[env] != 0) {
+      fill_motion(bytes(data_[env]), v_free, whole.start.data() + dof, whole.M.data() + mass);
+      std::copy_n(v_free, nv, whole.velocity.data() + dof);
+      continue;
+    }
+    const Offset from = system_.env_dof_offsets[env], dofs = system_.env_dof_offsets[env + 1] - from;
+    std::copy_n(system_.v_free.data() + from, dofs, v_free);
+    std::copy_n(system_.start.data() + from, dofs, whole.start.data() + dof);
+    std::copy_n(system_.velocity.data() + from, dofs, whole.velocity.data() + dof);
+    std::copy_n(system_.M.data() + system_.env_mass_offsets[env], dofs * dofs, whole.M.data() + mass);
+  }
+  return whole;
 }
 
 }  // namespace stiction::python

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "python/src/mujoco_solved_part.hpp"
 #include "python/src/mujoco_system.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/warm_start.hpp"
@@ -65,6 +66,12 @@ struct MujocoStage {
   OwnStage own = OwnStage::end;
 };
 
+/// What gather() does with simulations that have no rows, whose accelerations are those without constraints.
+enum class Rowless : bool {
+  left_out,  ///< no number of theirs is read, and no solver is told of them
+  kept,      ///< they are gathered as others are: for who wants masses of all, or puts others into their places
+};
+
 /// Simulations of one MuJoCo model whose constraints are solved in one batch, on one thread. Those that are not active
 /// are left alone by every call. The bits of a simulation depend on it alone.
 class MujocoChunk {
@@ -81,7 +88,7 @@ class MujocoChunk {
   /// still in a cache at the next. \throws Error(unsupported) for a kind of row that is not known, naming it.
   void run(const std::vector<MujocoStage>& stages);
   /// Collects rows, cones and masses of what `count` has counted.
-  void gather();
+  void gather(Rowless rowless);
   /// Solves what was gathered. The limits are as in JacobianBatchView, or null.
   void solve(JacobianSolver<double>& solver, const double* tolerance, const Index* max_iterations);
   /// Writes the controls of active simulations  (simulations x nu).
@@ -102,7 +109,10 @@ class MujocoChunk {
     return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
   }
 
+  /// What the last solve was told, and its answers.
   [[nodiscard]] const MujocoSystem& system() const noexcept { return system_; }
+  /// That system with the simulations that were left out, whose masses and accelerations are read now.
+  [[nodiscard]] MujocoSystem whole_system() const;
   [[nodiscard]] std::size_t size() const noexcept { return data_.size(); }
 
  private:
@@ -119,8 +129,9 @@ class MujocoChunk {
       if (active_[env] != 0) work(env);
   }
   void run_own(OwnStage stage, std::size_t env);
-  void place();
+  void place(Rowless rowless);
   void fill(std::size_t env);
+  void fill_motion(const std::byte* data, double* v_free, double* start, double* M) const;
   void write_back(std::size_t env);
   void rk4_begin(std::size_t env);
   void rk4_enter(std::size_t env, int stage);
@@ -147,6 +158,8 @@ class MujocoChunk {
   std::vector<std::uint8_t> active_;
   std::vector<Index> cones_;  ///< counted, of each simulation
   MujocoSystem system_, previous_;
+  SolvedPart solved_;                   ///< of system_
+  std::vector<std::uint8_t> left_out_;  ///< active simulations that were not gathered
   std::unique_ptr<WarmStartStore<double>> store_;
   std::vector<std::uint8_t> was_reset_;    ///< since the last store
   std::vector<std::uint8_t> starts_over_;  ///< from no acceleration, as after mj_resetData; since its last solve

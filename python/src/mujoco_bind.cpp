@@ -178,7 +178,9 @@ void bind_mujoco(nb::module_& module) {
             self.read(offset, to.shape(1), to.data());
           },
           nb::arg("offset"), nb::arg("to"))
-      .def("gather", &MujocoSimulations::gather, Unlocked())
+      .def(
+          "gather", [](MujocoSimulations& self, bool all) { self.gather(all ? Rowless::kept : Rowless::left_out); },
+          nb::arg("all") = false, Unlocked())
       .def("solve", nb::overload_cast<>(&MujocoSimulations::solve), Unlocked())
       .def("limit", &MujocoSimulations::limit, nb::arg("tolerance"), nb::arg("max_iterations"))
       .def("step", &MujocoSimulations::step, nb::arg("solves"), nb::arg("count"), Unlocked())

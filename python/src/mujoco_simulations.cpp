@@ -106,7 +106,7 @@ std::array<double, 4> MujocoSimulations::step(const std::vector<MujocoSolve>& so
         if (one.constraint != nullptr) {
           chunk.run({{one.constraint}});
         } else {
-          chunk.gather();
+          chunk.gather(Rowless::left_out);
           watch.was(1);
           solve(i, worker);
         }
@@ -130,8 +130,8 @@ void MujocoSimulations::run(const std::vector<MujocoStage>& stages) {
   each_chunk([&](std::size_t i, int) { chunks_[i]->run(stages); });
 }
 
-void MujocoSimulations::gather() {
-  each_chunk([&](std::size_t i, int) { chunks_[i]->gather(); });
+void MujocoSimulations::gather(Rowless rowless) {
+  each_chunk([&](std::size_t i, int) { chunks_[i]->gather(rowless); });
 }
 
 void MujocoSimulations::set_masses(const double* masses) {
@@ -160,7 +160,7 @@ void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations)
 
 MujocoSystem MujocoSimulations::system() const {
   MujocoSystem all(chunks_.front()->system().mass_form);
-  for (const auto& chunk : chunks_) all.append(chunk->system());
+  for (const auto& chunk : chunks_) all.append(chunk->whole_system());
   return all;
 }
 

@@ -41,7 +41,7 @@ class MujocoSimulations {
 
   /// The parts of a step, as MujocoChunk has them.
   void run(const std::vector<MujocoStage>& stages);
-  void gather();
+  void gather(Rowless rowless);
   void set_masses(const double* masses);
   void solve();
 
@@ -51,7 +51,8 @@ class MujocoSimulations {
   [[nodiscard]] bool starts_from_accelerations() const { return chunks_.front()->starts_from_accelerations(); }
   [[nodiscard]] bool has_factors() const { return chunks_.front()->system().mass_form == MassForm::factor; }
 
-  /// Rows of all simulations, and their answers, as the last solve had them.
+  /// Rows of all simulations, and their answers, as the last solve had them. Masses and free accelerations of
+  /// simulations without rows are those of now.
   [[nodiscard]] MujocoSystem system() const;
   /// Records of all solves since this was last called, solve by solve of each chunk.
   std::vector<EnvStatus> take_records();

@@ -78,17 +78,18 @@ void MujocoChunk::write_back(std::size_t env) {
   const auto nv = static_cast<std::size_t>(layout_.nv);
   const auto row = system_.env_row_offsets[env];
   const auto rows = static_cast<std::size_t>(system_.env_row_offsets[env + 1] - row);
-  const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
   auto* qacc = array_at<double>(data, layout_.qacc);
+  auto* force = array_at<double>(data, layout_.qfrc_constraint);
+  if (rows == 0) {
+    std::memcpy(qacc, array_at<const double>(data, layout_.qacc_smooth), nv * sizeof(double));
+    std::memset(force, 0, nv * sizeof(double));
+    return;
+  }
+  const double* velocity = system_.velocity.data() + system_.env_dof_offsets[env];
   if (system_.mass_form == MassForm::matrix) {
     std::memcpy(qacc, velocity, nv * sizeof(double));
   } else {
     std::reverse_copy(velocity, velocity + nv, qacc);
-  }
-  auto* force = array_at<double>(data, layout_.qfrc_constraint);
-  if (rows == 0) {
-    std::memset(force, 0, nv * sizeof(double));
-    return;
   }
   auto* reactions = array_at<double>(data, layout_.efc_force);
   std::memcpy(reactions, system_.lambda.data() + row, rows * sizeof(double));

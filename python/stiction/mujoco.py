@@ -323,7 +323,7 @@ class BatchedSimulation:
         if self._own:
             return
         self._run("count")
-        self._core.gather()
+        self._core.gather(all=True)  # their metrics take the places of masses
         self._metric = self._metric or Metric(self.model)
         self._metric.before(self._core, [one for i, one in enumerate(self.data)
                                          if self._active is None or self._active[i]])
@@ -366,7 +366,7 @@ def gather(model, data, **options):
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
                                    model._address, [one._address for one in places], Solver(**options)._options, 0.0)
     core.run([_core.mujoco_stages()["count"]])
-    core.gather()
+    core.gather(all=True)
     return _batch_of(_core.mujoco_arrays(core), model.nv)
 
 
