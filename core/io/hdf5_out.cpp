@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
+#include <utility>
 
 #include "stiction/error.hpp"
 
@@ -47,21 +49,43 @@ void force_to_disk(const std::filesystem::path& path) {
 OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)), temporary_(beside(path_)) {
   const Handle create(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   H5Pset_obj_track_times(create.get(), false);
-  file_ = Handle(H5Fcreate(temporary_.c_str(), H5F_ACC_EXCL, create.get(), H5P_DEFAULT), H5Fclose);
-  if (!file_.ok()) {
-    committed_ = true;  // nothing to remove
-    fail("cannot be created: is the folder there and writable?");
-  }
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  constexpr std::size_t kGrowth = std::size_t{1} << 20;
+  H5Pset_fapl_core(access.get(), kGrowth, /*backing_store=*/false);
+  file_ = Handle(H5Fcreate(temporary_.c_str(), H5F_ACC_EXCL, create.get(), access.get()), H5Fclose);
+  if (!file_.ok()) fail("cannot be created");
+  disk_ = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (disk_ < 0) fail_on_disk("cannot be created: is the folder there and writable?");
 }
 
 OutputFile::~OutputFile() {
   file_.close();
+  if (disk_ >= 0) close(disk_);
   std::error_code ignored;
   if (!committed_) std::filesystem::remove(temporary_, ignored);
 }
 
 void OutputFile::fail(const std::string& what) const {
   throw Error(ErrorCode::io, path_.string() + ": " + what + hdf5_reason());
+}
+
+void OutputFile::fail_on_disk(const std::string& what) const {
+  const int reason = errno;
+  throw Error(ErrorCode::io, path_.string() + ": " + what + ": " + std::strerror(reason));
+}
+
+void OutputFile::write_to_disk() {
+  const ssize_t size = H5Fflush(file_.get(), H5F_SCOPE_GLOBAL) < 0 ? -1 : H5Fget_file_image(file_.get(), nullptr, 0);
+  std::vector<std::byte> image(size < 0 ? 0 : static_cast<std::size_t>(size));
+  if (image.empty() || H5Fget_file_image(file_.get(), image.data(), image.size()) != size) fail("cannot be completed");
+  file_.close();
+  for (std::span<const std::byte> rest(image); !rest.empty();) {
+    const ssize_t written = ::write(disk_, rest.data(), rest.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) fail_on_disk("cannot be written");
+    rest = rest.subspan(static_cast<std::size_t>(written));
+  }
+  if (close(std::exchange(disk_, -1)) != 0) fail_on_disk("cannot be written");
 }
 
 void OutputFile::group(const std::string& path) {
@@ -170,18 +194,22 @@ void OutputFile::attribute(const std::string& name, std::int64_t value) {
 }
 
 void OutputFile::commit() {
-  if (!file_.close()) fail("cannot be completed: is the disk full?");
+  write_to_disk();
+  put_in_place();
+}
+
+void OutputFile::commit_to_disk() {
+  write_to_disk();
+  force_to_disk(temporary_);
+  put_in_place();
+  force_to_disk(path_.has_parent_path() ? path_.parent_path() : std::filesystem::path("."));
+}
+
+void OutputFile::put_in_place() {
   std::error_code trouble;
   std::filesystem::rename(temporary_, path_, trouble);
   if (trouble) throw Error(ErrorCode::io, path_.string() + ": cannot be put in place: " + trouble.message());
   committed_ = true;
-}
-
-void OutputFile::commit_to_disk() {
-  if (!file_.close()) fail("cannot be completed: is the disk full?");
-  force_to_disk(temporary_);
-  commit();
-  force_to_disk(path_.has_parent_path() ? path_.parent_path() : std::filesystem::path("."));
 }
 
 }  // namespace stiction::io

@@ -11,8 +11,10 @@
 
 namespace stiction::io {
 
-/// An HDF5 file being written. It lies beside its destination, to which commit() renames it. So a reader never sees
-/// half a file and a failed write leaves what was there. The same calls give the same bytes (no time stamps).
+/// An HDF5 file being written. HDF5 writes it into memory, and commit() to a file beside its destination, to which that
+/// is renamed. So a reader never sees half a file and a failed write leaves what was there. HDF5 1.10 must not meet a
+/// full disk itself: it cannot close the file then, and crashes when the program ends. The same calls give the same
+/// bytes (no time stamps).
 class OutputFile {
  public:
   explicit OutputFile(std::filesystem::path path);
@@ -47,10 +49,14 @@ class OutputFile {
   void write(const std::string& path, hid_t file_type, hid_t memory_type, std::size_t width, std::size_t count,
              const void* values);
   [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail_on_disk(const std::string& what) const;
+  void write_to_disk();
+  void put_in_place();
 
   Session session_;
   std::filesystem::path path_;
   std::filesystem::path temporary_;
+  int disk_ = -1;  ///< descriptor of temporary_
   bool committed_ = false;
   Handle file_;
 };

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "tests/cli/batches.hpp"
 #include "tests/cli/process.hpp"
@@ -166,6 +168,24 @@ TEST_F(Refused, AnOutputThatWouldReplaceTheInputOrADevice) {
   EXPECT_TRUE(is_refused(run_stiction({"convert", batch, batch}), {"overwrite"}));
   EXPECT_TRUE(is_refused(run_stiction({"solve", batch, "-o", "/dev/null"}), {"not an ordinary file"}));
   EXPECT_EQ(read_text(batch), before);
+}
+
+/// Found before the work, not after it.
+TEST_F(Refused, AnOutputWithoutAName) {
+  const std::string batch = good(), circle = folder_ / "circle";
+  std::filesystem::create_symlink(circle, circle);
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"solve", batch, "-o"}, {"step", "stack", "--steps", "1", "--checkpoint"}}) {
+    const auto written_to = [&](const std::string& name) {
+      std::vector<std::string> words = command;
+      words.push_back(name);
+      return run_stiction(words);
+    };
+    EXPECT_TRUE(is_refused(written_to(""), {"the name of a file to write is empty"}));
+    EXPECT_TRUE(is_refused(written_to("-"), {"standard output: cannot be written: a file of HDF5 needs a name"}));
+    EXPECT_TRUE(is_refused(written_to(circle), {circle, "cannot be written: Too many levels of symbolic links"}));
+    EXPECT_TRUE(std::filesystem::is_symlink(circle));
+  }
 }
 
 TEST_F(Refused, TwoOutputsInOneFile) {

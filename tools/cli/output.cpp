@@ -49,10 +49,15 @@ void require_writable(const fs::path& path) {
 }
 
 void require_replaceable(const fs::path& path) {
-  std::error_code ignored;
-  if (fs::exists(path, ignored)) {
-    if (!fs::is_regular_file(path, ignored)) refuse(path, "it exists and is not an ordinary file");
+  if (path.empty()) throw Error(ErrorCode::invalid_argument, "the name of a file to write is empty; name one");
+  if (path == "-") refuse("standard output", "a file of HDF5 needs a name");
+  std::error_code trouble;
+  const fs::file_status status = fs::status(path, trouble);
+  if (fs::exists(status)) {
+    if (!fs::is_regular_file(status)) refuse(path, "it exists and is not an ordinary file");
     probe(path, path);
+  } else if (status.type() != fs::file_type::not_found) {
+    refuse(path, trouble.message());  // links in a circle, say
   }
   fs::path beside = path;
   beside += fmt::format(".probe-{}", getpid());

@@ -11,7 +11,7 @@ namespace stiction::cli {
 void require_writable(const std::filesystem::path& path);
 
 /// Makes sure of a file that is written beside its target and renamed over it. The folder must be writable and the
-/// target, if there, an ordinary file (renaming over /dev/null would replace it).
+/// target, if there, an ordinary file (renaming over /dev/null would replace it). \throws Error if not.
 void require_replaceable(const std::filesystem::path& path);
 
 /// \throws Error(invalid_argument) if `output` is the same file as `input`.
