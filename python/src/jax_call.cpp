@@ -44,6 +44,17 @@ const Solver& solver_of(std::string_view solver, double tolerance, std::int64_t 
 struct Buffers {
   ffi::AnyBuffer A, b, mu, R, lo, hi;
   ffi::Result<ffi::AnyBuffer> lambda, w, status;
+
+  /// Whether all are of A's precision, and have its environments.
+  [[nodiscard]] bool fit() {
+    const ffi::DataType precision = A.element_type();
+    if (precision != ffi::DataType::F32 && precision != ffi::DataType::F64) return false;
+    const std::size_t rows = b.element_count();
+    for (const ffi::AnyBuffer& each : {b, mu, R, lo, hi, *lambda, *w})
+      if (each.element_type() != precision || each.element_count() != rows) return false;
+    return A.element_count() == rows * static_cast<std::size_t>(b.dimensions().back()) &&
+           status->element_count() * static_cast<std::size_t>(b.dimensions().back()) == rows * sizeof(EnvStatus);
+  }
 };
 
 template <class Real>
@@ -71,6 +82,8 @@ ffi::Error call(ffi::AnyBuffer A, ffi::AnyBuffer b, ffi::AnyBuffer mu, ffi::AnyB
                 std::string_view solver, double tolerance, std::int64_t max_iterations) {
   try {
     Buffers buffers{A, b, mu, R, lo, hi, lambda, w, status};
+    if (!buffers.fit())
+      return ffi::Error(ffi::ErrorCode::kInvalidArgument, "A, b, mu, R, lo, hi do not fit each other");
     const Solver& with = solver_of(solver, tolerance, max_iterations);
     if (A.element_type() == ffi::DataType::F64)
       solve<double>(buffers, with, law_from(std::string(law)), kinds, dims);

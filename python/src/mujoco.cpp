@@ -27,11 +27,12 @@ std::uint64_t id_of(std::uint64_t kind, std::uint64_t first, std::uint64_t secon
 }  // namespace
 
 MujocoChunk::MujocoChunk(const MujocoLayout& layout, MujocoFunctions functions, const void* model,
-                         std::vector<void*> data, const SolverOptions& options, double warm_start)
+                         std::vector<void*> data, std::size_t first, const SolverOptions& options, double warm_start)
     : layout_(layout),
       functions_(functions),
       model_(model),
       data_(std::move(data)),
+      first_(first),
       options_(options),
       warm_start_(warm_start),
       active_(data_.size(), 1),
@@ -58,9 +59,11 @@ void MujocoChunk::activate(const std::uint8_t* active) {
 }
 
 void MujocoChunk::run(const std::vector<MujocoStage>& stages) {
+  const MujocoErrors errors(functions_.handlers);
   each([&](std::size_t env) {
     for (const MujocoStage& stage : stages)
-      stage.function != nullptr ? stage.function(model_, data_[env]) : run_own(stage.own, env);
+      stage.function != nullptr ? errors.call(stage.function, model_, data_[env], first_ + env)
+                                : run_own(stage.own, env);
   });
 }
 

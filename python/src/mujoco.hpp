@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "python/src/mujoco_errors.hpp"
 #include "python/src/mujoco_solved_part.hpp"
 #include "python/src/mujoco_system.hpp"
 #include "stiction/jacobian_solver.hpp"
@@ -39,6 +40,7 @@ inline constexpr std::int32_t kPyramid = 4;
 struct MujocoFunctions {
   void (*mul_jac_t_vec)(const void* model, const void* data, double* result, const double* vector);
   void (*integrate_pos)(const void* model, double* qpos, const double* qvel, double dt);
+  MujocoHandlers handlers;
 };
 using MujocoFunction = void (*)(const void* model, void* data);
 
@@ -76,16 +78,17 @@ enum class Rowless : bool {
 /// are left alone by every call. The bits of a simulation depend on it alone.
 class MujocoChunk {
  public:
-  /// `data`: addresses of mjData structures that outlive this, as the layout does.
+  /// `data`: addresses of mjData structures that outlive this, as the layout does. `first`: number of the first one.
   MujocoChunk(const MujocoLayout& layout, MujocoFunctions functions, const void* model, std::vector<void*> data,
-              const SolverOptions& options, double warm_start);
+              std::size_t first, const SolverOptions& options, double warm_start);
 
   /// Another mjData of the model in the place of one; reactions stored of the simulation go with the old one.
   void replace(std::size_t simulation, void* data);
   /// Which simulations the calls that follow concern  (one each).
   void activate(const std::uint8_t* active);
   /// Takes every active simulation through these stages, one simulation after the other: what one stage has touched is
-  /// still in a cache at the next. \throws Error(unsupported) for a kind of row that is not known, naming it.
+  /// still in a cache at the next. \throws Error(unsupported) for an error of MuJoCo's, and for a kind of row that is
+  /// not known, naming it.
   void run(const std::vector<MujocoStage>& stages);
   /// Collects rows, cones and masses of what `count` has counted.
   void gather(Rowless rowless);
@@ -153,6 +156,7 @@ class MujocoChunk {
   MujocoFunctions functions_;
   const void* model_;
   std::vector<void*> data_;
+  std::size_t first_;
   SolverOptions options_;
   double warm_start_;
   std::vector<std::uint8_t> active_;

@@ -9,6 +9,7 @@
 
 #include "python/src/as_numpy.hpp"
 #include "python/src/mujoco_simulations.hpp"
+#include "python/src/signal_check.hpp"
 #include "python/src/solver.hpp"
 
 namespace nb = nanobind;
@@ -94,9 +95,16 @@ nb::bytes bytes_of(const std::vector<EnvStatus>& status) {
   return nb::bytes(reinterpret_cast<const char*>(status.data()), status.size() * sizeof(EnvStatus));
 }
 
+/// work() without the interpreter's lock.
+template <class Work>
+auto unlocked(const Work& work) {
+  const nb::gil_scoped_release released;
+  return work();
+}
+
 /// What the last solve had; copies.
 nb::dict arrays_of(const MujocoSimulations& simulations) {
-  auto kept = std::make_unique<MujocoSystem>(simulations.system());
+  auto kept = std::make_unique<MujocoSystem>(unlocked([&] { return simulations.system(); }));
   const MujocoSystem& system = *kept;
   const nb::capsule self(kept.release(), [](void* memory) noexcept { delete static_cast<MujocoSystem*>(memory); });
   nb::dict out;
@@ -136,26 +144,28 @@ void bind_mujoco(nb::module_& module) {
       .def(
           "__init__",
           [](MujocoSimulations* self, const nb::dict& layout, std::uintptr_t mul_jac_t_vec,
-             std::uintptr_t integrate_pos, std::uintptr_t model, const std::vector<std::uintptr_t>& data,
-             const SolverOptions& options, double warm_start) {
+             std::uintptr_t integrate_pos, const std::vector<std::uintptr_t>& handlers, std::uintptr_t model,
+             const std::vector<std::uintptr_t>& data, const SolverOptions& options, double warm_start) {
             MujocoFunctions functions{};
             functions.mul_jac_t_vec = function_at<decltype(functions.mul_jac_t_vec)>(mul_jac_t_vec);
             functions.integrate_pos = function_at<decltype(functions.integrate_pos)>(integrate_pos);
+            functions.handlers.set_of_thread = function_at<decltype(MujocoHandlers::set_of_thread)>(handlers.at(0));
+            functions.handlers.of_all = function_at<decltype(MujocoHandlers::of_all)>(handlers.at(1));
             std::vector<void*> simulations;
             for (const std::uintptr_t address : data) simulations.push_back(reinterpret_cast<void*>(address));
             new (self) MujocoSimulations(layout_from(layout), functions, reinterpret_cast<const void*>(model),
                                          simulations, options, warm_start);
           },
-          nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("model"), nb::arg("data"),
-          nb::arg("options"), nb::arg("warm_start"))
+          nb::arg("layout"), nb::arg("mul_jac_t_vec"), nb::arg("integrate_pos"), nb::arg("handlers"), nb::arg("model"),
+          nb::arg("data"), nb::arg("options"), nb::arg("warm_start"))
       .def(
           "replace",
           [](MujocoSimulations& self, std::size_t simulation, std::uintptr_t data) {
             self.replace(simulation, reinterpret_cast<void*>(data));
           },
-          nb::arg("simulation"), nb::arg("data"))
-      .def("configure", &MujocoSimulations::configure, nb::arg("timestep"), nb::arg("sparse"))
-      .def("activate", &MujocoSimulations::activate, nb::arg("active"))
+          nb::arg("simulation"), nb::arg("data"), Unlocked())
+      .def("configure", &MujocoSimulations::configure, nb::arg("timestep"), nb::arg("sparse"), Unlocked())
+      .def("activate", &MujocoSimulations::activate, nb::arg("active"), Unlocked())
       .def(
           "run",
           [](MujocoSimulations& self, const std::vector<std::uintptr_t>& stages) {
@@ -170,32 +180,39 @@ void bind_mujoco(nb::module_& module) {
              const nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>& controls) {
             self.write_controls(controls.data());
           },
-          nb::arg("controls"))
+          nb::arg("controls"), Unlocked())
       .def(
           "read",
           [](const MujocoSimulations& self, std::size_t offset,
              const nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>& to) {
             self.read(offset, to.shape(1), to.data());
           },
-          nb::arg("offset"), nb::arg("to"))
+          nb::arg("offset"), nb::arg("to"), Unlocked())
       .def(
           "gather", [](MujocoSimulations& self, bool all) { self.gather(all ? Rowless::kept : Rowless::left_out); },
           nb::arg("all") = false, Unlocked())
       .def("solve", nb::overload_cast<>(&MujocoSimulations::solve), Unlocked())
-      .def("limit", &MujocoSimulations::limit, nb::arg("tolerance"), nb::arg("max_iterations"))
-      .def("step", &MujocoSimulations::step, nb::arg("solves"), nb::arg("count"), Unlocked())
+      .def("limit", &MujocoSimulations::limit, nb::arg("tolerance"), nb::arg("max_iterations"), Unlocked())
+      .def(
+          "step",
+          [](MujocoSimulations& self, const std::vector<MujocoSolve>& solves, int count) {
+            SignalCheck signals;
+            return self.step(solves, count, [&] { signals.look(); });
+          },
+          nb::arg("solves"), nb::arg("count"), Unlocked())
       .def(
           "set_masses",
           [](MujocoSimulations& self,
              const nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>& masses) {
             self.set_masses(masses.data());
           },
-          nb::arg("masses"))
-      .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"))
+          nb::arg("masses"), Unlocked())
+      .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"), Unlocked())
       .def("starts_from_accelerations", &MujocoSimulations::starts_from_accelerations)
       .def("has_factors", &MujocoSimulations::has_factors)
-      .def("status", [](const MujocoSimulations& self) { return bytes_of(self.status()); })
-      .def("take_records", [](MujocoSimulations& self) { return bytes_of(self.take_records()); });
+      .def("status", [](const MujocoSimulations& self) { return bytes_of(unlocked([&] { return self.status(); })); })
+      .def("take_records",
+           [](MujocoSimulations& self) { return bytes_of(unlocked([&] { return self.take_records(); })); });
   module.def("mujoco_stages", &own_stages);
   module.def("mujoco_arrays", &arrays_of, nb::arg("simulations"));
 }

@@ -16,6 +16,9 @@ namespace {
 /// holds; 64 took up to 1.4 times as long for each.
 constexpr std::size_t kChunk = 16;
 
+/// Steps that a chunk takes before the next one begins, at most: all chunks are as far between them.
+constexpr int kSteps = 16;
+
 /// Adds up wall-clock seconds of parts of a step.
 class Watch {
  public:
@@ -47,7 +50,8 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
     const std::size_t end = std::min(begin + chunk_size_, data.size());
     std::vector<void*> part(data.begin() + static_cast<std::ptrdiff_t>(begin),
                             data.begin() + static_cast<std::ptrdiff_t>(end));
-    chunks_.push_back(std::make_unique<MujocoChunk>(layout_, functions, model, std::move(part), own, warm_start));
+    chunks_.push_back(
+        std::make_unique<MujocoChunk>(layout_, functions, model, std::move(part), begin, own, warm_start));
   }
   records_.resize(chunks);
   for (std::size_t worker = 0; worker < std::min(threads, chunks); ++worker)
@@ -55,15 +59,18 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
 }
 
 void MujocoSimulations::replace(std::size_t simulation, void* data) {
+  const std::lock_guard lock(mutex_);
   chunks_[simulation / chunk_size_]->replace(simulation % chunk_size_, data);
 }
 
 void MujocoSimulations::configure(double timestep, bool sparse) {
+  const std::lock_guard lock(mutex_);
   layout_.timestep = timestep;
   layout_.sparse = sparse;
 }
 
 void MujocoSimulations::activate(const std::vector<std::uint8_t>& active) {
+  const std::lock_guard lock(mutex_);
   std::size_t size = 0;
   for (const auto& chunk : chunks_) size += chunk->size();
   if (active.size() != size)
@@ -73,6 +80,7 @@ void MujocoSimulations::activate(const std::vector<std::uint8_t>& active) {
 }
 
 void MujocoSimulations::limit(std::vector<double> tolerance, std::vector<Index> max_iterations) {
+  const std::lock_guard lock(mutex_);
   tolerance_ = std::move(tolerance);
   max_iterations_ = std::move(max_iterations);
 }
@@ -92,29 +100,43 @@ void MujocoSimulations::solve(std::size_t chunk, int worker) {
   records_[chunk].insert(records_[chunk].end(), found.begin(), found.end());
 }
 
-std::array<double, 4> MujocoSimulations::step(const std::vector<MujocoSolve>& solves, int count) {
+void MujocoSimulations::step_chunk(std::size_t chunk, int worker, const std::vector<MujocoSolve>& solves, int count,
+                                   std::array<double, 4>& seconds) {
+  MujocoChunk& own = *chunks_[chunk];
+  Watch watch(seconds);
+  for (int step = 0; step < count; ++step)
+    for (const MujocoSolve& one : solves) {
+      own.run(one.before);
+      watch.was(0);
+      if (one.constraint != nullptr) {
+        own.run({{one.constraint}});
+      } else {
+        own.gather(Rowless::left_out);
+        watch.was(1);
+        solve(chunk, worker);
+      }
+      watch.was(2);
+      own.run(one.after);
+      watch.was(3);
+    }
+}
+
+std::array<double, 4> MujocoSimulations::step(const std::vector<MujocoSolve>& solves, int count,
+                                              const std::function<void()>& between) {
+  const std::lock_guard lock(mutex_);
   std::vector<std::array<double, 4>> seconds(chunks_.size());
   std::array<double, 4> sum{};
   const auto start = std::chrono::steady_clock::now();
-  each_chunk([&](std::size_t i, int worker) {
-    MujocoChunk& chunk = *chunks_[i];
-    Watch watch(seconds[i]);
-    for (int step = 0; step < count; ++step)
-      for (const MujocoSolve& one : solves) {
-        chunk.run(one.before);
-        watch.was(0);
-        if (one.constraint != nullptr) {
-          chunk.run({{one.constraint}});
-        } else {
-          chunk.gather(Rowless::left_out);
-          watch.was(1);
-          solve(i, worker);
-        }
-        watch.was(2);
-        chunk.run(one.after);
-        watch.was(3);
-      }
-  });
+  try {
+    for (int done = 0, steps = 0; done < count; done += steps) {
+      if (done > 0) between();
+      steps = std::min(kSteps, count - done);
+      each_chunk([&](std::size_t i, int worker) { step_chunk(i, worker, solves, steps, seconds[i]); });
+    }
+  } catch (...) {
+    for (std::vector<EnvStatus>& records : records_) records.clear();
+    throw;
+  }
   const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   double all = 0.0;
   for (const auto& parts : seconds)
@@ -127,44 +149,59 @@ std::array<double, 4> MujocoSimulations::step(const std::vector<MujocoSolve>& so
 }
 
 void MujocoSimulations::run(const std::vector<MujocoStage>& stages) {
+  const std::lock_guard lock(mutex_);
   each_chunk([&](std::size_t i, int) { chunks_[i]->run(stages); });
 }
 
 void MujocoSimulations::gather(Rowless rowless) {
+  const std::lock_guard lock(mutex_);
   each_chunk([&](std::size_t i, int) { chunks_[i]->gather(rowless); });
 }
 
 void MujocoSimulations::set_masses(const double* masses) {
+  const std::lock_guard lock(mutex_);
   for (const auto& chunk : chunks_) masses = chunk->set_masses(masses);
 }
 
 void MujocoSimulations::solve() {
+  const std::lock_guard lock(mutex_);
   each_chunk([&](std::size_t i, int worker) { solve(i, worker); });
 }
 
 void MujocoSimulations::write_controls(const double* controls) {
+  const std::lock_guard lock(mutex_);
   const std::size_t width = chunk_size_ * static_cast<std::size_t>(layout_.nu);
   for (std::size_t i = 0; i < chunks_.size(); ++i) chunks_[i]->write_controls(controls + i * width);
 }
 
 void MujocoSimulations::read(std::size_t offset, std::size_t width, double* to) const {
+  const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < chunks_.size(); ++i) chunks_[i]->read(offset, width, to + i * chunk_size_ * width);
 }
 
 void MujocoSimulations::reset_warm_start(const std::vector<Offset>& simulations) {
+  const std::lock_guard lock(mutex_);
+  std::size_t size = 0;
+  for (const auto& chunk : chunks_) size += chunk->size();
+  for (const Offset simulation : simulations)
+    if (simulation < 0 || static_cast<std::size_t>(simulation) >= size)
+      throw Error(ErrorCode::invalid_argument, "simulations: expected numbers in 0.." + std::to_string(size - 1) +
+                                                   ", got " + std::to_string(simulation));
   for (const Offset simulation : simulations) {
     const auto env = static_cast<std::size_t>(simulation);
-    chunks_.at(env / chunk_size_)->reset_warm_start(env % chunk_size_);
+    chunks_[env / chunk_size_]->reset_warm_start(env % chunk_size_);
   }
 }
 
 MujocoSystem MujocoSimulations::system() const {
+  const std::lock_guard lock(mutex_);
   MujocoSystem all(chunks_.front()->system().mass_form);
   for (const auto& chunk : chunks_) all.append(chunk->whole_system());
   return all;
 }
 
 std::vector<EnvStatus> MujocoSimulations::take_records() {
+  const std::lock_guard lock(mutex_);
   std::vector<EnvStatus> all;
   for (std::vector<EnvStatus>& records : records_) {
     all.insert(all.end(), records.begin(), records.end());
@@ -174,6 +211,7 @@ std::vector<EnvStatus> MujocoSimulations::take_records() {
 }
 
 std::vector<EnvStatus> MujocoSimulations::status() const {
+  const std::lock_guard lock(mutex_);
   std::vector<EnvStatus> all;
   for (const auto& chunk : chunks_) all.insert(all.end(), chunk->system().status.begin(), chunk->system().status.end());
   return all;

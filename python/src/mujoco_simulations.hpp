@@ -2,7 +2,9 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "python/src/mujoco.hpp"
@@ -16,9 +18,9 @@ struct MujocoSolve {
   MujocoFunction constraint = nullptr;
 };
 
-/// Many simulations of one MuJoCo model, in chunks whose memory a core's cache holds. A chunk goes through a whole
-/// step, with its solves, before the next one begins. Chunks share out the threads. The bits of a simulation depend on
-/// it alone. Calls need no interpreter lock.
+/// Many simulations of one MuJoCo model, in chunks whose memory a core's cache holds. A chunk goes through some steps,
+/// with their solves, before the next one begins. Chunks share out the threads. The bits of a simulation depend on it
+/// alone. Calls wait for one another, so they must not hold the interpreter lock.
 class MujocoSimulations {
  public:
   MujocoSimulations(MujocoLayout layout, MujocoFunctions functions, const void* model, const std::vector<void*>& data,
@@ -36,8 +38,9 @@ class MujocoSimulations {
   void limit(std::vector<double> tolerance, std::vector<Index> max_iterations);
 
   /// Takes `count` steps of these solves. Returns the wall-clock seconds before solves, in gathering, in solves and
-  /// after them. Threads that work at one time share its seconds.
-  std::array<double, 4> step(const std::vector<MujocoSolve>& solves, int count);
+  /// after them. Threads that work at one time share its seconds. between() is called between steps that all
+  /// simulations have taken, every few steps; what it throws ends the call.
+  std::array<double, 4> step(const std::vector<MujocoSolve>& solves, int count, const std::function<void()>& between);
 
   /// The parts of a step, as MujocoChunk has them.
   void run(const std::vector<MujocoStage>& stages);
@@ -54,7 +57,7 @@ class MujocoSimulations {
   /// Rows of all simulations, and their answers, as the last solve had them. Masses and free accelerations of
   /// simulations without rows are those of now.
   [[nodiscard]] MujocoSystem system() const;
-  /// Records of all solves since this was last called, solve by solve of each chunk.
+  /// Records of all solves since this was last called, or a step was broken off, solve by solve of each chunk.
   std::vector<EnvStatus> take_records();
   /// Records of the last solve, one for each simulation.
   [[nodiscard]] std::vector<EnvStatus> status() const;
@@ -63,7 +66,10 @@ class MujocoSimulations {
   template <class Work>
   void each_chunk(const Work& work);
   void solve(std::size_t chunk, int worker);
+  void step_chunk(std::size_t chunk, int worker, const std::vector<MujocoSolve>& solves, int count,
+                  std::array<double, 4>& seconds);
 
+  mutable std::mutex mutex_;
   MujocoLayout layout_;
   std::size_t chunk_size_;
   int threads_;

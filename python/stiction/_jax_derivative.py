@@ -77,20 +77,27 @@ def _single_rows(kind, z, a, lo, hi, tie):
     return jnp.where(at_lo | at_hi, zero, one), at_lo.astype(z.dtype), at_hi.astype(z.dtype)
 
 
+def refuse(kinds):
+    """Raises ValueError for kinds of cones that have no derivatives."""
+    for kind in ("box_friction", "semidefinite"):
+        if (np.asarray(kinds) == KINDS[kind]).any():
+            raise ValueError(f"cones: {kind} has no derivatives; expected friction, unilateral, box or free where "
+                             "derivatives are taken")
+
+
 def tangents(kinds, dims, law, numbers, changes, lambda_, w, is_solved):
     """Changes of lambda_ and w that follow changes of A, b, mu, R, lo and hi, linear in those. Zeros where an environment
     was not solved, or where its reactions are not determined. Leading axes are environments.
     """
-    A, b, mu, R, lo, hi = numbers
+    # A product with 0 is not 0 where a number is not finite.
+    A, b, mu, R, lo, hi, lambda_, w = (
+        jnp.where(is_solved[(..., *[None] * (x.ndim - is_solved.ndim))], x, 0) for x in (*numbers, lambda_, w))
     dA, db, dmu, dR, dlo, dhi = changes
     n = b.shape[-1]
     if n == 0:
         return db, db
+    refuse(kinds)
     groups = _rows_by_shape(kinds, dims)
-    for kind in ("box_friction", "semidefinite"):
-        if any(kind == own for own, _ in groups):
-            raise ValueError(f"cones: {kind} has no derivatives; expected friction, unilateral, box or free where "
-                             "derivatives are taken")
     tangential = np.zeros(n, bool)
     for (kind, _), rows in groups.items():
         if kind == "friction":

@@ -5,6 +5,8 @@ import collections.abc
 import mujoco
 import numpy as np
 
+from ._arguments import whole
+
 _CALLBACKS = [(name, getattr(mujoco, f"get_mjcb_{name}")) for name in (
     "passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias") if hasattr(mujoco, f"get_mjcb_{name}")]
 _IPC, _SLEEP = (getattr(mujoco.mjtEnableBit, name, 0) for name in ("mjENBL_IPC", "mjENBL_SLEEP"))
@@ -18,6 +20,27 @@ def check_data(model, i, one):
     if one.model._address != model._address:
         raise ValueError(f"data[{i}]: expected data of this simulation's model, got data of another one: make it with "
                          "mujoco.MjData(simulation.model)")
+
+
+def count_of(nstep):
+    """How many steps that is. Raises TypeError or ValueError for what is no number of steps."""
+    nstep = whole("nstep", nstep)
+    if nstep < 0:
+        raise ValueError(f"nstep: expected a number of steps of at least 0, got {nstep}")
+    return nstep
+
+
+def numbers_of(simulations, count):
+    """Those simulations, of so many, as a list; None: all. Raises TypeError or ValueError for what is no list of them."""
+    if simulations is None:
+        return list(range(count))
+    if getattr(simulations, "dtype", None) == bool:
+        raise TypeError("simulations: expected their numbers, got a mask: numpy.flatnonzero(mask) has them")
+    chosen = [whole("simulations", i) for i in simulations]
+    for i in chosen:
+        if not 0 <= i < count:
+            raise ValueError(f"simulations: expected numbers in 0..{count - 1}, got {i}")
+    return chosen
 
 
 class Simulations(collections.abc.Sequence):

@@ -9,7 +9,7 @@ import pathlib
 
 import mujoco
 import numpy as np
-from mujoco.introspect import ast_nodes, structs
+from mujoco.introspect import ast_nodes, enums, structs
 
 _NUMBERS = {"int": ctypes.c_int, "mjtNum": ctypes.c_double, "double": ctypes.c_double, "float": ctypes.c_float,
             "mjtByte": ctypes.c_uint8, "mjtBool": ctypes.c_uint8, "bool": ctypes.c_bool, "mjtSize": ctypes.c_int64,
@@ -72,6 +72,17 @@ def library():
 def address(function):
     """Address of a function of MuJoCo's by its name."""
     return ctypes.cast(getattr(library(), function), ctypes.c_void_p).value
+
+
+def handlers():
+    """Addresses of what sets MuJoCo's handler of a thread's messages, and of what returns that of all threads. They are 0
+    where MuJoCo has them not, or has other messages than the C++ side knows."""
+    names = "_mjPRIVATE_setTlsLogHandler", "_mjPRIVATE_getGlobalLogHandler"
+    if "mjLogMessage" not in structs.STRUCTS or not all(hasattr(library(), name) for name in names):
+        return [0, 0]
+    message, levels = _structure("mjLogMessage"), enums.ENUMS["mjtLogLevel"].values
+    known = (message.level.offset, message.subject.offset, message.subject.size) == (0, 8, 1024) and levels["mjLOG_ERROR"] == 3
+    return [address(name) for name in names] if known else [0, 0]
 
 
 def _array_address(array):
@@ -141,9 +152,10 @@ def _rotations(model):
 def place_of(model, data, name):
     """Where mjData has the pointer to an array of numbers [bytes], and their shape. Raises LayoutError, ValueError."""
     array = None if name.startswith("efc_") else getattr(data, name, None)  # the number of rows is each one's own
-    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
-        raise ValueError(f"name: expected an array of numbers of mjData's that is as large in all simulations, got {name!r}")
     structure = _data()
+    if (not isinstance(array, np.ndarray) or array.dtype != np.float64
+            or dict(structure._fields_).get(name) is not ctypes.c_void_p):
+        raise ValueError(f"name: expected an array of numbers of mjData's that is as large in all simulations, got {name!r}")
     _check(model, data, structure, (name,))
     return getattr(structure, name).offset, array.shape
 

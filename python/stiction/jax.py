@@ -9,6 +9,7 @@ is gathered. The callback gathers everything unless it is called inside jax.shar
 """
 
 import functools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +18,7 @@ from jax.experimental.custom_partitioning import custom_partitioning
 from jax.sharding import NamedSharding, PartitionSpec
 
 from . import _core, _jax_derivative, _jax_host
+from ._arguments import number, whole
 from ._arrays import STATUS_DTYPE
 from ._jax_host import How
 from ._layout import cone_list
@@ -107,6 +109,7 @@ def _keep_relaxed(*arguments):
 
 
 def _pull_relaxed(how, kappa, kept, by):
+    _jax_derivative.refuse(cone_list("cones", how.cones, kept[1].shape[-1])[0])
     return _call_host(functools.partial(_jax_host.relaxed_vjp, how, kappa), _like(*kept[:6]), *kept, *by[:2])
 
 
@@ -126,6 +129,7 @@ def _keep_sweep(*arguments):
 
 def _pull_sweep(how, kept, by):
     start, *numbers = kept
+    _jax_derivative.refuse(cone_list("cones", how.cones, start.shape[-1])[0])
     *found, by_start = _call_host(functools.partial(_jax_host.sweep_vjp, how), _like(*numbers, start), *kept, *by[:2])
     return by_start, *found
 
@@ -140,7 +144,7 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     """Reactions, residual motion and status of contact problems.
 
     A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64. Leading axes
-    are environments, those of vmap too. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for
+    are environments, those of vmap too, and broadcast: one A may go with many b. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for
     all. Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names.
     allow_ffi False: the host callback in any case.
 
@@ -154,8 +158,15 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     which have derivatives, too. Both are in reverse and once, in a host callback, with the library's bits.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
-    if A.shape[-2:] != (b.shape[-1],) * 2:
-        raise ValueError(f"A: expected (..., {b.shape[-1]}, {b.shape[-1]}), got {A.shape}")
+    if A.dtype not in (jnp.float32, jnp.float64):
+        raise TypeError(f"A: expected float32 or float64, got {A.dtype}")
+    if jnp.iscomplexobj(b):
+        raise TypeError(f"b: expected real numbers, got {b.dtype}")
+    A, b = _over_environments(A, b)
+    tolerance, kappa = _not_negative("tolerance", tolerance), _not_negative("kappa", kappa)
+    max_iterations = whole("max_iterations", max_iterations)
+    if max_iterations < 0:
+        raise ValueError(f"max_iterations: expected an integer of at least 0, got {max_iterations}")
     _check_derivative(derivative, solver, tolerance, kappa, warm_start)
     wide = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
     numbers, how = (A, b.astype(A.dtype), *wide), How(cones, law, solver, tolerance, max_iterations, allow_ffi)
@@ -163,6 +174,27 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
         start = jnp.asarray(0 if warm_start is None else warm_start, A.dtype)
         return _sweep(jnp.broadcast_to(start, b.shape), *numbers, how)
     return _solve_relaxed(*numbers, how, kappa) if kappa else _solve(*numbers, how)
+
+
+def _over_environments(A, b):
+    """Both with the leading axes that they have together, as NumPy broadcasts."""
+    rows = b.shape[-1:]
+    if not rows:
+        raise ValueError("b: expected (..., rows), got a number")
+    if A.shape[-2:] != rows * 2:
+        raise ValueError(f"A: expected (..., {rows[0]}, {rows[0]}), got {A.shape}")
+    try:
+        lead = np.broadcast_shapes(A.shape[:-2], b.shape[:-1])
+    except ValueError:
+        raise ValueError(f"A: expected environments that broadcast with those of b {b.shape}, got {A.shape}") from None
+    return jnp.broadcast_to(A, lead + rows * 2), jnp.broadcast_to(b, lead + rows)
+
+
+def _not_negative(name, value):
+    value = number(name, value)
+    if not 0 <= value < math.inf:
+        raise ValueError(f"{name}: expected a finite number of at least 0, got {value}")
+    return value
 
 
 def _check_derivative(derivative, solver, tolerance, kappa, warm_start):

@@ -18,10 +18,10 @@ import numpy as np
 from . import _core
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
-from ._mujoco_data import Simulations, check_data, refuse
+from ._mujoco_data import Simulations, check_data, count_of, numbers_of, refuse
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
-from ._mujoco_layout import LayoutError, address, layout, place_of
+from ._mujoco_layout import LayoutError, address, handlers, layout, place_of
 from ._mujoco_metric import Metric
 from ._solution import SOLVED, Solution
 from ._solver import Solver
@@ -77,7 +77,7 @@ class BatchedSimulation:
         mujoco.mj_forward(model, self.data[0])  # in the module that turns MuJoCo's errors into exceptions
         self._layout = layout(model, self.data[0])
         self._core = _core.MujocoSimulations(
-            self._layout, address("mj_mulJacTVec"), address("mj_integratePos"), model._address,
+            self._layout, address("mj_mulJacTVec"), address("mj_integratePos"), handlers(), model._address,
             [one._address for one in self.data], self.solver._options, float(warm_start))
         self._data._core = self._core
         self._warm = float(warm_start) > 0
@@ -124,15 +124,20 @@ class BatchedSimulation:
 
     def step(self, ctrl=None, nstep=1, active=None):
         """Advances by nstep time steps, as mujoco.mj_step does. ctrl (n, nu): set before; None: left as it is.
-        active: bool (n,), which simulations to step; None: all."""
+        active: bool (n,), which simulations to step; None: all.
+
+        Ctrl-C ends a call of many steps, between two that all simulations have taken. Where MuJoCo itself gives up, for
+        too small an arena, say, stiction.Error names the simulation; others may be some steps further then.
+        """
+        nstep = count_of(nstep)
         self._activate(active)
         if ctrl is not None:
             self._write_ctrl(ctrl)
         if self._held is None:
-            return self._advance(int(nstep))
+            return self._advance(nstep)
         chosen = self._held.before(self.data, self._active)
         self._activate(chosen)
-        self._advance(int(nstep))
+        self._advance(nstep)
         self._held.after(self.data, chosen)
         self.reset_warm_start(self.failed)
 
@@ -176,14 +181,13 @@ class BatchedSimulation:
 
     def reset_warm_start(self, simulations=None):
         """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
-        chosen = range(len(self)) if simulations is None else simulations
-        self._core.reset_warm_start([int(i) for i in chosen])
+        self._core.reset_warm_start(numbers_of(simulations, len(self)))
 
     forget = reset_warm_start  # its name before numerics epoch 2, kept until 1.0
 
     def reset(self, simulations=None):
         """mujoco.mj_resetData and reset_warm_start, of a list of simulations or of all."""
-        chosen = list(range(len(self)) if simulations is None else simulations)
+        chosen = numbers_of(simulations, len(self))
         for i in chosen:
             mujoco.mj_resetData(self.model, self.data[i])
         self.reset_warm_start(chosen)
@@ -364,7 +368,8 @@ def gather(model, data, **options):
         check_data(model, i, one)
     refuse(model)
     core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
-                                   model._address, [one._address for one in places], Solver(**options)._options, 0.0)
+                                   handlers(), model._address, [one._address for one in places],
+                                   Solver(**options)._options, 0.0)
     core.run([_core.mujoco_stages()["count"]])
     core.gather(all=True)
     return _batch_of(_core.mujoco_arrays(core), model.nv)

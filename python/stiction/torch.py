@@ -8,8 +8,9 @@ import functools
 import math
 
 import torch
+from torch.autograd.forward_ad import unpack_dual
 
-from ._arguments import whole
+from ._arguments import number, whole
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._derivative import Derivative
@@ -145,6 +146,14 @@ def _cones_from(text):
     return [(kind, int(rows)) for kind, rows in (part.split(":") for part in text.split(","))]
 
 
+def _refuse_tangents(tensors):
+    """PyTorch takes the tangents of an operator without forward mode to be 0, without a word."""
+    for name, tensor in tensors.items():
+        if isinstance(tensor, torch.Tensor) and unpack_dual(tensor).tangent is not None:
+            raise RuntimeError(f"{name}: expected a tensor without a tangent, got one: derivatives are in reverse alone, "
+                               "by backward() or torch.autograd.grad")
+
+
 def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=None, cones="friction", law="convex",
           solver="auto", tolerance=1e-4, max_iterations=1000, kappa=0.0,
           derivative="implicit"):
@@ -170,12 +179,18 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     for name, tensor in (("A", A), ("b", b)):
         if not isinstance(tensor, torch.Tensor):
             raise TypeError(f"{name}: expected a torch.Tensor, got {type(tensor).__name__}")
+    for name, tensor in (("R", R), ("lo", lo), ("hi", hi), ("counts", counts), ("warm_start", warm_start)):
+        if not isinstance(tensor, torch.Tensor | None):
+            raise TypeError(f"{name}: expected a torch.Tensor or None, got {type(tensor).__name__}")
+    tolerance, kappa = number("tolerance", tolerance), number("kappa", kappa)
     if not 0 <= kappa < math.inf:
         raise ValueError(f"kappa: expected a finite number of at least 0, got {kappa}")
     unrolled = derivative == "unrolled"
     if unrolled and (solver != "pgs" or tolerance != 0 or kappa != 0):
         raise ValueError("derivative: 'unrolled' is that of max_iterations sweeps as they run: expected solver='pgs', "
                          f"tolerance=0 and kappa=0, got {solver!r}, {tolerance} and {kappa}")
+    if not torch.compiler.is_compiling():
+        _refuse_tangents({"A": A, "b": b, "mu": mu, "R": R, "lo": lo, "hi": hi})
     single = b.dim() == 1
     if not isinstance(mu, torch.Tensor):
         mu = torch.full_like(b, 0.0 if mu is None else mu)
@@ -183,7 +198,7 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
         A, b, mu, R, lo, hi, warm_start = (None if t is None else t.unsqueeze(0)
                                            for t in (A, b, mu, R, lo, hi, warm_start))
     out = torch.ops.stiction.solve(A, b, mu, R, lo, hi, counts, warm_start, _text_of(cones), law, solver,
-                                   float(tolerance), whole("max_iterations", max_iterations), float(kappa), unrolled)
+                                   tolerance, whole("max_iterations", max_iterations), kappa, unrolled)
     return tuple(tensor.squeeze(0) for tensor in out) if single else out
 
 

@@ -188,6 +188,76 @@ def test_what_there_is_not_is_refused(jax, solve):
             jax.hessian(loss)(b)
 
 
+def test_options_are_refused_before_anything_is_solved(jax, solve):
+    """A value beside its derivative, too: it used to be returned for any kappa."""
+    A, b, mu, R = contacts(0)
+    for kind, message, options in (
+            (ValueError, "kappa: expected a finite number of at least 0, got -1.0", {"kappa": -1}),
+            (ValueError, "kappa: expected a finite number of at least 0, got nan", {"kappa": np.nan}),
+            (ValueError, "kappa: expected a finite number of at least 0, got inf", {"kappa": np.inf}),
+            (TypeError, "kappa: expected a number, got 'small'", {"kappa": "small"}),
+            (ValueError, "tolerance: expected a finite number of at least 0, got nan", {"tolerance": np.nan}),
+            (TypeError, "max_iterations: expected an integer, got 2.5", {"max_iterations": 2.5}),
+            (TypeError, "max_iterations: expected an integer, got '3'", {"max_iterations": "3"}),
+            (ValueError, "max_iterations: expected an integer of at least 0, got -1", {"max_iterations": -1}),
+            (ValueError, "max_iterations: expected an integer from .* got 4294967301", {"max_iterations": 2**32 + 5})):
+        with pytest.raises(kind, match=message):
+            solve(A, b, mu, R, **options)
+
+
+def test_numbers_of_another_kind_are_refused(jax, solve):
+    """They used to be read as floats, halves beyond their end, and the answer was what lay in memory."""
+    A, b, mu, R = contacts(0)
+    for kind in (int, np.float16, complex):
+        with pytest.raises(TypeError, match=f"A: expected float32 or float64, got {np.dtype(kind)}"):
+            solve(A.astype(kind), b, mu, R)
+    with pytest.raises(TypeError, match="b: expected real numbers, got complex128"):
+        solve(A, b + 0j, mu, R)
+    assert np.asarray(solve(A, np.arange(len(b)) - 3, mu, R)[0]).any(), "b is taken to A's precision"
+
+
+@pytest.mark.parametrize("allow_ffi", [True, False])
+def test_environments_of_both_arrays_broadcast(jax, solve, allow_ffi):
+    """One A for many b used to be read beyond its end, without a word."""
+    A, b, mu, R = contacts(0)
+    alone = solve(A, b, mu, R, allow_ffi=allow_ffi)[0]
+    for many_A, many_b, shape in ((A, np.stack([b] * 3), (3,)), (np.stack([A] * 3), b, (3,)), (A[None], np.stack([b] * 3), (3,)),
+                                  (np.stack([A] * 2)[:, None], np.stack([b] * 3), (2, 3))):
+        answer = solve(many_A, many_b, mu, R, allow_ffi=allow_ffi)[0]
+        assert answer.shape == (*shape, len(b))
+        np.testing.assert_array_equal(answer, np.broadcast_to(alone, answer.shape))
+    slope = jax.grad(lambda A: solve(A, np.stack([b] * 3), mu, R, allow_ffi=allow_ffi)[0].sum())(A)
+    once = jax.grad(lambda A: solve(A, b, mu, R, allow_ffi=allow_ffi)[0].sum())(A)
+    np.testing.assert_allclose(slope, 3 * once, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"A: expected environments that broadcast with those of b \(2, 6\), got \(3, 6, 6\)"):
+        solve(np.stack([A] * 3), np.stack([b] * 2), mu, R, allow_ffi=allow_ffi)
+    with pytest.raises(ValueError, match="b: expected .* got a number"):
+        solve(1.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["box_friction", "semidefinite"])
+def test_cones_without_a_derivative_do_not_pass_zeros_for_one(jax, solve, kind):
+    """Under kappa they did. Semidefinite cones have no sweeps to unroll."""
+    b = np.array([-1.0, 0.2, 0.1])
+    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 3}):
+        if kind == "semidefinite" and "derivative" in how:
+            continue
+        loss = lambda b, how=how: solve(np.eye(3), b, 0.5, cones=((kind, 3),), **how)[0].sum()  # noqa: E731
+        assert loss(b) != 0
+        with pytest.raises(ValueError, match=f"cones: {kind} has no derivatives"):
+            jax.grad(loss)(b)
+
+
+def test_poison_that_is_infinite_gets_zeros(jax, solve):
+    A, b, mu, R = contacts(0)
+    poisoned = np.stack([A, A])
+    poisoned[1, 0, 0] = np.inf
+    by_A, by_b = jax.grad(lambda A, b: solve(A, b, mu, R)[0].sum(), (0, 1))(poisoned, np.stack([b, b]))
+    alone = jax.grad(lambda b: solve(A, b, mu, R)[0].sum())(b)
+    assert not np.asarray(by_A[1]).any() and not np.asarray(by_b[1]).any()
+    np.testing.assert_allclose(by_b[0], alone, rtol=1e-12)
+
+
 def test_environments_that_were_not_solved_get_zeros(jax, solve):
     """By their status: a residual of 1e-3 and less would do for a derivative."""
     A, b, mu, R = contacts(0)

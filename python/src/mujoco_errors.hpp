@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+
+namespace stiction::python {
+
+/// MuJoCo's handler of messages of one thread, which gets an mjLogMessage.
+using MujocoHandler = void (*)(const void* message);
+
+/// What sets the handler of the calling thread, and returns the last one, and what returns that of all threads. Null
+/// where MuJoCo has it not (before 4): errors end the program there, as MuJoCo says.
+struct MujocoHandlers {
+  MujocoHandler (*set_of_thread)(MujocoHandler handler) = nullptr;
+  MujocoHandler (*of_all)() = nullptr;
+};
+
+/// While it lives, MuJoCo's errors in this thread are exceptions of call(), as they are in MuJoCo's own Python module.
+class MujocoErrors {
+ public:
+  explicit MujocoErrors(const MujocoHandlers& handlers);
+  ~MujocoErrors();
+  MujocoErrors(const MujocoErrors&) = delete;
+  MujocoErrors& operator=(const MujocoErrors&) = delete;
+
+  /// function(model, data). What MuJoCo has on its stack when it fails is dropped without destructors.
+  /// \throws Error(unsupported) with MuJoCo's words, and the number of the simulation.
+  void call(void (*function)(const void* model, void* data), const void* model, void* data,
+            std::size_t simulation) const;
+
+ private:
+  const MujocoHandlers& handlers_;
+  MujocoHandler kept_ = nullptr;
+};
+
+}  // namespace stiction::python
