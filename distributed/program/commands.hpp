@@ -27,7 +27,7 @@ struct SolveArguments {
   Index max_iterations = 1000;
   double omega = 1.0;
   std::string partition = "bisection";
-  std::string method = "si";   ///< or consensus
+  std::string method = "si";   ///< or npgs, pgs, consensus
   ConsensusOptions consensus;  ///< of that method
   double deadline = 60;        ///< longest wait for another rank [s]
   std::optional<std::filesystem::path> warm_start, output, json;

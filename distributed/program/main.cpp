@@ -41,8 +41,9 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most")->capture_default_str();
   app.add_option("--omega", a.omega, "Relaxation, between 0 and 2")->capture_default_str();
   declare_partition(app, a.partition, a.deadline);
-  app.add_option("--method", a.method, "si: the bits of one process. consensus: few exchanges between subdomains")
-      ->check(CLI::IsMember({"si", "consensus"}))
+  app.add_option("--method", a.method,
+                 "si or npgs, pgs: the bits of one process. consensus: few exchanges between subdomains")
+      ->check(CLI::IsMember({"si", "npgs", "pgs", "consensus"}))
       ->capture_default_str();
   app.add_option("--subdomains", a.consensus.subdomains, "Of consensus; they reach the bits, ranks do not")
       ->check(CLI::Range(1, 1000000))
@@ -51,6 +52,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->capture_default_str();
   app.add_option("--penalty", a.consensus.penalty, "Of consensus, the first, in units of a body's mass")
       ->capture_default_str();
+  app.add_flag("--asynchronous", a.consensus.asynchronous,
+               "Of consensus under the convex law: ranks do not wait, and bits are others each time");
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
   app.add_option("-o,--output", a.output, "Solution file to write");
   app.add_option("--json", a.json, "JSON report to write; - is standard output");

@@ -74,8 +74,9 @@ std::string ranks_line(const std::vector<RankReport>& ranks, const std::string& 
 /// Nothing for a method without subdomains.
 std::string method_line(const JobReport& report) {
   if (report.method != "consensus") return {};
-  return line("method", fmt::format("consensus of {} subdomains, {} sweeps a round", report.consensus.subdomains,
-                                    report.consensus.sweeps));
+  return line("method", fmt::format("consensus of {} subdomains, {} sweeps a round{}", report.consensus.subdomains,
+                                    report.consensus.sweeps,
+                                    report.consensus.asynchronous ? ", asynchronous: not reproducible" : ""));
 }
 
 std::string traffic_lines(const std::vector<RankReport>& ranks) {
@@ -104,6 +105,7 @@ void add(RankReport& total, const RankReport& more) {
   total.gathers += more.gathers;
   total.messages += more.messages;
   total.bytes += more.bytes;
+  total.rounds += more.rounds;
 }
 
 void add(StepTraffic& total, const StepTraffic& more) {
@@ -136,10 +138,13 @@ std::string to_json(const JobReport& report) {
                {"epoch", kNumericsEpoch}};
   put_ranks(json, report.ranks, report.partition);
   json["method"] = report.method;
+  json["reproducible"] = !report.consensus.asynchronous;
   if (report.method == "consensus") {
     json["subdomains"] = report.consensus.subdomains;
     json["sweeps_per_round"] = report.consensus.sweeps;
     json["penalty"] = report.consensus.penalty;
+    json["asynchronous"] = report.consensus.asynchronous;
+    for (std::size_t k = 0; k < report.ranks.size(); ++k) json["per_rank"][k]["rounds"] = report.ranks[k].rounds;
   }
   return cli::dump(json);
 }

@@ -126,13 +126,18 @@ int run_solve(Transport& transport, const SolveArguments& arguments) {
   cli::SolveReport& solve = report.solve;
   solve.file = arguments.scene.empty() ? arguments.batch.string()
                                        : fmt::format("scene {}, seed {}", arguments.scene, arguments.seed);
-  solve.solver = "si";
+  solve.solver = arguments.method == "consensus" ? "si" : arguments.method;
   solve.precision = cli::precision_from_option(arguments.precision);
   solve.options.tolerance = arguments.tolerance;
   solve.options.max_iterations = arguments.max_iterations;
   partition_seed(arguments.partition);
+  if (arguments.consensus.asynchronous && arguments.method != "consensus")
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--asynchronous: method {} waits for every colour, and has the bits of one process; choose "
+                            "--method consensus, or leave it out",
+                            arguments.method));
   BodySolverOptions options;
-  cli::choose_body_method("si", std::nullopt, options);
+  cli::choose_body_method(solve.solver, std::nullopt, options);
   options.tolerance = arguments.tolerance;
   options.iterations = arguments.max_iterations;
   options.omega = arguments.omega;

@@ -21,6 +21,7 @@ struct RankReport {
   std::int64_t gathers = 0;    ///< of one number of every rank: residual, largest step
   std::int64_t messages = 0;   ///< sent in exchanges
   std::int64_t bytes = 0;      ///< of those messages
+  std::int64_t rounds = 0;     ///< of consensus
 };
 
 /// Solves every environment of a host batch, which all ranks have, over the ranks of a transport. `owner` says which

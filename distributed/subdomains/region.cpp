@@ -235,18 +235,18 @@ bool Region<Real>::has_moved() {
 }
 
 template <class Real>
-void Region<Real>::ask() {
+void Region<Real>::ask(double relaxation) {
   has_moved_ = has_moved_ || impulse_ != guess_;
   for (const EnvStatus& status : status_)
     is_broken_ = is_broken_ || status.code == EnvCode::invalid_input || status.code == EnvCode::numerical;
   for_each_copy([&](const Shared&, Index which, Index slot, Index row) {
-    ask_for(row6(twist_out_, row), row6(z_, which), row6(u_, slot), row6(told_, slot));
+    ask_for(relaxation, row6(twist_out_, row), row6(z_, which), row6(u_, slot), row6(told_, slot));
   });
 }
 
 template <class Real>
-void Region<Real>::meet() {
-  z_before_ = z_;
+void Region<Real>::meet(const std::vector<double>* before) {
+  z_before_ = before == nullptr ? z_ : *before;
   for (std::size_t which = 0; which < shared_.size(); ++which)
     mean_of(row6(told_, shared_[which].first_slot), shared_[which].copies, row6(z_, static_cast<Offset>(which)));
   std::fill(gaps_.begin(), gaps_.end(), ConsensusGap{});
@@ -254,6 +254,22 @@ void Region<Real>::meet() {
     settle_copy(mass_of(own_inv_mass_, own_inv_inertia_, row), shared.copies, row6(twist_out_, row), row6(told_, slot),
                 row6(z_, which), row6(z_before_, which), row6(u_, slot), gaps_[at(subdomain_[at(slot)] - first_)]);
   });
+}
+
+template <class Real>
+void Region<Real>::meet_again() {
+  meet(&last_z_);
+  asked_ = told_;
+}
+
+template <class Real>
+void Region<Real>::restore_asked(double factor) {
+  last_z_ = z_;
+  for (std::size_t which = 0; which < shared_.size(); ++which) {
+    const double* z = row6(z_, static_cast<Offset>(which));
+    for (Index slot = shared_[which].first_slot; slot < shared_[which].first_slot + shared_[which].copies; ++slot)
+      scale_asked(factor, z, asked_.empty() ? z : row6(asked_, slot), row6(told_, slot));
+  }
 }
 
 template <class Real>

@@ -33,9 +33,13 @@ class Region {
   /// Pulls each copy to z - u, before a solve.
   void pull(double penalty);
   /// Into told(): what copies ask for, after a solve.
-  void ask();
-  /// Takes the mean of what all copies asked for.
-  void meet();
+  void ask(double relaxation);
+  /// Takes the mean of what all copies asked for, which has moved since they met before.
+  void meet() { meet(nullptr); }
+  /// After rounds that did not wait: what has moved is what did since restore_asked(). Keeps told().
+  void meet_again();
+  /// Puts told() back as it was kept, with duals that are divided by `factor`. At first copies ask for z.
+  void restore_asked(double factor);
   /// Into told(): what each copy's contacts change its twist by.
   void tell_changes();
   /// Judges the impulses here, once the changes by all others were told.
@@ -64,6 +68,7 @@ class Region {
     Index first_slot = 0, copies = 0;
   };
   void add_subdomain(const BodyBatchView<Real>& from, const Subdomains& parts, int subdomain, const Real* warm_start);
+  void meet(const std::vector<double>* before);
   void find_shared(const Subdomains& parts, int rank, int ranks);
   /// The batch with the bodies' own masses.
   [[nodiscard]] BodyBatchView<Real> own_batch() const;
@@ -91,8 +96,10 @@ class Region {
 
   std::vector<Shared> shared_;
   std::vector<double> z_, z_before_;    ///< six numbers of each shared body
+  std::vector<double> last_z_;          ///< z_ of when told_ was put back
   std::vector<Index> row_, subdomain_;  ///< of each slot, a copy of a shared body: its row here or -1
   std::vector<double> told_, u_;        ///< six numbers of each slot
+  std::vector<double> asked_;           ///< told_ of another time, or nothing
   std::vector<double> change_, free_;   ///< six numbers of each row, of the body
   std::vector<double> judged_;          ///< six numbers of each row
   std::vector<ConsensusGap> gaps_;

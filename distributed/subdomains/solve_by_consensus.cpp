@@ -10,6 +10,7 @@
 #include "distributed/solve/agreement.hpp"
 #include "distributed/solve/rank_meter.hpp"
 #include "distributed/subdomains/region.hpp"
+#include "distributed/subdomains/round_letters.hpp"
 
 namespace stiction::distributed {
 
@@ -32,6 +33,12 @@ void require_options(const ConsensusOptions& consensus, const BodySolverOptions&
     throw Error(ErrorCode::unsupported, "max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) +
                                             ", substeps = " + std::to_string(options.substeps) +
                                             ": consensus solves all contacts in one step; use 0 and 1");
+  if (consensus.asynchronous && contact_law(options) != Law::convex)
+    throw Error(ErrorCode::unsupported,
+                std::string("asynchronous: rounds that do not wait converge for convex problems alone, and these "
+                            "contacts obey ") +
+                    (options.box_friction ? "boxed friction" : "Coulomb's law") +
+                    "; choose --law convex, or leave out --asynchronous");
 }
 
 /// One environment of a batch as a batch of its own.
@@ -87,6 +94,7 @@ BodySolverOptions with_iterations(BodySolverOptions options, Index iterations, d
 struct Assessment {
   double residual = 0;  ///< absolute [w]
   ConsensusGap gap;
+  Index sweeps = 0;  ///< the most that a rank has made
   bool is_broken = false, has_moved = false;
 };
 
@@ -103,6 +111,8 @@ class ConsensusOfEnv {
         parts_(make_subdomains(env.view, part, consensus.subdomains)),
         judge_(Device::cpu(), stepping, with_iterations(options, 0, options.tolerance)),
         stepping_(stepping),
+        sweeps_a_round_(consensus.sweeps),
+        penalty_(consensus.penalty),
         local_(local_solver(consensus.sweeps)),
         judge_plan_(judge_.plan(env.view)),
         answer_(at(3 * env.view.contact_count)) {
@@ -123,8 +133,14 @@ class ConsensusOfEnv {
     {
       const RankMeter meter(transport_);
       scale_ = largest_of_ranks(region_->scale());
-      iterate();
+      region_->set_penalty(penalty_, 1.0);
+      if (consensus_.asynchronous) {
+        iterate_asynchronously();
+      } else {
+        iterate();
+      }
       meter.add_to(report);
+      report.rounds += rounds_;
     }
     publish(report);
   }
@@ -138,30 +154,74 @@ class ConsensusOfEnv {
   }
 
   void iterate() {
-    double penalty = consensus_.penalty;
-    region_->set_penalty(penalty, 1.0);
-    Index sweeps = consensus_.sweeps;
-    for (Index round = 0;; ++round, sweeps_ += sweeps) {
-      const Index left = options_.iterations - sweeps_;
-      const bool is_last = sweeps > left;
-      if (is_last || round % kConsensusRounds == 0) {
-        const Assessment now = assess();
-        if (now.is_broken) end_as_ = EnvCode::numerical;
-        if (keep_best(now) || now.is_broken || is_last) return;
-        const double factor = round == 0 ? 1.0 : penalty_factor(now.gap, penalty);
-        if (factor != 1.0) region_->set_penalty(penalty = factor * penalty, factor);
-        // A solver returns the best iterate that it has seen, which may be its first guess however often it is asked.
-        if (!now.has_moved) {
-          if (sweeps > left / 2) return;
-          local_ = local_solver(sweeps *= 2);
-        }
-      }
-      region_->pull(penalty);
-      local_.solve(*plan_, region_->batch(), region_->solution(), region_->first_guess());
-      region_->ask();
+    for (;;) {
+      if ((rounds_ % kConsensusRounds == 0 || !has_room_for(1, sweeps_)) && conclude(1)) return;
+      make_round(kConsensusRelaxation);
       halo_->share(0, region_->told(), 6);
       region_->meet();
     }
+  }
+
+  /// The same rounds, each from the newest letters. Once every rank has made some, all meet for what decides.
+  void iterate_asynchronously() {
+    RoundLetters letters(transport_, region_->rounds().front());
+    while (!conclude(kConsensusRounds)) {
+      region_->restore_asked(factor_);
+      make_rounds(letters);
+      halo_->share(0, region_->told(), 6);
+      region_->meet_again();
+    }
+    letters.finish();
+  }
+
+  /// Rounds until all ranks have made some.
+  void make_rounds(RoundLetters& letters) {
+    letters.begin();
+    for (Index made = 0;;) {
+      letters.take(region_->told());
+      if (made >= kConsensusRounds && letters.all_are_ready()) return;
+      if (made >= kAsynchronousRounds || !has_room_for(1, sweeps_)) {
+        letters.await(region_->told());
+        continue;
+      }
+      region_->meet();
+      make_round(kAsynchronousRelaxation);
+      letters.send(++made, region_->told());
+    }
+  }
+
+  /// Sweeps the subdomains here from where copies have met.
+  void make_round(double relaxation) {
+    region_->pull(penalty_);
+    local_.solve(*plan_, region_->batch(), region_->solution(), region_->first_guess());
+    region_->ask(relaxation);
+    ++rounds_;
+    sweeps_ += sweeps_a_round_;
+    if (consensus_.after_sweeps) consensus_.after_sweeps();
+  }
+
+  [[nodiscard]] bool has_room_for(Offset rounds, Index sweeps) const {
+    return rounds * sweeps_a_round_ <= options_.iterations - sweeps;
+  }
+
+  /// Where all ranks meet, `rounds` after they last did: whether that was the end, as it is without room for as many
+  /// more. If not, how the next ones are made.
+  bool conclude(Offset rounds) {
+    const Assessment now = assess();
+    most_sweeps_ = now.sweeps;
+    const bool is_last = !has_room_for(rounds, most_sweeps_);
+    if (now.is_broken) end_as_ = EnvCode::numerical;
+    if (keep_best(now) || now.is_broken || is_last) return true;
+    // z has moved for as many rounds as ranks have made since they last met, and copies are apart after one.
+    const auto made = static_cast<double>(rounds);
+    factor_ = penalty_factor({now.gap.primal, div_(now.gap.dual, made * made)}, penalty_);
+    penalty_ = factor_ * penalty_;
+    if (factor_ != 1.0) region_->set_penalty(penalty_, factor_);
+    if (now.has_moved) return false;
+    // A solver returns the best iterate that it has seen, which may be its first guess however often it is asked.
+    if (sweeps_a_round_ > (options_.iterations - most_sweeps_) / 2) return true;
+    local_ = local_solver(sweeps_a_round_ *= 2);
+    return false;
   }
 
   /// Keeps the impulses if they are the best so far. Whether a judge finds that they are the answer.
@@ -183,13 +243,14 @@ class ConsensusOfEnv {
     halo_->share(0, region_->told(), 6);
     const LargestResidual<double> own = region_->judge();
     // Two numbers of each subdomain, those of other ranks' zero, then the rank's own.
-    const std::size_t width = 2 * at(parts_.count()) + 4;
+    const std::size_t width = 2 * at(parts_.count()) + 5;
     std::vector<double> mine(width);
     for (std::size_t k = 0; k < region_->gaps().size(); ++k) {
       const std::size_t subdomain = at(region_->first()) + k;
       mine[2 * subdomain] = region_->gaps()[k].primal;
       mine[2 * subdomain + 1] = region_->gaps()[k].dual;
     }
+    mine[width - 5] = sweeps_;
     mine[width - 4] = region_->has_moved() ? 1 : 0;
     mine[width - 3] = own.square;
     mine[width - 2] = own.rounding_floor;
@@ -205,6 +266,7 @@ class ConsensusOfEnv {
     for (int rank = 0; rank < transport_.size(); ++rank) {
       largest.square = max_(all(rank, width - 3), largest.square);
       largest.rounding_floor = max_(all(rank, width - 2), largest.rounding_floor);
+      made.sweeps = std::max(made.sweeps, static_cast<Index>(all(rank, width - 5)));
       made.has_moved = made.has_moved || all(rank, width - 4) != 0;
       made.is_broken = made.is_broken || all(rank, width - 1) != 0 || !finite_(all(rank, width - 3));
     }
@@ -283,7 +345,7 @@ class ConsensusOfEnv {
     EnvStatus& status = judged_.status.front();
     if (status.code == EnvCode::max_iterations) status.code = end_as_;
     status.flags |= flags_;
-    status.iterations = sweeps_;
+    status.iterations = most_sweeps_;
     const BodySolutionView<Real>& out = env_.solution;
     std::copy(judged_.impulse.begin(), judged_.impulse.end(), out.impulse);
     std::copy(judged_.twist.begin(), judged_.twist.end(), out.twist);
@@ -298,6 +360,8 @@ class ConsensusOfEnv {
   Subdomains parts_;
   BodySolver judge_;
   TimeStepping stepping_;
+  Index sweeps_a_round_;
+  double penalty_, factor_ = 1;  ///< what the penalty was last multiplied by
   BodySolver local_;
   BodyPlan judge_plan_;
   std::optional<BodyPlan> plan_;
@@ -309,7 +373,8 @@ class ConsensusOfEnv {
   std::uint32_t flags_ = 0;
   EnvCode end_as_ = EnvCode::max_iterations;
   double scale_ = 0, best_ = __builtin_huge_val(), refused_at_ = __builtin_huge_val();
-  Index sweeps_ = 0;
+  Index rounds_ = 0, sweeps_ = 0;  ///< of this rank
+  Index most_sweeps_ = 0;          ///< of any rank, when all last met
 };
 
 }  // namespace
@@ -329,6 +394,7 @@ std::vector<RankReport> solve_by_consensus(Transport& transport, const BodyBatch
   digest.add(static_cast<std::uint64_t>(consensus.subdomains));
   digest.add(static_cast<std::uint64_t>(consensus.sweeps));
   digest.add(&consensus.penalty, 1);
+  digest.add(std::uint64_t{consensus.asynchronous ? 1U : 0U});
   require_agreement(transport, digest.sum(), "another batch, other options or other subdomains");
   RankReport report;
   for (Offset env = 0; env < batch.env_count; ++env) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -13,6 +14,11 @@ struct ConsensusOptions {
   Index sweeps = 16;    ///< of sequential impulses in each subdomain between two exchanges, >= 1; doubled where they
                         ///< change no impulse
   double penalty = 32;  ///< the first, in units of a body's mass, > 0; balanced from there [-]
+  /// No rank waits for another one's round: each goes on with what has come (docs/math/consensus.md). The answer is
+  /// one of the same problem, judged in the same way, but no longer the same bits each time. Convex law alone.
+  bool asynchronous = false;
+  /// Called on each rank after the sweeps of each of its rounds. For measurements.
+  std::function<void()> after_sweeps = {};
 };
 
 /// Solves every environment of a host batch, which all ranks have. `part` says which subdomain each body is in, the
@@ -24,7 +30,8 @@ struct ConsensusOptions {
 /// With the convex law the iteration is that of a convex problem, solved inexactly in each subdomain. With Coulomb's
 /// law or boxed friction a point where it rests is a solution, and that it comes to rest is not proven.
 ///
-/// \throws as solve_over_ranks, also for more than one sub-step: Error(unsupported)
+/// \throws as solve_over_ranks, also Error(unsupported) for more than one sub-step, and for asynchronous rounds under
+/// another law than the convex one
 template <class Real>
 std::vector<RankReport> solve_by_consensus(Transport& transport, const BodyBatchView<Real>& batch,
                                            std::span<const int> part, const ConsensusOptions& consensus,

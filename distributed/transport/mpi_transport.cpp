@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <deque>
 #include <limits>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@ namespace stiction::distributed {
 namespace {
 
 constexpr int kTag = 1;
+constexpr int kLetterTag = 2;
 
 int count_of(std::size_t bytes) {
   if (bytes > static_cast<std::size_t>(std::numeric_limits<int>::max()))
@@ -62,7 +64,7 @@ class MpiTransport final : public Transport {
             "MPI_Isend");
       peers_.push_back(message.to);
     }
-    wait();
+    wait(requests_, peers_);
   }
 
   void do_all_gather(std::span<const std::byte> mine, std::span<std::byte> all) override {
@@ -72,32 +74,91 @@ class MpiTransport final : public Transport {
     check(rank_,
           MPI_Iallgather(mine.data(), count, MPI_BYTE, all.data(), count, MPI_BYTE, MPI_COMM_WORLD, requests_.data()),
           "MPI_Iallgather");
-    wait();
+    wait(requests_, peers_);
+  }
+
+  void do_post(const Outgoing& letter) override {
+    drop_sent();
+    sent_.push_back({{letter.bytes.begin(), letter.bytes.end()}, MPI_REQUEST_NULL, letter.to});
+    Sent& sent = sent_.back();
+    check(rank_,
+          MPI_Isend(sent.bytes.data(), count_of(sent.bytes.size()), MPI_BYTE, letter.to, kLetterTag, MPI_COMM_WORLD,
+                    &sent.request),
+          "MPI_Isend");
+  }
+
+  bool do_take(const Incoming& in) override {
+    int is_here = 0;
+    MPI_Status status;
+    check(rank_, MPI_Iprobe(in.from, kLetterTag, MPI_COMM_WORLD, &is_here, &status), "MPI_Iprobe");
+    if (is_here == 0) return false;
+    int bytes = 0;
+    MPI_Get_count(&status, MPI_BYTE, &bytes);
+    const auto size = static_cast<std::size_t>(bytes);
+    if (size != in.bytes.size()) throw RankLost(text_of_size(rank_, in.from, size, in.bytes.size()));
+    requests_.assign(1, MPI_REQUEST_NULL);
+    peers_.assign(1, in.from);
+    check(rank_, MPI_Irecv(in.bytes.data(), bytes, MPI_BYTE, in.from, kLetterTag, MPI_COMM_WORLD, requests_.data()),
+          "MPI_Irecv");
+    wait(requests_, peers_);
+    return true;
+  }
+
+  void do_await(const Incoming& in) override {
+    until_deadline([&] { return do_take(in); }, [&] { return text_of_late(rank_, {in.from}); });
+  }
+
+  void do_settle() override {
+    std::vector<MPI_Request> requests;
+    std::vector<int> peers;
+    for (const Sent& sent : sent_) {
+      requests.push_back(sent.request);
+      peers.push_back(sent.to);
+    }
+    wait(requests, peers);
+    sent_.clear();
+  }
+
+  /// Letters that are on their way need their bytes no more.
+  void drop_sent() {
+    while (!sent_.empty()) {
+      int done = 0;
+      check(rank_, MPI_Test(&sent_.front().request, &done, MPI_STATUS_IGNORE), "a letter");
+      if (done == 0) return;
+      sent_.pop_front();
+    }
+  }
+
+  void wait(std::vector<MPI_Request>& requests, const std::vector<int>& peers) {
+    const auto are_done = [&] {
+      int done = 0;
+      check(rank_, MPI_Testall(static_cast<int>(requests.size()), requests.data(), &done, MPI_STATUSES_IGNORE),
+            "a message");
+      return done != 0;
+    };
+    until_deadline(are_done, [&] { return silent(requests, peers); });
   }
 
   /// MPI's own waits know no deadline. After some tries the core is given away: there may be more ranks than cores.
-  void wait() {
+  template <class IsDone, class Text>
+  void until_deadline(IsDone&& is_done, Text&& text) {
     constexpr int kTries = 200;
     const auto until = std::chrono::steady_clock::now() + deadline_;
-    for (int tries = 0;; ++tries) {
-      int done = 0;
-      check(rank_, MPI_Testall(static_cast<int>(requests_.size()), requests_.data(), &done, MPI_STATUSES_IGNORE),
-            "a message");
-      if (done != 0) return;
+    for (int tries = 0; !is_done(); ++tries) {
       if (tries < kTries) continue;
-      if (std::chrono::steady_clock::now() > until) throw RankLost(silent());
+      if (std::chrono::steady_clock::now() > until) throw RankLost(text());
       sched_yield();
     }
   }
 
   /// The other ends of the messages that are still missing.
-  [[nodiscard]] std::string silent() {
+  [[nodiscard]] std::string silent(std::vector<MPI_Request>& requests, const std::vector<int>& peers) {
     int done = 0;
-    std::vector<int> which(requests_.size());
-    MPI_Testsome(static_cast<int>(requests_.size()), requests_.data(), &done, which.data(), MPI_STATUSES_IGNORE);
+    std::vector<int> which(requests.size());
+    MPI_Testsome(static_cast<int>(requests.size()), requests.data(), &done, which.data(), MPI_STATUSES_IGNORE);
     std::vector<int> ranks;
-    for (std::size_t i = 0; i < peers_.size(); ++i)
-      if (requests_[i] != MPI_REQUEST_NULL && (ranks.empty() || ranks.back() != peers_[i])) ranks.push_back(peers_[i]);
+    for (std::size_t i = 0; i < peers.size(); ++i)
+      if (requests[i] != MPI_REQUEST_NULL && (ranks.empty() || ranks.back() != peers[i])) ranks.push_back(peers[i]);
     return ranks.empty() ? text_of_loss(rank_, "some rank has not answered within the deadline")
                          : text_of_late(rank_, ranks);
   }
@@ -106,6 +167,13 @@ class MpiTransport final : public Transport {
   int rank_ = 0, size_ = 1;
   std::vector<MPI_Request> requests_;
   std::vector<int> peers_;  ///< of the requests, in their order; empty of a collective
+
+  struct Sent {
+    std::vector<std::byte> bytes;
+    MPI_Request request;
+    int to;
+  };
+  std::deque<Sent> sent_;  ///< letters, whose requests know where they are
 };
 
 }  // namespace

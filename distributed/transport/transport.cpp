@@ -31,14 +31,17 @@ class SelfTransport final : public Transport {
   void do_all_gather(std::span<const std::byte> mine, std::span<std::byte> all) override {
     std::copy(mine.begin(), mine.end(), all.begin());
   }
+  void do_post(const Outgoing&) override {}
+  bool do_take(const Incoming&) override { return false; }
+  void do_await(const Incoming&) override {}
+  void do_settle() override {}
 };
 
 }  // namespace
 
 void Transport::exchange(std::span<const Outgoing> out, std::span<const Incoming> in) {
   ++traffic_.exchanges;
-  traffic_.messages += static_cast<std::int64_t>(out.size());
-  for (const Outgoing& message : out) traffic_.bytes += static_cast<std::int64_t>(message.bytes.size());
+  count(out);
   const Waiting waiting(traffic_.waited);
   do_exchange(out, in);
 }
@@ -47,6 +50,30 @@ void Transport::all_gather(std::span<const std::byte> mine, std::span<std::byte>
   ++traffic_.gathers;
   const Waiting waiting(traffic_.waited);
   do_all_gather(mine, all);
+}
+
+void Transport::post(std::span<const Outgoing> out) {
+  count(out);
+  for (const Outgoing& letter : out) do_post(letter);
+}
+
+bool Transport::take(const Incoming& in) {
+  return do_take(in);
+}
+
+void Transport::await(const Incoming& in) {
+  const Waiting waiting(traffic_.waited);
+  do_await(in);
+}
+
+void Transport::settle() {
+  const Waiting waiting(traffic_.waited);
+  do_settle();
+}
+
+void Transport::count(std::span<const Outgoing> out) {
+  traffic_.messages += static_cast<std::int64_t>(out.size());
+  for (const Outgoing& message : out) traffic_.bytes += static_cast<std::int64_t>(message.bytes.size());
 }
 
 std::unique_ptr<Transport> self_transport() {

@@ -312,7 +312,7 @@ TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
                                "--max-iterations", "5000", "--json", "-"});
     return Json::parse(run_stiction(more).out);
   };
-  for (const char* solver : {"si", "newton", "multigrid"}) {
+  for (const char* solver : {"si", "pgs", "newton", "multigrid"}) {
     const Json json = report_of({"--solver", solver, "-o", solution});
     EXPECT_EQ(json["form"], "bodies");
     EXPECT_EQ(json["solver"], solver);
@@ -323,6 +323,9 @@ TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
     EXPECT_EQ(report_of({"--solver", solver, "--permute", "3"})["hash"], json["hash"]);
     EXPECT_EQ(report_of({"--solver", solver, "--warm-start", solution})["unconverged"], 0);
   }
+  // Sequential impulses are npgs on bodies, and pgs is without momentum.
+  EXPECT_EQ(report_of({"--solver", "npgs"})["hash"], report_of({"--solver", "si"})["hash"]);
+  EXPECT_NE(report_of({"--solver", "pgs"})["hash"], report_of({"--solver", "si"})["hash"]);
   EXPECT_EQ(report_of({"--preconditioner", "factor"})["preconditioner"], "factor");
   const auto error_of = [&](const Words& more) {
     Words words{"solve", wall, "--form", "bodies"};
@@ -331,7 +334,8 @@ TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
     EXPECT_EQ(refused.status, 2);
     return refused.err;
   };
-  EXPECT_THAT(error_of({"--solver", "npgs"}), testing::HasSubstr("--solver npgs: expected si, newton or multigrid"));
+  EXPECT_THAT(error_of({"--solver", "nsgs"}),
+              testing::HasSubstr("--solver nsgs: expected si, npgs, pgs, newton or multigrid"));
   EXPECT_THAT(error_of({"--solver", "si", "--preconditioner", "factor"}), testing::HasSubstr("choose --solver newton"));
   EXPECT_THAT(error_of({"--preset", "grasping"}), testing::HasSubstr("--form bodies and --preset exclude"));
   EXPECT_THAT(error_of({"--islands", "apart"}), testing::HasSubstr("--form bodies and --islands apart exclude"));

@@ -77,6 +77,8 @@ TEST(Step, NewtonsMethodReachesWhatSweepsDoNot) {
   };
   const Json sweeps = with({}), multigrid = with({"--solver", "multigrid"});
   EXPECT_EQ(sweeps["solver"], "si");
+  EXPECT_EQ(with({"--solver", "npgs"})["hash"], sweeps["hash"]);
+  EXPECT_NE(with({"--solver", "pgs"})["hash"], sweeps["hash"]);
   EXPECT_EQ(multigrid["solver"], "multigrid");
   EXPECT_LT(sweeps["quality"], multigrid["quality"]);
   EXPECT_EQ(multigrid["quality"], 1);

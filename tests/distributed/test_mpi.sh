@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|asynchronous|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4
@@ -22,30 +22,32 @@ ranks() {  # ranks N ARGUMENTS...
 }
 
 # One process, then 1 to 4 ranks by bisection and 3 at random: the same file of lambda, iterations and residuals.
-compare() {  # compare SCENE SIZE OPTIONS...
-  local scene=$1 size=$2 ranks partition
-  shift 2
+compare() {  # compare METHOD SCENE SIZE OPTIONS...
+  local method=$1 scene=$2 size=$3 ranks partition
+  shift 3
   "$stiction" generate "$scene" --size "$size" --seed 3 --quiet -o "$folder/batch.h5" || fail "generate $scene"
-  "$stiction" solve "$folder/batch.h5" --form bodies --solver si "$@" --json "$folder/one.json" --quiet -o "$folder/one.h5"
+  "$stiction" solve "$folder/batch.h5" --form bodies --solver "$method" "$@" --json "$folder/one.json" --quiet -o "$folder/one.h5"
   [ $? -le 1 ] || fail "solve $scene"
   for ranks in 1 2 3 4; do
     for partition in bisection random:7; do
       [ "$partition" = bisection ] || [ "$ranks" -eq 3 ] || continue
-      ranks "$ranks" solve --scene "$scene" --size "$size" --seed 3 --partition "$partition" "$@" --quiet \
-        --json "$folder/ranks.json" -o "$folder/ranks.h5" 2> "$folder/err"
+      ranks "$ranks" solve --scene "$scene" --size "$size" --seed 3 --method "$method" --partition "$partition" "$@" \
+        --quiet --json "$folder/ranks.json" -o "$folder/ranks.h5" 2> "$folder/err"
       [ $? -le 1 ] || fail "$scene, $ranks ranks: $(cat "$folder/err")"
       "$stiction" diff "$folder/one.h5" "$folder/ranks.h5" || fail "$scene, $ranks ranks, $partition"
       python3 - "$folder/one.json" "$folder/ranks.json" << 'EOF' || fail "$scene, $ranks ranks, $partition: reports"
 import json, sys
 one, many = (json.load(open(name)) for name in sys.argv[1:])
-for key in ("hash", "iterations", "residual", "unconverged", "law", "precision", "epoch"):
+for key in ("hash", "iterations", "residual", "unconverged", "law", "precision", "epoch", "solver"):
     if one[key] != many[key]:
         sys.exit(f"{key}: {one[key]} by one process, {many[key]} by ranks")
+if many["reproducible"] is not True:
+    sys.exit("ranks do not say that their bits are the same each time")
 EOF
       rm "$folder/ranks.h5" "$folder/ranks.json"
     done
   done
-  echo "$scene: 5 jobs have the bits of one process, $("$stiction" hash "$folder/one.h5")"
+  echo "$method, $scene: 5 jobs have the bits of one process, $("$stiction" hash "$folder/one.h5")"
 }
 
 # Consensus by 1 to 4 ranks: one answer, and another one with another number of subdomains.
@@ -190,17 +192,47 @@ finish() {
   done
 }
 
+asynchronous=(--law convex --method consensus --subdomains 3 --asynchronous)
 case $what in
   bits)
-    compare wall 5 --max-iterations 200
-    compare wall 3 --max-iterations 5000 --tolerance 1e-6
+    compare si wall 5 --max-iterations 200
+    cp "$folder/one.h5" "$folder/si.h5"
+    compare npgs wall 5 --max-iterations 200
+    "$stiction" diff "$folder/si.h5" "$folder/one.h5" || fail "si is not npgs"
+    compare pgs wall 5 --max-iterations 200
+    "$stiction" diff "$folder/si.h5" "$folder/one.h5" > "$folder/out" && fail "pgs has the bits of npgs"
+    compare npgs wall 3 --max-iterations 5000 --tolerance 1e-6
     cp "$folder/one.h5" "$folder/start.h5"
-    compare wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
-    compare pile 40 --max-iterations 150 --precision f32 --law convex
+    compare si wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
+    compare npgs pile 40 --max-iterations 150 --precision f32 --law convex
     ;;
   consensus)
     compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-5
     compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-4 --precision f32 --law convex
+    ;;
+  asynchronous)
+    "$stiction" generate wall --size 4 --seed 3 --quiet -o "$folder/batch.h5" || fail "generate wall"
+    for ranks in 1 3 4; do
+      ranks "$ranks" solve "$folder/batch.h5" --law convex --method consensus --subdomains 4 --asynchronous \
+        --max-iterations 50000 --tolerance 1e-5 --quiet --json "$folder/ranks.json" -o "$folder/ranks.h5" 2> "$folder/err" ||
+        fail "$ranks ranks: $(cat "$folder/err")"
+      # The judge has the file's A; residuals are relative to a number that depends on tangents.
+      "$stiction" verify "$folder/batch.h5" "$folder/ranks.h5" --law convex --tolerance 1.42e-5 ||
+        fail "$ranks ranks: the judge does not find what the report says"
+      python3 - "$folder/ranks.json" "$ranks" << 'EOF' || fail "$ranks ranks: report"
+import json, sys
+report, ranks = json.load(open(sys.argv[1])), int(sys.argv[2])
+assert report["reproducible"] is False and report["asynchronous"] is True and report["unconverged"] == 0, report
+rounds = [rank["rounds"] for rank in report["per_rank"]]
+assert len(rounds) == ranks and min(rounds) >= 4 and 16 * max(rounds) <= report["iterations"]["max"], report
+EOF
+    done
+    # A rank that says nothing more: the others make what rounds they may, and wait no longer than they were told.
+    start_endless 3 "${asynchronous[@]}" --deadline 2
+    kill -STOP "$victim"
+    finish
+    [ "$status" -eq 70 ] || fail "exit status $status, expected 70"
+    grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
     ;;
   step)
     compare_steps pile --envs 2 --steps 40 --seed 3
@@ -227,10 +259,12 @@ EOF
     ;;
   killed)
     unset OMPI_MCA_orte_execute_quiet  # which process a signal has ended is mpirun's to say
-    start_endless 3
-    kill -KILL "$victim"
-    finish
-    grep -qi 'signal 9\|killed' "$folder/err" || fail "mpirun does not say that a rank was killed"
+    for method in si asynchronous; do
+      [ "$method" = si ] && start_endless 3 || start_endless 3 "${asynchronous[@]}"
+      kill -KILL "$victim"
+      finish
+      grep -qi 'signal 9\|killed' "$folder/err" || fail "$method: mpirun does not say that a rank was killed"
+    done
     ;;
   hung)
     start_endless 3 --deadline 2
@@ -244,7 +278,8 @@ EOF
     for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
       "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
       "step" "step nothing" "step pile --partition thirds" "step pile --checkpoint /nowhere/x.h5" \
-      "solve --scene wall -o /nowhere/x.h5" "solve --scene wall --method jacobi" "solve --scene wall --method consensus --subdomains 0"; do
+      "solve --scene wall -o /nowhere/x.h5" "solve --scene wall --method jacobi" \
+      "solve --scene wall --law convex --asynchronous" "solve --scene wall --method consensus --asynchronous" "solve --scene wall --method consensus --subdomains 0"; do
       # shellcheck disable=SC2086
       ranks 2 $arguments > "$folder/out" 2> "$folder/err"
       status=$?

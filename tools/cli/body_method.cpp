@@ -6,16 +6,22 @@
 
 namespace stiction::cli {
 
+bool is_sweeping(const std::string& solver) {
+  return solver == "si" || solver == "npgs" || solver == "pgs";
+}
+
 void choose_body_method(const std::string& solver, const std::optional<std::string>& preconditioner,
                         BodySolverOptions& options) {
   const bool is_newton = solver == "newton", is_multigrid = solver == "multigrid";
-  if (!is_newton && !is_multigrid && solver != "si")
-    throw Error(ErrorCode::invalid_argument, fmt::format("--solver {}: expected si, newton or multigrid", solver));
+  if (!is_newton && !is_multigrid && !is_sweeping(solver))
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--solver {}: expected si, npgs, pgs, newton or multigrid", solver));
   if (preconditioner && !is_newton)
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--preconditioner {}: it is newton's, and the solver is {}: choose --solver newton",
                             *preconditioner, solver));
   options.method = is_newton || is_multigrid ? BodyMethod::newton : BodyMethod::impulses;
+  options.momentum = solver != "pgs";
   options.space.preconditioner = is_multigrid ? BodyPreconditioner::multigrid : BodyPreconditioner::block_diagonal;
   if (preconditioner) options.space.preconditioner = body_preconditioner_from_string(*preconditioner);
 }

@@ -7,6 +7,10 @@
 
 namespace stiction::cli {
 
+/// Whether --solver names sequential impulses: npgs with momentum, of which si is another name, or pgs without
+/// (docs/math/si.md).
+bool is_sweeping(const std::string& solver);
+
 /// How bodies are solved, from --solver and --preconditioner: sequential impulses, or Newton's method with a
 /// preconditioner, of which multigrid has a name of its own. \throws Error(invalid_argument) for other names, and for a
 /// preconditioner of what has none.

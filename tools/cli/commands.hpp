@@ -111,7 +111,7 @@ struct StepArguments {
   std::optional<double> dt;  ///< without it: the scene's
   std::string device = "auto";
   std::string precision = "f64";
-  std::string solver = "si";                  ///< si, newton or multigrid
+  std::string solver = "si";                  ///< si, npgs, pgs, newton or multigrid
   std::optional<std::string> preconditioner;  ///< of newton; without it: block_diagonal
   std::string law = "coulomb";                ///< coulomb, convex or boxed
   Index iterations = 50;

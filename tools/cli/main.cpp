@@ -136,7 +136,7 @@ void declare_step(CLI::App& app, StepArguments& a) {
   declare_steps(app, a);
   app.add_option("--device", a.device, "auto, cpu, cuda, cuda:I or emulated: where reactions are solved")
       ->capture_default_str();
-  app.add_option("--solver", a.solver, "si, newton or multigrid")->capture_default_str();
+  app.add_option("--solver", a.solver, "si or npgs, pgs, newton or multigrid")->capture_default_str();
   app.add_option("--preconditioner", a.preconditioner, "Of newton's linear systems [block_diagonal]");
   app.add_option("--max-contacts", a.max_contacts, "The deepest of an environment that are solved; 0: all")
       ->capture_default_str();

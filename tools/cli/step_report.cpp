@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "tools/cli/body_method.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/json_text.hpp"
 #include "tools/cli/report.hpp"
@@ -91,7 +92,7 @@ std::string to_text(const StepReport& report) {
   line("solver",
        fmt::format("{}, at most {} {}, tolerance {:g}",
                    report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,
-                   report.iterations, report.solver == "si" ? "sweeps" : "steps", report.tolerance));
+                   report.iterations, is_sweeping(report.solver) ? "sweeps" : "steps", report.tolerance));
   line("law", report.law);
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));

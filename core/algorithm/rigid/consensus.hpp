@@ -9,8 +9,12 @@ namespace stiction::inline STICTION_ISA {
 
 /// Over-relaxation of copies before they meet (Boyd et al. 2011, section 3.4.3).
 inline constexpr double kConsensusRelaxation = 1.6;
+/// That of rounds that do not wait for one another: what they are given may be old, so they step less far.
+inline constexpr double kAsynchronousRelaxation = 1.0;
 /// Rounds between two decisions: the residual of the whole environment, and the penalty.
 inline constexpr Index kConsensusRounds = 4;
+/// Rounds that a rank makes at most while another one makes those: what bounds how old a letter may be.
+inline constexpr Index kAsynchronousRounds = 64;
 
 /// A copy has 1/copies of the mass, and the penalty's share of it: its inverse mass is that many times the body's.
 STICTION_HD double copy_gain(Index copies, double penalty) {
@@ -35,9 +39,8 @@ STICTION_HD void pull_copy(const double* z, const double* u, const double* free,
 
 /// What a copy brings to the mean: its relaxed twist and its dual.
 template <class Real>
-STICTION_HD void ask_for(const Real* twist, const double* z, const double* u, double* asked) {
-  for (Index k = 0; k < 6; ++k)
-    asked[k] = fma_(kConsensusRelaxation, static_cast<double>(twist[k]) - z[k], z[k]) + u[k];
+STICTION_HD void ask_for(double relaxation, const Real* twist, const double* z, const double* u, double* asked) {
+  for (Index k = 0; k < 6; ++k) asked[k] = fma_(relaxation, static_cast<double>(twist[k]) - z[k], z[k]) + u[k];
 }
 
 /// z: the mean of what copies ask for, in their order, six numbers after six.
@@ -103,6 +106,11 @@ STICTION_HD double penalty_factor(const ConsensusGap& gap, double penalty) {
 /// Scaled duals of another penalty.
 STICTION_HD void scale_dual(double factor, double* u) {
   for (Index k = 0; k < 6; ++k) u[k] = div_(u[k], factor);
+}
+
+/// What a copy asks for with duals of another penalty.
+STICTION_HD void scale_asked(double factor, const double* z, const double* was, double* asked) {
+  for (Index k = 0; k < 6; ++k) asked[k] = z[k] + div_(was[k] - z[k], factor);
 }
 
 /// The twist of a body after the step without reactions, from its own numbers.
