@@ -135,7 +135,7 @@ TEST(Asynchronous, AFastRankGoesOnButNotForEver) {
     EXPECT_EQ(ran.ranks[2].rounds % 4, 0);
     EXPECT_GT(lead, slow == 4 ? 3.5 : 15);
     EXPECT_LE(lead, slow == 4 ? 5.5 : 16);
-    // Who is late waits for nobody: its clock has its rounds, and some latencies of each meeting.
+    // The late rank does not wait: its clock has its rounds, and some latencies of each meeting.
     EXPECT_LT(ran.seconds, static_cast<double>(ran.ranks[2].rounds) * (slow + 0.5));
   }
 }
