@@ -103,6 +103,9 @@ TABLE = [
     Row("distributed/world", [*MACHINE, "core/plan/colored_body_plan.hpp", "core/runtime/world_model.hpp",
                               "cpu_fallback/kernels/isa.hpp", "distributed/transport", "distributed/solve", "distributed/world"]),
     Row("distributed/subdomains", [*KERNEL, *PLANS, "distributed/transport", "distributed/solve", "distributed/subdomains"]),
+    # Newton's method over ranks plans factors of parts of its matrix.
+    Row("distributed/newton", [*KERNEL, "core/plan", "distributed/transport", "distributed/solve",
+                               "distributed/subdomains", "distributed/newton"]),
     Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
         foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
@@ -113,6 +116,7 @@ TABLE = [
         foreign=("benchmark/", "Eigen/")),
     # What ranks send is counted where ranks are.
     Row("bench/programs/bench_consensus.cpp", [PUBLIC, "bench", "distributed"]),
+    Row("bench/programs/bench_domain_newton.cpp", [PUBLIC, "bench", "distributed"]),
     Row("bench/programs", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],

@@ -52,15 +52,26 @@ struct Ball {
   double radius;
 };
 
+/// Cells of a packing, and along the vertical.
+struct Extent {
+  Index side = 1, layers = 1;
+};
+
+/// A cube, or less than one, with about that many contacts.
+Extent heap_of(Index contacts) {
+  const double spheres = contacts / kContactsPerSphere;
+  Extent heap;
+  while (4.0 * heap.side * heap.side * heap.side < spheres) ++heap.side;
+  heap.layers = heap.side;
+  while (heap.layers > 1 && 4.0 * heap.side * heap.side * (heap.layers - 1) >= spheres) --heap.layers;
+  return heap;
+}
+
 /// Cubic cells with four spheres each, a face-centred cubic packing, shaken. Spheres of a cell and of its neighbours
 /// are the only ones that can touch, so the lattice is the grid that finds pairs.
 class Packing {
  public:
-  Packing(Rng& rng, Index contacts) {
-    const double spheres = contacts / kContactsPerSphere;
-    while (4.0 * side_ * side_ * side_ < spheres) ++side_;
-    layers_ = side_;
-    while (layers_ > 1 && 4.0 * side_ * side_ * (layers_ - 1) >= spheres) --layers_;
+  Packing(Rng& rng, const Extent& extent) : side_(extent.side), layers_(extent.layers) {
     constexpr double kShift[4][3] = {{0.25, 0.25, 0.25}, {0.75, 0.75, 0.25}, {0.75, 0.25, 0.75}, {0.25, 0.75, 0.75}};
     for (Index z = 0; z < layers_; ++z)
       for (Index y = 0; y < side_; ++y)
@@ -121,7 +132,7 @@ class Packing {
     return dot(d, d) < reach * reach;
   }
 
-  Index side_ = 1, layers_ = 1;
+  Index side_, layers_;
 };
 
 double gap_depth(double gap) {
@@ -159,10 +170,12 @@ BodyEnvironment<To> converted(const BodyEnvironment<From>& from) {
 
 }  // namespace
 
-BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
+namespace {
+
+BodyEnvironment<double> make_packing(std::uint64_t seed, const Extent& extent) {
   const ScopedFpEnv fp_env;
   Rng rng(mix_bits(seed) ^ 0x70696c65U);
-  const Packing packing(rng, contacts);
+  const Packing packing(rng, extent);
   BodyEnvironment<double> env;
   for (const Ball& ball : packing.balls) {
     const double mass = kDensity * 4.1887902047863905 * ball.radius * ball.radius * ball.radius;
@@ -192,6 +205,16 @@ BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
     add(make_contact(i, j, reach * normal, (reach - distance) * normal, normal, mu), gap);
   });
   return env;
+}
+
+}  // namespace
+
+BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
+  return make_packing(seed, heap_of(contacts));
+}
+
+BodyEnvironment<double> make_body_column(std::uint64_t seed, Index side, Index layers) {
+  return make_packing(seed, {side, layers});
 }
 
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes) {

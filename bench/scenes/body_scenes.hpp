@@ -13,6 +13,9 @@ namespace stiction::scenes {
 /// Depends on its arguments alone and has the same bits from every compiler. Time linear in contacts.
 BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts);
 
+/// A packing like that of a heap in a tall box: side * side * layers cells of four spheres each (each >= 1).
+BodyEnvironment<double> make_body_column(std::uint64_t seed, Index side, Index layers);
+
 /// Boxes of random size one on the other, four contacts between neighbours, on a floor that is kinematic and moves.
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes);
 

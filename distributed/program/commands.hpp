@@ -27,8 +27,8 @@ struct SolveArguments {
   Index max_iterations = 1000;
   double omega = 1.0;
   std::string partition = "bisection";
-  std::string method = "si";   ///< or npgs, pgs, consensus
-  ConsensusOptions consensus;  ///< of that method
+  std::string method = "si";   ///< or npgs, pgs, consensus, newton
+  ConsensusOptions consensus;  ///< of that method; its subdomains are Newton's too
   double deadline = 60;        ///< longest wait for another rank [s]
   std::optional<std::filesystem::path> warm_start, output, json;
   bool quiet = false;

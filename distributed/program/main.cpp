@@ -38,14 +38,16 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
-  app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most")->capture_default_str();
+  app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most, or Newton steps")
+      ->capture_default_str();
   app.add_option("--omega", a.omega, "Relaxation, between 0 and 2")->capture_default_str();
   declare_partition(app, a.partition, a.deadline);
   app.add_option("--method", a.method,
-                 "si or npgs, pgs: the bits of one process. consensus: few exchanges between subdomains")
-      ->check(CLI::IsMember({"si", "npgs", "pgs", "consensus"}))
+                 "si or npgs, pgs: the bits of one process. consensus: few exchanges between subdomains. newton: high "
+                 "accuracy")
+      ->check(CLI::IsMember({"si", "npgs", "pgs", "consensus", "newton"}))
       ->capture_default_str();
-  app.add_option("--subdomains", a.consensus.subdomains, "Of consensus; they reach the bits, ranks do not")
+  app.add_option("--subdomains", a.consensus.subdomains, "Of consensus and newton; they reach the bits, ranks do not")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   app.add_option("--sweeps", a.consensus.sweeps, "Of consensus, in a subdomain between two exchanges")

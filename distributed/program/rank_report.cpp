@@ -73,6 +73,9 @@ std::string ranks_line(const std::vector<RankReport>& ranks, const std::string& 
 
 /// Nothing for a method without subdomains.
 std::string method_line(const JobReport& report) {
+  if (report.method == "newton")
+    return line("method", fmt::format("newton over {} subdomains, {} sweeps, {} linear iterations",
+                                      report.consensus.subdomains, report.newton.sweeps, report.newton.linear_steps));
   if (report.method != "consensus") return {};
   return line("method", fmt::format("consensus of {} subdomains, {} sweeps a round{}", report.consensus.subdomains,
                                     report.consensus.sweeps,
@@ -145,6 +148,11 @@ std::string to_json(const JobReport& report) {
     json["penalty"] = report.consensus.penalty;
     json["asynchronous"] = report.consensus.asynchronous;
     for (std::size_t k = 0; k < report.ranks.size(); ++k) json["per_rank"][k]["rounds"] = report.ranks[k].rounds;
+  }
+  if (report.method == "newton") {
+    json["subdomains"] = report.consensus.subdomains;
+    json["sweeps"] = report.newton.sweeps;
+    json["linear_iterations"] = report.newton.linear_steps;
   }
   return cli::dump(json);
 }

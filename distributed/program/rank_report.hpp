@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "distributed/newton/solve_by_newton.hpp"
 #include "distributed/solve/solve_over_ranks.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/world/rank_world.hpp"
@@ -16,7 +17,8 @@ struct JobReport {
   cli::SolveReport solve;
   std::string partition;
   std::string method = "si";
-  ConsensusOptions consensus;  ///< of that method
+  ConsensusOptions consensus;  ///< of that method; its subdomains are Newton's too
+  NewtonCounts newton;         ///< of that method
   Offset bodies = 0;
   std::vector<RankReport> ranks;
 };

@@ -60,6 +60,18 @@ std::vector<Real> first_guess(const SolveArguments& arguments, const io::Recordi
 }
 
 template <class Real>
+std::vector<RankReport> solve_newton(Transport& transport, const BodyBatchView<Real>& view, std::span<const int> part,
+                                     std::optional<std::uint64_t> seed, const SolveArguments& arguments,
+                                     const TimeStepping& stepping, const BodySolverOptions& options,
+                                     const BodySolutionView<Real>& solution, const Real* first, NewtonCounts& counts) {
+  DomainOptions domains;
+  domains.count = arguments.consensus.subdomains;
+  const std::vector<int> home = seed ? random_owners(domains.count, transport.size(), *seed)
+                                     : neighbouring_homes(domains.count, transport.size());
+  return solve_by_newton<Real>(transport, view, part, home, domains, stepping, options, solution, first, &counts);
+}
+
+template <class Real>
 int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOptions options, JobReport& report) {
   const Clock::time_point start = Clock::now();
   const io::Recording recording = recording_of(arguments);
@@ -67,10 +79,11 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   const JacobianBodies<Real> bodies = as_bodies(io::jacobian_batch<Real>(recording).view());
   const BodyBatchView<Real> view = bodies.batch.view();
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
-  const bool by_consensus = arguments.method == "consensus";
-  const int parts = by_consensus ? arguments.consensus.subdomains : transport.size();
+  const bool by_consensus = arguments.method == "consensus", by_newton = arguments.method == "newton";
+  const int parts = by_consensus || by_newton ? arguments.consensus.subdomains : transport.size();
+  // Of Newton's method whole subdomains are dealt out, and they are always bisected.
   const std::vector<int> owner =
-      seed ? random_owners(view.body_count, parts, *seed) : bisect(centres_by_arms(view), parts);
+      seed && !by_newton ? random_owners(view.body_count, parts, *seed) : bisect(centres_by_arms(view), parts);
   const std::vector<Real> first = first_guess(arguments, recording, bodies);
   cli::SolveReport& solve = report.solve;
   solve.seconds.load = cli::seconds_since(start);
@@ -86,7 +99,9 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   }
   const auto data = [](auto& array) { return array.empty() ? nullptr : array.data(); };
   const BodySolutionView<Real> solution{data(impulse), data(twist), data(w), data(status)};
-  report.ranks = by_consensus
+  report.ranks = by_newton ? solve_newton<Real>(transport, view, owner, seed, arguments, bodies.stepping, options,
+                                                solution, data(first), report.newton)
+                 : by_consensus
                      ? solve_by_consensus<Real>(transport, view, owner, arguments.consensus, bodies.stepping, options,
                                                 solution, data(first))
                      : solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options, solution, data(first));

@@ -1,16 +1,19 @@
 #include "distributed/solve/kernels.hpp"
+#include "distributed/solve/part_kernels.hpp"
 
 namespace stiction {
 
 inline namespace isa_ranks_baseline {
 distributed::RankKernels<float> rank_kernels_f32(Law law);
 distributed::RankKernels<double> rank_kernels_f64(Law law);
+distributed::PartKernels part_kernels_of_isa();
 }  // namespace isa_ranks_baseline
 
 #if defined(STICTION_HAS_AVX2)
 namespace isa_ranks_avx2 {
 distributed::RankKernels<float> rank_kernels_f32(Law law);
 distributed::RankKernels<double> rank_kernels_f64(Law law);
+distributed::PartKernels part_kernels_of_isa();
 }  // namespace isa_ranks_avx2
 #endif
 
@@ -40,6 +43,13 @@ RankKernels<double> rank_kernels(Law law) {
   if (has_avx2()) return isa_ranks_avx2::rank_kernels_f64(law);
 #endif
   return isa_ranks_baseline::rank_kernels_f64(law);
+}
+
+PartKernels part_kernels() {
+#if defined(STICTION_HAS_AVX2)
+  if (has_avx2()) return isa_ranks_avx2::part_kernels_of_isa();
+#endif
+  return isa_ranks_baseline::part_kernels_of_isa();
 }
 
 }  // namespace distributed

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|asynchronous|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|asynchronous|newton|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4
@@ -73,6 +73,31 @@ assert sum(rank["bodies"] for rank in four["per_rank"]) == four["bodies"], four
 EOF
   rm "$folder"/ranks?.json "$folder"/ranks?.h5
   echo "consensus, $scene: 4 jobs have one answer"
+}
+
+# Newton's method over 4 subdomains by 1 to 4 ranks, 3 of them dealt out at random: one answer.
+compare_newton() {  # compare_newton SCENE SIZE OPTIONS...
+  local scene=$1 size=$2 ranks partition
+  shift 2
+  for ranks in 1 2 3 4; do
+    partition=$([ "$ranks" -eq 3 ] && echo random:7 || echo bisection)
+    ranks "$ranks" solve --scene "$scene" --size "$size" --seed 3 --method newton --subdomains 4 "$@" --quiet \
+      --partition "$partition" --json "$folder/ranks$ranks.json" -o "$folder/ranks$ranks.h5" 2> "$folder/err" ||
+      fail "$scene, $ranks ranks: $(cat "$folder/err")"
+    "$stiction" diff "$folder/ranks1.h5" "$folder/ranks$ranks.h5" || fail "$scene, $ranks ranks"
+  done
+  python3 - "$folder"/ranks{1,4}.json << 'EOF' || fail "$scene: reports"
+import json, sys
+one, four = (json.load(open(name)) for name in sys.argv[1:])
+for key in ("hash", "iterations", "residual", "sweeps", "linear_iterations"):
+    assert one[key] == four[key], (key, one[key], four[key])
+assert one["method"] == one["solver"] == "newton" and one["subdomains"] == 4, one
+assert one["unconverged"] == 0 and one["bytes"] == 0 < four["bytes"], (one, four)
+assert four["exchanges"] >= four["linear_iterations"] > four["iterations"]["max"] > 0, four
+assert sum(rank["bodies"] for rank in four["per_rank"]) == four["bodies"], four
+EOF
+  rm "$folder"/ranks?.json "$folder"/ranks?.h5
+  echo "newton, $scene: 4 jobs have one answer"
 }
 
 # compare_reports ONE MANY: what a run of `stiction step` and a job have in common.
@@ -233,6 +258,10 @@ EOF
     finish
     [ "$status" -eq 70 ] || fail "exit status $status, expected 70"
     grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
+    ;;
+  newton)
+    compare_newton wall 4 --max-iterations 200 --tolerance 1e-6 --law convex
+    compare_newton wall 4 --max-iterations 200 --tolerance 1e-4 --precision f32
     ;;
   step)
     compare_steps pile --envs 2 --steps 40 --seed 3

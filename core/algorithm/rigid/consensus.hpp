@@ -153,29 +153,32 @@ STICTION_HD Twist<double> twist_in(const Numbers* rows, Index slot, Index bodies
   return twist_at<double>(rows + 6 * static_cast<Offset>(slot));
 }
 
-/// Judges all contacts of an environment with twists under the impulses of all environments that share its bodies
-/// (docs/math/residual.md).
+/// Judges one contact with twists under all impulses, six numbers a body (docs/math/residual.md).
+template <Law kLaw, class Real>
+STICTION_HD void judge_contact(const BodyEnv<Real>& env, const SiParams& params, Index p, const Real* impulse,
+                               const double* twists, LargestResidual<double>& evaluated) {
+  const ExactContact contact = exact_contact(env, p);
+  const Offset row = contact.contact;
+  double lambda[3];
+  for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(impulse[3 * row + k]);
+  double motion[3];
+  const auto side = [&](int k) { return k == 0 ? contact.side_a : contact.side_b; };
+  const auto start = [&](int k) { return twist_in(env.twist, slot_of(side(k)), env.bodies); };
+  evaluate_contact<kLaw, double>(
+      contact, [&](int k) { return twist_in(twists, slot_of(side(k)), env.bodies); },
+      [&](int k) { return exact_mass(env, side(k)); },
+      [&] {
+        return bias_of<double>(params, contact, start(0), start(1), static_cast<double>(env.depth[row]),
+                               static_cast<double>(env.restitution[row]));
+      },
+      static_cast<double>(env.mu[row]), div_(params.cfm, params.step), lambda, motion, evaluated);
+}
+
+/// Judges all contacts of an environment with twists under the impulses of all environments that share its bodies.
 template <Law kLaw, class Real>
 STICTION_HD void evaluate_subdomain(const BodyEnv<Real>& env, const SiParams& params, const Real* impulse,
                                     const double* twists, LargestResidual<double>& evaluated) {
-  const double r = div_(params.cfm, params.step);
-  for (Index p = 0; p < env.kept; ++p) {
-    const ExactContact contact = exact_contact(env, p);
-    const Offset row = contact.contact;
-    double lambda[3];
-    for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(impulse[3 * row + k]);
-    double motion[3];
-    const auto side = [&](int k) { return k == 0 ? contact.side_a : contact.side_b; };
-    const auto start = [&](int k) { return twist_in(env.twist, slot_of(side(k)), env.bodies); };
-    evaluate_contact<kLaw, double>(
-        contact, [&](int k) { return twist_in(twists, slot_of(side(k)), env.bodies); },
-        [&](int k) { return exact_mass(env, side(k)); },
-        [&] {
-          return bias_of<double>(params, contact, start(0), start(1), static_cast<double>(env.depth[row]),
-                                 static_cast<double>(env.restitution[row]));
-        },
-        static_cast<double>(env.mu[row]), r, lambda, motion, evaluated);
-  }
+  for (Index p = 0; p < env.kept; ++p) judge_contact<kLaw>(env, params, p, impulse, twists, evaluated);
 }
 
 /// What a judge sees of contacts, from their maxima.
