@@ -6,7 +6,7 @@
 //
 //   bench_consensus [--scene wall|pile|tower] [--sizes 16] [--ranks 4] [--subdomains 4] [--sweeps 16] [--penalty 32]
 //                   [--law convex] [--tolerances 1e-3,1e-6] [--methods si,consensus,asynchronous] [--limit 100000]
-//                   [--slow 1] [--late one|any] [--latency 0] [--csv PATH]
+//                   [--csv PATH]. With clocks: [--slow 1] [--late one|any] [--latency 0]
 
 #include <algorithm>
 #include <cstdio>

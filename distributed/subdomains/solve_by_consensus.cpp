@@ -121,7 +121,7 @@ class ConsensusOfEnv {
     }
   }
 
-  /// The same rounds, each from the newest letters. Once every rank has made some, all meet for what decides.
+  /// Rounds as above, each from the newest letters. Once every rank has made some, all meet for what decides.
   void iterate_asynchronously() {
     RoundLetters letters(transport_, region_->rounds().front());
     while (!conclude(kConsensusRounds)) {
@@ -172,8 +172,7 @@ class ConsensusOfEnv {
     if (now.is_broken) end_as_ = EnvCode::numerical;
     if (keep_best(now) || now.is_broken || is_last) return true;
     // z has moved for as many rounds as ranks have made since they last met, and copies are apart after one.
-    const auto made = static_cast<double>(rounds);
-    factor_ = penalty_factor({now.gap.primal, div_(now.gap.dual, made * made)}, penalty_);
+    factor_ = penalty_factor(gap_of_one_round(now.gap, static_cast<double>(rounds)), penalty_);
     penalty_ = factor_ * penalty_;
     if (factor_ != 1.0) region_->set_penalty(penalty_, factor_);
     if (now.has_moved) return false;

@@ -6,11 +6,12 @@
 
 namespace stiction::python {
 
-/// The simulations of a system that have degrees of freedom in it, as a batch over the same arrays: a solver is told of
+/// The simulations of a system that have degrees of freedom in it, as a batch over the same arrays. A solver is told of
 /// them alone. Others take no place in those arrays, so that what a solver gets lies side by side.
 class SolvedPart {
  public:
-  /// The batch, which lasts until this is called again. Limits are as in JacobianBatchView, of all simulations, or null.
+  /// The batch, which lasts until this is called again. Limits are as in JacobianBatchView, of all simulations, or
+  /// null.
   JacobianBatchView<double> take(const MujocoSystem& system, const double* tolerance, const Index* max_iterations);
   /// Where the batch's records go.
   [[nodiscard]] EnvStatus* status() noexcept { return status_.data(); }

@@ -94,6 +94,11 @@ STICTION_HD void settle_copy(const InverseMass<double>& inverse, Index copies, c
                 div_(mass_square(inverse, twist_at<double>(moved)), count)});
 }
 
+/// The gap that one of `rounds` rounds would have made: z has moved in all of them, copies are apart after one.
+STICTION_HD ConsensusGap gap_of_one_round(const ConsensusGap& gap, double rounds) {
+  return {gap.primal, div_(gap.dual, rounds * rounds)};
+}
+
 /// What the penalty is multiplied by, a power of two (He, Yang, Wang 2000; Boyd et al. 2011, section 3.4.1). Gaps are
 /// squares: a hundredfold one is a tenfold distance.
 STICTION_HD double penalty_factor(const ConsensusGap& gap, double penalty) {
