@@ -63,7 +63,7 @@ if [ "$archive" = yes ]; then
   # pip unpacks it there, and builds below it: paths that count from the build's own folder are then those of other builds.
   mkdir -p "$work/tmp"
   export TMPDIR=$work/tmp CCACHE_BASEDIR=$work/tmp
-  objects=build-objects
+  objects="build-objects"
 fi
 
 say "wheel: build"
