@@ -309,7 +309,7 @@ TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
   ASSERT_EQ(run_stiction({"generate", "stack", "--envs", "2", "--size", "4", "--seed", "5", "-o", wall}).status, 0);
   const auto report_of = [&](Words more) {
     more.insert(more.begin(), {"solve", wall, "--form", "bodies", "--law", "convex", "--tolerance", "1e-5",
-                               "--max-iterations", "5000", "--json", "-"});
+                               "--max-iterations", "50000", "--json", "-"});
     return Json::parse(run_stiction(more).out);
   };
   for (const char* solver : {"si", "pgs", "newton", "multigrid"}) {
