@@ -96,7 +96,7 @@ double DomainSpace::renew_reactions() {
   double largest = 0.0;
   for (const int domain : reach_.domains)
     for (const Index p : domains_.contacts[at(domain)])
-      largest = largest_motion(workspace_.contact[p], workspace_.descent, largest);
+      largest = larger_motion(workspace_.contact[p], workspace_.descent, largest);
   return team_.max(largest);
 }
 
@@ -139,7 +139,7 @@ bool DomainSpace::take_step(SpaceProgress& progress) {
     for (const Index row : domains_.bodies[at(domain)]) sum[1] = sum[1] + curvature_of_body(workspace_, row);
     for (const Index p : domains_.contacts[at(domain)]) {
       sum[2] = sum[2] + look_along(workspace_.contact[p], compliance_, 0.0).slope;
-      sum[3] = sum[3] + slope_terms(workspace_.contact[p], compliance_);
+      sum[3] = slope_terms(workspace_.contact[p], compliance_, sum[3]);
     }
   });
   const double slope = 0.0 - begin[0], noise = 0x1p-50 * begin[3];

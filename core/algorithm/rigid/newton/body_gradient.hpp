@@ -51,20 +51,22 @@ STICTION_HD Twist<double> momentum_of(const SpaceBody& body, const Twist<double>
   return {add_scaled(zero, body.mass, p.linear), add_product(zero, body.inertia, p.angular)};
 }
 
+/// Minus a body's part of the gradient, as a twist and as a force.
+STICTION_HD void renew_descent_of(const SpaceWorkspace& workspace, Index row) {
+  const Twist<double> p = SpaceWorkspace::twist(workspace.point, row);
+  const Twist<double> wrench =
+      gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.reaction; });
+  const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+  const Twist<double> moved = pushed(still, workspace.body[row].inverse, wrench.linear, wrench.angular);
+  const Twist<double> descent{subtract(moved.linear, p.linear), subtract(moved.angular, p.angular)};
+  put_twist(workspace.descent + static_cast<Offset>(row) * kBodyBlock, descent);
+  put_twist(workspace.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(workspace.body[row], descent));
+}
+
 /// Descent and force for the reactions that are there.
 template <Team TeamT>
 STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceWorkspace& workspace) {
-  for_each(team, workspace.bodies, [&](Index row) {
-    const SpaceBody& body = workspace.body[row];
-    const Twist<double> p = SpaceWorkspace::twist(workspace.point, row);
-    const Twist<double> wrench =
-        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.reaction; });
-    const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    const Twist<double> pushed_by = pushed(still, body.inverse, wrench.linear, wrench.angular);
-    const Twist<double> descent{subtract(pushed_by.linear, p.linear), subtract(pushed_by.angular, p.angular)};
-    put_twist(workspace.descent + static_cast<Offset>(row) * kBodyBlock, descent);
-    put_twist(workspace.force + static_cast<Offset>(row) * kBodyBlock, momentum_of(body, descent));
-  });
+  for_each(team, workspace.bodies, [&](Index row) { renew_descent_of(workspace, row); });
 }
 
 /// Motion, with its shift, at workspace.point. Steps add to it what they change. Recomputed, its rounding would be
@@ -79,31 +81,43 @@ STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& w
   });
 }
 
+/// The reaction to a contact's motion, and what its shift would be.
+STICTION_HD void answer_motion(SpaceContact& contact, Law law, double compliance) {
+  unprojected(contact, contact.u, compliance, contact.z);
+  const ConePoint point = project_friction_cone(contact.z, contact.mu);
+  double slide[3];
+  for (int k = 0; k < 3; ++k) {
+    contact.reaction[k] = point.x[k];
+    slide[k] = fma_(compliance, point.x[k], contact.u[k]);
+  }
+  // A contact that is held does not slide: what is left of its motion goes with the proximal term.
+  const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
+  contact.sliding =
+      is_held || law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+}
+
+/// The largest component of a contact's motion under those twists [w].
+STICTION_HD double largest_motion(const SpaceContact& contact, const double* twists) {
+  double change[3];
+  relative_motion(contact, twists, change);
+  return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
+}
+
 /// Reactions, descent and force at workspace.point, whose motion is there. Returns the largest relative velocity that
 /// the descent would bring to a contact [w]: zero where the gradient is.
 template <Team TeamT>
 STICTION_HD_OUTLINE double renew_reactions(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
-  for_each(team, workspace.contacts, [&](Index p) {
-    SpaceContact& contact = workspace.contact[p];
-    unprojected(contact, contact.u, compliance, contact.z);
-    const ConePoint point = project_friction_cone(contact.z, contact.mu);
-    double slide[3];
-    for (int k = 0; k < 3; ++k) {
-      contact.reaction[k] = point.x[k];
-      slide[k] = fma_(compliance, point.x[k], contact.u[k]);
-    }
-    // A contact that is held does not slide: what is left of its motion goes with the proximal term.
-    const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
-    contact.sliding = is_held || workspace.law == Law::convex
-                          ? 0.0
-                          : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
-  });
+  for_each(team, workspace.contacts, [&](Index p) { answer_motion(workspace.contact[p], workspace.law, compliance); });
   renew_descent(team, workspace);
-  return max_over<double>(team, workspace.contacts, [&](Index p) {
-    double change[3];
-    relative_motion(workspace.contact[p], workspace.descent, change);
-    return max_(abs_(change[0]), max_(abs_(change[1]), abs_(change[2])));
-  });
+  return max_over<double>(team, workspace.contacts,
+                          [&](Index p) { return largest_motion(workspace.contact[p], workspace.descent); });
+}
+
+/// d'Md of one body.
+STICTION_HD double curvature_of_body(const SpaceWorkspace& workspace, Index row) {
+  const Twist<double> d = SpaceWorkspace::twist(workspace.step, row);
+  const Twist<double> momentum = momentum_of(workspace.body[row], d);
+  return dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular);
 }
 
 /// d'Md: the curvature that bodies add, everywhere on the line.
@@ -111,13 +125,33 @@ template <Team TeamT>
 STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceWorkspace& workspace) {
   return sum_leaves<double>(team, [&](Index leaf) {
     double part = 0.0;
-    for (Index row = leaf; row < workspace.bodies; row += kReduceLeaves) {
-      const Twist<double> d = SpaceWorkspace::twist(workspace.step, row);
-      const Twist<double> momentum = momentum_of(workspace.body[row], d);
-      part = part + (dot(momentum.linear, d.linear) + dot(momentum.angular, d.angular));
-    }
+    for (Index row = leaf; row < workspace.bodies; row += kReduceLeaves)
+      part = part + curvature_of_body(workspace, row);
     return part;
   });
+}
+
+/// What a contact adds to slope and curvature at a place of the line.
+STICTION_HD LinePoint look_along(const SpaceContact& contact, double compliance, double alpha) {
+  double u[3];
+  for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
+  double z[3];
+  unprojected(contact, u, compliance, z);
+  const ConePoint point = project_friction_cone(z, contact.mu);
+  LinePoint part{0.0, 0.0};
+  for (int i = 0; i < 3; ++i) {
+    double image = 0.0;
+    for (int j = 0; j < 3; ++j) image = fma_(point.P[i][j], contact.along[j], image);
+    part.slope = fma_(0.0 - contact.along[i], point.x[i], part.slope);
+    part.curvature = fma_(contact.along[i], image, part.curvature);
+  }
+  part.curvature = div_(part.curvature, compliance + contact.prox_weight);
+  return part;
+}
+
+/// Slope and curvature at a place of the line: what bodies have at 0, and what contacts have there.
+STICTION_HD LinePoint at_place(const LinePoint& bodies, const LinePoint& contacts, double alpha) {
+  return {fma_(alpha, bodies.curvature, bodies.slope) + contacts.slope, bodies.curvature + contacts.curvature};
 }
 
 /// `bodies`: what they add at alpha = 0.
@@ -126,21 +160,9 @@ STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const SpaceWorkspace& 
                                              double compliance, double alpha) {
   for_each(team, workspace.contacts, [&](Index p) {
     SpaceContact& contact = workspace.contact[p];
-    double u[3];
-    for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
-    double z[3];
-    unprojected(contact, u, compliance, z);
-    const ConePoint point = project_friction_cone(z, contact.mu);
-    double slope = 0.0;
-    double curvature = 0.0;
-    for (int i = 0; i < 3; ++i) {
-      double image = 0.0;
-      for (int j = 0; j < 3; ++j) image = fma_(point.P[i][j], contact.along[j], image);
-      slope = fma_(0.0 - contact.along[i], point.x[i], slope);
-      curvature = fma_(contact.along[i], image, curvature);
-    }
-    contact.slope = slope;
-    contact.curvature = div_(curvature, compliance + contact.prox_weight);
+    const LinePoint part = look_along(contact, compliance, alpha);
+    contact.slope = part.slope;
+    contact.curvature = part.curvature;
   });
   const auto sum = [&](double SpaceContact::* part) {
     return sum_leaves<double>(team, [&](Index leaf) {
@@ -149,27 +171,30 @@ STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const SpaceWorkspace& 
       return total;
     });
   };
-  const double slope = sum(&SpaceContact::slope);
-  const double curvature = sum(&SpaceContact::curvature);
-  return {fma_(alpha, bodies.curvature, bodies.slope) + slope, bodies.curvature + curvature};
+  const LinePoint contacts{sum(&SpaceContact::slope), sum(&SpaceContact::curvature)};
+  return at_place(bodies, contacts, alpha);
+}
+
+/// `sum`, and the magnitudes that a contact's part of a slope is made of.
+STICTION_HD double slope_terms(const SpaceContact& contact, double compliance, double sum) {
+  for (int k = 0; k < 3; ++k) {
+    const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.prox_weight);
+    sum = fma_(abs_(contact.along[k]), answer, sum);
+  }
+  return sum;
 }
 
 /// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
 /// answers to the rounding of its motion as it does to motion.
 template <Team TeamT>
 STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
-  const double terms = sum_leaves<double>(team, [&](Index leaf) {
-    double sum = 0.0;
-    for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves) {
-      const SpaceContact& contact = workspace.contact[p];
-      for (int k = 0; k < 3; ++k) {
-        const double answer = abs_(contact.reaction[k]) + div_(abs_(contact.u[k]), compliance + contact.prox_weight);
-        sum = fma_(abs_(contact.along[k]), answer, sum);
-      }
-    }
-    return sum;
+  const double sum = sum_leaves<double>(team, [&](Index leaf) {
+    double part = 0.0;
+    for (Index p = leaf; p < workspace.contacts; p += kReduceLeaves)
+      part = slope_terms(workspace.contact[p], compliance, part);
+    return part;
   });
-  return 0x1p-50 * terms;
+  return 0x1p-50 * sum;
 }
 
 /// Part of the slope at the beginning of a line that may be left where it ends.
@@ -181,6 +206,14 @@ STICTION_HD_OUTLINE double search_along(TeamT& team, const SpaceWorkspace& works
                                         double compliance, double slope, double noise) {
   return search_line([&](double alpha) { return evaluate_along(team, workspace, bodies, compliance, alpha); }, slope,
                      kSpaceSlopeLeft, noise);
+}
+
+/// A contact's motion at the end of the line, and one number of a body.
+STICTION_HD void follow_line(SpaceContact& contact, double alpha) {
+  for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
+}
+STICTION_HD double follow_line(double from, double step, double alpha) {
+  return fma_(alpha, step, from);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -74,31 +74,40 @@ STICTION_HD void assemble_block(const SpaceWorkspace& workspace, Index row, Inde
   }
 }
 
+/// W of a contact as it is held, slides or is open.
+STICTION_HD void turn_curvature(SpaceContact& contact, double compliance) {
+  turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P, div_(1.0, compliance + contact.prox_weight));
+}
+
+/// A block above the diagonal from its transpose, so that H is symmetric to the last bit.
+STICTION_HD void mirror_block(const double* lower, double* upper) {
+  for (Index i = 0; i < kBodyBlock; ++i)
+    for (Index j = 0; j < kBodyBlock; ++j) upper[i * kBodyBlock + j] = lower[j * kBodyBlock + i];
+}
+
+/// A block of H at or below the diagonal; what is above it in the diagonal block mirrors what is below.
+STICTION_HD void assemble_lower_block(const SpaceWorkspace& workspace, Index row, Index k) {
+  double* const sum = workspace.H.block(k);
+  assemble_block(workspace, row, k, sum);
+  if (workspace.stream.pattern.columns[k] != row) return;
+  for (Index i = 0; i < kBodyBlock; ++i)
+    for (Index j = 0; j < i; ++j) sum[j * kBodyBlock + i] = sum[i * kBodyBlock + j];
+}
+
 /// Fills workspace.H for the reactions' derivative where they are. One lane makes a block of the lower half; the upper
 /// half is its mirror image, so that H is symmetric to the last bit.
 template <Team TeamT>
 STICTION_HD_OUTLINE void assemble_curvature(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
-  for_each(team, workspace.contacts, [&](Index p) {
-    SpaceContact& contact = workspace.contact[p];
-    turn_stiffness(contact, project_friction_cone(contact.z, contact.mu).P,
-                   div_(1.0, compliance + contact.prox_weight));
-  });
+  for_each(team, workspace.contacts, [&](Index p) { turn_curvature(workspace.contact[p], compliance); });
   const BlockPattern& pattern = workspace.stream.pattern;
   for_each(team, workspace.bodies, [&](Index row) {
-    for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1] && pattern.columns[k] <= row; ++k) {
-      double* const sum = workspace.H.block(k);
-      assemble_block(workspace, row, k, sum);
-      if (pattern.columns[k] != row) continue;
-      for (Index i = 0; i < kBodyBlock; ++i)
-        for (Index j = 0; j < i; ++j) sum[j * kBodyBlock + i] = sum[i * kBodyBlock + j];
-    }
+    for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1] && pattern.columns[k] <= row; ++k)
+      assemble_lower_block(workspace, row, k);
   });
   for_each(team, workspace.bodies, [&](Index row) {
     for (Index k = pattern.offsets[row]; k < pattern.offsets[row + 1]; ++k) {
       if (pattern.columns[k] <= row) continue;
-      const double* const lower = workspace.H.block(workspace.stream.mirror[k]);
-      for (Index i = 0; i < kBodyBlock; ++i)
-        for (Index j = 0; j < kBodyBlock; ++j) workspace.H.block(k)[i * kBodyBlock + j] = lower[j * kBodyBlock + i];
+      mirror_block(workspace.H.block(workspace.stream.mirror[k]), workspace.H.block(k));
     }
   });
 }

@@ -74,6 +74,27 @@ STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedCon
   return contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
 }
 
+/// Before the system of a renewal is solved: the reaction without a change of velocities, and W.
+STICTION_HD void prepare_renewal(SpaceContact& contact, double compliance, bool with_sliding) {
+  const FollowedContact followed = followed_contact(contact, compliance, with_sliding);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
+  if (with_sliding) turn_followed_stiffness(contact, followed);
+}
+
+/// After it is: the motion and the shift that follow workspace.step.
+STICTION_HD void finish_renewal(const SpaceWorkspace& workspace, SpaceContact& contact, double compliance,
+                                bool with_sliding) {
+  const double before = contact.shift;
+  double d[3];
+  relative_motion(contact, workspace.step, d);
+  contact.shift = with_sliding && contact.sliding > 0.0
+                      ? followed_shift(contact, followed_contact(contact, compliance, with_sliding), compliance, d)
+                      : contact.sliding;
+  for (int k = 0; k < 3; ++k) contact.u[k] = contact.u[k] + d[k];
+  contact.u[0] = contact.u[0] + (contact.shift - before);
+}
+
 /// The first step after a renewal: the new problem as it would be if no contact changed how it is held, sliding or
 /// open. What moves with weights and shifts is linear then, and needs no line search; what the step overlooks is left
 /// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
@@ -82,29 +103,12 @@ template <Team TeamT>
 STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {
   assemble_curvature(team, workspace, compliance);
-  for_each(team, workspace.contacts, [&](Index p) {
-    SpaceContact& contact = workspace.contact[p];
-    const FollowedContact followed = followed_contact(contact, compliance, with_sliding);
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) contact.reaction[i] = fma_(followed.P[i][j], followed.first[j], contact.reaction[i]);
-    if (with_sliding) turn_followed_stiffness(contact, followed);
-  });
+  for_each(team, workspace.contacts, [&](Index p) { prepare_renewal(workspace.contact[p], compliance, with_sliding); });
   renew_descent(team, workspace);
   if (with_sliding) assemble_sliding(team, workspace);
   solve_space(team, workspace, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
-  for_each(team, workspace.contacts, [&](Index p) {
-    SpaceContact& contact = workspace.contact[p];
-    const double before = contact.shift;
-    double d[3];
-    relative_motion(contact, workspace.step, d);
-    contact.shift = contact.sliding;
-    if (with_sliding && contact.sliding > 0.0) {
-      contact.shift = before;  // followed_contact reads it
-      contact.shift = followed_shift(contact, followed_contact(contact, compliance, with_sliding), compliance, d);
-    }
-    for (int k = 0; k < 3; ++k) contact.u[k] = contact.u[k] + d[k];
-    contact.u[0] = contact.u[0] + (contact.shift - before);
-  });
+  for_each(team, workspace.contacts,
+           [&](Index p) { finish_renewal(workspace, workspace.contact[p], compliance, with_sliding); });
   for_each(team, workspace.bodies * kBodyBlock,
            [&](Index i) { workspace.point[i] = workspace.point[i] + workspace.step[i]; });
 }

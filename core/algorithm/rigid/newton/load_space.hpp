@@ -117,6 +117,15 @@ STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, cons
   });
 }
 
+/// A body's p under the impulses that are the centres of its contacts.
+STICTION_HD void start_body(const SpaceWorkspace& workspace, Index row) {
+  const Twist<double> wrench =
+      gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.prox_center; });
+  const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+  put_twist(workspace.point + static_cast<Offset>(row) * kBodyBlock,
+            pushed(still, workspace.body[row].inverse, wrench.linear, wrench.angular));
+}
+
 /// p, the centre of the proximal term and under Coulomb's law the shifts from the impulses that s.x stands for.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
@@ -125,13 +134,7 @@ STICTION_HD_OUTLINE void start_at_iterate(TeamT& team, const BodyEnv<Real>& env,
     for (Index k = 0; k < 3; ++k)
       workspace.contact[p].prox_center[k] = static_cast<double>(returned_impulse(env, s.x, p, k));
   });
-  for_each(team, workspace.bodies, [&](Index row) {
-    const Twist<double> wrench =
-        gather_wrench(workspace, row, [](const SpaceContact& contact) { return contact.prox_center; });
-    const Twist<double> still{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
-    put_twist(workspace.point + static_cast<Offset>(row) * kBodyBlock,
-              pushed(still, workspace.body[row].inverse, wrench.linear, wrench.angular));
-  });
+  for_each(team, workspace.bodies, [&](Index row) { start_body(workspace, row); });
   if constexpr (kLaw == Law::coulomb) {
     for_each(team, workspace.contacts, [&](Index p) {
       SpaceContact& contact = workspace.contact[p];

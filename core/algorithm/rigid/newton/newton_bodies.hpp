@@ -77,16 +77,30 @@ STICTION_HD void set_prox_weight(TeamT& team, const SpaceWorkspace& workspace, d
            [&](Index p) { workspace.contact[p].prox_weight = weight * workspace.contact[p].mean; });
 }
 
+/// The weight of the next inner problem, which nothing is known of yet.
+STICTION_HD void fall_weight(SpaceProgress& progress) {
+  progress.prox_weight = max_(kProxWeightFall * progress.prox_weight, progress.prox_weight_end);
+  if (progress.prox_weight_end == 0.0 && progress.prox_weight < kEnoughCompliance) progress.prox_weight = 0.0;
+  progress.reference = 0.0;
+  progress.inner_steps = 0;
+}
+
 /// Moves the centre of the proximal term to the reactions and makes it weaker.
 template <Team TeamT>
 STICTION_HD_OUTLINE void update_prox_center(TeamT& team, const SpaceWorkspace& workspace, SpaceProgress& progress) {
   for_each(team, workspace.contacts, [&](Index p) {
     for (int k = 0; k < 3; ++k) workspace.contact[p].prox_center[k] = workspace.contact[p].reaction[k];
   });
-  progress.prox_weight = max_(kProxWeightFall * progress.prox_weight, progress.prox_weight_end);
-  if (progress.prox_weight_end == 0.0 && progress.prox_weight < kEnoughCompliance) progress.prox_weight = 0.0;
+  fall_weight(progress);
   set_prox_weight(team, workspace, progress.prox_weight);
-  progress.reference = 0.0;
+}
+
+/// The residual that a linear system may keep, from the energy of the gradient; the largest energy is remembered.
+STICTION_HD double linear_tolerance(double energy, SpaceProgress& progress) {
+  energy = max_(energy, 0.0);
+  progress.reference = max_(energy, progress.reference);
+  const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
+  return min_(0.1, 0.5 * sqrt_(sqrt_(part)));
 }
 
 /// One Newton step from workspace.point, whose reactions and descent are there. Whether there was nothing left to gain
@@ -95,11 +109,10 @@ template <Team TeamT>
 STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                           double compliance, SpaceProgress& progress) {
   const Index n = workspace.bodies * kBodyBlock;
-  const double energy = max_(dot_product(team, n, workspace.descent, workspace.force), 0.0);
-  progress.reference = max_(energy, progress.reference);
-  const double part = progress.reference > 0.0 ? div_(energy, progress.reference) : 1.0;
+  const double energy = dot_product(team, n, workspace.descent, workspace.force);
+  const double tolerance = linear_tolerance(energy, progress);
   assemble_curvature(team, workspace, compliance);
-  solve_space(team, workspace, space, SpaceSystem::symmetric, min_(0.1, 0.5 * sqrt_(sqrt_(part))));
+  solve_space(team, workspace, space, SpaceSystem::symmetric, tolerance);
   for_each(team, workspace.contacts,
            [&](Index p) { relative_motion(workspace.contact[p], workspace.step, workspace.contact[p].along); });
   const double noise = slope_noise(team, workspace, compliance);
@@ -110,11 +123,8 @@ STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& wor
   const LinePoint bodies{slope - contacts.slope, body_curvature(team, workspace)};
   const bool is_exhausted = !(slope < 0.0 - noise);
   const double alpha = is_exhausted ? 1.0 : search_along(team, workspace, bodies, compliance, slope, noise);
-  for_each(team, n, [&](Index i) { workspace.point[i] = fma_(alpha, workspace.step[i], workspace.point[i]); });
-  for_each(team, workspace.contacts, [&](Index p) {
-    SpaceContact& contact = workspace.contact[p];
-    for (int k = 0; k < 3; ++k) contact.u[k] = fma_(alpha, contact.along[k], contact.u[k]);
-  });
+  for_each(team, n, [&](Index i) { workspace.point[i] = follow_line(workspace.point[i], workspace.step[i], alpha); });
+  for_each(team, workspace.contacts, [&](Index p) { follow_line(workspace.contact[p], alpha); });
   return is_exhausted;
 }
 
@@ -180,7 +190,6 @@ STICTION_HD_OUTLINE SpaceEnd solve_substep(TeamT& team, const BodyEnv<Real>& env
     } else if (is_renewed && is_solved) {
       const bool with_sliding = kLaw == Law::coulomb;
       progress.renewed = residual;
-      progress.inner_steps = 0;
       update_prox_center(team, workspace, progress);
       follow_renewal(team, workspace, space, compliance, with_sliding);
       ++steps;
