@@ -308,8 +308,11 @@ TEST_F(Solve, BodiesOfJAndMAreSolvedByWhatSolvesBodies) {
   const std::string wall = folder_ / "wall.h5", solution = folder_ / "solution.h5";
   ASSERT_EQ(run_stiction({"generate", "stack", "--envs", "2", "--size", "4", "--seed", "5", "-o", wall}).status, 0);
   const auto report_of = [&](Words more) {
+    // Without momentum a stack takes ten times the sweeps.
+    const bool is_plain = std::find(more.begin(), more.end(), "pgs") != more.end();
+    const std::string iterations = is_plain ? "50000" : "5000";
     more.insert(more.begin(), {"solve", wall, "--form", "bodies", "--law", "convex", "--tolerance", "1e-5",
-                               "--max-iterations", "50000", "--json", "-"});
+                               "--max-iterations", iterations, "--json", "-"});
     return Json::parse(run_stiction(more).out);
   };
   for (const char* solver : {"si", "pgs", "newton", "multigrid"}) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <span>
 #include <string>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "bench/scenes/body_scenes.hpp"
 #include "bench/scenes/box_scenes.hpp"
 #include "stiction/bodies.hpp"
+#include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 
 /// Scenes that ranks solve, and one process beside them.
@@ -71,6 +74,13 @@ inline BodyEnvironment<double> wall() {
   return env;
 }
 
+/// A smaller one.
+inline BodyEnvironment<double> small_wall() {
+  BodyEnvironment<double> env = scenes::box_bodies(scenes::box_wall(4, 5), 0.5);
+  env.bodies[3].twist = {0.7, 0.3, 0, 0, 1, 0};
+  return env;
+}
+
 inline Case sweeps(Index iterations, double tolerance = 0) {
   Case how;
   how.options.iterations = iterations;
@@ -86,6 +96,19 @@ std::string message_of(F&& f) {
     return error.what();
   }
   return "nothing was thrown";
+}
+
+/// The residual of impulses by a judge that shares no code with the solver: of a matrix written out from definitions.
+inline double verified(const BodyEnvironment<double>& env, const Case& how, const BodySolution<double>& solution) {
+  ContactBatch<double> batch(how.options.law);
+  batch.add(scenes::delassus_form(env, how.stepping));
+  return verify(batch.view(), std::span<const double>(solution.impulse)).at(0).relative;
+}
+
+inline double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
+  double largest = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) largest = std::max(largest, std::abs(a[k] - b[k]));
+  return largest;
 }
 
 }  // namespace stiction::distributed

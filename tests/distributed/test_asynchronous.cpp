@@ -12,17 +12,10 @@
 #include "distributed/solve/partition.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/transport/thread_transport.hpp"
-#include "stiction/residual.hpp"
 #include "tests/distributed/rank_cases.hpp"
 
 namespace stiction::distributed {
 namespace {
-
-BodyEnvironment<double> small_wall() {
-  BodyEnvironment<double> env = scenes::box_bodies(scenes::box_wall(4, 5), 0.5);
-  env.bodies[3].twist = {0.7, 0.3, 0, 0, 1, 0};
-  return env;
-}
 
 Case until(double tolerance, double cfm = 0) {
   Case how = sweeps(100000, tolerance);
@@ -65,19 +58,6 @@ Ran on_clocks(const BodyBatch<double>& batch, ConsensusOptions consensus, const 
   });
   ran.seconds = *std::max_element(clocks.begin(), clocks.end());
   return ran;
-}
-
-/// The residual of impulses by a judge that shares no code with the solver: of a matrix written out from definitions.
-double verified(const BodyEnvironment<double>& env, const Case& how, const BodySolution<double>& solution) {
-  ContactBatch<double> batch(how.options.law);
-  batch.add(scenes::delassus_form(env, how.stepping));
-  return verify(batch.view(), std::span<const double>(solution.impulse)).at(0).relative;
-}
-
-double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
-  double largest = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) largest = std::max(largest, std::abs(a[k] - b[k]));
-  return largest;
 }
 
 TEST(Asynchronous, AnIndependentJudgeFindsItsResidualWhoeverIsLate) {

@@ -10,7 +10,6 @@
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/subdomains/subdomains.hpp"
 #include "distributed/transport/thread_transport.hpp"
-#include "stiction/residual.hpp"
 #include "tests/distributed/rank_cases.hpp"
 
 namespace stiction::distributed {
@@ -47,25 +46,6 @@ Case until(double tolerance, Law law) {
   Case how = sweeps(60000, tolerance);
   how.options.law = law;
   return how;
-}
-
-/// The residual of impulses as `stiction verify` computes it, of a matrix written out from definitions.
-double verified(const BodyEnvironment<double>& env, const Case& how, const BodySolution<double>& solution) {
-  ContactBatch<double> batch(how.options.law);
-  batch.add(scenes::delassus_form(env, how.stepping));
-  return verify(batch.view(), std::span<const double>(solution.impulse)).at(0).relative;
-}
-
-double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
-  double largest = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) largest = std::max(largest, std::abs(a[k] - b[k]));
-  return largest;
-}
-
-BodyEnvironment<double> small_wall() {
-  BodyEnvironment<double> env = scenes::box_bodies(scenes::box_wall(4, 5), 0.5);
-  env.bodies[3].twist = {0.7, 0.3, 0, 0, 1, 0};
-  return env;
 }
 
 TEST(Consensus, AnIndependentJudgeFindsItsResidual) {

@@ -8,7 +8,6 @@
 #include "distributed/newton/solve_by_newton.hpp"
 #include "distributed/solve/partition.hpp"
 #include "distributed/transport/thread_transport.hpp"
-#include "stiction/residual.hpp"
 #include "tests/distributed/rank_cases.hpp"
 
 namespace stiction::distributed {
@@ -51,25 +50,6 @@ Case until(double tolerance, Law law, double cfm) {
   how.options.method = BodyMethod::newton;
   how.stepping.cfm = cfm;
   return how;
-}
-
-BodyEnvironment<double> small_wall() {
-  BodyEnvironment<double> env = scenes::box_bodies(scenes::box_wall(4, 5), 0.5);
-  env.bodies[3].twist = {0.7, 0.3, 0, 0, 1, 0};
-  return env;
-}
-
-/// The residual of impulses as `stiction verify` computes it, of a matrix written out from definitions.
-double verified(const BodyEnvironment<double>& env, const Case& how, const BodySolution<double>& solution) {
-  ContactBatch<double> batch(how.options.law);
-  batch.add(scenes::delassus_form(env, how.stepping));
-  return verify(batch.view(), std::span<const double>(solution.impulse)).at(0).relative;
-}
-
-double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
-  double largest = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) largest = std::max(largest, std::abs(a[k] - b[k]));
-  return largest;
 }
 
 TEST(DomainNewton, AnIndependentJudgeFindsItsResidual) {

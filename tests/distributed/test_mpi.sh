@@ -238,20 +238,26 @@ case $what in
   asynchronous)
     "$stiction" generate wall --size 4 --seed 3 --quiet -o "$folder/batch.h5" || fail "generate wall"
     for ranks in 1 3 4; do
-      ranks "$ranks" solve "$folder/batch.h5" --law convex --method consensus --subdomains 4 --asynchronous \
-        --max-iterations 50000 --tolerance 1e-3 --quiet --json "$folder/ranks.json" -o "$folder/ranks.h5" 2> "$folder/err" ||
-        fail "$ranks ranks: $(cat "$folder/err")"
-      # To 1e-3, which is what it is for: how far one run gets is not decided (docs/math/consensus.md). The judge has the
-      # file's A; residuals are relative to a number that depends on tangents.
-      "$stiction" verify "$folder/batch.h5" "$folder/ranks.h5" --law convex --tolerance 1.42e-3 ||
-        fail "$ranks ranks: the judge does not find what the report says"
-      python3 - "$folder/ranks.json" "$ranks" << 'EOF' || fail "$ranks ranks: report"
+      for tolerance in 1e-3 1e-5; do
+        # It is for 1e-3, which it reaches. How far below one run gets is not decided (docs/math/consensus.md): what it
+        # says of that has to be true.
+        solved=0
+        ranks "$ranks" solve "$folder/batch.h5" --law convex --method consensus --subdomains 4 --asynchronous \
+          --max-iterations 50000 --tolerance $tolerance --quiet --json "$folder/ranks.json" -o "$folder/ranks.h5" \
+          2> "$folder/err" || solved=$?
+        [ "$solved" -eq 0 ] || { [ "$solved" -eq 1 ] && [ $tolerance = 1e-5 ]; } ||
+          fail "$ranks ranks to $tolerance: status $solved, $(cat "$folder/err")"
+        python3 - "$folder/ranks.json" "$ranks" "$solved" << 'EOF' || fail "$ranks ranks: report"
 import json, sys
-report, ranks = json.load(open(sys.argv[1])), int(sys.argv[2])
-assert report["reproducible"] is False and report["asynchronous"] is True and report["unconverged"] == 0, report
+report, ranks, solved = json.load(open(sys.argv[1])), int(sys.argv[2]), int(sys.argv[3])
+assert report["reproducible"] is False and report["asynchronous"] is True and report["unconverged"] == solved, report
 rounds = [rank["rounds"] for rank in report["per_rank"]]
 assert len(rounds) == ranks and min(rounds) >= 4 and 16 * max(rounds) <= report["iterations"]["max"], report
 EOF
+        # The judge has the file's A; residuals are relative to a number that depends on tangents.
+        [ "$solved" -eq 1 ] || "$stiction" verify "$folder/batch.h5" "$folder/ranks.h5" --law convex \
+          --tolerance "1.42e${tolerance#1e}" || fail "$ranks ranks: the judge does not find what the report says"
+      done
     done
     # A rank that says nothing more: the others make what rounds they may, and wait no longer than they were told.
     start_endless 3 "${asynchronous[@]}" --deadline 2
