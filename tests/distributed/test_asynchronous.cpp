@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "distributed/solve/partition.hpp"
+#include "distributed/subdomains/round_letters.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/transport/thread_transport.hpp"
 #include "tests/distributed/rank_cases.hpp"
@@ -157,6 +158,32 @@ TEST(Asynchronous, SeveralEnvironmentsEmptyAndBrokenOnes) {
   EXPECT_EQ(ran.solution.status[1].code, EnvCode::solved);
   EXPECT_EQ(ran.solution.status[2].code, EnvCode::invalid_input);
   EXPECT_EQ(ran.solution.status[3].code, EnvCode::solved);
+}
+
+/// Row 0 is a rank's own, row 1 the other's. The newest letter stays, and a letter from before all met is dropped.
+TEST(Asynchronous, LettersCarryTheNewestRows) {
+  run_thread_ranks(2, 60, [](Transport& transport) {
+    const std::vector<Neighbour> neighbours{{1 - transport.rank(), {0}, {1}}};
+    RoundLetters letters(transport, neighbours);
+    const double mine = 10.0 * (transport.rank() + 1);
+    std::vector<double> rows(12, 0.0);
+    letters.begin();
+    for (Index made = 1; made <= 4; ++made) {
+      rows[5] = mine + made;
+      letters.send(made, rows.data());
+    }
+    while (!letters.all_are_ready()) letters.await(rows.data());
+    EXPECT_EQ(rows[11], 30 - mine + 4);
+    EXPECT_EQ(rows[5], mine + 4);
+    letters.send(5, rows.data());
+    letters.begin();
+    EXPECT_FALSE(letters.all_are_ready());
+    rows[11] = -1;
+    letters.send(1, rows.data());
+    letters.await(rows.data());
+    EXPECT_EQ(rows[11], -1);
+    letters.finish();
+  });
 }
 
 /// A rank that says nothing is waited for once another one has made all the rounds it may.
