@@ -7,6 +7,7 @@ namespace stiction {
 /// What the choice of a solver under SolverKind::automatic depends on (docs/math/auto.md).
 struct EnvFeatures {
   Index rows = 0;
+  Offset entries = 0;         ///< multiplications of a product with A: its stored entries, or twice its factor's
   Index friction_cones = 0;   ///< boxed or not
   bool is_boxed = false;      ///< some cone has boxed friction: for sweeps only
   bool has_matrices = false;  ///< some cone is semidefinite: for methods that project only

@@ -106,7 +106,7 @@ class CpuContactMachine final : public ContactMachine {
     });
   }
 
-  /// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md).
+  /// Turn by turn, each from the answer so far, those environments that have come to it (docs/math/auto.md).
   template <class Real>
   void run_fallbacks(const SolveRequest<Real>& request, cpu::Job<Real> job) const {
     const Offset envs = request.batch.env_count;
@@ -122,19 +122,19 @@ class CpuContactMachine final : public ContactMachine {
         view.is_full = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;
         begin_fallbacks(team, view);
         seen[e] = features(team, view);
-        assigned[e] = first_stage(seen[e]);
+        assigned[e] = first_turn(seen[e]);
       }
     });
     job.warm_start = job.lambda;
     const Real omega = job.omega;
-    for (int stage = 0; stage < kFallbackStages; ++stage) {
-      if (std::find(assigned.begin(), assigned.end(), stage) == assigned.end()) continue;
-      job.stage = stage;
-      job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
-      solve_by(request, job, fallback_stage(stage).solver,
-               [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == stage; });
+    for (int turn = 0; turn < kFallbackTurns; ++turn) {
+      if (std::find(assigned.begin(), assigned.end(), turn) == assigned.end()) continue;
+      const FallbackTurn own = fallback_turn(turn);
+      job.stage = own.stage;
+      job.omega = omega * static_cast<Real>(own.omega);
+      solve_by(request, job, own.solver, [&](Offset env) { return assigned[static_cast<std::size_t>(env)] == turn; });
       for (std::size_t env = 0; env < assigned.size(); ++env)
-        if (assigned[env] == stage && falls_short(job.status[env])) assigned[env] = next_stage(stage, seen[env]);
+        if (assigned[env] == turn && falls_short(job.status[env])) assigned[env] = next_turn(turn, seen[env]);
     }
   }
 

@@ -2,7 +2,6 @@
 
 #include "core/algorithm/driver/solver_selection.hpp"
 #include "core/algorithm/problem/slice.hpp"
-#include "core/job/fallback_chain.hpp"
 #include "cuda/api/kernel.hpp"
 #include "cuda/kernels/plan_args.hpp"
 
@@ -21,8 +20,8 @@ struct ChooseArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// Before the first stage of the fallback chain: what every environment is like, and which stage it begins on. One that
-/// the first stage does not solve goes to the trivial class, which no stage launches.
+/// Before the first stage of the fallback chain: what every environment is like, and which turn it begins with. One
+/// that the first stage does not solve goes to the trivial class, which no stage launches.
 template <class Real>
 struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;
@@ -43,18 +42,18 @@ struct ChooseEnvironments {
   }
 
  private:
-  /// The stage that an environment begins on, on every lane.
+  /// The turn that an environment begins with, on every lane.
   template <Team TeamT>
   static STICTION_HD int begin(TeamT& team, const Args& args, Offset index) {
     const EnvView<Real> env = slice(args.job, index);
     begin_fallbacks(team, env);
     const EnvFeatures seen = features(team, env);
-    const int stage = first_stage(seen);
+    const int turn = first_turn(seen);
     single(team, [&] {
       args.chain.features[index] = seen;
-      args.chain.assigned[index] = static_cast<std::uint8_t>(stage);
+      args.chain.assigned[index] = static_cast<std::uint8_t>(turn);
     });
-    return stage;
+    return turn;
   }
 };
 

@@ -37,16 +37,16 @@ struct PlanArrays {
 /// What the fallback chain keeps of its environments from stage to stage (docs/math/auto.md).
 struct ChainArrays {
   EnvFeatures* features;   ///< what the choice of their stages depends on                         (envs)
-  std::uint8_t* assigned;  ///< the stage that each stands on                                      (envs)
+  std::uint8_t* assigned;  ///< the turn that each takes                                           (envs)
 };
 
 /// What sorting environments into classes is given.
 struct SortArgs {
   Offset env_count;
   PlanArrays plan;
-  int stage;                ///< of the fallback chain; 0: every environment has its key already
-  ChainArrays chain;        ///< read and written by later stages
-  const EnvStatus* status;  ///< of the stages before                                              (envs)
+  int turn;                 ///< of the fallback chain; 0: every environment has its key already
+  ChainArrays chain;        ///< read and written by later turns
+  const EnvStatus* status;  ///< of the turns before                                               (envs)
   ClassLimits limits;       ///< of the dense classes under the stage's solver
 };
 

@@ -62,8 +62,8 @@ struct InspectEnvironments {
   }
 };
 
-/// The order of execution, with nothing taken of it yet. One team's work. Before a later stage of the fallback chain it
-/// begins with those that fell short of the stage before. If the stage has none, there is nothing to sort.
+/// The order of execution, with nothing taken of it yet. One team's work. Before a later turn of the fallback chain it
+/// begins with those that fell short of a turn before. If the turn has none, there is nothing to sort.
 struct SortEnvironments {
   using Args = cuda::SortArgs;
   static constexpr bool kSerial = false;
@@ -73,7 +73,7 @@ struct SortEnvironments {
     if (id.index != 0) return;
     const cuda::PlanArrays& plan = args.plan;
     for_each(team, kSizeClasses, [&](Index k) { plan.work_counter[k] = 0; });
-    if (args.stage > 0 && !find_stage(team, args)) {
+    if (args.turn > 0 && !find_turn(team, args)) {
       for_each(team, kSizeClasses + 1, [&](Index k) { plan.class_begin[k] = 0; });
       return;
     }
@@ -84,16 +84,16 @@ struct SortEnvironments {
   }
 
  private:
-  /// Moves environments that fell short of the stage before to the next that can treat them. Writes all keys: what this
-  /// stage does not solve is of the trivial class, which no stage launches. Whether the stage has any, on every lane.
+  /// Moves environments that fell short of a turn before to the next that is for them. Writes all keys: what this
+  /// turn does not solve is of the trivial class, which no turn launches. Whether the turn has any, on every lane.
   template <Team TeamT>
-  static STICTION_HD bool find_stage(TeamT& team, const Args& args) {
+  static STICTION_HD bool find_turn(TeamT& team, const Args& args) {
     std::uint32_t found = 0;
     for (Offset env = team.rank(); env < args.env_count; env += team.size()) {
       const EnvPath path = args.plan.path[env];
       SizeClass own = SizeClass::trivial;
       Index rows = 0;
-      if (path != EnvPath::empty && stage_of(args, env) == args.stage) {
+      if (path != EnvPath::empty && turn_of(args, env) == args.turn) {
         rows = args.chain.features[env].rows;
         own = size_class(path, rows, args.limits);
         found = 1;
@@ -104,11 +104,11 @@ struct SortEnvironments {
     return team.combine(found) != 0;
   }
 
-  /// The stage that an environment stands on now.
-  static STICTION_HD int stage_of(const Args& args, Offset env) {
+  /// The turn that an environment takes now.
+  static STICTION_HD int turn_of(const Args& args, Offset env) {
     std::uint8_t& assigned = args.chain.assigned[env];
-    if (assigned == args.stage - 1 && falls_short(args.status[env]))
-      assigned = static_cast<std::uint8_t>(next_stage(assigned, args.chain.features[env]));
+    if (assigned < args.turn && falls_short(args.status[env]))
+      assigned = static_cast<std::uint8_t>(next_turn(assigned, args.chain.features[env]));
     return assigned;
   }
 };

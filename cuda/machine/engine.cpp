@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "core/job/fallback_chain.hpp"
+#include "core/job/fallback_order.hpp"
 #include "core/plan/structure_view.hpp"
 #include "cuda/kernels/choose_program.hpp"
 #include "cuda/kernels/trivial_program.hpp"
@@ -164,7 +164,7 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   }
 }
 
-/// Stage by stage, each from the answer so far, those environments that have come to it (docs/math/auto.md). Which they
+/// Turn by turn, each from the answer so far, those environments that have come to it (docs/math/auto.md). Which they
 /// are is decided on the device.
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
@@ -174,19 +174,20 @@ void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> j
   const Real omega = job.omega;
   job.stage = 0;
   queue_trivial(request, job, 0, stream);
-  for (int stage = 0; stage < kFallbackStages; ++stage) {
-    const SolverKind solver = fallback_stage(stage).solver;
-    const ClassLimits limits = limits_of_stage(stage, envs);
+  for (int turn = 0; turn < kFallbackTurns; ++turn) {
+    if (!may_take(turn)) continue;
+    const FallbackTurn own = fallback_turn(turn);
+    const ClassLimits limits = limits_of_turn(turn, envs);
     const ChooseArgs<Real> chosen{job, plan_, chain_, limits};
-    const SortArgs sort{envs, plan_, stage, chain_, job.status, limits};
-    timer_.time("choose", to_string(solver), 0, stream, [&] {
-      if (stage == 0) api_.launch(choose, {envs, kPlanLanes}, &chosen, stream);
+    const SortArgs sort{envs, plan_, turn, chain_, job.status, limits};
+    timer_.time("choose", to_string(own.solver), 0, stream, [&] {
+      if (turn == 0) api_.launch(choose, {envs, kPlanLanes}, &chosen, stream);
       api_.launch(api_.kernels().plan.sort, sort_, &sort, stream);
     });
     job.warm_start = job.lambda;
-    job.stage = stage;
-    job.omega = omega * static_cast<Real>(fallback_stage(stage).omega);
-    queue_classes(request, job, solver, limits, false);
+    job.stage = own.stage;
+    job.omega = omega * static_cast<Real>(own.omega);
+    queue_classes(request, job, own.solver, limits, false);
   }
 }
 

@@ -93,7 +93,8 @@ class Engine {
   [[nodiscard]] const Workspace& method_workspace(SolverKind solver) const;
   [[nodiscard]] ClassLimits limits_for(const Workspace& method, Offset envs) const;
   [[nodiscard]] ClassLimits limits_for(SolverKind solver, Offset envs) const;
-  [[nodiscard]] ClassLimits limits_of_stage(int stage, Offset envs) const;
+  [[nodiscard]] ClassLimits limits_of_turn(int turn, Offset envs) const;
+  [[nodiscard]] bool may_take(int turn) const;
   template <class Real>
   [[nodiscard]] Offset slot_elements(SizeClass size_class, const Capacity& capacity, const Workspace& method) const;
   [[nodiscard]] ClassShape shape_of(SizeClass size_class, const Reserved& reserved, const Workspace& method) const;

@@ -8,7 +8,7 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 #include "core/base/extents.hpp"
-#include "core/job/fallback_chain.hpp"
+#include "core/job/fallback_order.hpp"
 #include "cuda/kernels/solve_thread_per_env.hpp"
 #include "cuda/machine/engine.hpp"
 #include "cuda/machine/engine_classes.hpp"
@@ -151,8 +151,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
 std::bitset<kSolverKindCount> Engine::stages_of(SolverKind solver) {
   std::bitset<kSolverKindCount> solvers;
   if (solver != SolverKind::automatic) return solvers.set(static_cast<std::size_t>(solver));
-  for (int stage = 0; stage < kFallbackStages; ++stage)
-    solvers.set(static_cast<std::size_t>(fallback_stage(stage).solver));
+  for (int turn = 0; turn < kFallbackTurns; ++turn) solvers.set(static_cast<std::size_t>(fallback_turn(turn).solver));
   return solvers;
 }
 
@@ -173,11 +172,18 @@ ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
   return limits_for(solver == SolverKind::automatic ? Workspace{} : method_workspace(solver), envs);
 }
 
-/// What they are under a stage of the fallback chain. Few environments come to a later one, however large the batch is.
+/// What they are under a turn of the fallback chain. Few environments come to a later one, however large the batch is.
 /// A lane each would leave the device idle, and its classes would be launches for nothing.
-ClassLimits Engine::limits_of_stage(int stage, Offset envs) const {
-  const SolverKind solver = fallback_stage(stage).solver;
-  return stage == 0 ? limits_for(solver, envs) : limits_for(solver, 0).from(kFinestTeam);
+ClassLimits Engine::limits_of_turn(int turn, Offset envs) const {
+  const SolverKind solver = fallback_turn(turn).solver;
+  return turn == 0 ? limits_for(solver, envs) : limits_for(solver, 0).from(kFinestTeam);
+}
+
+/// Whether the capacity has environments that a turn of the fallback chain may be for.
+bool Engine::may_take(int turn) const {
+  const Capacity& capacity = reserved_.capacity;
+  if (turn == kEarlyGradientTurn) return may_take_early_gradients(capacity.env_rows);
+  return turn != kJacobiTurn || may_be_sparse(capacity) || capacity.env_dofs > 0;
 }
 
 /// Prepares every kernel that a solve may launch, under either law: the very first solve can be captured.

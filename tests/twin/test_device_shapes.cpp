@@ -165,6 +165,17 @@ TEST(DeviceShapes, TheFallbackChainQueuesOneLaunchAStageBesideItsClasses) {
   }
 }
 
+/// Counted by hand, of each law: one sort, and of teams four classes of dense environments and one of sparse ones.
+TEST(DeviceShapes, GradientsComeEarlyOnlyWhereAnEnvironmentMayBeLargeEnough) {
+  std::map<Index, int> launches;
+  for (const Index rows : {242, 243}) {
+    CountingDevice device(kGpus[0]);
+    queue_solves<float>(device, SolverKind::automatic, rows, 0);
+    launches[rows] = device.launches;
+  }
+  EXPECT_EQ(launches[243] - launches[242], 2 * (1 + 5));
+}
+
 /// A block's barrier is for all of its threads: two teams that wait by it wait for each other.
 TEST(LaunchGrids, ATeamOfMoreThanAWarpHasItsBlockToItself) {
   for (const Gpu& gpu : kGpus) {

@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "core/algorithm/driver/solver_selection.hpp"
-#include "core/job/fallback_chain.hpp"
+#include "core/job/fallback_order.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
@@ -99,22 +99,117 @@ TEST(FallbackChain, GoesOnWhereTheFirstSolverFallsShort) {
   }
 }
 
+/// The solvers that such an environment goes through if none solves it.
+std::vector<SolverKind> way_of(const EnvFeatures& seen) {
+  std::vector<SolverKind> way;
+  for (int turn = first_turn(seen), before = -1; turn != before; turn = next_turn(turn, seen)) {
+    way.push_back(fallback_turn(turn).solver);
+    before = turn;
+  }
+  return way;
+}
+
 TEST(FallbackChain, LeadsFromSweepsToWhatIsCertain) {
+  using enum SolverKind;
+  using Way = std::vector<SolverKind>;
   EnvFeatures seen;
   seen.rows = 30;
+  seen.entries = 900;
   seen.friction_cones = 10;
   seen.law = Law::coulomb;
-  EXPECT_EQ(next_stage(0, seen), kSplittingStage);
-  EXPECT_EQ(next_stage(kSplittingStage, seen), kNewtonStage);
+  EXPECT_EQ(way_of(seen), (Way{subspace, admm, newton, ipm, apgd, npgs, newton}));
   seen.law = Law::convex;
-  EXPECT_EQ(next_stage(0, seen), kSplittingStage);
-  EXPECT_EQ(next_stage(kSplittingStage, seen), kInteriorStage);
+  EXPECT_EQ(way_of(seen), (Way{subspace, admm, ipm, apgd, npgs, newton}));
   seen.is_compliant = true;
-  EXPECT_EQ(next_stage(0, seen), kNewtonStage);
-  EXPECT_EQ(next_stage(kNewtonStage, seen), kInteriorStage);
+  EXPECT_EQ(way_of(seen), (Way{subspace, newton, ipm, apgd, npgs, newton}));
   seen.is_compliant = false;
   seen.friction_cones = 0;
-  EXPECT_EQ(next_stage(0, seen), kInteriorStage);
+  EXPECT_EQ(way_of(seen), (Way{subspace, ipm, lemke, apgd, npgs, newton}));
+  seen.spread = 1e4;
+  EXPECT_EQ(way_of(seen), (Way{admm, ipm, lemke, apgd, npgs, newton}));
+  seen.is_pivots = true;
+  EXPECT_EQ(way_of(seen), Way{lemke});
+}
+
+TEST(FallbackChain, OnSparseEnvironmentsGradientsComeBeforeWhatFactorises) {
+  using enum SolverKind;
+  using Way = std::vector<SolverKind>;
+  EnvFeatures seen;
+  seen.rows = 600;
+  seen.friction_cones = 200;
+  seen.law = Law::coulomb;
+  // 4096 (146981.25 + 48 * 600) multiplications are ten times 600^3 / 3.
+  seen.entries = 146981;
+  EXPECT_EQ(way_of(seen), (Way{subspace, apgd, admm, newton, ipm, npgs, newton}));
+  seen.entries = 146982;
+  EXPECT_EQ(way_of(seen), (Way{subspace, admm, newton, ipm, apgd, npgs, newton}));
+  seen.entries = 5000;
+  seen.law = Law::convex;
+  EXPECT_EQ(way_of(seen), (Way{subspace, apgd, admm, ipm, npgs, newton}));
+  seen.spread = 1e4;
+  EXPECT_EQ(way_of(seen), (Way{admm, ipm, apgd, npgs, newton}));
+  seen.spread = 1;
+  seen.is_compliant = true;
+  EXPECT_EQ(way_of(seen), (Way{subspace, apgd, newton, ipm, npgs, newton}));
+  seen.friction_cones = 0;
+  seen.is_compliant = false;
+  EXPECT_EQ(way_of(seen), (Way{subspace, apgd, ipm, lemke, npgs, newton}));
+  seen.rows = 1025;
+  EXPECT_EQ(way_of(seen), (Way{subspace, apgd, npgs}));
+  seen.has_matrices = true;
+  EXPECT_EQ(way_of(seen), Way{apgd});
+  seen.rows = 600;
+  EXPECT_EQ(way_of(seen), (Way{admm, apgd}));
+  seen.is_boxed = true;
+  EXPECT_EQ(way_of(seen), Way{jacobi});
+}
+
+/// A row of boxes, each of which holds the next: sparse enough for gradients to come before what factorises.
+ContactBatch<double> long_row(Index rows) {
+  const auto n = static_cast<std::size_t>(rows);
+  std::vector<double> A(n * n, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    A[i * n + i] = 2.125;
+    if (i > 0) A[i * n + i - 1] = A[(i - 1) * n + i] = -1;
+  }
+  ContactBatch<double> batch(Law::coulomb);
+  batch.add(system(std::vector<Cone>(n, unilateral()), A, std::vector<double>(n, -1.0)));
+  return batch;
+}
+
+/// 16 sweeps are too few, 16 gradient steps from there are enough. Every row is pushed, so A lambda = 1.
+TEST(FallbackChain, GradientsAnswerBeforeAnInteriorPointIsAsked) {
+  constexpr Index kRows = 256;
+  constexpr double kTolerance = 1e-3;
+  const ContactBatch<double> batch = long_row(kRows);
+  const SolverOptions few = automatic(kTolerance, 16);
+  EXPECT_NE(solve(batch, options(SolverKind::subspace, kTolerance, 16)).status[0].code, EnvCode::solved);
+  for (const Device& device : {Device::cpu(), Device::emulated()}) {
+    const Solution<double> answer = solve(batch, few, device);
+    EXPECT_EQ(answer.status[0].code, EnvCode::solved);
+    EXPECT_EQ(answer.status[0].solver, SolverKind::apgd);
+    for (std::size_t i = 0; i < kRows; ++i) {
+      const double before = i > 0 ? answer.lambda[i - 1] : 0.0, after = i + 1 < kRows ? answer.lambda[i + 1] : 0.0;
+      EXPECT_GT(answer.lambda[i], 0.0) << i;
+      EXPECT_NEAR(2.125 * answer.lambda[i] - before - after, 1.0, kTolerance) << i;
+    }
+  }
+}
+
+/// Room that rows leave unused is not multiplied, and a product with A = Y Y' reads Y twice.
+TEST(FallbackChain, CountsTheEntriesThatAProductReads) {
+  const Offset offsets[] = {7, 17, 27, 37};
+  const Index counts[] = {2, 3, 1};
+  const double factor[6] = {};
+  EnvView<double> env{};
+  env.n = 3;
+  env.row_offsets = offsets;
+  EXPECT_EQ(product_entries(env), 30);
+  env.row_counts = counts;
+  EXPECT_EQ(product_entries(env), 6);
+  env.factor = factor;
+  env.dofs = 2;
+  EXPECT_EQ(product_entries(env), 12);
 }
 
 TEST(FallbackChain, StartsFromAWarmStart) {

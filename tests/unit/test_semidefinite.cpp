@@ -266,16 +266,20 @@ TEST(Semidefinite, OnADeviceTheEnvironmentIsFlagged) {
   }
 }
 
-// Of the methods that project jacobi alone takes boxed friction, too.
+// Of the methods that project jacobi alone takes boxed friction, too: that is where auto comes to.
 TEST(Semidefinite, BesideBoxedFrictionJacobiAnswers) {
   MatrixRecipe recipe;
   recipe.seed = 5;
   recipe.shift = 1;
   const auto batch = batch_of({boxed(random_with_matrices(recipe))});
-  const Solution<double> solution = solve(batch, options(SolverKind::jacobi, 1e-10, 50000));
-  EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
-  EXPECT_LE(verify(batch.view(), std::span<const double>(solution.lambda)).at(0).relative, 1e-10);
-  for (const SolverKind solver : {SolverKind::apgd, SolverKind::admm, SolverKind::automatic})
+  for (const Device& device : {Device::cpu(), Device::emulated()})
+    for (const SolverKind solver : {SolverKind::jacobi, SolverKind::automatic}) {
+      const Solution<double> solution = solve(batch, options(solver, 1e-10, 50000), device);
+      EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
+      EXPECT_EQ(solution.status[0].solver, SolverKind::jacobi);
+      EXPECT_LE(verify(batch.view(), std::span<const double>(solution.lambda)).at(0).relative, 1e-10);
+    }
+  for (const SolverKind solver : {SolverKind::apgd, SolverKind::admm})
     EXPECT_EQ(solve(batch, options(solver, 1e-10, 100)).status[0].flags,
               static_cast<std::uint32_t>(kFlagUnsupportedCone))
         << to_string(solver);

@@ -2,12 +2,22 @@
 
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/job/env_features.hpp"
-#include "core/job/fallback_chain.hpp"
+#include "core/job/fallback_order.hpp"
 #include "core/job/workspace.hpp"
 
 /// Which solver an environment gets under SolverKind::automatic, and which one next if that one falls short. A function
 /// of the environment alone; the table and where it comes from: docs/math/auto.md.
 namespace stiction::inline STICTION_ISA {
+
+/// Multiplications of a product with A.
+template <class Real>
+STICTION_HD Offset product_entries(const EnvView<Real>& env) {
+  if (env.factor != nullptr) return Offset{2} * env.n * env.dofs;
+  if (env.row_counts == nullptr) return env.entry_span();
+  Offset entries = 0;
+  for (Index row = 0; row < env.n; ++row) entries += env.row_counts[row];
+  return entries;
+}
 
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) {
@@ -45,6 +55,7 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   }
   EnvFeatures seen;
   seen.rows = env.n;
+  seen.entries = product_entries(env);
   seen.friction_cones = friction_cones;
   seen.is_boxed = is_boxed;
   seen.has_matrices = env.counts.semidefinite > 0;
@@ -64,9 +75,11 @@ STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
 /// Whether a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (seen.has_matrices) {
-    if (seen.is_boxed || seen.is_pivots) return false;
+    if (seen.is_pivots) return false;
+    if (seen.is_boxed) return solver == SolverKind::jacobi;
     return solver == SolverKind::apgd || (solver == SolverKind::admm && seen.rows <= kDirectRows);
   }
+  if (solver == SolverKind::jacobi) return false;
   if (seen.is_pivots && solver != SolverKind::lemke) return false;
   if (solver == SolverKind::subspace || solver == SolverKind::npgs) return true;
   if (seen.is_boxed) return false;
@@ -80,26 +93,42 @@ STICTION_HD bool is_smooth(const EnvFeatures& seen) {
   return seen.law == Law::convex && seen.is_compliant;
 }
 
-/// The stage that an environment begins on.
-STICTION_HD int first_stage(const EnvFeatures& seen) {
+/// Whether an environment begins with splitting.
+STICTION_HD bool begins_with_splitting(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
-  const auto can_start_at = [&](int stage) { return can_treat(fallback_stage(stage).solver, seen); };
-  if (seen.has_matrices) return can_start_at(kSplittingStage) ? kSplittingStage : kGradientStage;
-  if (seen.is_pivots && can_start_at(kPivotingStage)) return kPivotingStage;
-  if (seen.spread > kSpreadForSplitting && !is_smooth(seen) && can_start_at(kSplittingStage)) return kSplittingStage;
+  const bool is_spread = seen.spread > kSpreadForSplitting && !is_smooth(seen);
+  return (is_spread || seen.has_matrices) && can_treat(SolverKind::admm, seen);
+}
+
+/// Whether an environment takes a turn when it comes to it.
+STICTION_HD bool can_take(int turn, const EnvFeatures& seen) {
+  const SolverKind solver = fallback_turn(turn).solver;
+  const bool is_early = is_gradient_cheap(seen.rows, seen.entries) && !begins_with_splitting(seen);
+  if (solver == SolverKind::apgd && is_early != (turn == kEarlyGradientTurn)) return false;
+  return can_treat(solver, seen);
+}
+
+/// The turn that an environment begins with.
+STICTION_HD int first_turn(const EnvFeatures& seen) {
+  for (int turn = begins_with_splitting(seen) ? 1 : 0; turn < kFallbackTurns; ++turn)
+    if (can_take(turn, seen)) return turn;
   return 0;
 }
 
-/// The stage after `tried` that can treat the environment, or `tried` itself if there is none. Where the problem is
-/// smooth Newton's method comes right after sweeps. Where it is a minimum all the same the interior point comes
-/// instead of it. It comes right after sweeps if there is no friction cone, else after splitting. Each then ends in
-/// some ten factorisations.
-STICTION_HD int next_stage(int tried, const EnvFeatures& seen) {
-  const bool is_certain = seen.friction_cones == 0 || (seen.law == Law::convex && tried >= kSplittingStage);
-  const int shortcut = is_smooth(seen) ? kNewtonStage : is_certain ? kInteriorStage : 0;
-  if (tried < kNewtonStage && shortcut > tried && can_treat(fallback_stage(shortcut).solver, seen)) return shortcut;
-  for (int stage = tried + 1; stage < kFallbackStages; ++stage)
-    if (can_treat(fallback_stage(stage).solver, seen)) return stage;
+/// Whether a stage is left out between the first and the last ones, since a later one is certain where it is not. Where
+/// the problem is smooth Newton's method comes without splitting. Where it is a minimum all the same the interior point
+/// comes instead of Newton's method, and without splitting if there is no friction cone. Each then ends in some ten
+/// factorisations.
+STICTION_HD bool is_left_out(int stage, const EnvFeatures& seen) {
+  const bool is_certain = is_smooth(seen) || seen.friction_cones == 0;
+  if (stage == kSplittingStage) return is_certain;
+  return stage == kNewtonStage && !is_smooth(seen) && (is_certain || seen.law == Law::convex);
+}
+
+/// The turn after `tried` that is for the environment, or `tried` itself if there is none.
+STICTION_HD int next_turn(int tried, const EnvFeatures& seen) {
+  for (int turn = tried + 1; turn < kFallbackTurns; ++turn)
+    if (can_take(turn, seen) && !is_left_out(fallback_turn(turn).stage, seen)) return turn;
   return tried;
 }
 
