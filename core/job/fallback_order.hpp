@@ -28,9 +28,9 @@ inline constexpr int kJacobiTurn = kFallbackTurns - 1;
 static_assert(fallback_turn(kEarlyGradientTurn).stage == kGradientStage);
 static_assert(fallback_turn(kJacobiTurn).solver == SolverKind::jacobi);
 
-/// Whether gradients may come before factorisations, where A has so many stored entries. All iterations that they may
-/// have must cost no more multiplications than the fewest factorisations after which Newton's method and the interior
-/// point were seen to end. So gradients that fail cost about what comes after them costs anyway, however it
+/// Whether gradients may come before factorisations, where A has so many stored entries. Ten factorisations are the
+/// fewest after which Newton's method and the interior point were seen to end. All iterations that gradients may have
+/// must cost no more multiplications. So gradients that fail cost about what comes after them costs anyway, however it
 /// ends.
 STICTION_HD constexpr bool is_gradient_cheap(Index rows, Offset entries) {
   constexpr Offset kFewestFactorisations = 10;
