@@ -13,7 +13,6 @@ import argparse
 import os
 import pathlib
 import re
-import shutil
 import sys
 import urllib.error
 import urllib.request
@@ -26,9 +25,11 @@ SYSTEM = {"gcc_linux-64": "12", "gxx_linux-64": "12", "cmake": "3.25", "ninja": 
           "fmt": "9.1", "nlohmann_json": "3.11", "pip": "23"}
 PYPI = {"nanobind": "2.13", "scikit-build-core": "0.10", "numpy": "1.24"}
 # What conda-forge's compilers set when an environment is activated, and a cache that knows the objects of other builds.
+# ccache counts another locale as another compile, and rattler-build sets LC_ALL.
 ACTIVATION = """
 export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS=-DSTICTION_KEEP_LINES=ON
 if command -v ccache > /dev/null; then
+  unset LC_ALL
   export CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR={cache} CCACHE_BASEDIR=$SRC_DIR CCACHE_NOHASHDIR=1
   export CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_MAXSIZE=0
 fi
@@ -43,21 +44,20 @@ def stand_in(name, version, script, host=()):
 
 
 def make_stand_ins(folder, variants):
-    """A channel of packages that let the recipe's requirements be met by this Debian, unless it is there."""
+    """A channel of packages that let the recipe's requirements be met by this Debian; those that are there are kept."""
     channel = folder / "channel"
-    if (channel / "complete").exists():
-        return channel.as_uri()
-    shutil.rmtree(channel, ignore_errors=True)
     cache = os.environ.get("CCACHE_DIR", pathlib.Path.home() / ".cache/ccache")
     (folder / "activate.sh").write_text(ACTIVATION.format(cache=cache))
-    activate = f"mkdir -p $PREFIX/etc/conda/activate.d && cp {folder}/activate.sh $PREFIX/etc/conda/activate.d/"
-    recipes = [stand_in("python", "3.11.2", ["/usr/bin/python3 -m venv $PREFIX"])]
-    recipes += [stand_in(name, version, [activate if name == "gxx_linux-64" else "true"]) for name, version in SYSTEM.items()]
-    recipes += [stand_in(name, version, [f"env -u PIP_NO_INDEX -u PIP_NO_DEPENDENCIES $PREFIX/bin/python -m pip install '{name}>={version}'"], ["python"])
-                for name, version in PYPI.items()]
-    for recipe in recipes:
-        recipe.run_build(variants, output_dir=channel, channels=[channel.as_uri()], env_isolation=EnvironmentIsolation.NONE)
-    (channel / "complete").touch()
+    # It reads the file that this call has written, so that it need not be made again.
+    activate = f"mkdir -p $PREFIX/etc/conda/activate.d && echo . {folder}/activate.sh > $PREFIX/etc/conda/activate.d/stand_in.sh"
+    pip = "env -u PIP_NO_INDEX -u PIP_NO_DEPENDENCIES $PREFIX/bin/python -m pip install"
+    needed = [("python", "3.11.2", "/usr/bin/python3 -m venv $PREFIX", [])]
+    needed += [(name, version, activate if name == "gxx_linux-64" else "true", []) for name, version in SYSTEM.items()]
+    needed += [(name, version, f"{pip} '{name}>={version}'", ["python"]) for name, version in PYPI.items()]
+    for name, version, command, host in needed:
+        if not list(channel.glob(f"*/{name}-{version}-*.conda")):
+            stand_in(name, version, [command], host).run_build(variants, output_dir=channel, channels=[channel.as_uri()],
+                                                               env_isolation=EnvironmentIsolation.NONE)
     return channel.as_uri()
 
 
