@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "core/job/fallback_chain.hpp"
 
 /// The order in which the stages of the fallback chain come (docs/math/auto.md).
@@ -16,17 +18,35 @@ struct FallbackTurn {
 /// environment takes the one before all stages that factorise, or the one after them. The last one is for those that no
 /// stage can treat.
 inline constexpr int kFallbackTurns = kFallbackStages + 2;
+inline constexpr int kEarlyGradientTurn = 1;
+inline constexpr int kJacobiTurn = kFallbackTurns - 1;
+
+/// The stage of a turn, -1 for the last. By counting: a GPU would write a table to its stack wherever this is asked.
+STICTION_HD constexpr int turn_stage(int turn) {
+  if (turn == kJacobiTurn) return -1;
+  return turn == kEarlyGradientTurn ? kGradientStage : turn < kEarlyGradientTurn ? turn : turn - 1;
+}
+
 STICTION_HD constexpr FallbackTurn fallback_turn(int turn) {
-  constexpr int kStages[kFallbackTurns] = {
-      0, kGradientStage, kSplittingStage, kNewtonStage, kInteriorStage, kPivotingStage, kGradientStage, 6, 7, -1};
-  const int stage = kStages[turn];
+  const int stage = turn_stage(turn);
   if (stage < 0) return {SolverKind::jacobi, 1.0, stage};
   return {fallback_stage(stage).solver, fallback_stage(stage).omega, stage};
 }
-inline constexpr int kEarlyGradientTurn = 1;
-inline constexpr int kJacobiTurn = kFallbackTurns - 1;
-static_assert(fallback_turn(kEarlyGradientTurn).stage == kGradientStage);
-static_assert(fallback_turn(kJacobiTurn).solver == SolverKind::jacobi);
+static_assert(turn_stage(kEarlyGradientTurn) == kGradientStage);
+static_assert(turn_stage(kGradientStage + 1) == kGradientStage);
+static_assert(turn_stage(kJacobiTurn - 1) == kFallbackStages - 1);
+
+/// The solvers of all turns, four bits each.
+inline constexpr std::uint64_t kTurnSolvers = [] {
+  static_assert(kSolverKindCount <= 16 && 4 * kFallbackTurns <= 64);
+  std::uint64_t solvers = 0;
+  for (int turn = 0; turn < kFallbackTurns; ++turn)
+    solvers |= static_cast<std::uint64_t>(fallback_turn(turn).solver) << (4 * turn);
+  return solvers;
+}();
+STICTION_HD constexpr SolverKind turn_solver(int turn) {
+  return static_cast<SolverKind>((kTurnSolvers >> (4 * turn)) & 15U);
+}
 
 /// Whether gradients may come before factorisations, where A has so many stored entries. Ten factorisations are the
 /// fewest after which Newton's method and the interior point were seen to end. All iterations that gradients may have

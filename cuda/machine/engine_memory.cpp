@@ -151,7 +151,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
 std::bitset<kSolverKindCount> Engine::stages_of(SolverKind solver) {
   std::bitset<kSolverKindCount> solvers;
   if (solver != SolverKind::automatic) return solvers.set(static_cast<std::size_t>(solver));
-  for (int turn = 0; turn < kFallbackTurns; ++turn) solvers.set(static_cast<std::size_t>(fallback_turn(turn).solver));
+  for (int turn = 0; turn < kFallbackTurns; ++turn) solvers.set(static_cast<std::size_t>(turn_solver(turn)));
   return solvers;
 }
 
@@ -175,7 +175,7 @@ ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
 /// What they are under a turn of the fallback chain. Few environments come to a later one, however large the batch is.
 /// A lane each would leave the device idle, and its classes would be launches for nothing.
 ClassLimits Engine::limits_of_turn(int turn, Offset envs) const {
-  const SolverKind solver = fallback_turn(turn).solver;
+  const SolverKind solver = turn_solver(turn);
   return turn == 0 ? limits_for(solver, envs) : limits_for(solver, 0).from(kFinestTeam);
 }
 

@@ -102,7 +102,7 @@ STICTION_HD bool begins_with_splitting(const EnvFeatures& seen) {
 
 /// Whether an environment takes a turn when it comes to it.
 STICTION_HD bool can_take(int turn, const EnvFeatures& seen) {
-  const SolverKind solver = fallback_turn(turn).solver;
+  const SolverKind solver = turn_solver(turn);
   const bool is_early = is_gradient_cheap(seen.rows, seen.entries) && !begins_with_splitting(seen);
   if (solver == SolverKind::apgd && is_early != (turn == kEarlyGradientTurn)) return false;
   return can_treat(solver, seen);
@@ -128,7 +128,7 @@ STICTION_HD bool is_left_out(int stage, const EnvFeatures& seen) {
 /// The turn after `tried` that is for the environment, or `tried` itself if there is none.
 STICTION_HD int next_turn(int tried, const EnvFeatures& seen) {
   for (int turn = tried + 1; turn < kFallbackTurns; ++turn)
-    if (can_take(turn, seen) && !is_left_out(fallback_turn(turn).stage, seen)) return turn;
+    if (can_take(turn, seen) && !is_left_out(turn_stage(turn), seen)) return turn;
   return tried;
 }
 
