@@ -40,16 +40,24 @@ std::int64_t checksum(const CheckpointFile& checkpoint) {
 
 }  // namespace
 
-CheckpointFile read_checkpoint(const InputFile& file) {
+CheckpointHead read_checkpoint_head(const InputFile& file) {
   const std::string format = file.text_attribute("format").value_or("");
   if (format != kFormat) file.refuse("attribute 'format' is '" + format + "', expected '" + kFormat + "'");
   const std::int64_t version = file.integer_attribute("version").value_or(0);
   if (version != kVersion)
     file.refuse("attribute 'version' is " + std::to_string(version) + ", expected " + std::to_string(kVersion));
+  CheckpointHead head;
+  head.run = file.text_attribute("run").value_or("");
+  head.step = file.integer_attribute("step").value_or(-1);
+  if (head.step < 0) file.refuse("attribute 'step' is missing or negative");
+  return head;
+}
+
+CheckpointFile read_checkpoint(const InputFile& file) {
+  const CheckpointHead head = read_checkpoint_head(file);
   CheckpointFile checkpoint;
-  checkpoint.run = file.text_attribute("run").value_or("");
-  checkpoint.step = file.integer_attribute("step").value_or(-1);
-  if (checkpoint.step < 0) file.refuse("attribute 'step' is missing or negative");
+  checkpoint.run = head.run;
+  checkpoint.step = head.step;
   checkpoint.precision = file.is_single("position") ? Precision::f32 : Precision::f64;
   WorldCheckpoint<double>& world = checkpoint.world;
   for_each_reals(world, [&](const char* name, std::vector<double>& values) { values = file.reals(name); });

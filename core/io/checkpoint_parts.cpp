@@ -51,8 +51,12 @@ void for_each_body_array(WorldCheckpoint<double>& one, const WorldCheckpoint<dou
   f(std::size_t{6}, one.wrench, other.wrench);
 }
 
-/// Numbers of bodies and environments that a checkpoint says to have, compared with the lengths of its arrays.
+/// Numbers of bodies and environments that a checkpoint has to have, compared with the lengths of its arrays.
 void check_lengths(const InputFile& file, const WorldCheckpoint<double>& world, Offset environments, Offset bodies) {
+  const auto held = static_cast<Offset>(world.contact_offsets.size()) - 1;
+  if (held != environments)
+    file.refuse("holds " + std::to_string(held) + " environments, and " + std::to_string(environments) +
+                " are asked for: ask for " + std::to_string(held) + ", or choose another file");
   const auto expect = [&](const char* name, std::size_t length, std::size_t expected) {
     if (length != expected)
       file.refuse_dataset(name, "has " + std::to_string(length) + " elements, expected " + std::to_string(expected));
@@ -62,7 +66,6 @@ void check_lengths(const InputFile& file, const WorldCheckpoint<double>& world, 
   expect("orientation", world.orientation.size(), 4 * all);
   expect("twist", world.twist.size(), 6 * all);
   expect("wrench", world.wrench.size(), 6 * all);
-  expect("contact_offsets", world.contact_offsets.size(), at(environments) + 1);
   expect("impulse", world.impulse.size(), 3 * world.contact_id.size());
 }
 
@@ -180,6 +183,14 @@ CheckpointParts read_checkpoint_parts(const InputFile& file, std::string& base) 
                         "ends with " + std::to_string(parts.body_offsets.back()) + ", which is no number of bodies");
   check_offsets(file, "body_offsets", parts.body_offsets, at(parts.body_offsets.back()));
   return parts;
+}
+
+CheckpointHead read_checkpoint_head(const std::filesystem::path& path) {
+  const InputFile file(path);
+  if (!is_in_parts(file)) return read_checkpoint_head(file);
+  std::string base;
+  const CheckpointParts parts = read_checkpoint_parts(file, base);
+  return {parts.run, parts.step};
 }
 
 CheckpointFile read_checkpoint(const std::filesystem::path& path) {

@@ -16,6 +16,7 @@ Recording read_fclib_global(const InputFile& file);
 Recording read_any(const InputFile& file);
 SolutionFile read_solution(const InputFile& file);
 CheckpointFile read_checkpoint(const InputFile& file);
+CheckpointHead read_checkpoint_head(const InputFile& file);
 /// Reads the file that names the parts of a checkpoint; `base`: the name that theirs begin with.
 CheckpointParts read_checkpoint_parts(const InputFile& file, std::string& base);
 /// Whether a file is one.

@@ -158,7 +158,12 @@ TEST(Step, GoesOnFromItsCheckpointWithTheBitsOfARunWithoutAStop) {
   }
   const Finished other = run_stiction({"step", "pile", "--envs", "4", "--steps", "120", "--checkpoint", file + "f64"});
   EXPECT_EQ(other.status, 2);
-  EXPECT_THAT(other.err, HasSubstr("is of another run"));
+  EXPECT_THAT(other.err, HasSubstr("is of another run: --envs is 3 in the file and 4 here; give what the file has"));
+  const Finished scene = run_stiction({"step", "stack", "--envs", "3", "--seed", "7", "--size", "4", "--steps", "120",
+                                       "--precision", "f64", "--checkpoint", file + "f64"});
+  EXPECT_EQ(scene.status, 2);
+  EXPECT_THAT(scene.err, HasSubstr("SCENE is pile in the file and stack here, --seed is 0 in the file and 7 here, "
+                                   "--size is not given in the file and 4 here; "));
   const Finished fewer = run_stiction({"step", "pile", "--envs", "3", "--steps", "100", "--checkpoint", file + "f64"});
   EXPECT_EQ(fewer.status, 2);
   EXPECT_THAT(fewer.err, HasSubstr("ask for more steps"));

@@ -172,6 +172,29 @@ TEST_F(IoCheckpoint, SomeBodiesAreReadFromTheirParts) {
               HasSubstr("names c.h5.step7.part0of2, which is not there"));
 }
 
+TEST_F(IoCheckpoint, TheHeadIsReadAlone) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  write_checkpoint(at("one.h5"), all.whole);
+  std::filesystem::remove(checkpoint_part(at("c.h5"), 7, 0, 2));
+  for (const char* name : {"c.h5", "one.h5"}) {
+    const CheckpointHead head = read_checkpoint_head(at(name));
+    EXPECT_EQ(head.run, "scene=pile");
+    EXPECT_EQ(head.step, 7);
+  }
+}
+
+TEST_F(IoCheckpoint, AnotherNumberOfEnvironmentsIsNamed) {
+  InParts all = in_parts();
+  write(at("c.h5"), all);
+  write_checkpoint(at("one.h5"), all.whole);
+  for (const char* name : {"c.h5", "one.h5"})
+    for (const Offset asked : {0, 1, 3, 6})
+      EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { static_cast<void>(read_checkpoint(at(name), asked, {0, 2})); }),
+                  HasSubstr("holds 2 environments, and " + std::to_string(asked) + " are asked for: ask for 2"))
+          << name;
+}
+
 TEST_F(IoCheckpoint, PartsOfAnotherCheckpointAreRefused) {
   InParts all = in_parts();
   write(at("c.h5"), all);

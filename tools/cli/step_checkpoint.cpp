@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
+#include <map>
+#include <sstream>
 #include <vector>
 
 #include "stiction/error.hpp"
@@ -18,6 +22,35 @@ std::vector<To> numbers(const std::vector<From>& values) {
   all.reserve(values.size());
   for (const From value : values) all.push_back(static_cast<To>(value));
   return all;
+}
+
+/// "name=value" of a run, each, by name.
+std::map<std::string, std::string> words_of(const std::string& run) {
+  std::map<std::string, std::string> words;
+  std::istringstream text(run);
+  for (std::string word; text >> word;) {
+    const std::size_t equals = std::min(word.find('='), word.size());
+    words[word.substr(0, equals)] = word.substr(std::min(equals + 1, word.size()));
+  }
+  return words;
+}
+
+/// What two runs were told that is not the same: "--envs is 2 in the file and 3 here, ...".
+std::string differences(const std::string& file, const std::string& here) {
+  std::map<std::string, std::array<std::string, 2>> values;
+  for (const auto& [name, value] : words_of(file)) values[name][0] = value;
+  for (const auto& [name, value] : words_of(here)) values[name][1] = value;
+  const auto option = [](const std::string& name) {
+    if (name == "scene") return std::string("SCENE");
+    if (name == "epoch") return std::string("the numerics epoch");
+    return "--" + (name == "environments" ? "envs" : name);
+  };
+  const auto told = [](const std::string& value) { return value.empty() ? "not given" : value; };
+  std::vector<std::string> all;
+  for (const auto& [name, both] : values)
+    if (both[0] != both[1])
+      all.push_back(fmt::format("{} is {} in the file and {} here", option(name), told(both[0]), told(both[1])));
+  return fmt::format("{}", fmt::join(all, ", "));
 }
 
 template <class Real>
@@ -51,29 +84,29 @@ bool StepCheckpoint::is_there() const {
   return path() != nullptr && std::filesystem::exists(*path());
 }
 
-void StepCheckpoint::check(const std::filesystem::path& path, const std::string& run, std::int64_t step) const {
-  const std::string name = path.filename().string();
-  if (run != run_)
-    throw Error(ErrorCode::bad_file, fmt::format("{}: is of another run: it holds {}, and this one is {}; choose "
-                                                 "another file, or remove it",
-                                                 name, run, run_));
-  if (step > arguments_.steps)
+void StepCheckpoint::check() const {
+  const io::CheckpointHead head = io::read_checkpoint_head(*path());
+  const std::string name = path()->filename().string();
+  if (head.run != run_)
     throw Error(ErrorCode::bad_file,
-                fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name, step, arguments_.steps));
+                fmt::format("{}: is of another run: {}; give what the file has, name another file, or remove it", name,
+                            differences(head.run, run_)));
+  if (head.step > arguments_.steps)
+    throw Error(ErrorCode::bad_file, fmt::format("{}: holds step {}, beyond --steps {}; ask for more steps", name,
+                                                 head.step, arguments_.steps));
 }
 
 std::optional<io::CheckpointShare> StepCheckpoint::read(io::CheckpointBodies bodies) const {
   if (!is_there()) return std::nullopt;
-  io::CheckpointShare share = io::read_checkpoint(*path(), arguments_.environments, bodies);
-  check(*path(), share.file.run, share.file.step);
-  return share;
+  check();
+  return io::read_checkpoint(*path(), arguments_.environments, bodies);
 }
 
 template <class Real>
 std::int64_t StepCheckpoint::resume(World<Real>& world) const {
   if (!is_there()) return 0;
+  check();
   const io::CheckpointFile file = io::read_checkpoint(*path());
-  check(*path(), file.run, file.step);
   world.resume(converted<Real>(file.world));
   return file.step;
 }

@@ -38,7 +38,8 @@ class StepCheckpoint {
   [[nodiscard]] io::CheckpointFile file_of(std::int64_t step, const WorldCheckpoint<Real>& world) const;
 
  private:
-  void check(const std::filesystem::path& path, const std::string& run, std::int64_t step) const;
+  /// Before anything else of the file is read, so that what is told of one of another run is that it is.
+  void check() const;
   [[nodiscard]] bool is_there() const;
 
   const StepArguments& arguments_;

@@ -126,6 +126,16 @@ struct CheckpointFile {
 /// one. \throws Error
 CheckpointFile read_checkpoint(const std::filesystem::path& path);
 
+/// Whose run a checkpoint is of, and how far that had come.
+struct CheckpointHead {
+  std::string run;        ///< of CheckpointFile
+  std::int64_t step = 0;  ///< of CheckpointFile
+};
+
+/// Reads the head of a checkpoint alone, whether it is one file or in parts. What else it holds is not looked at.
+/// \throws Error
+CheckpointHead read_checkpoint_head(const std::filesystem::path& path);
+
 /// Bodies first .. end - 1 of every environment.
 struct CheckpointBodies {
   Offset first = 0;  ///< the first of them
