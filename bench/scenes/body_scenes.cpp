@@ -1,5 +1,7 @@
 #include "bench/scenes/body_scenes.hpp"
 
+#include <algorithm>
+
 #include "bench/scenes/geometry.hpp"
 #include "bench/scenes/scenes.hpp"
 #include "core/base/fp_env.hpp"
@@ -11,6 +13,8 @@ constexpr double kRadius = 0.05;            // [m]
 constexpr double kDensity = 1000;           // [kg/m^3]
 constexpr double kTouching = 5e-4;          // pairs nearer than this have a contact [m]
 constexpr double kContactsPerSphere = 3.3;  // what the shaken packing gives
+// Random numbers that a sphere takes, and then a body.
+constexpr std::uint64_t kBallNumbers = 4, kBodyNumbers = 6;
 
 std::array<double, 3> as_array(Vec3 v) {
   return {v.x, v.y, v.z};
@@ -71,18 +75,22 @@ Extent heap_of(Index contacts) {
 /// are the only ones that can touch, so the lattice is the grid that finds pairs.
 class Packing {
  public:
-  Packing(Rng& rng, const Extent& extent) : side_(extent.side), layers_(extent.layers) {
+  /// Layers first .. end - 1 of the packing whose first number is the generator's next.
+  Packing(Rng rng, const Extent& extent, Index first, Index end) : side_(extent.side), first_(first), end_(end) {
     constexpr double kShift[4][3] = {{0.25, 0.25, 0.25}, {0.75, 0.75, 0.25}, {0.75, 0.25, 0.75}, {0.25, 0.75, 0.75}};
-    for (Index z = 0; z < layers_; ++z)
+    rng.skip(kBallNumbers * static_cast<std::uint64_t>(begin()));
+    for (Index z = first_; z < end_; ++z)
       for (Index y = 0; y < side_; ++y)
         for (Index x = 0; x < side_; ++x)
           for (const auto& shift : kShift) {
             const double radius = kRadius * rng.uniform(0.98, 1.02);
             const Vec3 shake = random_vector(rng, 0.06 * kRadius);
-            balls.push_back(
+            balls_.push_back(
                 {Vec3{kCell * (x + shift[0]), kCell * (y + shift[1]), kCell * (z + shift[2])} + shake, radius});
           }
   }
+
+  [[nodiscard]] const Ball& ball(Index k) const { return balls_[static_cast<std::size_t>(k - begin())]; }
 
   /// f(plane normal, gap) for each wall that touches a ball.
   template <class F>
@@ -99,10 +107,10 @@ class Packing {
     see({0, -1, 0}, width - ball.center.y);
   }
 
-  /// f(a, b) for every pair that touches, a < b, by a.
+  /// f(a, b) for every pair of these layers that touches, a < b, by a.
   template <class F>
   void for_each_pair(F&& f) const {
-    for (Index z = 0; z < layers_; ++z)
+    for (Index z = first_; z < end_; ++z)
       for (Index y = 0; y < side_; ++y)
         for (Index x = 0; x < side_; ++x)
           for (Index own = 0; own < 4; ++own) {
@@ -110,15 +118,13 @@ class Packing {
             for (Index dz = -1; dz <= 1; ++dz)
               for (Index dy = -1; dy <= 1; ++dy)
                 for (Index dx = -1; dx <= 1; ++dx) {
-                  if (!inside(x + dx, side_) || !inside(y + dy, side_) || !inside(z + dz, layers_)) continue;
+                  if (!inside(x + dx, side_) || !inside(y + dy, side_) || z + dz < first_ || z + dz >= end_) continue;
                   const Index other = cell(x + dx, y + dy, z + dz) * 4;
                   for (Index b = other; b < other + 4; ++b)
-                    if (b > a && touch(balls[static_cast<std::size_t>(a)], balls[static_cast<std::size_t>(b)])) f(a, b);
+                    if (b > a && touch(ball(a), ball(b))) f(a, b);
                 }
           }
   }
-
-  std::vector<Ball> balls;
 
  private:
   // Neighbours of the packing are kCell / sqrt(2) apart: one radius-and-a-bit each.
@@ -132,7 +138,10 @@ class Packing {
     return dot(d, d) < reach * reach;
   }
 
-  Index side_, layers_;
+  [[nodiscard]] Index begin() const { return 4 * side_ * side_ * first_; }
+
+  Index side_, first_, end_;
+  std::vector<Ball> balls_;
 };
 
 double gap_depth(double gap) {
@@ -172,39 +181,70 @@ BodyEnvironment<To> converted(const BodyEnvironment<From>& from) {
 
 namespace {
 
-BodyEnvironment<double> make_packing(std::uint64_t seed, const Extent& extent) {
+Offset bodies_of(const Extent& extent) {
+  return Offset{4} * extent.side * extent.side * extent.layers;
+}
+
+/// Bodies first .. end - 1. Of the others those that touch them, which are in their layers or next to them.
+BodyPart make_packing(std::uint64_t seed, const Extent& extent, Index first, Index end) {
   const ScopedFpEnv fp_env;
   Rng rng(mix_bits(seed) ^ 0x70696c65U);
-  const Packing packing(rng, extent);
-  BodyEnvironment<double> env;
-  for (const Ball& ball : packing.balls) {
-    const double mass = kDensity * 4.1887902047863905 * ball.radius * ball.radius * ball.radius;
-    env.bodies.push_back(make_body(rng, mass, world_inertia({}, sphere_inertia(mass, ball.radius))));
+  const Index in_layer = 4 * extent.side * extent.side;
+  const Index low = std::max((first / in_layer) - 1, 0), high = std::min((end - 1) / in_layer + 2, extent.layers);
+  const Packing packing(rng, extent, low, high);
+  const auto is_asked = [&](Index k) { return first <= k && k < end; };
+  BodyPart part;
+  std::vector<Index> place(static_cast<std::size_t>(in_layer * (high - low)), -1);  // by body of these layers
+  const auto place_of = [&](Index k) -> Index& { return place[static_cast<std::size_t>(k - in_layer * low)]; };
+  for (Index k = first; k < end; ++k) place_of(k) = 0;
+  if (end - first < bodies_of(extent))
+    packing.for_each_pair([&](Index i, Index j) {
+      if (is_asked(i) || is_asked(j)) place_of(i) = place_of(j) = 0;
+    });
+  rng.skip(kBallNumbers * static_cast<std::uint64_t>(bodies_of(extent)));
+  for (Index k = in_layer * low; k < in_layer * high; ++k) {
+    if (place_of(k) < 0) continue;
+    place_of(k) = static_cast<Index>(part.body.size());
+    part.body.push_back(k);
+    Rng own = rng;
+    own.skip(kBodyNumbers * static_cast<std::uint64_t>(k));
+    const double radius = packing.ball(k).radius;
+    const double mass = kDensity * 4.1887902047863905 * radius * radius * radius;
+    part.environment.bodies.push_back(make_body(own, mass, world_inertia({}, sphere_inertia(mass, radius))));
   }
+  rng.skip(kBodyNumbers * static_cast<std::uint64_t>(bodies_of(extent)));
   const double mu = rng.uniform(0.3, 0.8);
+  auto& contacts = part.environment.contacts;
   const auto add = [&](BodyEnvironment<double>::Contact contact, double gap) {
     contact.depth = gap_depth(gap);
-    contact.id = env.contacts.size();
-    env.contacts.push_back(contact);
+    contact.id = contacts.size();
+    contacts.push_back(contact);
   };
-  for (std::size_t k = 0; k < packing.balls.size(); ++k) {
-    const Ball& ball = packing.balls[k];
+  for (Index k = first; k < end; ++k) {
+    const Ball& ball = packing.ball(k);
     packing.for_each_wall(ball, [&](Vec3 normal, double gap) {
       const double reach = gap > 0 ? ball.radius : ball.radius + gap;
-      add(make_contact(-1, static_cast<Index>(k), {}, -reach * normal, normal, mu), gap);
+      add(make_contact(-1, place_of(k), {}, -reach * normal, normal, mu), gap);
     });
   }
+  part.walls = static_cast<Index>(contacts.size());
   packing.for_each_pair([&](Index i, Index j) {
-    const Ball& a = packing.balls[static_cast<std::size_t>(i)];
-    const Ball& b = packing.balls[static_cast<std::size_t>(j)];
+    if (!is_asked(i) && !is_asked(j)) return;
+    part.pairs_below += is_asked(i) ? 0 : 1;
+    const Ball& a = packing.ball(i);
+    const Ball& b = packing.ball(j);
     const Vec3 d = b.center - a.center;
     const double distance = norm(d);
     const Vec3 normal = (1 / distance) * d;
     const double gap = distance - (a.radius + b.radius);
     const double reach = a.radius + 0.5 * gap;
-    add(make_contact(i, j, reach * normal, (reach - distance) * normal, normal, mu), gap);
+    add(make_contact(place_of(i), place_of(j), reach * normal, (reach - distance) * normal, normal, mu), gap);
   });
-  return env;
+  return part;
+}
+
+BodyEnvironment<double> make_packing(std::uint64_t seed, const Extent& extent) {
+  return make_packing(seed, extent, 0, static_cast<Index>(bodies_of(extent))).environment;
 }
 
 }  // namespace
@@ -215,6 +255,14 @@ BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts) {
 
 BodyEnvironment<double> make_body_column(std::uint64_t seed, Index side, Index layers) {
   return make_packing(seed, {side, layers});
+}
+
+Offset column_bodies(Index side, Index layers) {
+  return bodies_of({side, layers});
+}
+
+BodyPart make_body_column_part(std::uint64_t seed, Index side, Index layers, Index first, Index end) {
+  return make_packing(seed, {side, layers}, first, end);
 }
 
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes) {

@@ -16,6 +16,20 @@ BodyEnvironment<double> make_body_pile(std::uint64_t seed, Index contacts);
 /// A packing like that of a heap in a tall box: side * side * layers cells of four spheres each (each >= 1).
 BodyEnvironment<double> make_body_column(std::uint64_t seed, Index side, Index layers);
 
+/// Some bodies of a packing, those that touch them, and their contacts.
+struct BodyPart {
+  BodyEnvironment<double> environment;  ///< contacts in the whole's order; their ids are those of this part
+  std::vector<Index> body;              ///< the whole's number of each of its bodies, ascending
+  Index walls = 0;                      ///< contacts with walls, which come first: all are of bodies asked for
+  Index pairs_below = 0;                ///< then pairs whose lower body was not asked for, then those whose was
+};
+
+/// Bodies that make_body_column() of these has.
+Offset column_bodies(Index side, Index layers);
+/// Bodies first .. end - 1 of make_body_column(), with the same bits. Time and memory are those of the
+/// part: the others are not made.
+BodyPart make_body_column_part(std::uint64_t seed, Index side, Index layers, Index first, Index end);
+
 /// Boxes of random size one on the other, four contacts between neighbours, on a floor that is kinematic and moves.
 BodyEnvironment<double> make_body_stack(std::uint64_t seed, Index boxes);
 

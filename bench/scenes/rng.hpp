@@ -19,6 +19,9 @@ class Rng {
 
   std::uint64_t next() noexcept { return mix_bits(state_ += 0x9e3779b97f4a7c15ULL); }
 
+  /// As if so many numbers had been drawn.
+  void skip(std::uint64_t count) noexcept { state_ += 0x9e3779b97f4a7c15ULL * count; }
+
   /// Uniform in [0, 1), a multiple of 2^-53: exact on every machine.
   double uniform() noexcept { return static_cast<double>(next() >> 11) * 0x1p-53; }
   double uniform(double lo, double hi) noexcept { return lo + (hi - lo) * uniform(); }

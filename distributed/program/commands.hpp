@@ -35,7 +35,7 @@ struct SolveArguments {
 };
 
 struct StepJobArguments {
-  cli::StepArguments step;  ///< device, threads and preconditioner are not the user's
+  cli::StepArguments step;  ///< device, threads and preconditioner are not the user's; the solver sweeps
   std::string partition = "bisection";
   double deadline = 60;  ///< longest wait for another rank [s]
 };

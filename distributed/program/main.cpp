@@ -21,15 +21,17 @@ namespace stiction::distributed {
 
 namespace {
 
-void declare_partition(CLI::App& app, std::string& partition, double& deadline) {
-  app.add_option("--partition", partition, "Owners of bodies: bisection, or random:SEED; reaches no bit")
+void declare_partition(CLI::App& app, const char* more, std::string& partition, double& deadline) {
+  app.add_option("--partition", partition,
+                 std::string("Owners of bodies: bisection, or random:SEED") + more + "; reaches no bit")
       ->capture_default_str();
   app.add_option("--deadline", deadline, "Longest wait for another rank in seconds")->capture_default_str();
 }
 
 void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch file with J and M of rigid bodies");
-  app.add_option("--scene", a.scene, "A scene of stiction generate, made by every rank, in place of a file");
+  app.add_option("--scene", a.scene,
+                 "A scene of stiction generate, or granular-column, made by every rank, in place of a file");
   app.add_option("--envs", a.environments, "Environments of the scene")
       ->check(cli::whole_number())
       ->capture_default_str();
@@ -41,7 +43,7 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--max-iterations", a.max_iterations, "Sweeps of an environment at most, or Newton steps")
       ->capture_default_str();
   app.add_option("--omega", a.omega, "Relaxation, between 0 and 2")->capture_default_str();
-  declare_partition(app, a.partition, a.deadline);
+  declare_partition(app, "; slabs: ranks make their part of granular-column", a.partition, a.deadline);
   app.add_option("--method", a.method,
                  "si or npgs, pgs: the bits of one process. consensus: few exchanges between subdomains. newton: high "
                  "accuracy")
@@ -65,7 +67,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
 void declare_step(CLI::App& app, StepJobArguments& job) {
   job.step.environments = 1;
   cli::declare_steps(app, job.step);
-  declare_partition(app, job.partition, job.deadline);
+  app.add_option("--solver", job.step.solver, "si or npgs, pgs: the bits of one process")->capture_default_str();
+  declare_partition(app, "", job.partition, job.deadline);
 }
 
 /// One sentence of one rank: the lowest that can still speak is the first, and ends the others.

@@ -90,6 +90,10 @@ std::string traffic_lines(const std::vector<RankReport>& ranks) {
               fmt::format("{:.1f} % of the ranks' time, imbalance {:.3f}", 100 * totals.share(), totals.imbalance()));
 }
 
+std::string memory_line(std::int64_t most) {
+  return line("memory", fmt::format("{:.0f} MB at most of a rank", static_cast<double>(most) / 1e6));
+}
+
 std::vector<RankReport> solves_of(const std::vector<StepRankReport>& ranks) {
   std::vector<RankReport> solves;
   for (const StepRankReport& rank : ranks) solves.push_back(rank.solve);
@@ -140,6 +144,7 @@ std::string to_json(const JobReport& report) {
                {"hash", cli::hex(solve.hash)},
                {"epoch", kNumericsEpoch}};
   put_ranks(json, report.ranks, report.partition);
+  for (std::size_t k = 0; k < report.ranks.size(); ++k) json["per_rank"][k]["peak_memory"] = report.peak_memory[k];
   json["method"] = report.method;
   json["reproducible"] = !report.consensus.asynchronous;
   if (report.method == "consensus") {
@@ -190,6 +195,7 @@ std::string to_text(const JobReport& report) {
          line("seconds", fmt::format("load {:.4g}  solve {:.4g}", solve.seconds.load, solve.seconds.solve)) +
          line("iterations", cli::quantile_text(solve.iterations)) +
          line("residual", cli::quantile_text(solve.residual)) + traffic_lines(report.ranks) +
+         memory_line(*std::max_element(report.peak_memory.begin(), report.peak_memory.end())) +
          line("unconverged", fmt::format("{}", solve.unconverged)) +
          line("hash", fmt::format("{} (numerics epoch {})", cli::hex(solve.hash), kNumericsEpoch));
 }
@@ -205,7 +211,7 @@ std::string to_text(const StepJobReport& report) {
   return cli::to_text(report.step) + ranks_line(solves, report.partition) + traffic_lines(solves) +
          line("beside solves",
               fmt::format("{} messages, {} bytes, {} bodies migrated", rest.messages, rest.bytes, rest.migrated)) +
-         line("memory", fmt::format("{:.0f} MB at most of a rank", static_cast<double>(most) / 1e6));
+         memory_line(most);
 }
 
 }  // namespace stiction::distributed

@@ -21,6 +21,7 @@ struct JobReport {
   NewtonCounts newton;         ///< of that method
   Offset bodies = 0;
   std::vector<RankReport> ranks;
+  std::vector<std::int64_t> peak_memory;  ///< of each rank's process, the most so far [bytes]
 };
 
 /// What one rank did in all steps. Bodies, ghosts and near bodies are those of the last.

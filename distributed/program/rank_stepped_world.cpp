@@ -1,11 +1,11 @@
 #include "distributed/program/rank_stepped_world.hpp"
 
 #include <algorithm>
-#include <fstream>
 #include <optional>
 #include <string>
 
 #include "distributed/program/partition_option.hpp"
+#include "distributed/program/peak_memory.hpp"
 #include "distributed/transport/letters.hpp"
 #include "stiction/hash.hpp"
 #include "tools/cli/step_monitor.hpp"
@@ -16,18 +16,6 @@ namespace {
 
 std::size_t at(Offset place) {
   return static_cast<std::size_t>(place);
-}
-
-/// Of this process, the most so far [bytes]; 0 where Linux's /proc is not there.
-std::int64_t peak_memory() {
-  std::ifstream status("/proc/self/status");
-  for (std::string word; status >> word;) {
-    if (word != "VmHWM:") continue;
-    std::int64_t kibibytes = 0;
-    status >> kibibytes;
-    return 1024 * kibibytes;
-  }
-  return 0;
 }
 
 /// Sums of all ranks, in their order.

@@ -3,18 +3,21 @@
 #include <algorithm>
 #include <cstdio>
 #include <span>
+#include <utility>
 
+#include "distributed/program/column_slabs.hpp"
 #include "distributed/program/commands.hpp"
+#include "distributed/program/job_problem.hpp"
 #include "distributed/program/partition_option.hpp"
+#include "distributed/program/peak_memory.hpp"
 #include "distributed/program/rank_report.hpp"
 #include "distributed/solve/partition.hpp"
+#include "distributed/transport/letters.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
-#include "stiction/jacobian_bodies.hpp"
 #include "tools/cli/body_method.hpp"
 #include "tools/cli/load.hpp"
-#include "tools/cli/make_scene.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/stopwatch.hpp"
 
@@ -24,39 +27,9 @@ namespace {
 
 using cli::Clock;
 
-/// Every rank has the whole batch, read or made by itself.
-io::Recording recording_of(const SolveArguments& arguments) {
-  const std::optional<Law> law = cli::law_from_option(arguments.law);
-  if (arguments.batch.empty() == arguments.scene.empty())
-    throw Error(ErrorCode::invalid_argument, "give a BATCH or --scene, one of them");
-  if (!arguments.batch.empty())
-    return cli::load_batch(arguments.batch, law, cli::ValueDefects::refuse, SolverKind::automatic).recording;
-  cli::GenerateArguments scene;
-  scene.scene = arguments.scene;
-  scene.environments = arguments.environments;
-  scene.seed = arguments.seed;
-  scene.size = arguments.size;
-  scene.threads = 1;
-  scene.quiet = true;
-  io::Recording recording = cli::make_scene(scene);
-  if (law) recording.batch.set_law(*law);
-  return recording;
-}
-
 template <class Real>
 std::vector<double> widened(const std::vector<Real>& values) {
   return {values.begin(), values.end()};
-}
-
-/// The reactions of a solution file by contact; empty without one.
-template <class Real>
-std::vector<Real> first_guess(const SolveArguments& arguments, const io::Recording& recording,
-                              const JacobianBodies<Real>& bodies) {
-  if (!arguments.warm_start) return {};
-  std::vector<Real> rows;
-  for (const double value : cli::load_solution(*arguments.warm_start, recording.batch).lambda)
-    rows.push_back(static_cast<Real>(value));
-  return to_contacts(bodies, std::span<const Real>(rows));
 }
 
 template <class Real>
@@ -73,18 +46,18 @@ std::vector<RankReport> solve_newton(Transport& transport, const BodyBatchView<R
 
 template <class Real>
 int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOptions options, JobReport& report) {
+  if (arguments.partition == kSlabs) return solve_column_slabs<Real>(transport, arguments, options, report);
   const Clock::time_point start = Clock::now();
-  const io::Recording recording = recording_of(arguments);
-  options.law = recording.batch.law();
-  const JacobianBodies<Real> bodies = as_bodies(io::jacobian_batch<Real>(recording).view());
-  const BodyBatchView<Real> view = bodies.batch.view();
+  const JobProblem<Real> problem = job_problem<Real>(arguments);
+  options.law = problem.law;
+  const BodyBatchView<Real> view = problem.bodies.batch.view();
+  const TimeStepping& stepping = problem.bodies.stepping;
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
   const bool by_consensus = arguments.method == "consensus", by_newton = arguments.method == "newton";
   const int parts = by_consensus || by_newton ? arguments.consensus.subdomains : transport.size();
   // Of Newton's method whole subdomains are dealt out, and they are always bisected.
   const std::vector<int> owner =
       seed && !by_newton ? random_owners(view.body_count, parts, *seed) : bisect(centres_by_arms(view), parts);
-  const std::vector<Real> first = first_guess(arguments, recording, bodies);
   cli::SolveReport& solve = report.solve;
   solve.seconds.load = cli::seconds_since(start);
 
@@ -98,19 +71,20 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
     status.resize(static_cast<std::size_t>(view.env_count));
   }
   const auto data = [](auto& array) { return array.empty() ? nullptr : array.data(); };
+  const Real* const first = data(problem.first);
   const BodySolutionView<Real> solution{data(impulse), data(twist), data(w), data(status)};
-  report.ranks = by_newton ? solve_newton<Real>(transport, view, owner, seed, arguments, bodies.stepping, options,
-                                                solution, data(first), report.newton)
-                 : by_consensus
-                     ? solve_by_consensus<Real>(transport, view, owner, arguments.consensus, bodies.stepping, options,
-                                                solution, data(first))
-                     : solve_over_ranks<Real>(transport, view, owner, bodies.stepping, options, solution, data(first));
+  report.ranks = by_newton ? solve_newton<Real>(transport, view, owner, seed, arguments, stepping, options, solution,
+                                                first, report.newton)
+                 : by_consensus ? solve_by_consensus<Real>(transport, view, owner, arguments.consensus, stepping,
+                                                           options, solution, first)
+                                : solve_over_ranks<Real>(transport, view, owner, stepping, options, solution, first);
+  report.peak_memory = gather(transport, peak_memory());
   if (!is_first) return cli::kExitDone;
   for (const RankReport& rank : report.ranks) solve.seconds.solve = std::max(solve.seconds.solve, rank.seconds);
-  const std::vector<Real> lambda = to_rows(bodies, std::span<const Real>(impulse));
+  const std::vector<Real> lambda = problem.rows(std::move(impulse));
   solve.law = options.law;
   solve.environments = view.env_count;
-  solve.rows = recording.batch.row_count();
+  solve.rows = problem.env_row_offsets.back();
   solve.cones = view.contact_count;
   report.bodies = view.body_count;
   solve.count(status);
@@ -119,9 +93,9 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
     io::SolutionFile file;
     file.precision = solve.precision;
     file.lambda = widened(lambda);
-    file.w = widened(to_rows(bodies, std::span<const Real>(w)));
+    file.w = widened(problem.rows(std::move(w)));
     file.status = status;
-    file.env_row_offsets = recording.batch.arrays().env_row_offsets;
+    file.env_row_offsets = problem.env_row_offsets;
     file.law = solve.law;
     file.solver = solve.solver;
     file.source = fmt::format("stiction {} solve {}", kVersion, solve.file);
@@ -145,7 +119,7 @@ int run_solve(Transport& transport, const SolveArguments& arguments) {
   solve.precision = cli::precision_from_option(arguments.precision);
   solve.options.tolerance = arguments.tolerance;
   solve.options.max_iterations = arguments.max_iterations;
-  partition_seed(arguments.partition);
+  if (arguments.partition != kSlabs) partition_seed(arguments.partition);
   if (arguments.consensus.asynchronous && arguments.method != "consensus")
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--asynchronous: method {} waits for every colour, and has the bits of one process; choose "

@@ -1,12 +1,14 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <string>
 
 #include "distributed/program/commands.hpp"
 #include "distributed/program/partition_option.hpp"
 #include "distributed/program/rank_report.hpp"
 #include "distributed/program/rank_stepped_world.hpp"
 #include "stiction/error.hpp"
+#include "tools/cli/body_method.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/report.hpp"
 #include "tools/cli/step_world.hpp"
@@ -14,6 +16,15 @@
 namespace stiction::distributed {
 
 namespace {
+
+/// Consensus and Newton's method over subdomains need lists of a whole scene, which no rank has while it steps.
+void require_solver(const std::string& solver) {
+  if (!cli::is_sweeping(solver))
+    throw Error(ErrorCode::unsupported,
+                fmt::format("--solver {}: ranks step a scene by si, npgs or pgs; choose one of them, or stiction step "
+                            "in one process",
+                            solver));
+}
 
 /// Every rank has its bodies.
 template <class Real>
@@ -35,6 +46,7 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   const bool is_first = transport.rank() == 0;
   if (step.scene.empty())
     throw Error(ErrorCode::invalid_argument, "a scene is missing: stiction step --list shows them");
+  require_solver(step.solver);
   partition_seed(arguments.partition);
   cli::require_distinct({{"-o", step.output}, {"--json", step.json}, {"--checkpoint", step.checkpoint}});
   if (is_first && step.json) cli::require_writable(*step.json);

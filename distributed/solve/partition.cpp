@@ -112,8 +112,14 @@ std::vector<Point> centres_by_arms(const BodyBatchView<Real>& batch) {
     const Offset first = batch.env_body_offsets[env], count = batch.env_body_offsets[env + 1] - first;
     const std::span<Point> own = std::span(points).subspan(at(first), at(count));
     std::vector<char> placed(at(count), 0);
-    for (Index body = 0; body < count; ++body)
-      if (placed[at(body)] == 0) place_group(batch, neighbours, body, own, placed, right);
+    for (Index body = 0; body < count; ++body) {
+      if (neighbours.of(body).empty()) {
+        // Beside the others, a few of them would make a tall scene a wide one, which is cut along its height.
+        if (body > 0) own[at(body)] = own[at(body - 1)];
+      } else if (placed[at(body)] == 0) {
+        place_group(batch, neighbours, body, own, placed, right);
+      }
+    }
   }
   return points;
 }

@@ -6,12 +6,10 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/job/shape_pairs.hpp"
-#include "core/plan/colored_body_plan.hpp"
 #include "distributed/solve/agreement.hpp"
 #include "distributed/solve/rank_meter.hpp"
 #include "distributed/solve/solve_piece.hpp"
-#include "distributed/world/coloring.hpp"
-#include "distributed/world/rounds.hpp"
+#include "distributed/world/plan_piece.hpp"
 #include "distributed/world/world_kernels.hpp"
 
 namespace stiction::distributed {
@@ -218,26 +216,22 @@ template <class Real>
 void RankWorld<Real>::solve() {
   const BodyBatchView<Real> batch = piece_->batch();
   HostContacts<Real>& contacts = piece_->contacts();
-  BodyPlanData plan;
-  Rounds rounds;
+  PiecePlan plan;
   {
     const Meter meter(transport_, step_traffic_, step_traffic_.seconds.plan);
-    plan = make_body_plan(batch, [&](std::span<const PushedBodies> vertices, std::span<Index> colors) {
-      return color_over_ranks(transport_, piece_->bodies(), vertices, colors, step_traffic_.waves);
-    });
-    rounds = make_rounds(transport_, piece_->bodies(), plan);
+    plan = plan_piece(transport_, batch, piece_->bodies(), step_traffic_.waves);
   }
   std::vector<Real> twist(at(6 * batch.body_count));
   BodySolverOptions isolating = options_.solver;
   isolating.invalid = InvalidPolicy::isolate;
   const BodyJob<Real> job{batch,
-                          plan.view(),
+                          plan.plan.view(),
                           {contacts.impulse.data(), twist.data(), nullptr, &status_},
                           options_.warm_start > 0 ? contacts.guess.data() : nullptr,
                           options_.stepping,
                           isolating};
   report_.bodies = report_.ghosts = 0;  // of the last step
-  solve_piece(transport_, job, rounds, piece_->ghosts(), report_);
+  solve_piece(transport_, job, plan.rounds, piece_->ghosts(), report_);
   last_ = {contacts.id, contacts.impulse};
   integrate(twist);
 }

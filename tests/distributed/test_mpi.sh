@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|consensus|asynchronous|newton|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|column|consensus|asynchronous|newton|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4
@@ -100,6 +100,9 @@ EOF
   echo "newton, $scene: 4 jobs have one answer"
 }
 
+# shellcheck source=tests/distributed/column_over_ranks.sh
+source "$(dirname "$0")/column_over_ranks.sh"
+
 # compare_reports ONE MANY: what a run of `stiction step` and a job have in common.
 compare_reports() {
   python3 - "$1" "$2" << 'EOF'
@@ -175,6 +178,22 @@ EOF
   "$stiction" step pile --envs 3 --seed 5 --steps "$steps" --checkpoint "$folder/point.h5" --quiet 2> "$folder/err"
   [ $? -eq 2 ] || fail "a checkpoint of another run was taken"
   grep -q 'is of another run' "$folder/err" || fail "no sentence about another run: $(cat "$folder/err")"
+  another_run pile 3 "$steps" '--envs is 1 in the file and 3 here'
+  another_run stack 1 "$steps" 'SCENE is pile in the file and stack here'
+}
+
+# By ranks, from the parts and from one file.
+another_run() {  # another_run SCENE ENVS STEPS SENTENCE
+  local file status
+  rm -f "$folder/whole.h5"
+  "$stiction" step pile --envs 1 --seed 5 --steps "$3" --iterations 1 --checkpoint "$folder/whole.h5" --quiet || fail "one process"
+  for file in point.h5 whole.h5; do
+    ranks 2 step "$1" --envs "$2" --seed 5 --steps "$3" --checkpoint "$folder/$file" --quiet > "$folder/out" 2> "$folder/err"
+    status=$?
+    [ "$status" -eq 2 ] || fail "$file of another run: exit status $status, expected 2"
+    [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "not one sentence: $(cat "$folder/err")"
+    grep -q -- "$file: is of another run: .*$4" "$folder/err" || fail "$file: $(cat "$folder/err")"
+  done
 }
 
 # A job that does not end by itself; sets `job`, and `victim`, the process of one of its ranks.
@@ -231,6 +250,12 @@ case $what in
     compare si wall 3 --max-iterations 40 --tolerance 0 --warm-start "$folder/start.h5"
     compare npgs pile 40 --max-iterations 150 --precision f32 --law convex
     ;;
+  column)
+    compare_column si "1 2 3 4" 100 --law coulomb
+    compare_column si "1 3" 100 --precision f32 --law convex
+    compare_column consensus "1 3" 200 --subdomains 4 --law convex
+    compare_column newton "1 3" 3 --subdomains 4 --law convex
+    ;;
   consensus)
     compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-5
     compare_consensus wall 4 --max-iterations 20000 --tolerance 1e-4 --precision f32 --law convex
@@ -275,6 +300,12 @@ EOF
     compare_steps pile --size 150 --envs 1 --steps 30
     compare_steps walker --envs 3 --steps 60 --precision f32 --tolerance 0 --iterations 10
     compare_steps stack --size 9 --envs 1 --steps 6 --iterations 16 --law boxed
+    hash=$(grep '"hash"' "$folder/one.json")
+    compare_steps stack --size 9 --envs 1 --steps 6 --iterations 16 --law boxed --solver npgs
+    grep -qF "$hash" "$folder/one.json" || fail "si is not npgs"
+    compare_steps stack --size 9 --envs 1 --steps 6 --iterations 16 --law boxed --solver pgs
+    grep -qF "$hash" "$folder/one.json" && fail "pgs has the bits of npgs"
+    true
     ;;
   restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" ;;
   json)
@@ -311,9 +342,14 @@ EOF
     grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
     ;;
   refused)
+    ranks 1 solve --scene wall --size 2 --max-iterations 1 --quiet -o "$folder/wall.h5" 2> "$folder/err"
     for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
       "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
       "step" "step nothing" "step pile --partition thirds" "step pile --checkpoint /nowhere/x.h5" \
+      "step pile --solver newton" "step pile --solver consensus" "step pile --solver jacobi" \
+      "solve --scene wall --partition slabs" "solve --scene granular-column --partition slabs --method newton" \
+      "solve --scene granular-column --partition slabs -o $folder/x.h5" "step pile --partition slabs" \
+      "solve --scene granular-column --size 65" "solve --scene granular-column --size 1 --warm-start $folder/wall.h5" \
       "solve --scene wall -o /nowhere/x.h5" "solve --scene wall --method jacobi" \
       "solve --scene wall --law convex --asynchronous" "solve --scene wall --method consensus --asynchronous" "solve --scene wall --method consensus --subdomains 0"; do
       # shellcheck disable=SC2086
@@ -323,6 +359,10 @@ EOF
       [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "$arguments: not one sentence: $(cat "$folder/err")"
       [ ! -s "$folder/out" ] || fail "$arguments: printed $(cat "$folder/out")"
       grep '^stiction-mpi: ' "$folder/err"
+    done
+    for solver in newton multigrid consensus; do
+      ranks 2 step pile --solver $solver 2>&1 | grep -q "solver $solver: ranks step a scene by si, npgs or pgs; choose" ||
+        fail "--solver $solver: the sentence says nothing of what ranks step by"
     done
     ;;
 esac

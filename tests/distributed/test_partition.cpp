@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "bench/scenes/box_scenes.hpp"
 #include "distributed/solve/partition.hpp"
@@ -73,6 +74,20 @@ TEST(Partition, GroupsAreSetSideBySide) {
   EXPECT_EQ(points[0][0], points[2][0]);
   EXPECT_LT(points[2][0], points[3][0]);
   EXPECT_LT(points[5][0], points[6][0]);
+}
+
+TEST(Partition, BodiesThatTouchNoOtherDoNotTurnTheCut) {
+  BodyEnvironment<double> tower = scenes::box_bodies(scenes::box_wall(30, 4), 0.5);
+  const std::size_t boxes = tower.bodies.size();
+  for (int lone = 0; lone < 60; ++lone) tower.bodies.push_back(tower.bodies.front());
+  BodyBatch<double> batch;
+  batch.add(tower);
+  const std::vector<int> owner = bisect(centres_by_arms(batch.view()), 2);
+  EXPECT_EQ(std::count(owner.begin(), owner.end(), 0), static_cast<std::ptrdiff_t>(owner.size() / 2));
+  // The lower courses are one rank's, and the upper ones another's, with the lone ones at either end.
+  const auto last = owner.begin() + static_cast<std::ptrdiff_t>(boxes);
+  EXPECT_TRUE(std::is_sorted(owner.begin(), last) || std::is_sorted(owner.begin(), last, std::greater<>()));
+  EXPECT_NE(owner[0], owner[boxes - 1]);
 }
 
 TEST(Partition, RandomOwnersAreTheSameEverywhere) {

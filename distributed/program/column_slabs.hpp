@@ -1,0 +1,17 @@
+#pragma once
+
+#include "distributed/program/commands.hpp"
+#include "distributed/program/rank_report.hpp"
+
+namespace stiction::distributed {
+
+/// What makes each rank make a slab of its own.
+inline constexpr const char* kSlabs = "slabs";
+
+/// Solves scene granular-column by sequential impulses, each rank the slab that it makes itself. No rank has more, and
+/// so there is no solution file. Returns an exit status, and in `report` what the ranks did. \throws Error, RankLost
+template <class Real>
+int solve_column_slabs(Transport& transport, const SolveArguments& arguments, BodySolverOptions options,
+                       JobReport& report);
+
+}  // namespace stiction::distributed
