@@ -35,7 +35,8 @@ void require_slabs(const SolveArguments& arguments) {
   if (arguments.scene != kColumn)
     refuse(fmt::format("no rank makes a part of anything but scene {}", kColumn), "choose bisection");
   if (!cli::is_sweeping(arguments.method))
-    refuse(fmt::format("method {} needs lists of the whole scene", arguments.method), "choose --method si, or bisection");
+    refuse(fmt::format("method {} needs lists of the whole scene", arguments.method),
+           "choose --method si, or bisection");
   if (arguments.output || arguments.warm_start)
     refuse("no rank has the whole solution", "leave out -o and --warm-start, or choose bisection");
 }
@@ -49,8 +50,7 @@ struct Share {
 template <class Real>
 class Slab {
  public:
-  Slab(Transport& transport, const ColumnScene& scene, std::uint64_t seed)
-      : transport_(transport) {
+  Slab(Transport& transport, const ColumnScene& scene, std::uint64_t seed) : transport_(transport) {
     const auto all = static_cast<Index>(scenes::column_bodies(scene.side, scene.layers));
     const BodyRange own = share_of(all, transport.rank(), transport.size());
     scenes::BodyPart part = scenes::make_body_column_part(seed, scene.side, scene.layers, own.first, own.end);

@@ -50,8 +50,7 @@ JobProblem<Real> from_matrices(const SolveArguments& arguments, const std::optio
   problem.law = recording.batch.law();
   problem.env_row_offsets = recording.batch.arrays().env_row_offsets;
   if (arguments.warm_start) {
-    const std::vector<Real> first =
-        rounded<Real>(cli::load_solution(*arguments.warm_start, recording.batch).lambda);
+    const std::vector<Real> first = rounded<Real>(cli::load_solution(*arguments.warm_start, recording.batch).lambda);
     problem.first = to_contacts(problem.bodies, std::span<const Real>(first));
   }
   return problem;
@@ -77,10 +76,10 @@ JobProblem<Real> column(const SolveArguments& arguments) {
   if (arguments.warm_start) {
     problem.first = rounded<Real>(io::read_solution(*arguments.warm_start).lambda);
     if (problem.first.size() != static_cast<std::size_t>(problem.env_row_offsets.back()))
-      throw Error(ErrorCode::invalid_argument,
-                  fmt::format("{}: has {} rows, and the scene has {}; give a solution of this scene, size and seed",
-                              arguments.warm_start->filename().string(), problem.first.size(),
-                              problem.env_row_offsets.back()));
+      throw Error(
+          ErrorCode::invalid_argument,
+          fmt::format("{}: has {} rows, and the scene has {}; give a solution of this scene, size and seed",
+                      arguments.warm_start->filename().string(), problem.first.size(), problem.env_row_offsets.back()));
   }
   return problem;
 }
@@ -96,7 +95,8 @@ template <class Real>
 JobProblem<Real> job_problem(const SolveArguments& arguments) {
   if (arguments.batch.empty() == arguments.scene.empty())
     throw Error(ErrorCode::invalid_argument, "give a BATCH or --scene, one of them");
-  return arguments.scene == kColumn ? column<Real>(arguments) : from_matrices<Real>(arguments, cli::law_from_option(arguments.law));
+  return arguments.scene == kColumn ? column<Real>(arguments)
+                                    : from_matrices<Real>(arguments, cli::law_from_option(arguments.law));
 }
 
 template struct JobProblem<float>;

@@ -13,8 +13,8 @@ struct PiecePlan {
   Rounds rounds;
 };
 
-/// Plans a piece, a batch of one environment, with the colours of the whole. Contacts are in the whole's order, all that
-/// push a body of this rank's. `waves`: see color_over_ranks(). All ranks call it. \throws RankLost
+/// Plans a piece, a batch of one environment, with the colours of the whole. Contacts are in the whole's order, all
+/// that push a body of this rank's. `waves`: see color_over_ranks(). All ranks call it. \throws RankLost
 template <class Real>
 PiecePlan plan_piece(Transport& transport, const BodyBatchView<Real>& batch, const PieceBodies& bodies,
                      std::int64_t& waves);

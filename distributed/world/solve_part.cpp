@@ -26,7 +26,8 @@ EnvStatus solve_part(Transport& transport, const BodyBatchView<Real>& part, cons
   const PiecePlan plan = plan_piece(transport, part, bodies, waves);
   std::vector<Real> twist(static_cast<std::size_t>(6 * part.body_count));
   EnvStatus status{};
-  const BodyJob<Real> job{part, plan.plan.view(), {impulse, twist.data(), nullptr, &status}, nullptr, stepping, options};
+  const BodyJob<Real> job{part,    plan.plan.view(), {impulse, twist.data(), nullptr, &status},
+                          nullptr, stepping,         options};
   const auto owned = std::count(bodies.owner.begin(), bodies.owner.end(), bodies.rank);
   solve_piece(transport, job, plan.rounds, part.body_count - owned, report);
   return status;

@@ -361,7 +361,8 @@ EOF
       grep '^stiction-mpi: ' "$folder/err"
     done
     for solver in newton multigrid consensus; do
-      ranks 2 step pile --solver $solver 2>&1 | grep -q "solver $solver: ranks step a scene by si, npgs or pgs; choose" ||
+      ranks 2 step pile --solver $solver 2> "$folder/err"
+      grep -q "solver $solver: ranks step a scene by si, npgs or pgs; choose" "$folder/err" ||
         fail "--solver $solver: the sentence says nothing of what ranks step by"
     done
     ;;
