@@ -55,8 +55,8 @@ void for_each_body_array(WorldCheckpoint<double>& one, const WorldCheckpoint<dou
 void check_lengths(const InputFile& file, const WorldCheckpoint<double>& world, Offset environments, Offset bodies) {
   const auto held = static_cast<Offset>(world.contact_offsets.size()) - 1;
   if (held != environments)
-    file.refuse("holds " + std::to_string(held) + " environments, and " + std::to_string(environments) +
-                " are asked for: ask for " + std::to_string(held) + ", or choose another file");
+    file.refuse("number of environments is " + std::to_string(held) + ", and " + std::to_string(environments) +
+                " is asked for: ask for " + std::to_string(held) + ", or choose another file");
   const auto expect = [&](const char* name, std::size_t length, std::size_t expected) {
     if (length != expected)
       file.refuse_dataset(name, "has " + std::to_string(length) + " elements, expected " + std::to_string(expected));

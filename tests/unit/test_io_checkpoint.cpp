@@ -191,7 +191,7 @@ TEST_F(IoCheckpoint, AnotherNumberOfEnvironmentsIsNamed) {
   for (const char* name : {"c.h5", "one.h5"})
     for (const Offset asked : {0, 1, 3, 6})
       EXPECT_THAT(message_of(ErrorCode::bad_file, [&] { static_cast<void>(read_checkpoint(at(name), asked, {0, 2})); }),
-                  HasSubstr("holds 2 environments, and " + std::to_string(asked) + " are asked for: ask for 2"))
+                  HasSubstr("number of environments is 2, and " + std::to_string(asked) + " is asked for: ask for 2"))
           << name;
 }
 
