@@ -289,3 +289,30 @@ def test_a_callback_is_called_after_every_solve_and_changes_no_bit():
         assert simulation.solver.stats()["solves"] == 12 and simulation.solver.stats()["environments"] == 24
     assert len(called) == 12 and all(one["environments"] == 2 for one in called)
     np.testing.assert_array_equal(counted.data[1].qpos, plain.data[1].qpos)
+
+
+# A coupling whose compliance is far below the inertia that it sees, as those of drawers, doors and knobs are.
+COUPLED = """
+<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+  <body><joint name="a" axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body>
+  <body pos="0 0 1"><joint name="b" axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body>
+</worldbody><equality><joint joint1="a" joint2="b" solimp="{impedance} {impedance}"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("impedance", [0.9, 0.9999])
+def test_a_coupling_of_small_compliance_is_one_step(impedance):
+    """An equality has no zone to leave, so that the problem is linear, whatever its compliance."""
+    model = mujoco.MjModel.from_xml_string(COUPLED.format(impedance=impedance))
+    model.opt.tolerance = 0
+    model.dof_invweight0[:] *= 0.3  # by which MuJoCo estimates what the coupling sees
+    simulation = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-9, warm_start=0)
+    data, peer = simulation.data[0], mujoco.MjData(model)
+    for one in (data, peer):
+        one.qpos[:], one.qvel[:], one.qfrc_applied[:] = [0.1, -0.1], [1, -2], [3, 4]
+    simulation.forward()
+    mujoco.mj_forward(model, peer)
+    diagonal = (peer.efc_J.reshape(1, 2) @ np.linalg.solve(np.diag(peer.M), peer.efc_J.reshape(2, 1))).item()
+    assert peer.efc_R[0] / diagonal == pytest.approx(0.3 * (1 - impedance) / impedance)
+    assert simulation.status["iterations"][0] == 1
+    np.testing.assert_allclose(data.qacc, peer.qacc, rtol=1e-9)
+    np.testing.assert_allclose(data.efc_force, peer.efc_force, rtol=1e-9)
