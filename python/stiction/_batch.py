@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from . import _core
-from ._arguments import number, whole
+from ._arguments import each_count, each_not_negative, number, spread_over, whole
 from ._arrays import FLOATS, NUMPY, as_numpy, framework_of, look, take
 from ._batch_arrays import BatchArrays
 from ._layout import Flat, Padded, offsets_of
@@ -319,16 +319,19 @@ class Batch(BatchArrays):
 
     def set_accuracy(self, accuracy: Accuracy) -> None:
         """Tolerance and iteration limit from now on, as `AccuracyPolicy.apply` makes them: numbers, or one per
-        environment.
+        environment. Raises TypeError or ValueError for negative or fractional ones, for NaN, and for another count.
         """
         if self.form == "bodies":
             raise ValueError("accuracy: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        if not isinstance(accuracy, Accuracy):
+            raise TypeError(f"accuracy: expected a stiction.Accuracy(tolerance, max_iterations), got {accuracy!r}")
 
-        def spread(value, dtype):
-            array = np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype), (len(self),)))
+        def spread(array):
+            array = np.ascontiguousarray(spread_over("accuracy", array, len(self)))
             return array if self.framework is NUMPY else self.framework.from_numpy(array, self.device)
 
-        self._accuracy(spread(accuracy.tolerance, np.float64), spread(accuracy.max_iterations, np.int32))
+        self._accuracy(spread(each_not_negative("accuracy.tolerance", accuracy.tolerance)),
+                       spread(each_count("accuracy.max_iterations", accuracy.max_iterations)))
         self._views = {}
 
     def save(self, path: str | os.PathLike) -> None:

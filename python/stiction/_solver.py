@@ -250,8 +250,11 @@ def _rooms(capacity):
     for name in rooms:
         if name not in _COUNTS + _SWITCHES:
             raise ValueError(f"capacity: expected {', '.join(_COUNTS + _SWITCHES)}, got {name!r}")
-    return {name: bool(value) if name in _SWITCHES else whole(f"capacity[{name!r}]", value, 2**63 - 1)
-            for name, value in rooms.items()}
+    counts = {name: whole(f"capacity[{name!r}]", value, 2**63 - 1) for name, value in rooms.items() if name in _COUNTS}
+    for name, count in counts.items():
+        if count < 0:
+            raise ValueError(f"capacity[{name!r}]: expected a count from 0 on, got {count}")
+    return counts | {name: bool(value) for name, value in rooms.items() if name in _SWITCHES}
 
 
 def _need_twists(seen):

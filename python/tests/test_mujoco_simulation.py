@@ -236,6 +236,23 @@ def test_a_description_that_is_wrong_is_noticed(monkeypatch):
         _mujoco_layout.layout(model, mujoco.MjData(model))
 
 
+@pytest.mark.parametrize("accuracy, said", [
+    ({"tolerance": float("nan")}, "tolerance: expected a finite number >= 0, got nan"),
+    ({"tolerance": [1e-6, -1.0]}, r"tolerance\[1\]: expected a finite number >= 0, got -1"),
+    ({"tolerance": [1e-6, 1e-6, 1e-6]}, r"tolerance: expected one number or one for each of 2 environments, got \(3,\)"),
+    ({"max_iterations": 1.5}, "max_iterations: expected an integer from 0 to 2147483647, got 1.5"),
+    ({"max_iterations": -1}, "max_iterations: .*got -1"),
+    ({"max_iterations": 2**31}, "max_iterations: .*got 2147483648"),
+])
+def test_an_accuracy_that_is_none_is_refused_and_changes_nothing(accuracy, said):
+    simulation = stiction.mujoco.BatchedSimulation(zoo(), 2, solver="npgs")
+    simulation.set_accuracy(max_iterations=3, tolerance=0.0)
+    with pytest.raises(ValueError, match=said):
+        simulation.set_accuracy(**accuracy)
+    simulation.step(nstep=20)
+    assert (simulation.status["iterations"] == 3).all()
+
+
 def test_a_simulation_does_not_notice_in_which_chunk_it_is():
     """One thread steps 16 simulations at a time. Those of the second chunk have what was asked of them, and their bits."""
     model, n = zoo(), 19
