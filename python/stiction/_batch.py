@@ -33,6 +33,8 @@ class Batch(BatchArrays):
     ValueError (shape, device, strides). The message names the argument, what was expected and what came. Lists, one
     entry per environment, are copied.
 
+    Batches and their solutions can be pickled and copied deeply, with their arrays, where these can.
+
     Attributes: form ("delassus", "jacobian" or "bodies"), dtype ("float32" or "float64"), device ("cpu", "cuda:0"),
     law ("convex" or "coulomb"), arrays (the batch's arrays by argument name).
     """
@@ -79,6 +81,7 @@ class Batch(BatchArrays):
             self._numbers("A", A, (env_count, room, room))
             self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
                                  counts=counts, cone_counts=cone_counts)
+            self.arrays.update(self.layout.counted())
             self._integers(self.layout.dense_blocks())
         else:
             self._flat_layout(offsets, cones, kinds, dims)
@@ -128,6 +131,7 @@ class Batch(BatchArrays):
             self._numbers("J", J, (env_count, room, dofs))
             self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
                                  counts=counts, cone_counts=cone_counts)
+            self.arrays.update(self.layout.counted())
             self.mass_block = self._mass(M, env_count, dofs)
             entries = dofs * (self.mass_block or dofs)
             self._integers({"row_offsets": np.arange(env_count * room + 1, dtype=np.int64) * dofs,

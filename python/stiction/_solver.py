@@ -149,6 +149,8 @@ class Solver(_SolverBase):
         `stiction replay`.
     trace: collect where the time goes, for stats() and write_trace(); no bit depends on it.
 
+    Copied or pickled, a solver is one made anew by the same arguments. Statistics and device memory stay behind.
+
     Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
     """
 
@@ -156,10 +158,15 @@ class Solver(_SolverBase):
                  tolerance: float | None = None, max_iterations: int | None = None, threads: int = 0, *,
                  capacity: dict | None = None, **options):
         super().__init__(solver, law, tolerance, max_iterations, threads, **options)
+        self._made_by = dict(device=device, solver=solver, law=law, tolerance=tolerance, max_iterations=max_iterations,
+                             threads=threads, capacity=capacity, **options)
         self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**_rooms(capacity)))
         self.device = self._core.device
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
         self._last = None  # the last solve, if it can be repeated as it was
+
+    def __reduce__(self):
+        return _made_by, (type(self), self._made_by)
 
     def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None, guess=None,
               ids=None) -> Solution:
@@ -240,6 +247,10 @@ class Solver(_SolverBase):
         if key not in self._bodies:
             self._bodies[key] = _core.BodySolver(self.device, _core.BodyOptions(self._options, self.solver, *key))
         return functools.partial(self._bodies[key].solve, view, lambda_, w, seen["velocities"], status, guess, handle)
+
+
+def _made_by(cls, arguments):
+    return cls(**arguments)
 
 
 def _rooms(capacity):
