@@ -23,6 +23,11 @@ def describe(dtype, shape, device, contiguous=True):
 def look(name, obj):
     """The array as the module sees it, neither copied nor converted."""
     if isinstance(obj, np.ndarray):
+        if isinstance(obj, np.ma.MaskedArray):
+            raise TypeError(f"{name}: expected an array without a mask, got one with: give {name}.filled(...)")
+        if not obj.dtype.isnative:
+            raise TypeError(f"{name}: expected this machine's byte order, got {obj.dtype.str}: give "
+                            f"{name}.astype({obj.dtype.newbyteorder('=').name!r})")
         if obj.dtype.names is not None and obj.dtype == STATUS_DTYPE:
             obj = status_bytes(obj)
     elif getattr(obj, "requires_grad", False):
@@ -78,6 +83,9 @@ class Framework:
     def __init__(self, name, writable=True):
         self.name = name
         self.writable = writable  # whether its arrays may change; JAX's may not, and do not say so
+
+    def __reduce__(self):
+        return framework_named, (self.name,)
 
     def zeros(self, shape, dtype, device):
         """New memory on that device."""
@@ -152,6 +160,11 @@ _JAX = Framework("JAX", writable=False)
 _FRAMEWORKS = {"torch": _Torch("PyTorch"), "cupy": _Cupy("CuPy"), "warp": _Warp("Warp"),
                "jax": _JAX, "jaxlib": _JAX}
 NUMPY = Framework("NumPy")
+
+
+def framework_named(name):
+    """The framework of that name: there is one of each."""
+    return next(framework for framework in (NUMPY, *_FRAMEWORKS.values()) if framework.name == name)
 
 
 def framework_of(obj):

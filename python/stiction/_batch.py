@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from . import _core
-from ._arguments import number, whole
+from ._arguments import each_count, each_not_negative, number, spread_over, whole
 from ._arrays import FLOATS, NUMPY, as_numpy, framework_of, look, take
 from ._batch_arrays import BatchArrays
 from ._layout import Flat, Padded, offsets_of
@@ -32,6 +32,8 @@ class Batch(BatchArrays):
     solves and the next solve sees it. What cannot be read in place raises TypeError (not an array, another dtype) or
     ValueError (shape, device, strides). The message names the argument, what was expected and what came. Lists, one
     entry per environment, are copied.
+
+    Batches and their solutions can be pickled and copied deeply, with their arrays, where these can.
 
     Attributes: form ("delassus", "jacobian" or "bodies"), dtype ("float32" or "float64"), device ("cpu", "cuda:0"),
     law ("convex" or "coulomb"), arrays (the batch's arrays by argument name).
@@ -79,6 +81,7 @@ class Batch(BatchArrays):
             self._numbers("A", A, (env_count, room, room))
             self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
                                  counts=counts, cone_counts=cone_counts)
+            self.arrays.update(self.layout.counted())
             self._integers(self.layout.dense_blocks())
         else:
             self._flat_layout(offsets, cones, kinds, dims)
@@ -128,6 +131,7 @@ class Batch(BatchArrays):
             self._numbers("J", J, (env_count, room, dofs))
             self.layout = Padded(env_count, room, self.device, self.framework, cones=cones, kinds=kinds, dims=dims,
                                  counts=counts, cone_counts=cone_counts)
+            self.arrays.update(self.layout.counted())
             self.mass_block = self._mass(M, env_count, dofs)
             entries = dofs * (self.mass_block or dofs)
             self._integers({"row_offsets": np.arange(env_count * room + 1, dtype=np.int64) * dofs,
@@ -319,16 +323,19 @@ class Batch(BatchArrays):
 
     def set_accuracy(self, accuracy: Accuracy) -> None:
         """Tolerance and iteration limit from now on, as `AccuracyPolicy.apply` makes them: numbers, or one per
-        environment.
+        environment. Raises TypeError or ValueError for negative or fractional ones, for NaN, and for another count.
         """
         if self.form == "bodies":
             raise ValueError("accuracy: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        if not isinstance(accuracy, Accuracy):
+            raise TypeError(f"accuracy: expected a stiction.Accuracy(tolerance, max_iterations), got {accuracy!r}")
 
-        def spread(value, dtype):
-            array = np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype), (len(self),)))
+        def spread(array):
+            array = np.ascontiguousarray(spread_over("accuracy", array, len(self)))
             return array if self.framework is NUMPY else self.framework.from_numpy(array, self.device)
 
-        self._accuracy(spread(accuracy.tolerance, np.float64), spread(accuracy.max_iterations, np.int32))
+        self._accuracy(spread(each_not_negative("accuracy.tolerance", accuracy.tolerance)),
+                       spread(each_count("accuracy.max_iterations", accuracy.max_iterations)))
         self._views = {}
 
     def save(self, path: str | os.PathLike) -> None:

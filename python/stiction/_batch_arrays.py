@@ -16,29 +16,36 @@ class BatchArrays:
         self.form, self.framework, self.dtype, self.device, self.law = form, framework, dtype, device, law
         self.arrays = {}   # argument name -> the caller's array
         self.extras = {}   # what a file holds beside the problem
+        self._held = {}    # C++ name -> array
         self._seen = {}    # C++ name -> _core.Array
         self._views = {}   # whether in device memory -> view
-        self._keep = []
         self.layout = None
 
+    def __getstate__(self):
+        return {name: value for name, value in self.__dict__.items() if name not in ("_seen", "_views")}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self._seen = {name: look(name, array) for name, array in self._held.items()}
+        self._views = {}
+
     def _put(self, name, argument, array):
-        self.arrays[argument] = array
         self._seen[name] = look(argument, array)
+        self._held[name] = self.arrays[argument] = array
 
     def _numbers(self, name, value, shape):
-        self._seen[name] = take(name, value, self.dtype, shape, self.device)
-        self.arrays[name] = value
+        self._given(name, name, value, self.dtype, shape)
 
     def _given(self, name, argument, value, dtype, shape):
         self._seen[name] = take(argument, value, dtype, shape, self.device)
-        self.arrays[argument] = value
+        self._held[name] = self.arrays[argument] = value
 
     def _integers(self, arrays):
         for name, array in arrays.items():
             if self.device != "cpu" and isinstance(array, np.ndarray):
                 array = self.framework.from_numpy(array, self.device)
-            self._keep.append(array)
             self._seen[name] = look(name, array)
+            self._held[name] = array
 
     def _flat_layout(self, offsets, cones, kinds, dims):
         if self.device != "cpu":

@@ -154,6 +154,11 @@ class Padded:
         """Whether a cone is of that kind, by name."""
         return bool((self._kinds == KINDS[kind]).any())
 
+    def counted(self):
+        """The caller's counts, by argument name."""
+        given = {"counts": self._counts, "cone_counts": self._cone_counts}
+        return {name: counts for name, counts in given.items() if counts is not None}
+
     def _use(self, name, counts, device):
         if counts is None:
             return None

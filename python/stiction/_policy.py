@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from . import _core
+from ._arguments import each_count, each_not_negative, not_negative
 
 #: (training progress from which on, iterations, tolerance): the schedule of the source chapter's section 6.2.
 CURRICULUM = ((0.0, 5, 1e-2), (0.3, 10, 1e-3), (0.7, 20, 1e-4))
@@ -45,18 +46,16 @@ class AccuracyPolicy:
         Default: 5 iterations and 1e-2, from progress 0.3 on 10 and 1e-3, from 0.7 on 20 and 1e-4.
         """
         stages = sorted(stages)
-        if not stages or stages[0][0] > 0:
+        if not stages or stages[0][0] != 0:
             raise ValueError(f"stages: expected the first to begin at progress 0, got {stages[:1]}")
-        begins = np.array([stage[0] for stage in stages], np.float64)
-        iterations = np.array([stage[1] for stage in stages], np.int32)
-        tolerances = np.array([stage[2] for stage in stages], np.float64)
-        _accuracy(tolerances, iterations)
+        begins = each_not_negative("stages' progress", [stage[0] for stage in stages])
+        iterations = each_count("stages' max_iterations", [stage[1] for stage in stages])
+        tolerances = each_not_negative("stages' tolerance", [stage[2] for stage in stages])
 
         def rule(progress, entropy):
             if progress is None:
                 raise ValueError("progress: expected the share of the training that is done, got None")
-            stage = np.searchsorted(begins, np.asarray(progress, np.float64), side="right") - 1
-            stage = np.maximum(stage, 0)
+            stage = np.searchsorted(begins, each_not_negative("progress", progress), side="right") - 1
             return _accuracy(tolerances[stage], iterations[stage])
 
         return cls(rule)
@@ -66,13 +65,16 @@ class AccuracyPolicy:
         """base * (1 + alpha * H) iterations, rounded, for policies of entropy H >= 0 [the caller's unit]: an uncertain
         policy explores, and its contacts get more work. H: a number, or one per environment.
         """
-        if base < 0 or alpha < 0:
-            raise ValueError(f"base, alpha: expected numbers >= 0, got {base}, {alpha}")
+        base, alpha = not_negative("base", base), not_negative("alpha", alpha)
+        tolerance = each_not_negative("tolerance", tolerance)
 
         def rule(progress, entropy):
             if entropy is None:
                 raise ValueError("entropy: expected the policy's entropy, got None")
-            wanted = base * (1 + alpha * np.maximum(np.asarray(entropy, np.float64), 0))
+            entropy = np.asarray(entropy, np.float64)
+            if np.isnan(entropy).any():
+                raise ValueError(f"entropy: expected numbers, got {entropy}")
+            wanted = base * (1 + alpha * np.maximum(entropy, 0))
             return _accuracy(tolerance, np.rint(np.minimum(wanted, np.iinfo(np.int32).max)).astype(np.int32))
 
         return cls(rule)
@@ -86,10 +88,6 @@ class AccuracyPolicy:
 
 
 def _accuracy(tolerance, max_iterations):
-    tolerance, max_iterations = np.asarray(tolerance, np.float64), np.asarray(max_iterations)
-    if max_iterations.dtype.kind not in "iu":
-        raise TypeError(f"max_iterations: expected integers, got {max_iterations.dtype}")
-    if not (tolerance >= 0).all() or (max_iterations < 0).any():
-        raise ValueError(f"tolerance, max_iterations: expected numbers >= 0, got {tolerance}, {max_iterations}")
+    tolerance, max_iterations = each_not_negative("tolerance", tolerance), each_count("max_iterations", max_iterations)
     return Accuracy(tolerance if tolerance.ndim else float(tolerance),
-                    max_iterations.astype(np.int32) if max_iterations.ndim else int(max_iterations))
+                    max_iterations if max_iterations.ndim else int(max_iterations))

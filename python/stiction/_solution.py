@@ -47,10 +47,21 @@ class Solution:
         self._batch = batch
         self._raw = status
         self.lambda_, self.w, self.velocities = lambda_, w, velocities
-        self._seen = seen if seen is not None else {
-            name: look(name, value) for name, value in
-            (("lambda_", lambda_), ("w", w), ("velocities", velocities), ("status", status)) if value is not None}
+        self._seen = self._look() if seen is None else seen
         self._wait = None
+
+    def _look(self):
+        return {name: look(name, value) for name, value in
+                (("lambda_", self.lambda_), ("w", self.w), ("velocities", self.velocities), ("status", self._raw))
+                if value is not None}
+
+    def __getstate__(self):
+        self.synchronize()
+        return {name: value for name, value in self.__dict__.items() if name not in ("_seen", "_wait")}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self._seen, self._wait = self._look(), None
 
     @classmethod
     def empty(cls, batch) -> Solution:

@@ -149,6 +149,8 @@ class Solver(_SolverBase):
         `stiction replay`.
     trace: collect where the time goes, for stats() and write_trace(); no bit depends on it.
 
+    Copied or pickled, a solver is one made anew by the same arguments. Statistics and device memory stay behind.
+
     Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
     """
 
@@ -156,10 +158,15 @@ class Solver(_SolverBase):
                  tolerance: float | None = None, max_iterations: int | None = None, threads: int = 0, *,
                  capacity: dict | None = None, **options):
         super().__init__(solver, law, tolerance, max_iterations, threads, **options)
+        self._made_by = dict(device=device, solver=solver, law=law, tolerance=tolerance, max_iterations=max_iterations,
+                             threads=threads, capacity=capacity, **options)
         self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**_rooms(capacity)))
         self.device = self._core.device
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
         self._last = None  # the last solve, if it can be repeated as it was
+
+    def __reduce__(self):
+        return _made_by, (type(self), self._made_by)
 
     def solve(self, batch: Batch, out=None, warm_start=None, stream=None, *, warm_velocities=None, guess=None,
               ids=None) -> Solution:
@@ -242,6 +249,10 @@ class Solver(_SolverBase):
         return functools.partial(self._bodies[key].solve, view, lambda_, w, seen["velocities"], status, guess, handle)
 
 
+def _made_by(cls, arguments):
+    return cls(**arguments)
+
+
 def _rooms(capacity):
     """The caller's room by name."""
     rooms = {} if capacity is None else capacity
@@ -250,8 +261,11 @@ def _rooms(capacity):
     for name in rooms:
         if name not in _COUNTS + _SWITCHES:
             raise ValueError(f"capacity: expected {', '.join(_COUNTS + _SWITCHES)}, got {name!r}")
-    return {name: bool(value) if name in _SWITCHES else whole(f"capacity[{name!r}]", value, 2**63 - 1)
-            for name, value in rooms.items()}
+    counts = {name: whole(f"capacity[{name!r}]", value, 2**63 - 1) for name, value in rooms.items() if name in _COUNTS}
+    for name, count in counts.items():
+        if count < 0:
+            raise ValueError(f"capacity[{name!r}]: expected a count from 0 on, got {count}")
+    return counts | {name: bool(value) for name, value in rooms.items() if name in _SWITCHES}
 
 
 def _need_twists(seen):

@@ -57,6 +57,8 @@ class ParallelContactSolver(_SolverBase):
         self.dtype = str(np.dtype(dtype))
         if self.dtype not in ("float32", "float64"):
             raise TypeError(f"dtype: expected float32 or float64, got {self.dtype}")
+        if self.max_dofs is not None and self.max_dofs < 0:
+            raise ValueError(f"max_dofs: expected a count from 0 on, got {self.max_dofs}")
         if self.n_envs < 1 or self.max_rows < 0 or self.max_cones < 0:
             raise ValueError(f"n_envs, max_rows, max_cones: expected at least 1, 0 and 0, got {self.n_envs}, "
                              f"{self.max_rows}, {self.max_cones}")
@@ -173,7 +175,7 @@ class ParallelContactSolver(_SolverBase):
             self._core.reset_where(take("mask", mask, "bool" if dtype == "bool" else "uint8",
                                         (self.n_envs,), device), handle)
         elif ids is not None:
-            self._core.reset([int(env) for env in np.asarray(ids).reshape(-1)], handle)
+            self._core.reset([whole("ids", env) for env in np.asarray(ids).reshape(-1).tolist()], handle)
         else:
             self._core.reset_all(handle)
 

@@ -20,6 +20,8 @@ import zipfile
 
 import numpy as np
 
+from ._arguments import not_negative, whole
+
 __all__ = ["Ranks", "Shard", "digest", "exchange", "gather", "generator", "load", "merge_stats", "ranks", "rebalance", "save"]
 
 #: Launchers, and where they write a process's rank, how many there are, and its number on its machine. torchrun and
@@ -82,6 +84,8 @@ class Shard:
     total: int
 
     def __post_init__(self):
+        for name in ("begin", "end", "total"):
+            whole(f"shard.{name}", getattr(self, name), 2**63 - 1)
         if not 0 <= self.begin < self.end <= self.total:
             raise ValueError(f"shard: expected 0 <= begin < end <= total, got {self.begin}, {self.end}, {self.total}: "
                              "every rank has an environment")
@@ -96,6 +100,7 @@ class Shard:
     def split(cls, total, job=None):
         """`total` environments over all ranks, as evenly as can be; the first ranks have one more."""
         job = ranks() if job is None else job
+        total = whole("total", total, 2**63 - 1)
         return cls.of([total * rank // job.size for rank in range(job.size + 1)], job)
 
     @classmethod
@@ -104,7 +109,7 @@ class Shard:
         job = ranks() if job is None else job
         if len(offsets) != job.size + 1 or offsets[0] != 0:
             raise ValueError(f"offsets: expected {job.size + 1} that begin at 0, got {list(offsets)}")
-        return cls(int(offsets[job.rank]), int(offsets[job.rank + 1]), int(offsets[-1]))
+        return cls(*(whole("offsets", offsets[place], 2**63 - 1) for place in (job.rank, job.rank + 1, -1)))
 
     @property
     def num_envs(self):
@@ -185,8 +190,9 @@ def rebalance(offsets, seconds, most=0.05):
     """
     counts = np.diff(offsets)
     total, size = int(offsets[-1]), len(counts)
-    if len(seconds) != size or not (np.asarray(seconds) > 0).all():
-        raise ValueError(f"seconds: expected {size} positive numbers, got {list(seconds)}")
+    if len(seconds) != size or not (np.asarray(seconds) > 0).all() or not np.isfinite(seconds).all():
+        raise ValueError(f"seconds: expected {size} positive finite numbers, got {list(seconds)}")
+    most = not_negative("most", most)
     cost = np.concatenate([[0.0], np.cumsum(np.asarray(seconds, float))])
     wanted = np.interp(np.linspace(0.0, cost[-1], size + 1), cost, offsets)
     step = max(1, int(most * total / size))

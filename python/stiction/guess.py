@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import _core
-from ._arguments import whole
+from ._arguments import each_count, whole
 from ._arrays import NUMPY, as_numpy
 from ._batch import Batch, check_host_matrices
 from ._derivative import _REFUSED, GRADIENT_DTYPE
@@ -134,9 +134,7 @@ class Guess:
             self._memory = None
             return
         if mask is None:
-            chosen = np.asarray(ids, np.int64).reshape(-1)
-            if (chosen < 0).any():
-                raise ValueError(f"ids: expected environments from 0 on, got {int(chosen.min())}")
+            chosen = each_count("ids", ids).reshape(-1)
             mask = np.zeros(int(chosen.max(initial=-1)) + 1, bool)
             mask[chosen] = True
         self._memory.forget(np.asarray(mask) != 0)

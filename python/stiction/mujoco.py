@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from . import _core
+from ._arguments import each_count, each_not_negative, spread_over
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._mujoco_data import Simulations, check_data, count_of, numbers_of, refuse
@@ -193,11 +194,14 @@ class BatchedSimulation:
         self.reset_warm_start(chosen)
 
     def set_accuracy(self, tolerance=None, max_iterations=None):
-        """Tolerances and iteration limits of the solves to come: a number, one per simulation, or None: the solver's."""
-        n = len(self)
-        self._core.limit(
-            [] if tolerance is None else np.broadcast_to(np.asarray(tolerance, float), n).tolist(),
-            [] if max_iterations is None else np.broadcast_to(np.asarray(max_iterations, np.int32), n).tolist())
+        """Tolerances and iteration limits of the solves to come: a number, one per simulation, or None: the solver's.
+        Raises TypeError or ValueError for negative or fractional ones, for NaN, and for another count.
+        """
+        def spread(name, value, check):
+            return [] if value is None else spread_over(name, check(name, value), len(self)).tolist()
+
+        self._core.limit(spread("tolerance", tolerance, each_not_negative),
+                         spread("max_iterations", max_iterations, each_count))
 
     # -- what the last solve did --------------------------------------------------------------------------------------
 

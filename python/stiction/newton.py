@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from . import _newton_kernels as kernels
+from ._arguments import not_negative, number
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
 from ._newton_model import Structure
@@ -63,8 +64,11 @@ class SolverStiction(newton.solvers.SolverBase):
                              threads=threads)
         self.law, self.hold_failed = law, bool(hold_failed)
         self._share, self._ignore = float(warm_start), tuple(ignore)
-        self._options = (int(contact_dim), float(erp), float(slop), float(recovery_speed),
-                         float(restitution_threshold))
+        if not 0 <= number("erp", erp) <= 1:
+            raise ValueError(f"erp: expected a number in [0, 1], got {erp}")
+        self._options = (int(contact_dim), float(erp), not_negative("slop", slop),
+                         not_negative("recovery_speed", recovery_speed),
+                         not_negative("restitution_threshold", restitution_threshold))
         self.batch = self.solution = None
         self._good = wp.clone(model.joint_q), wp.clone(model.joint_qd)  # what failed worlds are put back to
         self._read_model()

@@ -23,6 +23,8 @@ __all__ = ["page"]
 _SCHEMAS = (1, 2)
 _QUANTILES = ("min", "median", "p90", "max")
 _BINS = 24
+_WANTED = "expected the JSON that `stiction solve`, `step` or `scaling` writes by --json"
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # how such a file begins
 _STYLE = """
 :root { color-scheme: light dark; --back: #fff; --front: #1c2128; --soft: #5b6673; --line: #d5dae0; --bar: #2f6fde; }
 @media (prefers-color-scheme: dark) {
@@ -213,6 +215,20 @@ def _no_constant(name):
     raise ReportError(f"expected JSON, got {name}, which JSON has not")
 
 
+def _read(path):
+    """What the JSON of a file says. A recorded batch, which is easily taken for a report, is told from it."""
+    given = path.read_bytes()
+    if given.startswith(_HDF5):
+        raise ReportError(f"{_WANTED}, got an HDF5 file: `stiction inspect` and `stiction view` read a batch, and --solution "
+                          "takes a solution")
+    try:
+        return json.loads(given.decode(), parse_constant=_no_constant, parse_int=_whole)
+    except UnicodeDecodeError as error:
+        raise ReportError(f"{_WANTED}, got a file that is no text from byte {error.start} on") from None
+    except json.JSONDecodeError as error:
+        raise ReportError(f"{_WANTED}, got text that is none: {error}") from None
+
+
 def _whole(digits):
     """A whole number of JSON that fits into a float, as plots need it."""
     if len(digits) > 300:
@@ -238,7 +254,7 @@ def main(arguments=None, program="python -m stiction.report") -> int:
     out = options.out or options.run.with_suffix(".html")
     try:
         _check_out(out, [options.run, *([options.solution] if options.solution else [])])
-        report = json.loads(options.run.read_text(encoding="utf-8"), parse_constant=_no_constant, parse_int=_whole)
+        report = _read(options.run)
         solution = _read_solution(options.solution) if options.solution else None
         out.write_text(page(report, options.run.name, solution), encoding="utf-8")
     except (OSError, ValueError, RecursionError) as error:

@@ -20,6 +20,7 @@ import time
 
 import numpy as np
 
+from ._arguments import not_negative
 from ._batch import Batch
 from ._solver import Solver
 
@@ -35,6 +36,7 @@ def features(batch: Batch, tolerance: float) -> np.ndarray:
     """What of a batch the choice depends on: seven numbers of FEATURES, from its extents alone. No array is read, so
     memory of a device is not waited for.
     """
+    tolerance = not_negative("tolerance", tolerance)
     environments, rows = max(len(batch), 1), max(batch.rows, 1)
     stored = sum(math.prod(np.shape(array)) for array in batch.arrays.values())
     return np.array([1.0, math.log2(rows / environments + 1), math.log2(environments), math.log2(stored / rows + 1),

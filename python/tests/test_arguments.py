@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import stiction
-from stiction import Batch, Body, Shape, Solver, World, WorldStep
+from stiction import Accuracy, AccuracyPolicy, Batch, Body, ParallelContactSolver, Shape, Solver, World, WorldStep
+from stiction.distributed import Shard, rebalance
 from stiction.guess import Guess
+from stiction.tuner import features
 
 BALL = Shape("sphere", 0.1, body=0)
 
@@ -23,6 +25,20 @@ def solve_by(guess):
     return Solver().solve(batch, guess=guess, ids=np.array([[1]]))
 
 
+def contacts():
+    return Batch.from_delassus(np.eye(3)[None].repeat(2, 0), -np.ones((2, 3)), mu=0.5)
+
+
+def accuracy_of(tolerance, max_iterations):
+    contacts().set_accuracy(Accuracy(tolerance, max_iterations))
+
+
+def stages(*last):
+    return AccuracyPolicy.curriculum([(0, 5, 1e-2), last])
+
+
+NAN, INF = float("nan"), float("inf")
+
 MISTAKES = {
     "more environments than fit": (lambda: World([], [], 2**63), ValueError, "env_count: expected an integer from"),
     "more bodies than fit": (lambda: Shape("sphere", 0.1, body=2**31), ValueError, "Shape.body: expected an integer from"),
@@ -35,6 +51,32 @@ MISTAKES = {
     "more unknowns than fit": (lambda: WorldStep(world(), max_unknowns=2**31), ValueError, "max_unknowns: expected"),
     "no guess": (lambda: solve_by(3), TypeError, "guess: expected a stiction.guess.Guess, got int"),
     "more threads than fit": (lambda: Guess(threads=2**31), ValueError, "threads: expected an integer from"),
+    "tolerance NaN": (lambda: accuracy_of(NAN, 9), ValueError, "accuracy.tolerance: expected a finite number >= 0, got nan"),
+    "tolerance infinite": (lambda: accuracy_of(INF, 9), ValueError, "accuracy.tolerance: .*got inf"),
+    "tolerance negative": (lambda: accuracy_of(-1e-4, 9), ValueError, "accuracy.tolerance: .*got -0.0001"),
+    "one tolerance NaN": (lambda: accuracy_of([1, NAN], 9), ValueError, r"accuracy.tolerance\[1\]: expected.*got nan"),
+    "tolerances of others": (lambda: accuracy_of([1, 1, 1], 9), ValueError, r"one for each of 2 environments, got \(3,\)"),
+    "no tolerance": (lambda: accuracy_of(None, 9), ValueError, "accuracy.tolerance: expected a finite number"),
+    "a word of a tolerance": (lambda: accuracy_of("low", 9), TypeError, "accuracy.tolerance: expected numbers, got 'low'"),
+    "one iteration and a half": (lambda: accuracy_of(0, 1.5), ValueError, "accuracy.max_iterations: expected an integer.*1.5"),
+    "negative iterations": (lambda: accuracy_of(0, [5, -1]), ValueError, r"accuracy.max_iterations\[1\]: .*got -1"),
+    "iterations that overflow": (lambda: accuracy_of(0, 2**31), ValueError, "accuracy.max_iterations: .*to 2147483647, got"),
+    "infinite iterations": (lambda: accuracy_of(0, INF), ValueError, "accuracy.max_iterations: .*got inf"),
+    "no accuracy": (lambda: contacts().set_accuracy(1e-4), TypeError, "accuracy: expected a stiction.Accuracy.*got 0.0001"),
+    "a policy without end": (lambda: AccuracyPolicy.fixed(INF), ValueError, "tolerance: .*got inf"),
+    "a stage that never begins": (lambda: stages(NAN, 9, 0), ValueError, r"stages' progress\[1\]: expected.*got nan"),
+    "a stage before the first": (lambda: stages(-1, 9, 0), ValueError, "stages: expected the first to begin at progress 0"),
+    "half a stage's iterations": (lambda: stages(0.5, 9.5, 0), ValueError, r"stages' max_iterations\[1\]: .*got 9.5"),
+    "progress NaN": (lambda: stages(0.5, 9, 0).apply(progress=NAN), ValueError, "progress: .*got nan"),
+    "entropy NaN": (lambda: AccuracyPolicy.entropy(5, 1).apply(entropy=NAN), ValueError, "entropy: expected numbers, got nan"),
+    "a base without end": (lambda: AccuracyPolicy.entropy(INF, 1), ValueError, "base: .*got inf"),
+    "negative room": (lambda: Solver(capacity={"rows": -1}), ValueError, r"capacity\['rows'\]: expected a count.*got -1"),
+    "negative freedom": (lambda: ParallelContactSolver(1, max_rows=3, form="jacobian", max_dofs=-1), ValueError, "max_dofs: .*-1"),
+    "half an environment": (lambda: ParallelContactSolver(2, max_rows=3).reset([0.5]), TypeError, "ids: expected an integer"),
+    "features of no tolerance": (lambda: features(contacts(), NAN), ValueError, "tolerance: .*got nan"),
+    "half a shard": (lambda: Shard.split(1.5), TypeError, "total: expected an integer, got 1.5"),
+    "offsets between": (lambda: Shard.of([0, 1.5]), TypeError, "offsets: expected an integer, got 1.5"),
+    "negative moves": (lambda: rebalance([0, 4, 8], [1, 2], -1), ValueError, "most: .*got -1"),
     "a word of candidates": (lambda: Guess("luck"), ValueError, r"candidates\[0\]: expected one of zero.*'luck'"),
 }
 

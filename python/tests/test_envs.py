@@ -150,6 +150,9 @@ def test_accuracy_reaches_the_solver():
 
 
 def test_mistakes():
+    for steps in (0, -1, float("nan"), 1.5):
+        with pytest.raises((TypeError, ValueError), match="max_episode_steps: expected"):
+            MujocoVectorEnv("Hopper", 1, max_episode_steps=steps)
     with pytest.raises(ValueError, match="name: expected one of Ant"):
         MujocoVectorEnv("Swimmer")
     with pytest.raises(ValueError, match="healthy_reward: not a parameter of HalfCheetah"):

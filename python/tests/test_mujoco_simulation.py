@@ -236,6 +236,23 @@ def test_a_description_that_is_wrong_is_noticed(monkeypatch):
         _mujoco_layout.layout(model, mujoco.MjData(model))
 
 
+@pytest.mark.parametrize("accuracy, said", [
+    ({"tolerance": float("nan")}, "tolerance: expected a finite number >= 0, got nan"),
+    ({"tolerance": [1e-6, -1.0]}, r"tolerance\[1\]: expected a finite number >= 0, got -1"),
+    ({"tolerance": [1e-6, 1e-6, 1e-6]}, r"tolerance: expected one number or one for each of 2 environments, got \(3,\)"),
+    ({"max_iterations": 1.5}, "max_iterations: expected an integer from 0 to 2147483647, got 1.5"),
+    ({"max_iterations": -1}, "max_iterations: .*got -1"),
+    ({"max_iterations": 2**31}, "max_iterations: .*got 2147483648"),
+])
+def test_an_accuracy_that_is_none_is_refused_and_changes_nothing(accuracy, said):
+    simulation = stiction.mujoco.BatchedSimulation(zoo(), 2, solver="npgs")
+    simulation.set_accuracy(max_iterations=3, tolerance=0.0)
+    with pytest.raises(ValueError, match=said):
+        simulation.set_accuracy(**accuracy)
+    simulation.step(nstep=20)
+    assert (simulation.status["iterations"] == 3).all()
+
+
 def test_a_simulation_does_not_notice_in_which_chunk_it_is():
     """One thread steps 16 simulations at a time. Those of the second chunk have what was asked of them, and their bits."""
     model, n = zoo(), 19
@@ -289,3 +306,30 @@ def test_a_callback_is_called_after_every_solve_and_changes_no_bit():
         assert simulation.solver.stats()["solves"] == 12 and simulation.solver.stats()["environments"] == 24
     assert len(called) == 12 and all(one["environments"] == 2 for one in called)
     np.testing.assert_array_equal(counted.data[1].qpos, plain.data[1].qpos)
+
+
+# A coupling whose compliance is far below the inertia that it sees, as those of drawers, doors and knobs are.
+COUPLED = """
+<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+  <body><joint name="a" axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body>
+  <body pos="0 0 1"><joint name="b" axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body>
+</worldbody><equality><joint joint1="a" joint2="b" solimp="{impedance} {impedance}"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("impedance", [0.9, 0.9999])
+def test_a_coupling_of_small_compliance_is_one_step(impedance):
+    """An equality has no zone to leave, so that the problem is linear, whatever its compliance."""
+    model = mujoco.MjModel.from_xml_string(COUPLED.format(impedance=impedance))
+    model.opt.tolerance = 0
+    model.dof_invweight0[:] *= 0.3  # by which MuJoCo estimates what the coupling sees
+    simulation = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-9, warm_start=0)
+    data, peer = simulation.data[0], mujoco.MjData(model)
+    for one in (data, peer):
+        one.qpos[:], one.qvel[:], one.qfrc_applied[:] = [0.1, -0.1], [1, -2], [3, 4]
+    simulation.forward()
+    mujoco.mj_forward(model, peer)
+    diagonal = (peer.efc_J.reshape(1, 2) @ np.linalg.solve(np.diag(peer.M), peer.efc_J.reshape(2, 1))).item()
+    assert peer.efc_R[0] / diagonal == pytest.approx(0.3 * (1 - impedance) / impedance)
+    assert simulation.status["iterations"][0] == 1
+    np.testing.assert_allclose(data.qacc, peer.qacc, rtol=1e-9)
+    np.testing.assert_allclose(data.efc_force, peer.efc_force, rtol=1e-9)

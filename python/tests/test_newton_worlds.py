@@ -257,7 +257,8 @@ def test_more_contacts_than_room_are_an_error_and_not_a_loss():
         SolverStiction(model).step(state, model.state(), None, contacts, 0.01)
 
 
-@pytest.mark.parametrize("options", [{"law": "sticky"}, {"contact_dim": 5}, {"warm_start": 2}])
+@pytest.mark.parametrize("options", [{"law": "sticky"}, {"contact_dim": 5}, {"warm_start": 2}, {"erp": np.nan}, {"erp": 1.5},
+                                     {"slop": -1}, {"recovery_speed": np.nan}, {"restitution_threshold": -0.1}])
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
         SolverStiction(hinge(), **options)

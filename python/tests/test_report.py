@@ -219,6 +219,14 @@ def test_a_report_with_one_thing_wrong_is_told_which(run, tmp_path, capsys, chan
     assert said in found.replace("iterations.p90", "residual.p90") and found.count("\n") == 1
 
 
+def test_a_batch_in_the_place_of_a_report_is_told_what_reads_it(tmp_path, capsys):
+    assert report.main([str(DATA / "pile.h5"), "-o", str(tmp_path / "o.html")]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1 and "codec" not in said.err and "0x" not in said.err
+    for word in (str(DATA / "pile.h5"), "--json", "an HDF5 file", "`stiction inspect`", "`stiction view`", "--solution"):
+        assert word in said.err, word
+
+
 def test_a_file_that_is_not_there_or_not_text(tmp_path, capsys):
     binary = tmp_path / "binary.json"
     binary.write_bytes(b"\xff\xfe\x80")

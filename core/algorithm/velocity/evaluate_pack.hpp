@@ -10,6 +10,10 @@
 /// vector of doubles has, from lane `first` on.
 namespace stiction::inline STICTION_ISA {
 
+/// Share of A's diagonal that is compliance enough for a free row, which has no zone that a step could leave. The
+/// answer's residual loses 16 digits less those of this number.
+inline constexpr double kLeastFreeCompliance = 1e-5;
+
 /// The pack seen from lane `first` on, in double.
 template <class Types>
 struct DoublePack {
@@ -199,13 +203,23 @@ struct DoublePack {
     return added;
   }
 
+  /// The iteration's compliance of a slot's first row.
+  [[nodiscard]] STICTION_HD Double first_compliance(Index s, Double diagonal, Double given) const {
+    const Double raised = raised_compliance(diagonal, given, kLeastCompliance);
+    if (slots[s].rows > 1) return raised;
+    const Double infinite(__builtin_huge_val());
+    const auto is_free =
+        and_(number(workspace.law, 3 * s + 1) == Double(0) - infinite, number(workspace.law, 3 * s + 2) == infinite);
+    return select(and_(is_free, given > Double(kLeastFreeCompliance) * diagonal), given, raised);
+  }
+
   /// The iteration's compliances of a slot.
   STICTION_HD void set_law(Index s, LawLanes& lanes) const {
     const auto& slot = slots[s];
     const Doubles diagonal = array(workspace.diagonal);
     const Double given = number(workspace.R, slot.row);
     lanes.bad = or_(lanes.bad, not_(diagonal[slot.row] + given > Double(0)));
-    const Double normal = raised_compliance(diagonal[slot.row], given, kLeastCompliance);
+    const Double normal = first_compliance(s, diagonal[slot.row], given);
     lanes.proximal = or_(lanes.proximal, add_prox(slot.row, normal, Double(0) == Double(0)));
     put(workspace.law, 3 * s, div_(Double(1), normal));
     if (slot.rows == 1) return;

@@ -9,6 +9,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from stiction._arguments import whole
 from stiction.distributed import generator
 from stiction.mujoco import BatchedSimulation
 
@@ -54,6 +55,8 @@ class MujocoVectorEnv(VectorEnv):
         if shard is not None and num_envs not in (None, shard.num_envs):
             raise ValueError(f"num_envs: expected the shard's {shard.num_envs} or none, got {num_envs}")
         num_envs = shard.num_envs if shard is not None else 1 if num_envs is None else num_envs
+        if whole("max_episode_steps", max_episode_steps) < 1:
+            raise ValueError(f"max_episode_steps: expected at least 1, got {max_episode_steps}")
         known = TASKS[name].__dataclass_fields__
         for parameter in task:
             if parameter not in known:
