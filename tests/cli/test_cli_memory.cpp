@@ -67,7 +67,8 @@ TEST(Memory, ScenesThatNoMachineHoldsAreRefused) {
                          says({"pile with 1000000000000 environments of 12 bodies", "at least 3.1 PB"})));
   EXPECT_TRUE(is_refused(run_stiction({"step", "pile", "--envs", "1000000000000", "--precision", "f32"}),
                          says({"at least 1.57 PB"})));
-  EXPECT_TRUE(is_refused(run_stiction({"step", "pile", "--envs", "9000000000000000000"}), says({"at least 2.79e+04 EB"})));
+  EXPECT_TRUE(
+      is_refused(run_stiction({"step", "pile", "--envs", "9000000000000000000"}), says({"at least 2.79e+04 EB"})));
   EXPECT_TRUE(is_refused(run_stiction({"step", "stack", "--size", "2000000000"}),
                          says({"stack with 4096 environments of 2000000000 bodies", "at least 2.1 PB"})));
   EXPECT_TRUE(is_refused(run_stiction({"scaling", "pile", "--envs", "1000000000000"}), says({"at least 3.1 PB"})));
