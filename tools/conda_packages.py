@@ -24,10 +24,11 @@ CHANNEL = "https://conda.anaconda.org/conda-forge"
 SYSTEM = {"gcc_linux-64": "12", "gxx_linux-64": "12", "cmake": "3.25", "ninja": "1.11", "hdf5": "1.10.8", "cli11": "2.3",
           "fmt": "9.1", "nlohmann_json": "3.11", "pip": "23"}
 PYPI = {"nanobind": "2.13", "scikit-build-core": "0.10", "numpy": "1.24"}
+LOG_LINES = 20  # of a script that failed
 # What conda-forge's compilers set when an environment is activated, and a cache that knows the objects of other builds.
-# ccache counts another locale as another compile, and rattler-build sets LC_ALL.
+# ccache counts another locale or option as another compile. rattler-build sets LC_ALL, and those builds stop at warnings.
 ACTIVATION = """
-export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS=-DSTICTION_KEEP_LINES=ON
+export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS="-DSTICTION_KEEP_LINES=ON -DSTICTION_WARNINGS_AS_ERRORS=ON"
 if command -v ccache > /dev/null; then
   unset LC_ALL
   export CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR={cache} CCACHE_BASEDIR=$SRC_DIR CCACHE_NOHASHDIR=1
@@ -66,6 +67,14 @@ def expected_packages():
     return [("libstiction", version), ("stiction", version)]
 
 
+def end_of_log(folder, name):
+    """The last lines of what a package's build script said. rattler-build's own error does not have them."""
+    builds = (folder / "packages" / "bld").glob(f"rattler-build_{name}_*")
+    logs = sorted((build / "work" / "conda_build.log" for build in builds), key=lambda log: log.stat().st_mtime)
+    lines = logs[-1].read_text(errors="replace").splitlines()[-LOG_LINES:] if logs else ["its script left no log"]
+    return "\n".join(f"    {line}" for line in lines)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=["render", "build", "stand-ins"])
@@ -101,7 +110,7 @@ def main():
                                         channels=[channel])
         except Exception as error:  # each failure of rattler-build has a type of its own
             failed += 1
-            print(f"{name} was not built, or a test of it failed: {error}")
+            print(f"{name} was not built, or a test of it failed: {error}\n{end_of_log(folder, name)}")
         else:
             passed += 1
             print(f"built and tested: {result.packages[0]}, {pathlib.Path(result.packages[0]).stat().st_size / 1e6:.1f} MB")

@@ -17,7 +17,8 @@ and one comparison of sweeps, 20 and 60 of them: time for a contact and a sweep,
 
 Rules. One thread; every answer is judged by boxed.residual in f64, LCPs by the judge as well (the larger counts).
 Iterative engines get the fewest of 10, 15, 22, ... 9000 iterations with which an environment is solved; stiction gets
-the tolerance. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B
+the tolerance. Its residual of boxed friction has another norm than the judge's. So there the tolerance is the largest
+of 1, 1/2, 1/4 and 1/8 of the goal with which an environment is solved. Of a first pass nothing is timed. Then all run one after the other, and again in reverse order (A B B
 A), --passes in all, on the environments that they solved. A ratio is an engine's time over stiction's in one pass on
 one environment that both solve. stiction's is that of its solver that solves most, then takes least. stiction's time
 is its report's in processor time, over the copies of the environment that the call was given, up to 64. An engine's is
@@ -53,6 +54,7 @@ from roster import load_judge  # noqa: E402
 SLACK = 1.02
 RUNGS = [10, 15, 22, 33, 50, 75, 110, 160, 240, 360, 540, 800, 1200, 1800, 2700, 4000, 6000, 9000]
 PIVOTS = [1000]
+SHARES = [1, 0.5, 0.25, 0.125]
 CALL_SECONDS = 0.02  # of stiction, by copies; of an engine in one pass, by calls, a quarter of it
 MATRIX_ENGINES = [("Bullet f64", "dantzig", PIVOTS), ("Bullet f64", "pgs", RUNGS), ("DART", "dantzig", PIVOTS),
                   ("DART", "dantzig_cfm", PIVOTS), ("DART", "pgs", RUNGS)]
@@ -76,7 +78,7 @@ class Answer:
     reaction: np.ndarray
     residual: float
     claimed: bool
-    rung: int
+    rung: float  # iterations given to an engine, share of the goal to stiction
 
 
 class Engine:
@@ -116,8 +118,8 @@ class Stiction:
         self.name = f"stiction {solver}" + (", cones" if in_cones else ", boxes" if in_boxes else "")
         self.copies = {}
 
-    def call(self, race, i, copies, answer=None):
-        """Seconds of the call."""
+    def call(self, race, i, copies, share, answer=None):
+        """Seconds of the call. share: of the goal, that is the tolerance."""
         path = pathlib.Path(race.folder, f"{self.name}_{i}_{copies}.h5")
         problem = race.problems[i]
         if not path.exists():
@@ -126,7 +128,7 @@ class Stiction:
                 environment = boxed.in_boxes(problem.cones)
             write_batch(path, [environment] * copies, "coulomb" if self.in_cones else "convex", "engines.py")
         report = pathlib.Path(race.folder, "report.json")
-        command = [self.program, "solve", str(path), "--solver", self.solver, "--precision", "f64", "--tolerance", repr(race.goal),
+        command = [self.program, "solve", str(path), "--solver", self.solver, "--precision", "f64", "--tolerance", repr(share * race.goal),
                    "--max-iterations", "10000", "--threads", "1", "--quiet", "--isolate", "--json", str(report)]
         status, message = measure.run(command + (["-o", str(answer)] if answer else []), {**os.environ, **self.clock}, 5)
         if status is None:
@@ -136,26 +138,34 @@ class Stiction:
         return json.loads(report.read_text())["seconds"]["solve"]
 
     def answers(self, race):
+        """With the largest share that solves, of each problem; without one the best."""
         found = []
-        for i, problem in enumerate(race.problems):
-            answer = pathlib.Path(race.folder, "answer.h5")
-            seconds = self.call(race, i, 1, answer)
-            if not np.isfinite(seconds):
-                found.append(Answer(None, np.inf, False, 0))
-                continue
-            self.copies[i] = int(np.clip(CALL_SECONDS / seconds, 1, 64))
-            with h5py.File(answer) as solution:
-                reaction, claimed = solution["lambda"][:].astype("f8"), solution["status"][0] == 0
-            if self.in_cones:
-                residual = race.cone_residual(i, reaction)
-            else:
-                reaction = reaction if problem.back is None or self.in_boxes else problem.back @ reaction
-                residual = race.residual(i, reaction)
-            found.append(Answer(reaction, residual, bool(claimed), 0))
+        for i in range(len(race.problems)):
+            best = Answer(None, np.inf, False, 1)
+            for share in SHARES if self.in_boxes else SHARES[:1]:
+                answer = self.answer(race, i, share)
+                if answer.residual < best.residual:
+                    best = answer
+                if best.residual <= SLACK * race.goal:
+                    break
+            found.append(best)
         return found
 
+    def answer(self, race, i, share):
+        path, problem = pathlib.Path(race.folder, "answer.h5"), race.problems[i]
+        seconds = self.call(race, i, 1, share, path)
+        if not np.isfinite(seconds):
+            return Answer(None, np.inf, False, share)
+        self.copies[i] = int(np.clip(CALL_SECONDS / seconds, 1, 64))
+        with h5py.File(path) as solution:
+            reaction, claimed = solution["lambda"][:].astype("f8"), solution["status"][0] == 0
+        if self.in_cones:
+            return Answer(reaction, race.cone_residual(i, reaction), bool(claimed), share)
+        reaction = reaction if problem.back is None or self.in_boxes else problem.back @ reaction
+        return Answer(reaction, race.residual(i, reaction), bool(claimed), share)
+
     def times(self, race, solved, answers):
-        return {i: (self.call(race, i, self.copies[i]) / self.copies[i], 0.0) for i in solved}
+        return {i: (self.call(race, i, self.copies[i], answers[i].rung) / self.copies[i], 0.0) for i in solved}
 
 
 class Race:

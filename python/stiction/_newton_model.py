@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import newton
 import numpy as np
+import warp as wp
 
 from ._layout import offsets_of
 
@@ -40,7 +41,8 @@ def check(model, ignore=()) -> None:
         count = int(getattr(model, name, 0) or 0)
         if count:
             _refuse(f"{feature}, of which the model has {count}")
-    if int(getattr(model, "constraint_mimic_count", 0) or 0) or (_numpy(model.joint_mimic_joint, int) >= 0).any():
+    if int(getattr(model, "constraint_mimic_count", 0) or 0) or \
+            (_numpy(getattr(model, "joint_mimic_joint", None), int) >= 0).any():
         _refuse("mimic joints")
     for frequency, count in model.custom_frequency_counts.items():
         if frequency.startswith("mujoco:") and count and frequency not in ignore:
@@ -69,7 +71,7 @@ def _check_joints(model):
     active = turning & np.isin(_numpy(model.joint_target_mode, int), (1, 2, 3))
     limited = (_numpy(model.joint_limit_lower) > -NO_LIMIT) | (_numpy(model.joint_limit_upper) < NO_LIMIT)
     for found, feature in ((turning & limited, "position limits"),
-                           (turning & (_numpy(model.joint_stiffness) != 0), "springs"),
+                           (turning & (_numpy(springs_of(model)[0]) != 0), "springs"),
                            (active & ((_numpy(model.joint_target_ke) != 0) | (_numpy(model.joint_target_kd) != 0)),
                             "drives")):
         for d in np.flatnonzero(found):
@@ -90,6 +92,14 @@ def _check_bodies(model):
             body = _numpy(model.joint_child, int)[j]
             _refuse(f"moving bodies that all worlds share, as body {_name(model.body_label, body)}",
                     "each moving body in one world")
+
+
+def springs_of(model):
+    """Stiffness and rest positions of joints. Newton 1.6 has none, and both are zero then."""
+    if hasattr(model, "joint_stiffness"):
+        return model.joint_stiffness, model.joint_rest_q
+    return tuple(wp.zeros(count, dtype=float, device=model.device)
+                 for count in (model.joint_dof_count, model.joint_coord_count))
 
 
 class Structure:

@@ -125,13 +125,14 @@ class Rows:
 
     @staticmethod
     def _check(contacts):
-        if contacts.rigid_contact_body_pair_reduced:
+        # Newton 1.6 has neither of two of them.
+        if getattr(contacts, "rigid_contact_body_pair_reduced", False):
             raise ValueError("contacts: SolverStiction has no body-pair-reduced contacts; make the CollisionPipeline "
                              "without body_pair_reduction")
         if contacts.rigid_contact_friction is not None:
             raise ValueError("contacts: SolverStiction has no contacts with properties of their own (hydroelastic "
                              "shapes); expected contacts with the properties of their shapes")
-        if contacts.rigid_contact_surface_velocity is not None:
+        if getattr(contacts, "rigid_contact_surface_velocity", None) is not None:
             raise ValueError("contacts: SolverStiction has no surface velocities (conveyors); expected contacts "
                              "without them")
 
@@ -196,8 +197,8 @@ class Rows:
             return by_shapes
         if int(contacts.contact_generation.numpy()[0]) == self._last_generation:
             return self._of_place[which]
-        if not contacts.contact_matching or \
-                int(contacts.rigid_contact_match_generation.numpy()[0]) != self._last_generation:
+        matched = getattr(contacts, "rigid_contact_match_generation", None)  # which Newton 1.6 does not say
+        if not contacts.contact_matching or matched is None or int(matched.numpy()[0]) != self._last_generation:
             return by_shapes
         match = contacts.rigid_contact_match_index.numpy()[which]
         known = (match >= 0) & (match < len(self._of_place))

@@ -18,7 +18,7 @@ from . import _newton_kernels as kernels
 from ._arguments import not_negative, number
 from ._arrays import STATUS_DTYPE
 from ._batch import Batch
-from ._newton_model import Structure
+from ._newton_model import Structure, springs_of
 from ._newton_rows import Rows
 from ._solution import CODES
 from ._solver import Solver
@@ -48,7 +48,8 @@ class SolverStiction(newton.solvers.SolverBase):
     stiction.verify.
     """
 
-    SUPPORTED_OBSERVABLES = frozenset({newton.solvers.SolverBase.ObservableKind.CONTACT_F})
+    if hasattr(newton.solvers.SolverBase, "ObservableKind"):  # not in Newton 1.6, which Isaac Lab 3.0.0 asks for
+        SUPPORTED_OBSERVABLES = frozenset({newton.solvers.SolverBase.ObservableKind.CONTACT_F})
 
     def __init__(self, model, *, law="coulomb", solver="auto", tolerance=1e-6, max_iterations=1000, threads=0,
                  contact_dim=3, erp=0.2, slop=0.0, recovery_speed=1.0, restitution_threshold=0.1, warm_start=1.0,
@@ -90,7 +91,8 @@ class SolverStiction(newton.solvers.SolverBase):
         model, structure, dt = self.model, self._structure, float(dt)
         if not dt > 0:
             raise ValueError(f"dt: expected a positive number, got {dt}")
-        self.validate_observables(observables, contacts)
+        if observables is not None:
+            self.validate_observables(observables, contacts)
         if control is None:
             control = model.control(clone_variables=False)
         if state_in is not state_out and model.body_count:
@@ -110,10 +112,22 @@ class SolverStiction(newton.solvers.SolverBase):
         guess = rows.guess(self._share, dt) if self._share > 0 else None
         self.solution = self.solver.solve(self.batch, warm_start=guess)
         rows.keep(self.solution.lambda_, dt)
+        self._dt = dt
         if observables is not None and observables.is_requested(self.ObservableKind.CONTACT_F):
             observables.contact_f.zero_()
             rows.write_forces(self.solution.lambda_, state_in, contacts, dt, observables.contact_f)
         self._advance(state_in, state_out, dt)  # last: the states may be one
+
+    def update_contacts(self, contacts, state=None):
+        """Writes contact forces of the last step into `contacts.force`, as Newton 1.6 asks and Isaac Lab's contact sensors.
+        contacts: what that step was given, with room for forces. state: the bodies where torques are counted; needed.
+        """
+        if getattr(contacts, "force", None) is None or state is None:
+            raise ValueError("contacts, state: expected contacts with forces (model.request_contact_attributes('force')) "
+                             "and a state, got one without")
+        contacts.force.zero_()
+        if self.solution is not None:
+            self._rows.write_forces(self.solution.lambda_, state, contacts, self._dt, contacts.force)
 
     def reset(self, state, world_mask=None, flags=None):
         """Drops what the next solve of those worlds would start from."""
@@ -160,8 +174,7 @@ class SolverStiction(newton.solvers.SolverBase):
             model.joint_type, model.joint_parent, model.joint_X_p, model.joint_q_start, model.joint_qd_start,
             state.body_q, state.joint_q, state.joint_qd, control.joint_f, self._gravity, self._coriolis,
             control.joint_target_q, control.joint_target_qd, model.joint_target_mode, model.joint_target_ke,
-            model.joint_target_kd, model.joint_effort_limit, model.joint_stiffness, model.joint_rest_q,
-            model.joint_damping, dt], [self._force, self._softness], device=model.device)
+            model.joint_target_kd, model.joint_effort_limit, *springs_of(model), model.joint_damping, dt], [self._force, self._softness], device=model.device)
         wp.launch(kernels.free_motion, model.articulation_count, [
             model.articulation_start, model.articulation_end, model.joint_qd_start, model.joint_child, self._H,
             self._J, state.joint_qd, self._force, self._softness, self._prescribed, state.body_f, dt, self._mass_start,

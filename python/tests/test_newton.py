@@ -28,6 +28,20 @@ def test_a_box_rests_and_its_contacts_carry_its_weight():
     assert count == 4 and not forces[count:].any()
 
 
+def test_contacts_are_given_their_forces_as_newton_1_6_asks():
+    model = on_ground(box())
+    run = Run(model)
+    with pytest.raises(ValueError, match="contacts, state: expected contacts with forces"):
+        run.solver.update_contacts(run.contacts, run.state)
+    model.request_contact_attributes("force")
+    run = Run(model).step(100, 0.005)
+    run.contacts.force.fill_(7.0)
+    run.solver.update_contacts(run.contacts, run.state)
+    forces = run.contacts.force.numpy()
+    np.testing.assert_allclose(forces[:4, :3].sum(axis=0), [0, 0, -8 * G], rtol=1e-4, atol=1e-3)
+    assert (forces[:4, 2] < 0).all() and not forces[4:].any()
+
+
 def test_a_sliding_box_slows_by_mu_g():
     run = Run(on_ground(box(speed=(2, 0, 0), mu=0.5), mu=0.3))  # the mean of both shapes: 0.4
     run.step(100, 0.002)

@@ -13,6 +13,7 @@
 #include "stiction/io.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/make_scene.hpp"
+#include "tools/cli/memory.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
 
@@ -62,6 +63,17 @@ std::vector<scenes::SceneEnv> make_chunk(const GenerateArguments& arguments, std
   return chunk;
 }
 
+double bytes_of(const scenes::Csr& matrix) {
+  return static_cast<double>(matrix.ptr.size() * sizeof(Index) + matrix.val.size() * (sizeof(Index) + sizeof(double)));
+}
+
+/// Of what a batch keeps of an environment: entries of A, J and M, and b and v_free.
+double bytes_of(const scenes::SceneEnv& env) {
+  const double columns = static_cast<double>(env.system.A.size()) * (sizeof(Index) + sizeof(double));
+  const double rows = static_cast<double>(env.system.b.size() + env.v_free.size()) * sizeof(double);
+  return columns + rows + bytes_of(env.J) + bytes_of(env.M);
+}
+
 /// Appends rows whose columns count from their own environment's first degree of freedom.
 void append(io::Csr& matrix, const scenes::Csr& rows) {
   const Offset base = matrix.ptr.back();
@@ -100,6 +112,11 @@ io::Recording make_scene(const GenerateArguments& arguments) {
   if (arguments.box_friction) recording.source += " --box-friction";
   const unsigned threads = arguments.threads > 0 ? static_cast<unsigned>(arguments.threads)
                                                  : std::max(1U, std::thread::hardware_concurrency());
+  if (arguments.environments > kChunk) {  // else what is waited for would be made twice
+    const double one = bytes_of(scenes::make(arguments.scene, arguments.seed, 0, arguments.size));
+    require_memory(one * static_cast<double>(arguments.environments),
+                   fmt::format("{} with {} environments (--envs)", arguments.scene, arguments.environments));
+  }
   Progress progress("generating", arguments.environments, arguments.quiet);
   for (std::int64_t first = 0; first < arguments.environments; first += kChunk) {
     const std::int64_t count = std::min(kChunk, arguments.environments - first);

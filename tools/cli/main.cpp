@@ -217,6 +217,8 @@ int main(int argc, char** argv) {
     return stiction::cli::run(argc, argv);
   } catch (const std::bad_alloc&) {
     std::fputs("stiction: out of memory; use a smaller batch\n", stderr);
+  } catch (const std::length_error&) {
+    std::fputs("stiction: more than any memory holds; use a smaller batch\n", stderr);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "stiction: %s\n", error.what());
   }

@@ -32,8 +32,12 @@ int run_step(const StepArguments& arguments) {
   require_distinct({{"-o", arguments.output}, {"--json", arguments.json}, {"--checkpoint", arguments.checkpoint}});
   if (arguments.json) require_writable(*arguments.json);
   if (arguments.checkpoint) require_replaceable(*arguments.checkpoint);
-  const scenes::WorldScene scene = scenes::make_world(arguments.scene, arguments.size);
   const Precision precision = precision_from_option(arguments.precision);
+  if (arguments.size > 0) {
+    scenes::make_world(arguments.scene, 1);  // refuses a scene that is not there, or has no size
+    require_world_memory(arguments, arguments.size, precision);
+  }
+  const scenes::WorldScene scene = scenes::make_world(arguments.scene, arguments.size);
   const Device device = Device::from_string(arguments.device);
   StepReport report = precision == Precision::f32 ? step_world<float>(arguments, scene, device)
                                                   : step_world<double>(arguments, scene, device);

@@ -5,8 +5,10 @@
 #include <chrono>
 #include <cstdio>
 #include <ctime>
+#include <iterator>
 #include <memory>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -14,6 +16,7 @@
 #include "stiction/hash.hpp"
 #include "tools/cli/body_method.hpp"
 #include "tools/cli/gpu_meter.hpp"
+#include "tools/cli/memory.hpp"
 #include "tools/cli/output.hpp"
 #include "tools/cli/progress.hpp"
 #include "tools/cli/step_checkpoint.hpp"
@@ -201,8 +204,22 @@ StepReport run_steps(const StepArguments& arguments, const WorldOptions& options
   return report;
 }
 
+void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision) {
+  // State and wrench of a world, and the state that start_all() makes it begin with. What a machine keeps beside them,
+  // and contacts, are more.
+  constexpr double kNumbers = (3 + 4 + 6) + 6 + (3 + 4 + 6);
+  const double of_number = precision == Precision::f32 ? sizeof(float) : sizeof(double);
+  const auto all = static_cast<double>(arguments.environments);
+  const auto each = static_cast<double>(bodies);
+  require_memory(all * (each * kNumbers * of_number + sizeof(EnvStatus)) + each * sizeof(WorldBody),
+                 fmt::format("{} with {} environments of {} bodies (--envs, --size)", arguments.scene,
+                             arguments.environments, bodies));
+}
+
 template <class Real>
 StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& scene, Device device) {
+  require_world_memory(arguments, std::ssize(scene.description.bodies),
+                       std::is_same_v<Real, float> ? Precision::f32 : Precision::f64);
   const WorldOptions options = world_options(arguments, scene.stepping);
   WorldHere<Real> world(arguments, scene, device, options);
   return run_steps(arguments, options, scene.description, device, world);

@@ -44,6 +44,10 @@ class SteppedWorld {
 StepReport run_steps(const StepArguments& arguments, const WorldOptions& options, const WorldDescription& description,
                      Device device, SteppedWorld& world);
 
+/// To be called before a world is described. `bodies`: of an environment.
+/// \throws Error(out_of_memory) if the state alone of all environments is more than there is.
+void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision);
+
 /// Steps a scene's world in this process.
 template <class Real>
 StepReport step_world(const StepArguments& arguments, const scenes::WorldScene& scene, Device device);
