@@ -21,8 +21,8 @@ class DerivativeMachine {
   virtual void jvp(const JacobianJvpJob<float>& job, StreamRef stream) = 0;
   virtual void jvp(const JacobianJvpJob<double>& job, StreamRef stream) = 0;
   /// Sweeps, on return. \throws Error(unsupported) from a machine that has them not.
-  virtual void unrolled_vjp(const UnrolledJob<float>&) { refuse_sweeps(); }
-  virtual void unrolled_vjp(const UnrolledJob<double>&) { refuse_sweeps(); }
+  virtual void unrolled_vjp(const UnrolledJob<float>&, StreamRef) { refuse_sweeps(); }
+  virtual void unrolled_vjp(const UnrolledJob<double>&, StreamRef) { refuse_sweeps(); }
   /// Returns when what was queued on `stream` is done.
   virtual void synchronize(StreamRef stream) = 0;
 

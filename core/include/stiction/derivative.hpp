@@ -228,7 +228,7 @@ class Derivative {
   template <class Real>
   void unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsView<Real>& sweeps,
                     const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
-                    GradientStatus* status, Offset count = 1) const;
+                    GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
