@@ -33,7 +33,7 @@ void Derivative::unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsV
   job.cotangents = cotangents;
   job.gradients = gradients;
   job.sweeps = sweeps;
-  // A batch of a device has no structure that could be planned here, and its machine refuses the job.
+  // A batch of a device has no structure that could be planned here: its machine plans it.
   PlanData plan;
   if (batch.space == MemorySpace::host) plan = make_plan(batch);
   job.cone_order = plan.cone_order.data();

@@ -60,7 +60,8 @@ static void pressed_rows(stiction_batch_view* batch) {
   batch->mu = batch->lo = batch->hi = kZeros;
 }
 
-/* What the sweeps return and all that the loss says of them. */
+/* What the sweeps return and all that the loss says of them. On the emulated device, too, whose memory is the host's.
+ */
 static void sweeps_in_reverse(const char* device, int32_t space) {
   double A[kEntries], b[kRows], R[kRows], start[kRows];
   double by_A[kEntries], by_b[kRows], by_R[kRows], by_start[kRows], lambda[kRows], loss = 0;
@@ -122,5 +123,6 @@ static void sweeps_in_reverse(const char* device, int32_t space) {
 
 int main(void) {
   sweeps_in_reverse("cpu", STICTION_SPACE_HOST);
+  sweeps_in_reverse("emulated", STICTION_SPACE_CUDA);
   return failures != 0;
 }

@@ -44,9 +44,14 @@ STICTION_HD Offset relaxed_jacobian_elements(const Job& job, Offset env) {
          relaxed_elements(job.contact, env);
 }
 
+/// Pulls all sets of cotangents of one environment back, to J and M where there are such, and writes its record.
 template <class Tile, Team TeamT, class Real>
-STICTION_HD void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<JacobianVjpJob<Real>, Real>& job, Offset index,
-                                          double* memory) {
+STICTION_HD_OUTLINE void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<JacobianVjpJob<Real>, Real>& job,
+                                                  Offset index, double* memory) {
+  if (!job.job.has_jacobian) {
+    relaxed_vjp_env(team, RelaxedJob<VjpJob<Real>, Real>{job.job.contact, job.kappa, job.lambda}, index, memory);
+    return;
+  }
   JacobianVjpJob<Real> own = job.job;
   auto* const chain = reinterpret_cast<Real*>(memory + relaxed_elements(own.contact, index));
   const bool is_mass = begin_jacobian_vjp<Tile>(team, own, index, chain);
@@ -55,10 +60,15 @@ STICTION_HD void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<Jacobian
   end_jacobian_vjp<Tile>(team, own, index, chain, is_mass);
 }
 
-/// What J and M do while the reactions rest depends on the relaxed ones, so they are found before.
+/// Pushes all sets of changes of one environment forward, of J and M where there are such, and writes its record. What
+/// J and M do while the reactions rest depends on the relaxed ones, so they are found before.
 template <class Tile, Team TeamT, class Real>
-STICTION_HD void relaxed_jacobian_jvp_env(TeamT& team, const RelaxedJob<JacobianJvpJob<Real>, Real>& job, Offset index,
-                                          double* memory) {
+STICTION_HD_OUTLINE void relaxed_jacobian_jvp_env(TeamT& team, const RelaxedJob<JacobianJvpJob<Real>, Real>& job,
+                                                  Offset index, double* memory) {
+  if (!job.job.has_jacobian) {
+    relaxed_jvp_env(team, RelaxedJob<JvpJob<Real>, Real>{job.job.contact, job.kappa, job.lambda}, index, memory);
+    return;
+  }
   JacobianJvpJob<Real> own = job.job;
   auto* const chain = reinterpret_cast<Real*>(memory + relaxed_elements(own.contact, index));
   const bool is_mass = assemble_for_derivative<Tile>(team, own.assembly, index, chain);
