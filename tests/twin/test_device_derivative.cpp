@@ -62,7 +62,7 @@ Environment<double> long_chain(std::size_t rows) {
   Environment<double> env;
   env.row_offsets = {0};
   for (std::size_t i = 0; i < rows; ++i) {
-    env.cones.push_back({ConeKind::box, 1, 0});
+    env.cones.push_back(box());
     for (std::size_t j = i > 0 ? i - 1 : 0; j < std::min(rows, i + 2); ++j) {
       env.A.push_back(i == j ? 2.0 + 0.01 * static_cast<double>(i) : -0.7);
       env.column.push_back(static_cast<Index>(j));
