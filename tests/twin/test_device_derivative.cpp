@@ -24,7 +24,7 @@ struct Problem {
   ContactBatch<Real> batch;
   std::vector<Real> lambda, bar, w_bar;
 
-  explicit Problem(ContactBatch<double> doubles) : batch(convert<Real>(doubles)) {
+  explicit Problem(const ContactBatch<double>& doubles) : batch(convert<Real>(doubles)) {
     lambda = solve(batch, options(SolverKind::npgs, 1e-5, 1000)).lambda;
     bar = random_numbers<Real>(2 * lambda.size(), 1);
     w_bar = random_numbers<Real>(2 * lambda.size(), 2);
