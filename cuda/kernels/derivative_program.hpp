@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// What derivatives on a device take beside the job. With its kappa 0 they are those of the exact problem.
+/// What derivatives on a device take beside the job, whose kappa is 0 where they are those of the exact problem.
 template <class Job, class Real>
 struct DerivativeArgs {
   RelaxedJob<Job, Real> job;
@@ -18,11 +18,10 @@ struct DerivativeArgs {
   Index most_dofs;
 };
 
-/// What pulling back takes: cotangents of solutions, or of sweeps. One kernel serves both.
+/// What pulling back through sweeps takes: the job is that of a contact batch.
 template <class Real>
-struct PullArgs : DerivativeArgs<JacobianVjpJob<Real>, Real> {
+struct UnrolledArgs : DerivativeArgs<JacobianVjpJob<Real>, Real> {
   SweepsView<Real> sweeps;
-  bool is_unrolled;  ///< the job is that of the sweeps, and of a contact batch
 };
 
 }  // namespace stiction::cuda
@@ -63,37 +62,17 @@ STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda:
 
 template <class Real>
 struct PullBack {
-  using Args = cuda::PullArgs<Real>;
+  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    if (args.is_unrolled) return run_sweeps(team, id, args);
     const JacobianVjpJob<Real>& job = args.job.job;
     derive_checked(
-        team, id, args,
-        [&](Offset env, double* scratch) {
-          if (args.job.kappa > 0.0) {
-            relaxed_jacobian_vjp_env<RowTile<Real>>(team, args.job, env, scratch);
-          } else {
-            jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch);
-          }
-        },
+        team, id, args, [&](Offset env, double* scratch) { jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch); },
         [&](Offset env, double* scratch) {
           refuse_jacobian_vjp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
         });
-  }
-
- private:
-  template <Team TeamT>
-  static STICTION_HD_OUTLINE void run_sweeps(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    UnrolledJob<Real> job;
-    static_cast<VjpJob<Real>&>(job) = args.job.job.contact;
-    job.sweeps = args.sweeps;
-    job.cone_order = nullptr;
-    derive_checked(
-        team, id, args, [&](Offset env, double* scratch) { plan_and_unroll(team, job, env, scratch, args.slot); },
-        [&](Offset env, double*) { refuse_unrolled(team, job, env, kGradientOverCapacity); });
   }
 };
 
@@ -106,17 +85,61 @@ struct PushForward {
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const JacobianJvpJob<Real>& job = args.job.job;
     derive_checked(
-        team, id, args,
-        [&](Offset env, double* scratch) {
-          if (args.job.kappa > 0.0) {
-            relaxed_jacobian_jvp_env<RowTile<Real>>(team, args.job, env, scratch);
-          } else {
-            jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch);
-          }
-        },
+        team, id, args, [&](Offset env, double* scratch) { jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch); },
         [&](Offset env, double* scratch) {
           refuse_jacobian_jvp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
         });
+  }
+};
+
+/// The same of the relaxed problem. Kernels of their own: in one with the exact problem's, that would have their stack.
+template <class Real>
+struct PullBackRelaxed {
+  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    derive_checked(
+        team, id, args,
+        [&](Offset env, double* scratch) { relaxed_jacobian_vjp_env<RowTile<Real>>(team, args.job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_vjp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
+        });
+  }
+};
+
+template <class Real>
+struct PushForwardRelaxed {
+  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    derive_checked(
+        team, id, args,
+        [&](Offset env, double* scratch) { relaxed_jacobian_jvp_env<RowTile<Real>>(team, args.job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_jvp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
+        });
+  }
+};
+
+/// Sweeps in reverse, of a contact batch.
+template <class Real>
+struct PullSweeps {
+  using Args = cuda::UnrolledArgs<Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    UnrolledJob<Real> job;
+    static_cast<VjpJob<Real>&>(job) = args.job.job.contact;
+    job.sweeps = args.sweeps;
+    job.cone_order = nullptr;
+    derive_checked(
+        team, id, args, [&](Offset env, double* scratch) { plan_and_unroll(team, job, env, scratch, args.slot); },
+        [&](Offset env, double*) { refuse_unrolled(team, job, env, kGradientOverCapacity); });
   }
 };
 

@@ -47,9 +47,10 @@ DeviceDerivativeMachine::DeviceDerivativeMachine(std::shared_ptr<DeviceApi> api,
   memory_ = DeviceMemory(*api_, set_.bytes());
   set_.place(memory_.get());
   if (kappa_ > 0.0) relaxed_.make_room(*api_, static_cast<std::size_t>(capacity.rows) * sizeof(double));
-  for (const DerivativeKernels& kernels : api_->kernels().derivative) {
-    api_->prepare(kernels.vjp, shape_);
-    api_->prepare(kernels.jvp, shape_);
+  for (const Precision precision : {Precision::f32, Precision::f64}) {
+    api_->prepare(kernels(precision).vjp, shape_);
+    api_->prepare(kernels(precision).jvp, shape_);
+    api_->prepare(unrolled_kernel(precision), shape_);
   }
 }
 
@@ -59,6 +60,15 @@ DeviceDerivativeMachine::~DeviceDerivativeMachine() {
   } catch (const Error&) {
     return;  // the device is lost, and nothing runs on it
   }
+}
+
+/// Kernels of the problem that is differentiated.
+const DerivativePair& DeviceDerivativeMachine::kernels(Precision precision) const {
+  const DerivativeKernels& all = api_->kernels().derivative[static_cast<int>(precision)];
+  return kappa_ > 0.0 ? all.relaxed : all.exact;
+}
+const KernelRef& DeviceDerivativeMachine::unrolled_kernel(Precision precision) const {
+  return api_->kernels().derivative[static_cast<int>(precision)].unrolled_vjp;
 }
 
 /// Memory for as many doubles. Graphs that were captured keep what they have, so that it cannot move any more.
@@ -132,11 +142,10 @@ void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const Ke
 template <class Real>
 void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const UnrolledJob<Real>& job, StreamHandle stream) {
   if (job.batch.env_count == 0) return;
-  typename PullBack<Real>::Args args{};
+  typename PullSweeps<Real>::Args args{};
   args.job.job.contact = job;
   args.job.job.has_jacobian = false;
   args.sweeps = job.sweeps;
-  args.is_unrolled = true;
   args.most_rows = most_rows_;
   args.most_dofs = most_dofs_;
   const Index rows = smaller_of(most_rows_, job.max_unknowns);
@@ -185,35 +194,35 @@ void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const Jacobian
 }
 
 void DeviceDerivativeMachine::vjp(const VjpJob<float>& job, StreamRef stream) {
-  queue_contacts<PullBack<float>, JacobianVjpJob<float>>(api_->kernels().derivative[0].vjp, job, stream.handle());
+  queue_contacts<PullBack<float>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const VjpJob<double>& job, StreamRef stream) {
-  queue_contacts<PullBack<double>, JacobianVjpJob<double>>(api_->kernels().derivative[1].vjp, job, stream.handle());
+  queue_contacts<PullBack<double>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<float>& job, StreamRef stream) {
-  queue_contacts<PushForward<float>, JacobianJvpJob<float>>(api_->kernels().derivative[0].jvp, job, stream.handle());
+  queue_contacts<PushForward<float>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<double>& job, StreamRef stream) {
-  queue_contacts<PushForward<double>, JacobianJvpJob<double>>(api_->kernels().derivative[1].jvp, job, stream.handle());
+  queue_contacts<PushForward<double>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PullBack<float>>(floats_, api_->kernels().derivative[0].vjp, job, stream.handle());
+  queue_jacobians<PullBack<float>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PullBack<double>>(doubles_, api_->kernels().derivative[1].vjp, job, stream.handle());
+  queue_jacobians<PullBack<double>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PushForward<float>>(floats_, api_->kernels().derivative[0].jvp, job, stream.handle());
+  queue_jacobians<PushForward<float>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PushForward<double>>(doubles_, api_->kernels().derivative[1].jvp, job, stream.handle());
+  queue_jacobians<PushForward<double>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
 }
 
 void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) {
-  queue_sweeps(api_->kernels().derivative[0].vjp, job, stream.handle());
+  queue_sweeps(unrolled_kernel(Precision::f32), job, stream.handle());
 }
 void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<double>& job, StreamRef stream) {
-  queue_sweeps(api_->kernels().derivative[1].vjp, job, stream.handle());
+  queue_sweeps(unrolled_kernel(Precision::f64), job, stream.handle());
 }
 
 void DeviceDerivativeMachine::synchronize(StreamRef stream) {

@@ -53,6 +53,8 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   void queue_jacobians(JacobianRoom<Real>& room, const KernelRef& kernel, Job job, StreamHandle stream);
   template <class Real>
   void queue_sweeps(const KernelRef& kernel, const UnrolledJob<Real>& job, StreamHandle stream);
+  [[nodiscard]] const DerivativePair& kernels(Precision precision) const;
+  [[nodiscard]] const KernelRef& unrolled_kernel(Precision precision) const;
   [[nodiscard]] Offset teams_for(Offset slot) const;
   template <class Real>
   void make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count, StreamHandle stream);
