@@ -23,6 +23,7 @@ void set_defaults(stiction_body_view& batch);
 void set_defaults(stiction_body_solution& solution);
 void set_defaults(stiction_derivative_options& options);
 void set_defaults(stiction_solution_numbers& numbers);
+void set_defaults(stiction_sweeps& sweeps);
 void set_defaults(stiction_batch_numbers& numbers);
 void set_defaults(stiction_jacobian_numbers& numbers);
 

@@ -59,6 +59,22 @@ Real* room(void* array) {
   return static_cast<Real*>(array);
 }
 
+/// Where cotangents of a contact batch go.
+template <class Real>
+BatchCotangentView<Real> cotangents_to(const stiction_batch_numbers& to) {
+  return {room<Real>(to.A),  room<Real>(to.factor), room<Real>(to.b), room<Real>(to.R),
+          room<Real>(to.mu), room<Real>(to.lo),     room<Real>(to.hi)};
+}
+
+/// Cotangents of what was solved for, of a batch without velocities.
+template <class Real>
+SolutionCotangentView<Real> cotangents_from(const stiction_solution_numbers& from) {
+  return {numbers<Real>(from.lambda), numbers<Real>(from.w)};
+}
+void need_no_velocity(const stiction_solution_numbers& from) {
+  if (from.velocity != nullptr) refuse("cotangents.velocity is not null: a contact batch has no velocities");
+}
+
 /// Calls f with a null pointer to the batch's type of number.
 template <class View, class F>
 void with_numbers(const View& batch, F&& f) {
@@ -82,6 +98,13 @@ void set_defaults(stiction_solution_numbers& numbers) {
   numbers = {};
   numbers.size = sizeof numbers;
 }
+void set_defaults(stiction_sweeps& sweeps) {
+  const SweepsView<double> cpp;
+  sweeps = {};
+  sweeps.size = sizeof sweeps;
+  sweeps.omega = cpp.omega;
+  sweeps.count = cpp.count;
+}
 void set_defaults(stiction_batch_numbers& numbers) {
   numbers = {};
   numbers.size = sizeof numbers;
@@ -100,6 +123,9 @@ stiction_code stiction_derivative_options_init(stiction_derivative_options* opti
 }
 stiction_code stiction_solution_numbers_init(stiction_solution_numbers* numbers, size_t size) {
   return c::init_struct(numbers, size, "numbers");
+}
+stiction_code stiction_sweeps_init(stiction_sweeps* sweeps, size_t size) {
+  return c::init_struct(sweeps, size, "sweeps");
 }
 stiction_code stiction_batch_numbers_init(stiction_batch_numbers* numbers, size_t size) {
   return c::init_struct(numbers, size, "numbers");
@@ -138,15 +164,35 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
     const auto given = c::read_struct(batch, "batch");
     const auto from = c::read_struct(cotangents, "cotangents");
     const auto to = c::read_struct(gradients, "gradients");
-    if (from.velocity != nullptr) c::refuse("cotangents.velocity is not null: a contact batch has no velocities");
+    c::need_no_velocity(from);
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
-                  stiction::SolutionCotangentView<Real>{c::numbers<Real>(from.lambda), c::numbers<Real>(from.w)},
-                  stiction::BatchCotangentView<Real>{c::room<Real>(to.A), c::room<Real>(to.factor), c::room<Real>(to.b),
-                                                     c::room<Real>(to.R), c::room<Real>(to.mu), c::room<Real>(to.lo),
-                                                     c::room<Real>(to.hi)},
-                  c::records(gradient_status), count, stiction::StreamRef(stream));
+      object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status), c::cotangents_from<Real>(from),
+                  c::cotangents_to<Real>(to), c::records(gradient_status), count, stiction::StreamRef(stream));
+    });
+  });
+}
+
+stiction_code stiction_derivative_unrolled_vjp(stiction_derivative* derivative, const stiction_batch_view* batch,
+                                               const stiction_sweeps* sweeps,
+                                               const stiction_solution_numbers* cotangents,
+                                               const stiction_batch_numbers* gradients,
+                                               stiction_gradient_status* gradient_status, int64_t count, void* stream) {
+  return c::guarded([&] {
+    const auto object = c::derivatives().get(derivative);
+    const auto given = c::read_struct(batch, "batch");
+    const auto of = c::read_struct(sweeps, "sweeps");
+    const auto from = c::read_struct(cotangents, "cotangents");
+    const auto to = c::read_struct(gradients, "gradients");
+    c::need_zero("sweeps.reserved", of.reserved);
+    c::need_no_velocity(from);
+    c::with_numbers(given, [&](auto zero) {
+      using Real = decltype(zero);
+      object->unrolled_vjp(c::to_cpp<Real>(given),
+                           stiction::SweepsView<Real>{c::numbers<Real>(of.warm_start), of.count, of.omega,
+                                                      c::room<Real>(of.lambda), c::room<Real>(of.by_warm_start)},
+                           c::cotangents_from<Real>(from), c::cotangents_to<Real>(to), c::records(gradient_status),
+                           count, stiction::StreamRef(stream));
     });
   });
 }

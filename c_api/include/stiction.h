@@ -173,6 +173,8 @@ STICTION_API stiction_code stiction_solution_numbers_init(stiction_solution_numb
 STICTION_API stiction_code stiction_batch_numbers_init(stiction_batch_numbers* numbers, size_t size);
 /** Sets up numbers of a Jacobian batch: null pointers. */
 STICTION_API stiction_code stiction_jacobian_numbers_init(stiction_jacobian_numbers* numbers, size_t size);
+/** Sets up sweeps: one, of relaxation 1, from zero. */
+STICTION_API stiction_code stiction_sweeps_init(stiction_sweeps* sweeps, size_t size);
 /** Name of one stiction_gradient_flag bit: "unconverged", ... */
 STICTION_API const char* stiction_gradient_flag_name(uint32_t flag);
 /** Makes a derivative. options may be null: defaults. A device needs capacity->env_rows, and env_dofs for factors and
@@ -209,6 +211,13 @@ STICTION_API stiction_code stiction_derivative_vjp_jacobian(
 STICTION_API stiction_code stiction_derivative_jvp_jacobian(
     stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
     const stiction_status* status, const stiction_jacobian_numbers* tangents, const stiction_solution_numbers* changes,
+    stiction_gradient_status* gradient_status, int64_t count, void* stream);
+/** Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to where they began. It is the
+ * derivative of the iterations as they run: of a solve with tolerance 0, stall_window 0 and max_iterations =
+ * sweeps->count. sweeps: a struct from stiction_sweeps_init. The other arguments as in stiction_derivative_vjp. */
+STICTION_API stiction_code stiction_derivative_unrolled_vjp(
+    stiction_derivative* derivative, const stiction_batch_view* batch, const stiction_sweeps* sweeps,
+    const stiction_solution_numbers* cotangents, const stiction_batch_numbers* gradients,
     stiction_gradient_status* gradient_status, int64_t count, void* stream);
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);

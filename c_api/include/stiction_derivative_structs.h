@@ -53,6 +53,17 @@ typedef struct stiction_solution_numbers {
   void* velocity; /**< of Jacobian batches alone (count * dof_count) */
 } stiction_solution_numbers;
 
+/** Sweeps of solver `pgs` that are differentiated as they run, and what comes of them beside the batch's cotangents. */
+typedef struct stiction_sweeps {
+  size_t size;            /**< sizeof of the struct that the caller has */
+  const void* warm_start; /**< where they begin; null: at zero (row_count) */
+  void* lambda;           /**< out: the answer of so many sweeps; null: not wanted (row_count) */
+  void* by_warm_start;    /**< out, set after set: by the warm start; null: not wanted (count of sets * row_count) */
+  double omega;           /**< as of the solver [-] */
+  int32_t count;          /**< sweeps */
+  int32_t reserved;       /**< zero */
+} stiction_sweeps;
+
 /** Numbers that belong to a contact batch, set after set: changes that are read, or cotangents that are written. Null:
  * zeros, or not wanted. */
 typedef struct stiction_batch_numbers {

@@ -31,16 +31,11 @@ void check_options(const DerivativeOptions& options) {
 std::unique_ptr<DerivativeMachine> make_machine(Device device, const DerivativeOptions& options,
                                                 const Capacity& capacity) {
   if (device.kind == DeviceKind::cpu) return make_cpu_derivative_machine(options.threads, options.kappa);
-  if (options.kappa > 0.0)
-    throw Error(ErrorCode::unsupported,
-                "kappa = " + std::to_string(options.kappa) +
-                    ": derivatives of the relaxed problem are taken on the CPU alone: give Device::cpu() and a batch "
-                    "in host memory, or kappa = 0");
   if (capacity.env_rows < 1 || capacity.env_dofs < 0 || capacity.envs < 0)
     refuse("capacity.env_rows = " + std::to_string(capacity.env_rows) +
            ": a device needs the rows of the largest environment, >= 1, and counts >= 0");
-  if (device.kind == DeviceKind::emulated) return make_emulated_derivative_machine(capacity, options.max_unknowns);
-  return make_cuda_derivative_machine(device.ordinal, capacity, options.max_unknowns);
+  if (device.kind == DeviceKind::emulated) return make_emulated_derivative_machine(capacity, options);
+  return make_cuda_derivative_machine(device.ordinal, capacity, options);
 }
 
 /// Everything that an index is taken from, and every array of numbers that is read.

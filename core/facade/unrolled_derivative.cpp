@@ -11,7 +11,7 @@ namespace stiction {
 template <class Real>
 void Derivative::unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsView<Real>& sweeps,
                               const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
-                              GradientStatus* status, Offset count) const {
+                              GradientStatus* status, Offset count, StreamRef stream) const {
   const ScopedFpEnv fp_env;
   check_contacts(batch, status, count, device_);
   if (sweeps.count < 0) refuse("sweeps.count = " + std::to_string(sweeps.count) + ": must be >= 0");
@@ -33,18 +33,18 @@ void Derivative::unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsV
   job.cotangents = cotangents;
   job.gradients = gradients;
   job.sweeps = sweeps;
-  // A batch of a device has no structure that could be planned here, and its machine refuses the job.
+  // A batch of a device has no structure that could be planned here: its machine plans it.
   PlanData plan;
   if (batch.space == MemorySpace::host) plan = make_plan(batch);
   job.cone_order = plan.cone_order.data();
-  machine_->unrolled_vjp(job);
+  machine_->unrolled_vjp(job, stream);
 }
 
 template void Derivative::unrolled_vjp(const ContactBatchView<float>&, const SweepsView<float>&,
                                        const SolutionCotangentView<float>&, const BatchCotangentView<float>&,
-                                       GradientStatus*, Offset) const;
+                                       GradientStatus*, Offset, StreamRef) const;
 template void Derivative::unrolled_vjp(const ContactBatchView<double>&, const SweepsView<double>&,
                                        const SolutionCotangentView<double>&, const BatchCotangentView<double>&,
-                                       GradientStatus*, Offset) const;
+                                       GradientStatus*, Offset, StreamRef) const;
 
 }  // namespace stiction

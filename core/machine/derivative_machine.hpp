@@ -3,7 +3,6 @@
 #include <memory>
 
 #include "core/job/unrolled_job.hpp"
-#include "stiction/error.hpp"
 
 namespace stiction {
 
@@ -20,25 +19,19 @@ class DerivativeMachine {
   virtual void vjp(const JacobianVjpJob<double>& job, StreamRef stream) = 0;
   virtual void jvp(const JacobianJvpJob<float>& job, StreamRef stream) = 0;
   virtual void jvp(const JacobianJvpJob<double>& job, StreamRef stream) = 0;
-  /// Sweeps, on return. \throws Error(unsupported) from a machine that has them not.
-  virtual void unrolled_vjp(const UnrolledJob<float>&) { refuse_sweeps(); }
-  virtual void unrolled_vjp(const UnrolledJob<double>&) { refuse_sweeps(); }
+  /// Jobs of sweeps come with an order of cones if their batch is in host memory.
+  virtual void unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) = 0;
+  virtual void unrolled_vjp(const UnrolledJob<double>& job, StreamRef stream) = 0;
   /// Returns when what was queued on `stream` is done.
   virtual void synchronize(StreamRef stream) = 0;
-
- private:
-  [[noreturn]] static void refuse_sweeps() {
-    throw Error(ErrorCode::unsupported,
-                "unrolled_vjp: sweeps are differentiated on the CPU alone: give Device::cpu() and a batch in host "
-                "memory, or use vjp(), the derivative of the solution");
-  }
 };
 
 /// kappa: product of reaction and motion in the problem that is differentiated; 0: the exact one.
 std::unique_ptr<DerivativeMachine> make_cpu_derivative_machine(int threads, double kappa);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int ordinal, const Capacity& capacity,
-                                                                Index max_unknowns);
-std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity& capacity, Index max_unknowns);
+                                                                const DerivativeOptions& options);
+std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity& capacity,
+                                                                    const DerivativeOptions& options);
 
 }  // namespace stiction

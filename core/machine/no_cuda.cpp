@@ -34,7 +34,7 @@ template std::unique_ptr<JacobianMachine<float>> make_cuda_jacobian_machine(int,
 template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian_machine(int, const JacobianCapacity&, FactorUse,
                                                                              bool);
 
-std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int, const Capacity&, Index) {
+std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int, const Capacity&, const DerivativeOptions&) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 

@@ -18,7 +18,7 @@ std::unique_ptr<ContactMachine> make_emulated_contact_machine() {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 
-std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity&, Index) {
+std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity&, const DerivativeOptions&) {
   throw Error(ErrorCode::unsupported, kNotBuilt);
 }
 

@@ -72,7 +72,8 @@ Offset unrolled_elements_of(const UnrolledJob<Real>& job, Offset env) {
 }
 template <class Real>
 void unrolled_one(const UnrolledJob<Real>& job, Offset env, double* scratch) {
-  unrolled_env(job, env, scratch);
+  SerialTeam team;
+  unrolled_env(team, job, env, job.cone_order + job.batch.env_cone_offsets[env], scratch);
 }
 
 template <class Real>

@@ -77,8 +77,8 @@ class CpuDerivativeMachine final : public DerivativeMachine {
   void vjp(const JacobianVjpJob<double>& job, StreamRef) override { pull(job); }
   void jvp(const JacobianJvpJob<float>& job, StreamRef) override { push(job); }
   void jvp(const JacobianJvpJob<double>& job, StreamRef) override { push(job); }
-  void unrolled_vjp(const UnrolledJob<float>& job) override { unroll(job); }
-  void unrolled_vjp(const UnrolledJob<double>& job) override { unroll(job); }
+  void unrolled_vjp(const UnrolledJob<float>& job, StreamRef) override { unroll(job); }
+  void unrolled_vjp(const UnrolledJob<double>& job, StreamRef) override { unroll(job); }
   void synchronize(StreamRef) override {}
 
  private:

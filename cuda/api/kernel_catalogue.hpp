@@ -70,10 +70,15 @@ struct VelocityKernels {
   KernelRef newton_in_blocks;  ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
 };
 
-/// Derivatives of contact batches, in one precision (kernels/derivative_program.hpp).
-struct DerivativeKernels {
+struct DerivativePair {
   KernelRef vjp;  ///< cotangents of solutions back to their batches
   KernelRef jvp;  ///< changes of batches forward to their solutions
+};
+/// Derivatives of contact batches, in one precision (kernels/derivative_program.hpp).
+struct DerivativeKernels {
+  DerivativePair exact;
+  DerivativePair relaxed;
+  KernelRef unrolled_vjp;  ///< cotangents of what sweeps return back to their batches
 };
 
 /// Worlds, in one precision (kernels/world_program.hpp).

@@ -52,8 +52,9 @@ template std::unique_ptr<JacobianMachine<float>> make_emulated_jacobian_machine(
 template std::unique_ptr<JacobianMachine<double>> make_emulated_jacobian_machine(const JacobianCapacity&, FactorUse,
                                                                                  bool);
 
-std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity& capacity, Index max_unknowns) {
-  return std::make_unique<cuda::DeviceDerivativeMachine>(cuda::shared_emulated_device(), capacity, max_unknowns, true);
+std::unique_ptr<DerivativeMachine> make_emulated_derivative_machine(const Capacity& capacity,
+                                                                    const DerivativeOptions& options) {
+  return std::make_unique<cuda::DeviceDerivativeMachine>(cuda::shared_emulated_device(), capacity, options, true);
 }
 
 }  // namespace stiction

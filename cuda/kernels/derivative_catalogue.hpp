@@ -7,9 +7,18 @@
 namespace stiction::cuda {
 
 template <class Make, class Real>
-DerivativeKernels derivative_kernels() {
+DerivativePair derivative_kernels() {
   return {Make::template kernel<PullBack<Real>>("derivative_vjp"),
           Make::template kernel<PushForward<Real>>("derivative_jvp")};
+}
+template <class Make, class Real>
+DerivativePair relaxed_kernels() {
+  return {Make::template kernel<PullBackRelaxed<Real>>("relaxed_vjp"),
+          Make::template kernel<PushForwardRelaxed<Real>>("relaxed_jvp")};
+}
+template <class Make, class Real>
+KernelRef unrolled_kernel() {
+  return Make::template kernel<PullSweeps<Real>>("unrolled_vjp");
 }
 
 }  // namespace stiction::cuda

@@ -1,21 +1,27 @@
 #pragma once
 
-#include "core/algorithm/derivative/jacobian_jvp.hpp"
-#include "core/algorithm/derivative/jacobian_vjp.hpp"
+#include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/algorithm/plan/structure.hpp"
 #include "cuda/api/kernel.hpp"
 #include "cuda/kernels/batch_totals.hpp"
+#include "cuda/kernels/unrolled_program.hpp"
 
 namespace stiction::cuda {
 
-/// What derivatives on a device take beside the job.
-template <class Job>
+/// What derivatives on a device take beside the job, whose kappa is 0 where they are those of the exact problem.
+template <class Job, class Real>
 struct DerivativeArgs {
-  Job job;
+  RelaxedJob<Job, Real> job;
   double* scratch;  ///< of each team that runs                     (teams * slot)
   Offset slot;      ///< numbers of it for one team
   Index most_rows;  ///< of an environment that the slot is for
   Index most_dofs;
+};
+
+/// What pulling back through sweeps takes: the job is that of a contact batch.
+template <class Real>
+struct UnrolledArgs : DerivativeArgs<JacobianVjpJob<Real>, Real> {
+  SweepsView<Real> sweeps;
 };
 
 }  // namespace stiction::cuda
@@ -36,10 +42,10 @@ STICTION_HD bool is_sound(TeamT& team, const Job& job, Offset env) {
 
 /// derive(env, scratch) for every environment that is sound and that there is room for, refuse(env, scratch) for those
 /// that are too large.
-template <Team TeamT, class Job, class Derive, class Refuse>
-STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job>& args,
+template <Team TeamT, class Job, class Real, class Derive, class Refuse>
+STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job, Real>& args,
                                 const Derive& derive, const Refuse& refuse) {
-  const Job& job = args.job;
+  const Job& job = args.job.job;
   double* const scratch = args.scratch + id.index * args.slot;
   for (Offset env = id.index; env < job.contact.batch.env_count; env += id.count) {
     if (!is_sound(team, job, env)) {
@@ -56,12 +62,12 @@ STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda:
 
 template <class Real>
 struct PullBack {
-  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>>;
+  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const JacobianVjpJob<Real>& job = args.job;
+    const JacobianVjpJob<Real>& job = args.job.job;
     derive_checked(
         team, id, args, [&](Offset env, double* scratch) { jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch); },
         [&](Offset env, double* scratch) {
@@ -72,17 +78,68 @@ struct PullBack {
 
 template <class Real>
 struct PushForward {
-  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>>;
+  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
   static constexpr bool kSerial = false;
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const JacobianJvpJob<Real>& job = args.job;
+    const JacobianJvpJob<Real>& job = args.job.job;
     derive_checked(
         team, id, args, [&](Offset env, double* scratch) { jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch); },
         [&](Offset env, double* scratch) {
           refuse_jacobian_jvp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
         });
+  }
+};
+
+/// Derivatives of the relaxed problem. They are kernels of their own: else the exact problem's would have their stack.
+template <class Real>
+struct PullBackRelaxed {
+  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    derive_checked(
+        team, id, args,
+        [&](Offset env, double* scratch) { relaxed_jacobian_vjp_env<RowTile<Real>>(team, args.job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_vjp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
+        });
+  }
+};
+
+template <class Real>
+struct PushForwardRelaxed {
+  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    derive_checked(
+        team, id, args,
+        [&](Offset env, double* scratch) { relaxed_jacobian_jvp_env<RowTile<Real>>(team, args.job, env, scratch); },
+        [&](Offset env, double* scratch) {
+          refuse_jacobian_jvp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
+        });
+  }
+};
+
+/// Sweeps in reverse, of a contact batch.
+template <class Real>
+struct PullSweeps {
+  using Args = cuda::UnrolledArgs<Real>;
+  static constexpr bool kSerial = false;
+
+  template <Team TeamT>
+  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
+    UnrolledJob<Real> job;
+    static_cast<VjpJob<Real>&>(job) = args.job.job.contact;
+    job.sweeps = args.sweeps;
+    job.cone_order = nullptr;
+    derive_checked(
+        team, id, args, [&](Offset env, double* scratch) { plan_and_unroll(team, job, env, scratch, args.slot); },
+        [&](Offset env, double*) { refuse_unrolled(team, job, env, kGradientOverCapacity); });
   }
 };
 

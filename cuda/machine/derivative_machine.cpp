@@ -29,26 +29,28 @@ int team_lanes(Index rows) {
 }  // namespace
 
 DeviceDerivativeMachine::DeviceDerivativeMachine(std::shared_ptr<DeviceApi> api, const Capacity& capacity,
-                                                 Index max_unknowns, bool eager)
+                                                 const DerivativeOptions& options, bool eager)
     : api_(std::move(api)),
       eager_(eager),
+      kappa_(options.kappa),
       most_rows_(capacity.env_rows),
       most_dofs_(capacity.env_dofs),
+      most_nonzeros_(capacity.env_nonzeros),
       slot_(derivative_elements(capacity.env_rows, capacity.env_rows, capacity.env_dofs,
-                                smaller_of(capacity.env_rows, max_unknowns)) +
-            jacobian_doubles(capacity)),
+                                smaller_of(capacity.env_rows, options.max_unknowns)) +
+            (kappa_ > 0.0 ? relaxed_vectors(capacity.env_rows) : 0) + jacobian_doubles(capacity)),
       done_(*api_) {
-  const Offset slot_bytes = slot_ * static_cast<Offset>(sizeof(double));
-  const Offset fitting = larger_of<Offset>(1, kScratchBytes / slot_bytes);
-  shape_.teams = smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors);
+  shape_.teams = teams_for(slot_);
   if (capacity.envs > 0) shape_.teams = smaller_of(shape_.teams, capacity.envs);
   shape_.lanes = team_lanes(capacity.env_rows);
   set_.add(scratch_, shape_.teams * slot_);
   memory_ = DeviceMemory(*api_, set_.bytes());
   set_.place(memory_.get());
-  for (const DerivativeKernels& kernels : api_->kernels().derivative) {
-    api_->prepare(kernels.vjp, shape_);
-    api_->prepare(kernels.jvp, shape_);
+  if (kappa_ > 0.0) relaxed_.make_room(*api_, static_cast<std::size_t>(capacity.rows) * sizeof(double));
+  for (const Precision precision : {Precision::f32, Precision::f64}) {
+    api_->prepare(kernels(precision).vjp, shape_);
+    api_->prepare(kernels(precision).jvp, shape_);
+    api_->prepare(unrolled_kernel(precision), shape_);
   }
 }
 
@@ -60,31 +62,72 @@ DeviceDerivativeMachine::~DeviceDerivativeMachine() {
   }
 }
 
+/// Kernels of the problem that is differentiated.
+const DerivativePair& DeviceDerivativeMachine::kernels(Precision precision) const {
+  const DerivativeKernels& all = api_->kernels().derivative[static_cast<int>(precision)];
+  return kappa_ > 0.0 ? all.relaxed : all.exact;
+}
+const KernelRef& DeviceDerivativeMachine::unrolled_kernel(Precision precision) const {
+  return api_->kernels().derivative[static_cast<int>(precision)].unrolled_vjp;
+}
+
+/// Memory for as many doubles. Graphs that were captured keep what they have, so that it cannot move any more.
+void DeviceDerivativeMachine::make_room(DeviceMemory& memory, Offset doubles, StreamHandle stream) {
+  const auto bytes = static_cast<std::size_t>(doubles) * sizeof(double);
+  const bool capturing = api_->capturing(stream);
+  if (memory.bytes() < bytes) {
+    if (capturing || captured_)
+      throw Error(ErrorCode::invalid_argument,
+                  "this call needs more room than those before, and the stream is captured or a graph holds the room "
+                  "there is: make one call of its size before the capture, or give a Derivative of its own");
+    api_->await(done_.get());
+    memory.make_room(*api_, bytes);
+  }
+  captured_ = captured_ || capturing;
+}
+
+/// Teams whose scratch of that many doubles fits.
+Offset DeviceDerivativeMachine::teams_for(Offset slot) const {
+  const Offset fitting = larger_of<Offset>(1, kScratchBytes / (slot * static_cast<Offset>(sizeof(double))));
+  return smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors);
+}
+
 /// Queues a launch behind whatever used the scratch last. What is captured is ordered where the graph is launched.
-template <class Job>
-void DeviceDerivativeMachine::queue(const KernelRef& kernel, const Job& job, StreamHandle stream) {
+template <class Args>
+void DeviceDerivativeMachine::queue(const KernelRef& kernel, const Args& args, Offset teams, StreamHandle stream) {
   const bool capturing = api_->capturing(stream);
   if (!capturing) api_->wait(stream, done_.get());
-  const DerivativeArgs<Job> args{job, scratch_, slot_, most_rows_, most_dofs_};
   LaunchShape shape = shape_;
-  shape.teams = smaller_of(shape.teams, job.contact.batch.env_count);
+  shape.teams = smaller_of(teams, args.job.job.contact.batch.env_count);
   api_->launch(kernel, shape, &args, stream);
   if (!capturing) api_->record(done_.get(), stream);
   if (eager_) api_->synchronize(stream);
 }
 
+template <class Program, class Job>
+void DeviceDerivativeMachine::queue_job(const KernelRef& kernel, const Job& job, StreamHandle stream) {
+  if (kappa_ > 0.0) make_room(relaxed_, job.contact.batch.row_count, stream);
+  typename Program::Args args{};
+  args.job = {job, kappa_, reinterpret_cast<decltype(args.job.lambda)>(relaxed_.get())};
+  args.scratch = scratch_;
+  args.slot = slot_;
+  args.most_rows = most_rows_;
+  args.most_dofs = most_dofs_;
+  queue(kernel, args, shape_.teams, stream);
+}
+
 /// Derivatives of a contact batch.
-template <class Job, class Contact>
+template <class Program, class Job, class Contact>
 void DeviceDerivativeMachine::queue_contacts(const KernelRef& kernel, const Contact& contact, StreamHandle stream) {
   if (contact.batch.env_count == 0) return;
   Job job{};
   job.contact = contact;
   job.has_jacobian = false;
-  queue(kernel, job, stream);
+  queue_job<Program>(kernel, job, stream);
 }
 
 /// Derivatives of a batch of J and M, which is laid out first.
-template <class Real, class Job>
+template <class Program, class Real, class Job>
 void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const KernelRef& kernel, Job job,
                                               StreamHandle stream) {
   const JacobianBatchView<Real> batch = job.assembly.batch;
@@ -92,7 +135,25 @@ void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const Ke
   make_room(room, batch, job.contact.count, stream);
   if (!api_->capturing(stream)) api_->wait(stream, done_.get());
   job.connect(room.machine->lay_out(batch, StreamRef(stream)), room.in, room.out);
-  queue(kernel, job, stream);
+  queue_job<Program>(kernel, job, stream);
+}
+
+/// Sweeps of a contact batch, in scratch of their own that grows with their number.
+template <class Real>
+void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const UnrolledJob<Real>& job, StreamHandle stream) {
+  if (job.batch.env_count == 0) return;
+  typename PullSweeps<Real>::Args args{};
+  args.job.job.contact = job;
+  args.job.job.has_jacobian = false;
+  args.sweeps = job.sweeps;
+  args.most_rows = most_rows_;
+  args.most_dofs = most_dofs_;
+  const Index rows = smaller_of(most_rows_, job.max_unknowns);
+  args.slot = unrolled_slot(rows, rows, job.sweeps.count, most_nonzeros_);
+  const Offset teams = smaller_of(teams_for(args.slot), job.batch.env_count);
+  make_room(tapes_, teams * args.slot, stream);
+  args.scratch = reinterpret_cast<double*>(tapes_.get());
+  queue(kernel, args, teams, stream);
 }
 
 /// Room for the batch, whose environments are no larger than the derivative's capacity says: larger ones get none.
@@ -133,28 +194,35 @@ void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const Jacobian
 }
 
 void DeviceDerivativeMachine::vjp(const VjpJob<float>& job, StreamRef stream) {
-  queue_contacts<JacobianVjpJob<float>>(api_->kernels().derivative[0].vjp, job, stream.handle());
+  queue_contacts<PullBack<float>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const VjpJob<double>& job, StreamRef stream) {
-  queue_contacts<JacobianVjpJob<double>>(api_->kernels().derivative[1].vjp, job, stream.handle());
+  queue_contacts<PullBack<double>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<float>& job, StreamRef stream) {
-  queue_contacts<JacobianJvpJob<float>>(api_->kernels().derivative[0].jvp, job, stream.handle());
+  queue_contacts<PushForward<float>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<double>& job, StreamRef stream) {
-  queue_contacts<JacobianJvpJob<double>>(api_->kernels().derivative[1].jvp, job, stream.handle());
+  queue_contacts<PushForward<double>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<float>& job, StreamRef stream) {
-  queue_jacobians(floats_, api_->kernels().derivative[0].vjp, job, stream.handle());
+  queue_jacobians<PullBack<float>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<double>& job, StreamRef stream) {
-  queue_jacobians(doubles_, api_->kernels().derivative[1].vjp, job, stream.handle());
+  queue_jacobians<PullBack<double>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<float>& job, StreamRef stream) {
-  queue_jacobians(floats_, api_->kernels().derivative[0].jvp, job, stream.handle());
+  queue_jacobians<PushForward<float>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<double>& job, StreamRef stream) {
-  queue_jacobians(doubles_, api_->kernels().derivative[1].jvp, job, stream.handle());
+  queue_jacobians<PushForward<double>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
+}
+
+void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) {
+  queue_sweeps(unrolled_kernel(Precision::f32), job, stream.handle());
+}
+void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<double>& job, StreamRef stream) {
+  queue_sweeps(unrolled_kernel(Precision::f64), job, stream.handle());
 }
 
 void DeviceDerivativeMachine::synchronize(StreamRef stream) {

@@ -4,7 +4,7 @@
 
 namespace stiction::cuda {
 
-DerivativeKernels cuda_derivative_kernels(Precision precision) {
+DerivativePair cuda_derivative_kernels(Precision precision) {
   return precision == Precision::f32 ? derivative_kernels<MakeCudaKernel, float>()
                                      : derivative_kernels<MakeCudaKernel, double>();
 }

@@ -2,6 +2,14 @@
 
 namespace stiction::cuda {
 
+namespace {
+
+DerivativeKernels all_derivative_kernels(Precision precision) {
+  return {cuda_derivative_kernels(precision), cuda_relaxed_kernels(precision), cuda_unrolled_kernel(precision)};
+}
+
+}  // namespace
+
 const KernelCatalogue& cuda_kernels() {
   static const KernelCatalogue catalogue{
       cuda_solver_kernels(),
@@ -14,7 +22,7 @@ const KernelCatalogue& cuda_kernels() {
       {cuda_jacobian_kernels(Precision::f32), cuda_jacobian_kernels(Precision::f64)},
       {cuda_velocity_kernels(Precision::f32), cuda_velocity_kernels(Precision::f64)},
       {cuda_world_kernels(Precision::f32), cuda_world_kernels(Precision::f64)},
-      {cuda_derivative_kernels(Precision::f32), cuda_derivative_kernels(Precision::f64)}};
+      {all_derivative_kernels(Precision::f32), all_derivative_kernels(Precision::f64)}};
   return catalogue;
 }
 

@@ -23,7 +23,9 @@ NewtonBodyKernels cuda_newton_body_kernels();
 JacobianKernels cuda_jacobian_kernels(Precision precision);
 VelocityKernels cuda_velocity_kernels(Precision precision);
 WorldKernels cuda_world_kernels(Precision precision);
-DerivativeKernels cuda_derivative_kernels(Precision precision);
+DerivativePair cuda_derivative_kernels(Precision precision);
+DerivativePair cuda_relaxed_kernels(Precision precision);
+KernelRef cuda_unrolled_kernel(Precision precision);
 
 /// Whether this build has machine code or PTX that the current device can run.
 cudaError_t probe_kernel_image();

@@ -67,9 +67,9 @@ template std::unique_ptr<JacobianMachine<double>> make_cuda_jacobian_machine(int
                                                                              bool);
 
 std::unique_ptr<DerivativeMachine> make_cuda_derivative_machine(int ordinal, const Capacity& capacity,
-                                                                Index max_unknowns) {
+                                                                const DerivativeOptions& options) {
   return std::make_unique<cuda::DeviceDerivativeMachine>(open_device(ordinal, "differentiate on the cpu"), capacity,
-                                                         max_unknowns, false);
+                                                         options, false);
 }
 
 }  // namespace stiction

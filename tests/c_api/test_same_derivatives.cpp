@@ -99,6 +99,47 @@ TEST(SameDerivatives, OfContactBatches) {
   same_derivatives<double>();
 }
 
+TEST(SameDerivatives, OfSweeps) {
+  const ContactBatch<float> batch =
+      convert<float>(batch_of({random_contacts({.seed = 3}), random_contacts({.seed = 4})}));
+  const auto view = batch.view();
+  const auto rows = static_cast<std::size_t>(view.row_count);
+  const auto room = [](std::size_t count) { return std::vector<float>(count, 77.0F); };
+  auto start = random_numbers<float>(rows, 1), bar = random_numbers<float>(2 * rows, 2),
+       w_bar = random_numbers<float>(2 * rows, 3);
+  // A, b, R, mu, lo, hi, the answer, where the sweeps began.
+  std::vector<std::vector<float>> own{room(2 * static_cast<std::size_t>(view.nonzero_count))};
+  for (const std::size_t sets : {2, 2, 2, 2, 2, 1, 2}) own.push_back(room(sets * rows));
+  auto expected = own;
+  std::vector<GradientStatus> status(2), same(2);
+  Derivative(Device::cpu(), options_of())
+      .unrolled_vjp(view, SweepsView<float>{start.data(), 5, 0.9, expected[6].data(), expected[7].data()},
+                    SolutionCotangentView<float>{bar.data(), w_bar.data()},
+                    BatchCotangentView<float>{expected[0].data(), nullptr, expected[1].data(), expected[2].data(),
+                                              expected[3].data(), expected[4].data(), expected[5].data()},
+                    status.data(), 2);
+  stiction_derivative* derivative = made();
+  const stiction_batch_view given = c_view(view);
+  stiction_sweeps sweeps;
+  stiction_solution_numbers from;
+  stiction_batch_numbers to;
+  stiction_sweeps_init(&sweeps, sizeof sweeps);
+  stiction_solution_numbers_init(&from, sizeof from);
+  stiction_batch_numbers_init(&to, sizeof to);
+  sweeps.warm_start = start.data();
+  sweeps.count = 5;
+  sweeps.omega = 0.9;
+  from.lambda = bar.data();
+  from.w = w_bar.data();
+  void** const fields[] = {&to.A, &to.b, &to.R, &to.mu, &to.lo, &to.hi, &sweeps.lambda, &sweeps.by_warm_start};
+  for (std::size_t k = 0; k < own.size(); ++k) *fields[k] = own[k].data();
+  STICTION_OK_OR_SAY(
+      stiction_derivative_unrolled_vjp(derivative, &given, &sweeps, &from, &to, records(same), 2, nullptr));
+  EXPECT_EQ(own, expected);
+  EXPECT_EQ(same[1].forward_residual, status[1].forward_residual);
+  STICTION_OK_OR_SAY(stiction_derivative_destroy(derivative));
+}
+
 TEST(SameDerivatives, OfJacobianBatches) {
   JacobianBatch<double> batch(Law::coulomb);
   for (std::uint64_t seed = 1; seed < 4; ++seed) batch.add(random_jacobian({seed, 2, 2, 6, 0}));

@@ -23,7 +23,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_body_solution) == 40);
   STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 48);
   STICTION_CHECK(sizeof(stiction_solution_numbers) == 32 && sizeof(stiction_batch_numbers) == 64);
-  STICTION_CHECK(sizeof(stiction_jacobian_numbers) == 72);
+  STICTION_CHECK(sizeof(stiction_jacobian_numbers) == 72 && sizeof(stiction_sweeps) == 48);
 }
 
 /* The defaults are those that the C++ headers document. */

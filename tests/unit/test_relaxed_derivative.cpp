@@ -323,20 +323,19 @@ TEST_P(RelaxedDerivative, InSinglePrecisionIsThatOfDouble) {
   }
 }
 
-TEST(RelaxedOptions, OutOfRangeAndDevicesAreRefusedByName) {
-  const auto said = [](double kappa, Device device) {
+TEST(RelaxedOptions, OutOfRangeIsRefusedByName) {
+  const auto said = [](double kappa) {
     try {
-      const Derivative derivative(device, relaxed(kappa), Capacity{.env_rows = 8});
+      const Derivative derivative(Device::cpu(), relaxed(kappa));
     } catch (const Error& error) {
       return std::string(error.what());
     }
     return std::string();
   };
-  EXPECT_NE(said(-1.0, Device::cpu()).find("kappa = -1"), std::string::npos);
-  EXPECT_NE(said(std::numeric_limits<double>::quiet_NaN(), Device::cpu()).find("kappa = nan"), std::string::npos);
-  EXPECT_NE(said(std::numeric_limits<double>::infinity(), Device::cpu()).find("kappa = inf"), std::string::npos);
-  EXPECT_NE(said(1e-3, Device::emulated()).find("on the CPU alone"), std::string::npos);
-  EXPECT_EQ(said(0.0, Device::emulated()), "");
+  EXPECT_NE(said(-1.0).find("kappa = -1"), std::string::npos);
+  EXPECT_NE(said(std::numeric_limits<double>::quiet_NaN()).find("kappa = nan"), std::string::npos);
+  EXPECT_NE(said(std::numeric_limits<double>::infinity()).find("kappa = inf"), std::string::npos);
+  EXPECT_EQ(said(1e-3), "");
 }
 
 /// What is refused at kappa = 0 is refused, and gets zeros; an environment beside it keeps its bits.

@@ -281,16 +281,6 @@ TEST(UnrolledOptions, WhatCannotBeHadIsRefused) {
   };
   EXPECT_NE(said([&] { unrolled(batch.view(), {}, -1, 1.0, bar, {}); }).find("sweeps.count = -1"), std::string::npos);
   EXPECT_NE(said([&] { unrolled(batch.view(), {}, 1, 2.0, bar, {}); }).find("sweeps.omega = 2"), std::string::npos);
-  // A device that would take the batch refuses the sweeps.
-  auto emulated = batch.view();
-  emulated.space = MemorySpace::cuda;
-  GradientStatus status{};
-  EXPECT_NE(said([&] {
-              Derivative(Device::emulated(), {}, Capacity{.env_rows = 8})
-                  .unrolled_vjp(emulated, SweepsView<double>{}, SolutionCotangentView<double>{},
-                                BatchCotangentView<double>{}, &status);
-            }).find("on the CPU alone"),
-            std::string::npos);
   // Numbers that forbid a solve, and rows that there is no room for: zeros and a flag.
   Environment<double> bad = env;
   bad.b[1] = std::numeric_limits<double>::quiet_NaN();

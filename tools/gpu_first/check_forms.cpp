@@ -152,18 +152,19 @@ ContactBatch<Real> derivative_batch(bool full) {
 
 /// Cotangents and tangents of a batch, on the CPU or where the device reads them.
 template <class Real>
-Hashes derivatives(const ContactBatch<Real>& batch, const std::vector<Real>& lambda, Target* target) {
+Hashes derivatives(const ContactBatch<Real>& batch, const std::vector<Real>& lambda, const DerivativeOptions& options,
+                   Target* target) {
   const auto host = batch.view();
   const auto bar = test::random_numbers<Real>(lambda.size(), 1), w_bar = test::random_numbers<Real>(lambda.size(), 2);
   const auto nudge = test::random_numbers<Real>(batch.arrays().A.size(), 3);
   if (target == nullptr) {
-    const auto back = test::vjp(host, lambda, bar, w_bar);
-    const auto forth = test::jvp(host, lambda, BatchTangentView<Real>{nudge.data(), nullptr, bar.data()});
+    const auto back = test::vjp(host, lambda, bar, w_bar, options);
+    const auto forth = test::jvp(host, lambda, BatchTangentView<Real>{nudge.data(), nullptr, bar.data()}, options);
     return {hash_of(back.A),  hash_of(back.b),       hash_of(back.R),
             hash_of(back.mu), hash_of(forth.lambda), hash_of(forth.w)};
   }
   Arrays arrays(target->api());
-  const Derivative derivative(target->device(), {}, Capacity::of(host));
+  const Derivative derivative(target->device(), options, Capacity::of(host));
   const auto view = on_device(arrays, host);
   const ReactionView<Real> at{arrays.put(lambda), nullptr};
   const StreamRef stream{arrays.stream()};
@@ -183,15 +184,49 @@ Hashes derivatives(const ContactBatch<Real>& batch, const std::vector<Real>& lam
           hash_of(arrays.fetch(changes.lambda, rows)), hash_of(arrays.fetch(changes.w, rows))};
 }
 
+/// Ten sweeps in reverse: their answer, and cotangents of the batch and of where they began.
 template <class Real>
-void compare_derivatives(Report& report, const char* precision) {
+Hashes sweeps(const ContactBatch<Real>& batch, Target* target) {
+  constexpr Index kSweeps = 10;
+  const auto host = batch.view();
+  const auto rows = static_cast<std::size_t>(host.row_count), entries = static_cast<std::size_t>(host.nonzero_count);
+  const auto start = test::random_numbers<Real>(rows, 1), bar = test::random_numbers<Real>(rows, 2);
+  if (target == nullptr) {
+    std::vector<Real> lambda(rows), by_start(rows), A(entries), b(rows), mu(rows);
+    std::vector<GradientStatus> status(static_cast<std::size_t>(host.env_count));
+    Derivative().unrolled_vjp(host, SweepsView<Real>{start.data(), kSweeps, 1.0, lambda.data(), by_start.data()},
+                              SolutionCotangentView<Real>{bar.data(), nullptr},
+                              BatchCotangentView<Real>{A.data(), nullptr, b.data(), nullptr, mu.data()}, status.data());
+    return {hash_of(lambda), hash_of(by_start), hash_of(A), hash_of(b), hash_of(mu)};
+  }
+  Arrays arrays(target->api());
+  const Derivative derivative(target->device(), {}, Capacity::of(host));
+  const auto room = [&] { return arrays.room<Real>(host.row_count); };
+  const SweepsView<Real> of{arrays.put(start), kSweeps, 1.0, room(), room()};
+  const BatchCotangentView<Real> to{arrays.room<Real>(host.nonzero_count), nullptr, room(), nullptr, room()};
+  derivative.unrolled_vjp(on_device(arrays, host), of, SolutionCotangentView<Real>{arrays.put(bar), nullptr}, to,
+                          arrays.room<GradientStatus>(host.env_count), 1, StreamRef{arrays.stream()});
+  arrays.synchronize();
+  const auto fetch = [&](const Real* numbers) { return hash_of(arrays.fetch(numbers, host.row_count)); };
+  return {fetch(of.lambda), fetch(of.by_warm_start), hash_of(arrays.fetch(to.A, host.nonzero_count)), fetch(to.b),
+          fetch(to.mu)};
+}
+
+template <class Real>
+void compare_derivatives(Report& report, const std::string& precision) {
   const ContactBatch<Real> batch = derivative_batch<Real>(report.setting().full);
   SolverOptions options = test::options(SolverKind::npgs, 1e-5, 1000);
   options.threads = 0;
   const std::vector<Real> lambda = solve(batch, options).lambda;
+  for (const double kappa : {0.0, 1e-2}) {
+    DerivativeOptions of;
+    of.kappa = kappa;
+    report.compare(
+        kappa > 0.0 ? precision + " relaxed" : precision, [&] { return derivatives(batch, lambda, of, nullptr); },
+        [&] { return derivatives(batch, lambda, of, report.target()); });
+  }
   report.compare(
-      precision, [&] { return derivatives(batch, lambda, nullptr); },
-      [&] { return derivatives(batch, lambda, report.target()); });
+      precision + " sweeps", [&] { return sweeps(batch, nullptr); }, [&] { return sweeps(batch, report.target()); });
 }
 
 void derivative(Report& report) {

@@ -17,10 +17,14 @@ struct RelaxedScratch : DerivativeScratch {
   double* hi_share;  ///< its upper one                                   (n)
 };
 
+/// What an environment of so many rows takes beside its DerivativeScratch, in doubles.
+STICTION_HD constexpr Offset relaxed_vectors(Offset rows) {
+  return 6 * rows;
+}
 /// Scratch of one environment, in doubles.
 template <class Real>
 STICTION_HD Offset relaxed_elements(const DerivativeJob<Real>& job, Offset env) {
-  return derivative_elements(job, env) + Offset{6} * job.batch.env_rows(env);
+  return derivative_elements(job, env) + relaxed_vectors(job.batch.env_rows(env));
 }
 
 template <class Real>

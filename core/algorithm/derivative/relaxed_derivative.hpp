@@ -44,31 +44,34 @@ STICTION_HD Offset relaxed_jacobian_elements(const Job& job, Offset env) {
          relaxed_elements(job.contact, env);
 }
 
+/// Pulls all sets of cotangents of one environment back, to J and M where there are such, and writes its record.
 template <class Tile, Team TeamT, class Real>
-STICTION_HD void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<JacobianVjpJob<Real>, Real>& job, Offset index,
-                                          double* memory) {
+STICTION_HD_OUTLINE void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<JacobianVjpJob<Real>, Real>& job,
+                                                  Offset index, double* memory) {
   JacobianVjpJob<Real> own = job.job;
   auto* const chain = reinterpret_cast<Real*>(memory + relaxed_elements(own.contact, index));
-  const bool is_mass = begin_jacobian_vjp<Tile>(team, own, index, chain);
+  const bool is_mass = own.has_jacobian && begin_jacobian_vjp<Tile>(team, own, index, chain);
   relaxed_vjp_env(team, RelaxedJob<VjpJob<Real>, Real>{own.contact, job.kappa, job.lambda}, index, memory);
+  if (!own.has_jacobian) return;
   own.contact.at.lambda = job.lambda;
   end_jacobian_vjp<Tile>(team, own, index, chain, is_mass);
 }
 
-/// What J and M do while the reactions rest depends on the relaxed ones, so they are found before.
+/// Pushes all sets of changes of one environment forward, of J and M where there are such, and writes its record. What
+/// J and M do while the reactions rest depends on the relaxed ones, so they are found before.
 template <class Tile, Team TeamT, class Real>
-STICTION_HD void relaxed_jacobian_jvp_env(TeamT& team, const RelaxedJob<JacobianJvpJob<Real>, Real>& job, Offset index,
-                                          double* memory) {
+STICTION_HD_OUTLINE void relaxed_jacobian_jvp_env(TeamT& team, const RelaxedJob<JacobianJvpJob<Real>, Real>& job,
+                                                  Offset index, double* memory) {
   JacobianJvpJob<Real> own = job.job;
   auto* const chain = reinterpret_cast<Real*>(memory + relaxed_elements(own.contact, index));
-  const bool is_mass = assemble_for_derivative<Tile>(team, own.assembly, index, chain);
+  const bool is_mass = own.has_jacobian && assemble_for_derivative<Tile>(team, own.assembly, index, chain);
   const EnvView<Real> env = slice_problem(own.contact.batch, own.contact.law, index);
   const RelaxedScratch s = lay_out_relaxed(own.contact, index, memory);
   ModesFound found;
   own.contact = relaxed_at(team, env, own.contact, index, job.kappa, job.lambda, s, found);
   if (is_mass) change_motion(team, ChainEnv<Tile>(own.assembly.batch, index, chain), own, index);
   jvp_along(team, env, own.contact, index, s, found);
-  end_jacobian_jvp<Tile>(team, own, index, chain, is_mass);
+  if (own.has_jacobian) end_jacobian_jvp<Tile>(team, own, index, chain, is_mass);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -6,43 +6,48 @@
 #include "core/job/unrolled_job.hpp"
 
 /// Sweeps of `pgs` run again in double, with all that they saw kept (docs/math/derivative.md, (28)). Cones follow one
-/// another, so one lane takes an environment.
+/// another; lanes share the rows of a visit.
 namespace stiction::inline STICTION_ISA {
 
 /// Scratch of one environment, in the coordinates of the unit cones. Position p of a cone's component k is its first
 /// row + k, the normal first.
 struct SweepTape {
   Index n;
-  double* A;         ///< S (A + diag R) S                                     (n x n)
-  double* A_bar;     ///< what the loss says of it                             (n x n)
-  double* before;    ///< reaction of a cone before its visit, sweep by sweep  (sweeps x n)
-  double* motion;    ///< its motion at the visit                              (sweeps x n)
-  double* scale;     ///< S                                                    (n)
-  double* b;         ///< S b                                                  (n)
-  double* guess;     ///< where sweeps begin, before it is moved into the cone (n)
-  double* x;         ///<                                                      (n)
-  double* best;      ///< the iterate that is returned                         (n)
-  double* x_bar;     ///<                                                      (n)
-  double* b_bar;     ///<                                                      (n)
-  double* lo_bar;    ///<                                                      (n)
-  double* hi_bar;    ///<                                                      (n)
-  double* seed;      ///< what the loss says of lambda, row by row             (n)
-  double* lambda;    ///< in the batch's rows                                  (n)
-  double* w;         ///<                                                      (n)
-  double* measure;   ///< inv_n, inv_t, damping, share of each cone            (4 x cones)
-  double* measured;  ///< what the loss says of them                           (4 x cones)
-  Index* row;        ///< the batch's row of each position                     (n)
-  Index* position;   ///< and back                                             (n)
+  double* A;          ///< S (A + diag R) S                                     (n x n)
+  double* A_bar;      ///< what the loss says of it                             (n x n)
+  double* before;     ///< reaction of a cone before its visit, sweep by sweep  (sweeps x n)
+  double* motion;     ///< its motion at the visit                              (sweeps x n)
+  double* scale;      ///< S                                                    (n)
+  double* b;          ///< S b                                                  (n)
+  double* guess;      ///< where sweeps begin, before it is moved into the cone (n)
+  double* x;          ///<                                                      (n)
+  double* best;       ///< the iterate that is returned                         (n)
+  double* x_bar;      ///<                                                      (n)
+  double* b_bar;      ///<                                                      (n)
+  double* lo_bar;     ///<                                                      (n)
+  double* hi_bar;     ///<                                                      (n)
+  double* seed;       ///< what the loss says of lambda, row by row             (n)
+  double* lambda;     ///< in the batch's rows                                  (n)
+  double* w;          ///<                                                      (n)
+  double* measure;    ///< inv_n, inv_t, damping, share of each cone            (4 x cones)
+  double* measured;   ///< what the loss says of them                           (4 x cones)
+  double* by_motion;  ///< what the loss says of the motion at a visit          (kMaxConeRows)
+  Index* row;         ///< the batch's row of each position                     (n)
+  Index* position;    ///< and back                                             (n)
 
   [[nodiscard]] STICTION_HD double& entry(double* matrix, Index p, Index q) const {
     return matrix[static_cast<Offset>(p) * n + q];
   }
 };
 
+/// Scratch of an environment of that size, in doubles.
+STICTION_HD constexpr Offset unrolled_elements(Offset rows, Offset cones, Offset sweeps) {
+  return 2 * rows * rows + 2 * rows * sweeps + 12 * rows + 8 * cones + kMaxConeRows + rows + 1;
+}
 template <class Real>
 STICTION_HD Offset unrolled_elements(const UnrolledJob<Real>& job, Offset env) {
   const Offset n = most_unknowns(job, env) < job.batch.env_rows(env) ? 0 : job.batch.env_rows(env);
-  return 2 * n * n + 2 * n * job.sweeps.count + 12 * n + 8 * Offset{job.batch.env_cones(env)} + n + 1;
+  return unrolled_elements(n, job.batch.env_cones(env), job.sweeps.count);
 }
 
 template <class Real>
@@ -64,33 +69,41 @@ STICTION_HD SweepTape lay_out_tape(const UnrolledJob<Real>& job, Offset env, dou
     *vector = take(n);
   s.measure = take(4 * cones);
   s.measured = take(4 * cones);
+  s.by_motion = take(kMaxConeRows);
   s.row = reinterpret_cast<Index*>(memory);
   s.position = s.row + n;
   return s;
 }
 
-/// f(column, entry) for all that row i of A has, R left out.
-template <class Real, class F>
-STICTION_HD void for_each_of_row(const EnvView<Real>& env, Index i, const F& f) {
+/// f(column, entry) for all that row i of A has, R left out. Lanes share them.
+template <Team TeamT, class Real, class F>
+STICTION_HD void for_each_of_row(TeamT& team, const EnvView<Real>& env, Index i, const F& f) {
   if (env.factor == nullptr) {
     const Real* const a = env.A + env.row_offsets[i];
-    for (Index k = 0; k < env.entries(i); ++k) f(env.columns(i)[k], static_cast<double>(a[k]));
+    for_each(team, env.entries(i), [&](Index k) { f(env.columns(i)[k], static_cast<double>(a[k])); });
     return;
   }
-  for (Index j = 0; j < env.n; ++j) {
+  for_each(team, env.n, [&](Index j) {
     double sum = 0.0;
     for (Index k = 0; k < env.dofs; ++k)
       sum = fma_(static_cast<double>(env.factor[static_cast<Offset>(i) * env.dofs + k]),
                  static_cast<double>(env.factor[static_cast<Offset>(j) * env.dofs + k]), sum);
     f(j, sum);
-  }
+  });
+}
+/// One lane has them all, in order.
+template <class Real, class F>
+STICTION_HD void for_each_of_row(const EnvView<Real>& env, Index i, const F& f) {
+  SerialTeam alone;
+  for_each_of_row(alone, env, i, f);
 }
 
-/// f(shape, cone, first row) for every cone, in the batch's order.
-template <class Real, class F>
-STICTION_HD void for_each_shape(const EnvView<Real>& env, const F& f) {
-  for (Index cone = 0; cone < env.cone_count; ++cone)
+/// f(shape, cone, first row) for every cone. Lanes share them.
+template <Team TeamT, class Real, class F>
+STICTION_HD void for_each_shape(TeamT& team, const EnvView<Real>& env, const F& f) {
+  for_each(team, env.cone_count, [&](Index cone) {
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) { f(shape, cone, env.cone_row(cone)); });
+  });
 }
 
 /// A cone and the reaction x of its rows; its bounds where it is a box.
@@ -113,12 +126,13 @@ STICTION_HD auto lone_cone(Shape, const EnvView<Real>& env, const SweepTape& s, 
   return lone;
 }
 
-/// Fills the system and the guess. Returns flags.
-template <class Real>
-STICTION_HD std::uint32_t load_tape(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s) {
+/// Fills the system and the guess. Returns flags, on every lane.
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE std::uint32_t load_tape(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
+                                            const SweepTape& s) {
   std::uint32_t flags = 0;
   if ((env.flags & ~static_cast<std::uint32_t>(kFlagContactsDropped)) != 0) flags |= kGradientInvalidInput;
-  for_each_shape(env, [&](auto shape, Index cone, Index first) {
+  for_each_shape(team, env, [&](auto shape, Index cone, Index first) {
     constexpr int kRows = decltype(shape)::kRows;
     if (env.kind[cone] >= ConeKind::box_friction) flags |= kGradientInvalidInput;
     for (int k = 0; k < kRows; ++k) {
@@ -134,9 +148,9 @@ STICTION_HD std::uint32_t load_tape(const EnvView<Real>& env, const UnrolledJob<
       if (!finite_(s.b[p]) || !finite_(s.guess[p])) flags |= kGradientNonFinite;
     }
   });
-  for (Offset k = 0; k < static_cast<Offset>(env.n) * env.n; ++k) s.A[k] = 0.0;
-  for (Index i = 0; i < env.n; ++i) {
+  for_each(team, env.n, [&](Index i) {
     const Index p = s.position[i];
+    for (Index q = 0; q < env.n; ++q) s.entry(s.A, p, q) = 0.0;
     const auto add = [&](Index j, double value) {
       const Index q = s.position[j];
       double& entry = s.entry(s.A, p, q);
@@ -145,8 +159,8 @@ STICTION_HD std::uint32_t load_tape(const EnvView<Real>& env, const UnrolledJob<
     };
     for_each_of_row(env, i, add);
     add(i, static_cast<double>(env.R[i]));
-  }
-  for_each_shape(env, [&](auto shape, Index cone, Index first) {
+  });
+  for_each_shape(team, env, [&](auto shape, Index cone, Index first) {
     auto lone = lone_cone(shape, env, s, cone, first, s.guess + first);
     lone.measure();
     double* const measure = s.measure + 4 * cone;
@@ -158,45 +172,49 @@ STICTION_HD std::uint32_t load_tape(const EnvView<Real>& env, const UnrolledJob<
     proximal_point<Law::convex>(shape, lone.x, still, 0.0, lone.lo[0], lone.hi[0]);
     for (int k = 0; k < decltype(shape)::kRows; ++k) s.x[first + k] = lone.x[k];
   });
-  return flags;
+  return team.combine(flags);
 }
 
 /// One sweep, kept.
-template <Law kLaw, class Real>
-STICTION_HD void keep_sweep(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s, Index sweep) {
+template <Law kLaw, Team TeamT, class Real>
+STICTION_HD void keep_sweep(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s,
+                            Index sweep) {
   double* const before = s.before + static_cast<Offset>(sweep) * s.n;
   double* const motion = s.motion + static_cast<Offset>(sweep) * s.n;
   for (Index p = 0; p < env.cone_count; ++p) {
     const Index cone = env.factor == nullptr ? env.cone_order[p] : p;
     const Index first = env.cone_row(cone);
-    with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
-      constexpr int kRows = decltype(shape)::kRows;
-      double y[kRows];
-      for (int r = 0; r < kRows; ++r) {
-        double sum = s.b[first + r];
-        for (Index j = 0; j < s.n; ++j) sum = fma_(s.entry(s.A, first + r, j), s.x[j], sum);
-        y[r] = motion[first + r] = sum;
-        before[first + r] = s.x[first + r];
-      }
-      const auto lone = lone_cone(shape, env, s, cone, first, s.x + first);
-      const auto step = local_step<kLaw>(shape, lone, 0, 0, y, job.sweeps.omega);
-      for (int r = 0; r < kRows; ++r) s.x[first + r] = s.x[first + r] + step.d[r];
+    for_each(team, env.cone_size(cone), [&](Index r) {
+      double sum = s.b[first + r];
+      for (Index j = 0; j < s.n; ++j) sum = fma_(s.entry(s.A, first + r, j), s.x[j], sum);
+      motion[first + r] = sum;
+      before[first + r] = s.x[first + r];
+    });
+    single(team, [&] {
+      with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+        constexpr int kRows = decltype(shape)::kRows;
+        double y[kRows];
+        for (int r = 0; r < kRows; ++r) y[r] = motion[first + r];
+        const auto lone = lone_cone(shape, env, s, cone, first, s.x + first);
+        const auto step = local_step<kLaw>(shape, lone, 0, 0, y, job.sweeps.omega);
+        for (int r = 0; r < kRows; ++r) s.x[first + r] = s.x[first + r] + step.d[r];
+      });
     });
   }
 }
 
-/// The square of the natural map at the iterate, by which the solver chooses what it returns.
-template <class Real>
-STICTION_HD double square_at(const EnvView<Real>& env, const SweepTape& s) {
-  for (Index p = 0; p < s.n; ++p) s.lambda[s.row[p]] = s.scale[p] * s.x[p];
+/// The square of the natural map at the iterate, by which the solver chooses what it returns; on every lane.
+template <Team TeamT, class Real>
+STICTION_HD double square_at(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
+  for_each(team, s.n, [&](Index p) { s.lambda[s.row[p]] = s.scale[p] * s.x[p]; });
   double largest = 0.0;
   std::uint32_t flags = 0;
-  for (Index i = 0; i < env.n; ++i) {
+  for_each(team, env.n, [&](Index i) {
     s.w[i] = fma_(static_cast<double>(env.R[i]), s.lambda[i], static_cast<double>(env.b[i]));
     for_each_of_row(env, i, [&](Index j, double value) { s.w[i] = fma_(value, s.lambda[j], s.w[i]); });
-  }
+  });
   const auto at = [&](const auto& rows) {
-    for_each_shape(env, [&](auto shape, Index cone, Index) {
+    for_each_shape(team, env, [&](auto shape, Index cone, Index) {
       largest = max_(cone_residual(shape, cone_point(shape, env, rows, s.lambda, s.w, cone, flags), env.law), largest);
     });
   };
@@ -205,25 +223,26 @@ STICTION_HD double square_at(const EnvView<Real>& env, const SweepTape& s) {
   } else {
     at(FactorRows<Real>{&env, nullptr});
   }
-  return flags == 0 ? largest : __builtin_huge_val();
+  largest = team.max(largest);
+  return team.combine(flags) == 0 ? largest : __builtin_huge_val();
 }
 
 /// All sweeps. Returns which iterate the solver returns, of those that it looks at; it is left in `best`.
-template <Law kLaw, class Real>
-STICTION_HD Index run_sweeps(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s,
-                             double& square) {
+template <Law kLaw, Team TeamT, class Real>
+STICTION_HD_OUTLINE Index run_sweeps(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
+                                     const SweepTape& s, double& square) {
   Index chosen = 0;
   for (Index done = 0;; ++done) {
     if (done % kChunk == 0 || done == job.sweeps.count) {
-      const double own = square_at(env, s);
+      const double own = square_at(team, env, s);
       if (done == 0 || own < square) {
         square = own;
         chosen = done;
-        for (Index p = 0; p < s.n; ++p) s.best[p] = s.x[p];
+        for_each(team, s.n, [&](Index p) { s.best[p] = s.x[p]; });
       }
     }
     if (done == job.sweeps.count) return chosen;
-    keep_sweep<kLaw>(env, job, s, done);
+    keep_sweep<kLaw>(team, env, job, s, done);
   }
 }
 

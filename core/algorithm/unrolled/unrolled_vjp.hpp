@@ -6,10 +6,10 @@
 /// (docs/math/derivative.md, (28) to (31)).
 namespace stiction::inline STICTION_ISA {
 
-/// One visit in reverse: `x` holds the iterate after it, and then that before it.
+/// What one visit's step says of the cone, by one lane. `x` holds the iterate after it, and then that before it.
 template <Law kLaw, class Real, class Shape>
-STICTION_HD void pull_visit(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
-                            Index cone, Index first) {
+STICTION_HD void pull_cone(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
+                           Index cone, Index first) {
   constexpr int kRows = Shape::kRows;
   const double* const before = s.before + static_cast<Offset>(sweep) * s.n + first;
   const double* const motion = s.motion + static_cast<Offset>(sweep) * s.n + first;
@@ -22,17 +22,13 @@ STICTION_HD void pull_visit(Shape shape, const EnvView<Real>& env, double omega,
   }
   LoneConeBar<kRows> to;
   pull_local_step<kLaw>(shape, lone, y, omega, bar, to);
-  for (int r = 0; r < kRows; ++r) s.x_bar[first + r] = to.x[r];
   for (int r = 0; r < kRows; ++r) {
+    s.x_bar[first + r] = to.x[r];
+    s.by_motion[r] = to.y[r];
     s.b_bar[first + r] = s.b_bar[first + r] + to.y[r];
     for (int j = 0; j < kRows; ++j) {
       double& entry = s.entry(s.A_bar, first + r, first + j);
       entry = entry + to.B[r][j];
-    }
-    if (to.y[r] == 0.0) continue;
-    for (Index j = 0; j < s.n; ++j) {
-      s.entry(s.A_bar, first + r, j) = fma_(to.y[r], s.x[j], s.entry(s.A_bar, first + r, j));
-      s.x_bar[j] = fma_(s.entry(s.A, first + r, j), to.y[r], s.x_bar[j]);
     }
   }
   double* const measured = s.measured + 4 * cone;
@@ -44,10 +40,29 @@ STICTION_HD void pull_visit(Shape shape, const EnvView<Real>& env, double omega,
   s.hi_bar[first] = s.hi_bar[first] + to.hi;
 }
 
+/// One visit in reverse: its step, then what made its motion. A lane takes columns.
+template <Law kLaw, Team TeamT, class Real>
+STICTION_HD void pull_visit(TeamT& team, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
+                            Index cone) {
+  const Index first = env.cone_row(cone), size = env.cone_size(cone);
+  single(team, [&] {
+    with_shape(env.kind[cone], size, [&](auto shape) { pull_cone<kLaw>(shape, env, omega, s, sweep, cone, first); });
+  });
+  for (Index r = 0; r < size; ++r) {
+    const double by_motion = s.by_motion[r];
+    if (by_motion == 0.0) continue;
+    for (Index j = team.rank(); j < s.n; j += team.size()) {
+      s.entry(s.A_bar, first + r, j) = fma_(by_motion, s.x[j], s.entry(s.A_bar, first + r, j));
+      s.x_bar[j] = fma_(s.entry(s.A, first + r, j), by_motion, s.x_bar[j]);
+    }
+  }
+  team.sync();
+}
+
 /// What step lengths say of A, and the guess's way into its cone, in reverse.
-template <class Real>
-STICTION_HD void pull_start(const EnvView<Real>& env, const SweepTape& s) {
-  for_each_shape(env, [&](auto shape, Index cone, Index first) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void pull_start(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
+  for_each_shape(team, env, [&](auto shape, Index cone, Index first) {
     constexpr int kRows = decltype(shape)::kRows;
     const auto lone = lone_cone(shape, env, s, cone, first, s.guess + first);
     const double* const measured = s.measured + 4 * cone;
@@ -82,36 +97,43 @@ STICTION_HD void pull_start(const EnvView<Real>& env, const SweepTape& s) {
   });
 }
 
-/// All of the sweeps up to `chosen` in reverse, of one set of cotangents. Whether everything is finite.
-template <Law kLaw, class Real>
-STICTION_HD bool pull_sweeps(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s, Index chosen,
+/// What the loss says of the reactions that are returned, through w as well, to `seed`.
+template <Team TeamT, class Real>
+STICTION_HD void seed_sweeps(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s,
                              Offset set) {
   const Offset rows = set * job.batch.row_count + env.first_row;
-  for (Index i = 0; i < s.n; ++i) s.seed[i] = given(job.cotangents.lambda, rows + i);
+  for_each(team, s.n, [&](Index i) { s.seed[i] = given(job.cotangents.lambda, rows + i); });
   for (Index i = 0; i < s.n && job.cotangents.w != nullptr; ++i) {
     const double w_bar = given(job.cotangents.w, rows + i);
-    s.seed[i] = fma_(static_cast<double>(env.R[i]), w_bar, s.seed[i]);
-    for_each_of_row(env, i, [&](Index j, double value) { s.seed[j] = fma_(value, w_bar, s.seed[j]); });
+    single(team, [&] { s.seed[i] = fma_(static_cast<double>(env.R[i]), w_bar, s.seed[i]); });
+    for_each_of_row(team, env, i, [&](Index j, double value) { s.seed[j] = fma_(value, w_bar, s.seed[j]); });
   }
-  for (Offset k = 0; k < static_cast<Offset>(s.n) * s.n; ++k) s.A_bar[k] = 0.0;
-  for (Index k = 0; k < 4 * env.cone_count; ++k) s.measured[k] = 0.0;
-  for (Index p = 0; p < s.n; ++p) {
+}
+
+/// All of the sweeps up to `chosen` in reverse, of one set of cotangents. Whether everything is finite, on every lane.
+template <Law kLaw, Team TeamT, class Real>
+STICTION_HD_OUTLINE bool pull_sweeps(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
+                                     const SweepTape& s, Index chosen, Offset set) {
+  seed_sweeps(team, env, job, s, set);
+  for_each(team, s.n * s.n, [&](Index k) { s.A_bar[k] = 0.0; });
+  for_each(team, 4 * env.cone_count, [&](Index k) { s.measured[k] = 0.0; });
+  for_each(team, s.n, [&](Index p) {
     s.b_bar[p] = s.lo_bar[p] = s.hi_bar[p] = 0.0;
     s.x[p] = s.best[p];
     s.x_bar[p] = s.scale[p] * s.seed[s.row[p]];
-  }
+  });
   for (Index sweep = chosen; sweep-- > 0;)
-    for (Index p = env.cone_count; p-- > 0;) {
-      const Index cone = env.factor == nullptr ? env.cone_order[p] : p;
-      with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
-        pull_visit<kLaw>(shape, env, job.sweeps.omega, s, sweep, cone, env.cone_row(cone));
-      });
-    }
-  pull_start(env, s);
-  bool is_finite = true;
-  for (Index p = 0; p < s.n; ++p) is_finite = is_finite && finite_(s.x_bar[p]) && finite_(s.b_bar[p]);
-  for (Offset k = 0; k < static_cast<Offset>(s.n) * s.n; ++k) is_finite = is_finite && finite_(s.A_bar[k]);
-  return is_finite;
+    for (Index p = env.cone_count; p-- > 0;)
+      pull_visit<kLaw>(team, env, job.sweeps.omega, s, sweep, env.factor == nullptr ? env.cone_order[p] : p);
+  pull_start(team, env, s);
+  std::uint32_t broken = 0;
+  for_each(team, s.n, [&](Index p) {
+    if (!finite_(s.x_bar[p]) || !finite_(s.b_bar[p])) broken = 1;
+  });
+  for_each(team, s.n * s.n, [&](Index k) {
+    if (!finite_(s.A_bar[k])) broken = 1;
+  });
+  return team.combine(broken) == 0;
 }
 
 /// What the loss says of the friction of position p: by S in A, in b, in lambda = S x and in the guess.
@@ -129,9 +151,9 @@ STICTION_HD double by_scale(const SweepTape& s, Index p) {
 }
 
 /// Cotangents of one set in the batch's numbers; zeros where `refused`, and then no scratch is read.
-template <class Real>
-STICTION_HD void write_unrolled(const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s, Offset set,
-                                bool refused) {
+template <Team TeamT, class Real>
+STICTION_HD_OUTLINE void write_unrolled(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
+                                        const SweepTape& s, Offset set, bool refused) {
   const BatchCotangentView<Real>& to = job.gradients;
   const Offset rows = set * job.batch.row_count + env.first_row;
   const auto reaction = [&](Index i) { return s.scale[s.position[i]] * s.best[s.position[i]]; };
@@ -140,7 +162,7 @@ STICTION_HD void write_unrolled(const EnvView<Real>& env, const UnrolledJob<Real
     const double swept = s.scale[p] * s.scale[q] * s.entry(s.A_bar, p, q);
     return fma_(given(job.cotangents.w, rows + i), reaction(j), swept);
   };
-  for (Index cone = 0; cone < env.cone_count; ++cone) {
+  for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone), size = env.cone_size(cone);
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k), p = first + k;
@@ -154,13 +176,14 @@ STICTION_HD void write_unrolled(const EnvView<Real>& env, const UnrolledJob<Real
       put(job.sweeps.by_warm_start, rows + i, refused ? 0.0 : unit_reaction(s.x_bar[p], s.scale[p]));
       if (set == 0) put(job.sweeps.lambda, env.first_row + i, refused ? 0.0 : reaction(i));
     }
-  }
-  for (Index i = 0; i < env.n && to.A != nullptr && env.factor == nullptr; ++i)
+  });
+  for_each(team, to.A != nullptr && env.factor == nullptr ? env.n : 0, [&](Index i) {
     for (Index k = 0; k < env.entries(i); ++k)
       put(to.A, set * job.batch.nonzero_count + env.row_offsets[i] + k, refused ? 0.0 : by_entry(i, env.columns(i)[k]));
+  });
   if (to.factor == nullptr || env.factor == nullptr) return;
   Real* const factor = to.factor + set * job.batch.factor_count + (env.factor - job.batch.factor);
-  for (Index i = 0; i < env.n; ++i)
+  for_each(team, env.n, [&](Index i) {
     for (Index k = 0; k < env.dofs; ++k) {
       double sum = 0.0;
       for (Index j = 0; j < env.n && !refused; ++j)
@@ -168,13 +191,16 @@ STICTION_HD void write_unrolled(const EnvView<Real>& env, const UnrolledJob<Real
                    static_cast<double>(env.factor[static_cast<Offset>(j) * env.dofs + k]), sum);
       put(factor, static_cast<Offset>(i) * env.dofs + k, sum);
     }
+  });
 }
 
-/// Pulls all sets of cotangents of one environment back through its sweeps and writes its record.
-template <class Real>
-STICTION_HD void unrolled_env(const UnrolledJob<Real>& job, Offset index, double* memory) {
+/// Pulls all sets of cotangents of one environment back through its sweeps and writes its record. `order` is that of
+/// its cones in a sweep.
+template <Team TeamT, class Real>
+STICTION_HD void unrolled_env(TeamT& team, const UnrolledJob<Real>& job, Offset index, const Index* order,
+                              double* memory) {
   EnvView<Real> env = slice_problem(job.batch, job.law, index);
-  env.cone_order = job.cone_order + job.batch.env_cone_offsets[index];
+  env.cone_order = order;
   GradientStatus record{0.0, 0.0, 0, 0, 0, 0};
   SweepTape s{};
   Index chosen = 0;
@@ -183,13 +209,13 @@ STICTION_HD void unrolled_env(const UnrolledJob<Real>& job, Offset index, double
     record.flags |= kGradientOverCapacity;
   } else {
     s = lay_out_tape(job, index, memory);
-    record.flags |= load_tape(env, job, s);
+    record.flags |= load_tape(team, env, job, s);
   }
   const bool is_coulomb = job.law == Law::coulomb;
   if (record.flags == 0) {
-    chosen = is_coulomb ? run_sweeps<Law::coulomb>(env, job, s, square) : run_sweeps<Law::convex>(env, job, s, square);
-    double scale = 0.0;
-    for (Index i = 0; i < env.n; ++i) scale = max_(abs_(static_cast<double>(env.b[i])), scale);
+    chosen = is_coulomb ? run_sweeps<Law::coulomb>(team, env, job, s, square)
+                        : run_sweeps<Law::convex>(team, env, job, s, square);
+    const double scale = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
     record.forward_residual = div_(sqrt_(square), max_(scale, 1e-300));
     if (!finite_(square)) record.flags |= kGradientNonFinite;
   }
@@ -197,13 +223,21 @@ STICTION_HD void unrolled_env(const UnrolledJob<Real>& job, Offset index, double
   for (Offset set = 0; set < job.count; ++set) {
     bool refused = before != 0;
     if (!refused) {
-      refused = !(is_coulomb ? pull_sweeps<Law::coulomb>(env, job, s, chosen, set)
-                             : pull_sweeps<Law::convex>(env, job, s, chosen, set));
+      refused = !(is_coulomb ? pull_sweeps<Law::coulomb>(team, env, job, s, chosen, set)
+                             : pull_sweeps<Law::convex>(team, env, job, s, chosen, set));
       if (refused) record.flags |= kGradientNonFinite;
     }
-    write_unrolled(env, job, s, set, refused);
+    write_unrolled(team, env, job, s, set, refused);
   }
-  job.status[index] = record;
+  single(team, [&] { job.status[index] = record; });
+}
+
+/// Zeros for an environment that was not looked at, and its record.
+template <Team TeamT, class Real>
+STICTION_HD void refuse_unrolled(TeamT& team, const UnrolledJob<Real>& job, Offset index, std::uint32_t flags) {
+  const EnvView<Real> env = slice_problem(job.batch, job.law, index);
+  for (Offset set = 0; set < job.count; ++set) write_unrolled(team, env, job, SweepTape{}, set, true);
+  single(team, [&] { job.status[index] = {0.0, 0.0, flags, 0, 0, 0}; });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -57,8 +57,7 @@ struct DerivativeOptions {
   Index max_unknowns = 1024;     ///< of an environment; each thread keeps a square of doubles of the largest
   int threads = 0;               ///< CPU threads; 0: all cores
   double kappa = 0.0;            ///< above 0: of the problem in which reaction times motion is kappa and not 0. Open
-                                 ///< contacts then pass some on. On the CPU alone (docs/math/derivative.md, "Relaxed")
-                                 ///< [lambda w]
+                                 ///< contacts then pass some on (docs/math/derivative.md, "Relaxed") [lambda w]
 };
 
 /// Reactions at which a batch is differentiated, as a solve returned them; same memory space as the batch.
@@ -168,15 +167,16 @@ class DerivativeMachine;
 
 /// Differentiates the solution of contact batches by the batch's numbers, implicitly. The modes of the contacts (open,
 /// sticking, sliding, at a bound) stay as they are, which leaves one linear system for each environment. It takes no
-/// part in a solve, whose bits and time stay as they are. All arrays are where the batch is, in host memory. Bits
-/// depend on nothing but the environment (docs/math/derivative.md).
+/// part in a solve, whose bits and time stay as they are. All arrays are where the batch is. Bits depend on nothing but
+/// the environment (docs/math/derivative.md).
 class Derivative {
  public:
   /// Derivatives on that device. A device takes its memory now: of the capacity env_rows is needed, and env_dofs for
   /// factors and for J and M. Larger environments get zeros and kGradientOverCapacity. On the CPU room is made as it is
-  /// needed.
+  /// needed. With kappa > 0 a device also takes room for capacity.rows reactions, which grows as that of batches of
+  /// J and M does.
   /// \throws Error(invalid_argument) for an option out of range or a capacity without rows, Error(no_device) or
-  /// Error(unsupported) when the device cannot be had, Error(out_of_memory). Error(unsupported) for kappa > 0 on one.
+  /// Error(unsupported) when the device cannot be had, Error(out_of_memory).
   explicit Derivative(Device device = Device::cpu(), const DerivativeOptions& options = {},
                       const Capacity& capacity = {});
   ~Derivative();
@@ -221,14 +221,15 @@ class Derivative {
   /// the derivative of the iterations, not of the solution that they come near. The solve is one with tolerance 0,
   /// stall_window 0 and `max_iterations` = sweeps.count. Sweeps are run again in double, in the solver's own order, and
   /// kept. That takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the
-  /// record `forward_residual` is that of the answer, and `unconverged` is never set. On the CPU
+  /// record `forward_residual` is that of the answer, and `unconverged` is never set. A device takes room for the
+  /// longest sweeps so far. A call that needs more waits for those before it, and may not be captured
   /// (docs/math/derivative.md, "Unrolled").
-  /// \throws as vjp(); Error(invalid_argument) for sweeps.count < 0 or omega outside (0, 2); Error(unsupported) of a
-  /// derivative on a device.
+  /// \throws as vjp(); Error(invalid_argument) for sweeps.count < 0 or omega outside (0, 2); Error(out_of_memory) on a
+  /// device.
   template <class Real>
   void unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsView<Real>& sweeps,
                     const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
-                    GradientStatus* status, Offset count = 1) const;
+                    GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
