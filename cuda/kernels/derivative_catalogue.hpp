@@ -20,5 +20,9 @@ template <class Make, class Real>
 KernelRef unrolled_kernel() {
   return Make::template kernel<PullSweeps<Real>>("unrolled_vjp");
 }
+template <class Make, class Real>
+DerivativeKernels all_derivative_kernels() {
+  return {derivative_kernels<Make, Real>(), relaxed_kernels<Make, Real>(), unrolled_kernel<Make, Real>()};
+}
 
 }  // namespace stiction::cuda
