@@ -13,6 +13,7 @@ except ImportError as error:
     print(f"the Python package is NOT tested: {error}; pip install numpy pytest")
     sys.exit(77)
 
-folder = str(pathlib.Path(__file__).parent)
-options = ["-q", "-rs", "--durations=20", "--durations-min=2", "-p", "no:cacheprovider", "-m", "quick or not warp"]
-sys.exit(pytest.main([*options, folder, *sys.argv[1:]]))
+if __name__ == "__main__":  # a test's worker process imports this file
+    folder = str(pathlib.Path(__file__).parent)
+    options = ["-q", "-rs", "--durations=20", "--durations-min=2", "-p", "no:cacheprovider", "-m", "quick or not warp"]
+    sys.exit(pytest.main([*options, folder, *sys.argv[1:]]))
