@@ -25,7 +25,7 @@ _REFUSED = sum(1 << GRADIENT_FLAGS.index(name)
 
 class Gradients(types.SimpleNamespace):
     """Arrays by name, and `status`: one record of GRADIENT_DTYPE for each environment, NumPy's. On a GPU the arrays are
-    ready in the order of the stream that the call was given; `status` waits for that stream and copies to the host.
+    ready in the order of the call's stream. `status` waits for it and copies to the host.
     """
 
     @property
