@@ -3,6 +3,9 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <memory>
+#include <mutex>
+
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
 
@@ -11,6 +14,55 @@ namespace nb = nanobind;
 namespace stiction::python {
 
 namespace {
+
+/// Derivatives on one device, which takes its memory beforehand: made anew where it has too little room.
+class FormDerivative {
+ public:
+  FormDerivative(Device device, const DerivativeOptions& options) : device_(device), options_(options) {
+    if (device.kind != DeviceKind::cpu) room_.env_rows = 1;
+    derivative_ = std::make_shared<Derivative>(device_, options_, room_);
+  }
+
+  /// One with room for the batch: for what is given, or what it needs itself where its structure can be read here.
+  template <class Real>
+  std::shared_ptr<Derivative> of(const ContactBatchView<Real>& batch, const std::optional<Capacity>& room) {
+    if (batch.space == MemorySpace::host) return derivative_;
+    return with(room ? *room : Capacity::of(batch));
+  }
+  template <class Real>
+  std::shared_ptr<Derivative> of(const JacobianBatchView<Real>& batch, const std::optional<JacobianCapacity>& room) {
+    if (batch.space == MemorySpace::host) return derivative_;
+    const JacobianCapacity own = room ? *room : JacobianCapacity::of(batch);
+    Capacity need;
+    need.envs = own.envs;
+    need.rows = own.rows;
+    need.env_rows = own.env_rows;
+    need.env_dofs = own.env_dofs;
+    return with(need);
+  }
+  void synchronize(StreamRef stream) const { derivative_->synchronize(stream); }
+  [[nodiscard]] Device device() const noexcept { return device_; }
+
+ private:
+  std::shared_ptr<Derivative> with(const Capacity& need) {
+    const std::lock_guard lock(mutex_);
+    const Capacity room = larger_of(need, room_);
+    if (!same(room, room_)) {
+      derivative_ = std::make_shared<Derivative>(device_, options_, room);
+      room_ = room;
+    }
+    return derivative_;
+  }
+
+  std::mutex mutex_;
+  Device device_;
+  DerivativeOptions options_;
+  Capacity room_;
+  std::shared_ptr<Derivative> derivative_;
+};
+
+using ContactRoom = std::optional<Capacity>;
+using JacobianRoom = std::optional<JacobianCapacity>;
 
 /// Arrays by name; None and what is not there are null.
 const Array* find(const nb::dict& arrays, const char* name) {
@@ -46,8 +98,9 @@ BatchCotangentView<Real> batch_cotangents(const nb::dict& gradients, Offset rows
           output<Real>(gradients, "hi", rows)};
 }
 
-void vjp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
-                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count) {
+void vjp_contacts(FormDerivative& self, const ContactView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count,
+                  std::uintptr_t stream, const ContactRoom& room) {
   std::visit(
       [&]<class Real>(const ContactBatchView<Real>& view) {
         const Offset rows = count * view.row_count;
@@ -57,14 +110,14 @@ void vjp_contacts(const Derivative& self, const ContactView& batch, const Array&
         const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.vjp(view, at, from, to, record, count);
+        self.of(view, room)->vjp(view, at, from, to, record, count, stream_from(stream));
       },
       batch.view);
 }
 
-void unrolled_contacts(const Derivative& self, const ContactView& batch, const Array* warm_start, Index sweeps,
+void unrolled_contacts(FormDerivative& self, const ContactView& batch, const Array* warm_start, Index sweeps,
                        double omega, const nb::dict& cotangents, const nb::dict& gradients,
-                       const Array& gradient_status, Offset count) {
+                       const Array& gradient_status, Offset count, std::uintptr_t stream, const ContactRoom& room) {
   std::visit(
       [&]<class Real>(const ContactBatchView<Real>& view) {
         const Offset rows = count * view.row_count;
@@ -76,13 +129,14 @@ void unrolled_contacts(const Derivative& self, const ContactView& batch, const A
                                   output<Real>(gradients, "warm_start", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.unrolled_vjp(view, of, from, to, record, count);
+        self.of(view, room)->unrolled_vjp(view, of, from, to, record, count, stream_from(stream));
       },
       batch.view);
 }
 
-void jvp_contacts(const Derivative& self, const ContactView& batch, const Array& lambda, const Array* status,
-                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count) {
+void jvp_contacts(FormDerivative& self, const ContactView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count,
+                  std::uintptr_t stream, const ContactRoom& room) {
   std::visit(
       [&]<class Real>(const ContactBatchView<Real>& view) {
         const Offset rows = count * view.row_count;
@@ -97,13 +151,14 @@ void jvp_contacts(const Derivative& self, const ContactView& batch, const Array&
         const SolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows), output<Real>(changes, "w", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.jvp(view, at, from, to, record, count);
+        self.of(view, room)->jvp(view, at, from, to, record, count, stream_from(stream));
       },
       batch.view);
 }
 
-void vjp_jacobian(const Derivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
-                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count) {
+void vjp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& cotangents, const nb::dict& gradients, const Array& gradient_status, Offset count,
+                  std::uintptr_t stream, const JacobianRoom& room) {
   std::visit(
       [&]<class Real>(const JacobianBatchView<Real>& view) {
         const Offset rows = count * view.row_count, dofs = count * view.dof_count;
@@ -121,13 +176,14 @@ void vjp_jacobian(const Derivative& self, const JacobianView& batch, const Array
                                                   output<Real>(gradients, "hi", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.vjp(view, at, from, to, record, count);
+        self.of(view, room)->vjp(view, at, from, to, record, count, stream_from(stream));
       },
       batch.view);
 }
 
-void jvp_jacobian(const Derivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
-                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count) {
+void jvp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& lambda, const Array* status,
+                  const nb::dict& tangents, const nb::dict& changes, const Array& gradient_status, Offset count,
+                  std::uintptr_t stream, const JacobianRoom& room) {
   std::visit(
       [&]<class Real>(const JacobianBatchView<Real>& view) {
         const Offset rows = count * view.row_count, dofs = count * view.dof_count;
@@ -145,7 +201,7 @@ void jvp_jacobian(const Derivative& self, const JacobianView& batch, const Array
                                                    output<Real>(changes, "velocities", dofs)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.jvp(view, at, from, to, record, count);
+        self.of(view, room)->jvp(view, at, from, to, record, count, stream_from(stream));
       },
       batch.view);
 }
@@ -153,11 +209,11 @@ void jvp_jacobian(const Derivative& self, const JacobianView& batch, const Array
 }  // namespace
 
 void bind_derivative(nb::module_& module) {
-  nb::class_<Derivative>(module, "Derivative", "Derivatives of solutions, on the CPU.")
+  nb::class_<FormDerivative>(module, "Derivative", "Derivatives of solutions on one device.")
       .def(
           "__init__",
-          [](Derivative* self, const std::string& device, const std::optional<std::string>& law, double residual_limit,
-             double tie_tolerance, Index max_unknowns, int threads, double kappa) {
+          [](FormDerivative* self, const std::string& device, const std::optional<std::string>& law,
+             double residual_limit, double tie_tolerance, Index max_unknowns, int threads, double kappa) {
             DerivativeOptions options;
             if (law) options.law = law_from(*law);
             options.residual_limit = residual_limit;
@@ -165,20 +221,34 @@ void bind_derivative(nb::module_& module) {
             options.max_unknowns = max_unknowns;
             options.threads = threads;
             options.kappa = kappa;
-            new (self) Derivative(Device::from_string(device), options);
+            new (self) FormDerivative(Device::from_string(device), options);
           },
           nb::arg("device"), nb::arg("law").none(), nb::arg("residual_limit"), nb::arg("tie_tolerance"),
           nb::arg("max_unknowns"), nb::arg("threads"), nb::arg("kappa"))
       .def("vjp_contacts", vjp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
-           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
+           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"),
+           nb::arg("stream") = 0, nb::arg("room").none() = nb::none())
       .def("jvp_contacts", jvp_contacts, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
-           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"))
+           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"), nb::arg("stream") = 0,
+           nb::arg("room").none() = nb::none())
       .def("unrolled_contacts", unrolled_contacts, nb::arg("batch"), nb::arg("warm_start").none(), nb::arg("sweeps"),
-           nb::arg("omega"), nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
+           nb::arg("omega"), nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"),
+           nb::arg("stream") = 0, nb::arg("room").none() = nb::none())
       .def("vjp_jacobian", vjp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
-           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"))
+           nb::arg("cotangents"), nb::arg("gradients"), nb::arg("gradient_status"), nb::arg("count"),
+           nb::arg("stream") = 0, nb::arg("room").none() = nb::none())
       .def("jvp_jacobian", jvp_jacobian, nb::arg("batch"), nb::arg("lambda_"), nb::arg("status").none(),
-           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"));
+           nb::arg("tangents"), nb::arg("changes"), nb::arg("gradient_status"), nb::arg("count"), nb::arg("stream") = 0,
+           nb::arg("room").none() = nb::none())
+      .def_prop_ro(
+          "device", [](const FormDerivative& self) { return name_of(self.device()); }, "Its name: \"cpu\", \"cuda:0\".")
+      .def(
+          "synchronize",
+          [](const FormDerivative& self, std::uintptr_t stream) {
+            const nb::gil_scoped_release unlocked;
+            self.synchronize(stream_from(stream));
+          },
+          nb::arg("stream"));
   module.def(
       "gradient_flag_names",
       [] {

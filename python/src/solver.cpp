@@ -35,7 +35,12 @@ bool fits(const JacobianCapacity& need, const JacobianCapacity& room) {
          need.factor <= room.factor && (!need.semidefinite || room.semidefinite);
 }
 
-/// Room for what either has room for.
+Outputs outputs(const Array* lambda, const Array* w, const Array* velocity, const Array* status) {
+  return {lambda, w, velocity, status};
+}
+
+}  // namespace
+
 Capacity larger_of(const Capacity& a, const Capacity& b) {
   const auto larger = [](auto x, auto y) { return x < y ? y : x; };
   return {larger(a.envs, b.envs),         larger(a.rows, b.rows),           larger(a.cones, b.cones),
@@ -48,12 +53,6 @@ bool same(const Capacity& a, const Capacity& b) {
          a.env_rows == b.env_rows && a.env_nonzeros == b.env_nonzeros && a.env_dofs == b.env_dofs &&
          a.precision == b.precision && a.semidefinite == b.semidefinite;
 }
-
-Outputs outputs(const Array* lambda, const Array* w, const Array* velocity, const Array* status) {
-  return {lambda, w, velocity, status};
-}
-
-}  // namespace
 
 template <class Real>
 SolutionView<Real> solution_view(const Outputs& out, Offset row_count, Offset env_count) {

@@ -63,6 +63,10 @@ class FormSolver {
   std::unique_ptr<JacobianSolver<double>> jacobian_f64_;
 };
 
+/// Room for what either has room for, and whether both have the same.
+Capacity larger_of(const Capacity& a, const Capacity& b);
+bool same(const Capacity& a, const Capacity& b);
+
 /// What a solve writes, as the C++ interface takes it. \throws nanobind errors if an array has another type or is
 /// short.
 template <class Real>

@@ -6,11 +6,11 @@ import types
 
 import numpy as np
 
-from . import _core
+from . import _core, _streams
 from ._arguments import number, whole, word
-from ._arrays import NUMPY, STATUS_DTYPE, take
-from ._batch import Batch, check_host_matrices
-from ._solution import Solution
+from ._arrays import NUMPY, STATUS_DTYPE, as_numpy, look, take
+from ._batch import Batch
+from ._solution import Solution, to_host
 
 #: Record of one environment's derivative. 32 bytes.
 GRADIENT_DTYPE = np.dtype([("residual", "<f8"), ("forward_residual", "<f8"), ("flags", "<u4"), ("unknowns", "<i4"),
@@ -24,7 +24,17 @@ _REFUSED = sum(1 << GRADIENT_FLAGS.index(name)
 
 
 class Gradients(types.SimpleNamespace):
-    """Arrays by name, and `status`: one record of GRADIENT_DTYPE for each environment."""
+    """Arrays by name, and `status`: one record of GRADIENT_DTYPE for each environment, NumPy's. On a GPU the arrays are
+    ready in the order of the call's stream. `status` waits for it and copies to the host.
+    """
+
+    @property
+    def status(self) -> np.ndarray:
+        """Records (B,) of GRADIENT_DTYPE."""
+        found = self.__dict__["status"]
+        if callable(found):
+            found = self.__dict__["status"] = found()
+        return found
 
     def flagged(self, name: str) -> np.ndarray:
         """Which environments have that flag of GRADIENT_FLAGS, bool (B,)."""
@@ -37,9 +47,11 @@ class Gradients(types.SimpleNamespace):
 
 
 class Derivative:
-    """Differentiates solutions of batches in NumPy arrays on the CPU: implicitly, by one linear system for each
-    environment (docs/math/derivative.md). It has no part in the solve.
+    """Differentiates solutions of batches implicitly, by one linear system for each environment
+    (docs/math/derivative.md). It has no part in the solve. Bits do not depend on the device.
 
+    device: "cpu", of batches of host memory, whose derivatives are NumPy arrays. Or as for Solver, of batches in that
+        device's memory, whose derivatives are arrays of their framework there.
     law: "convex" or "coulomb" instead of the batch's, as the solver was told.
     residual_limit: reactions of a larger relative residual get zeros and the flag "unconverged" [-].
     tie_tolerance: a cone this close to another mode, over max |b|, is counted as degenerate [-].
@@ -55,21 +67,22 @@ class Derivative:
     def __init__(self, device: str = "cpu", *, law: str | None = None, residual_limit: float = 1e-3,
                  tie_tolerance: float = 1e-6, max_unknowns: int = 1024, threads: int = 0,
                  kappa: float = 0.0):
-        if device != "cpu":
-            raise ValueError(f"device: expected 'cpu', got {device!r}: gradients in Python are of batches on the host")
         self._core = _core.Derivative(str(device), None if law is None else word("law", law),
                                       number("residual_limit", residual_limit), number("tie_tolerance", tie_tolerance),
                                       whole("max_unknowns", max_unknowns), whole("threads", threads),
                                       number("kappa", kappa))
+        self.device = self._core.device
 
-    def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None, status=None) -> Gradients:
+    def vjp(self, batch: Batch, solution, *, lambda_=None, w=None, velocities=None, status=None,
+            stream=None) -> Gradients:
         """Pulls derivatives of a loss by the solution back to the batch.
 
         solution: a Solution of this batch, or its reactions alone.
         status: records of how environments were solved, by default those of the Solution. Environments that were not
-            solved get zeros. Without records the residual alone decides.
+            solved get zeros. Without records the residual alone decides. On a GPU uint8 (B, 32), in its memory.
         lambda_, w, velocities: derivatives of the loss by each, shaped as in the Solution. One more axis in front
             means several losses at once. None: zeros. velocities is for batches of J and M.
+        stream: as for Solver.solve.
 
         Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. Those of rows are shaped
         as the rows, all others as the batch's arrays. The axis of several losses comes first. Entries of A and J are
@@ -85,14 +98,14 @@ class Derivative:
         elif velocities is not None:
             raise ValueError("velocities: expected None for a batch of form 'delassus', which has none")
         cotangents, front = self._sets(batch, given, shapes)
-        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in self._number_shapes(batch).items()}
+        out = {name: front + shape for name, shape in self._number_shapes(batch).items()}
         call = self._core.vjp_jacobian if batch.form == "jacobian" else self._core.vjp_contacts
-        return self._run(call, batch, at, status, cotangents, out, front)
+        return self._run(call, batch, at, status, cotangents, out, front, stream)
 
     def jvp(self, batch: Batch, solution, *, A=None, b=None, J=None, M=None, v_free=None, target=None, R=None, mu=None,
-            lo=None, hi=None, status=None) -> Gradients:
+            lo=None, hi=None, status=None, stream=None) -> Gradients:
         """Pushes changes of a batch forward: changes of lambda_ and w, and of velocities where it has J and M.
-        solution, status: as for vjp.
+        solution, status, stream: as for vjp.
 
         A, b, R, mu, lo, hi: changes of a batch of form 'delassus', shaped as the results of vjp. One more axis in front
             means several changes at once. None: zeros.
@@ -111,18 +124,18 @@ class Derivative:
         shapes = {"lambda_": batch.layout.row_shape, "w": batch.layout.row_shape}
         if is_jacobian:
             shapes["velocities"] = batch.dof_shape
-        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in shapes.items()}
+        out = {name: front + shape for name, shape in shapes.items()}
         call = self._core.jvp_jacobian if is_jacobian else self._core.jvp_contacts
-        return self._run(call, batch, at, status, tangents, out, front)
+        return self._run(call, batch, at, status, tangents, out, front, stream)
 
-    def unrolled_vjp(self, batch: Batch, sweeps: int, *, warm_start=None, omega: float = 1.0, lambda_=None,
-                     w=None) -> Gradients:
+    def unrolled_vjp(self, batch: Batch, sweeps: int, *, warm_start=None, omega: float = 1.0, lambda_=None, w=None,
+                     stream=None) -> Gradients:
         """Pulls derivatives of a loss back through so many sweeps of solver "pgs" as they run, to the batch and to where
         the sweeps began. It is the derivative of a solve with max_iterations=sweeps, tolerance=0 and stall_window=0,
         converged or not (docs/math/derivative.md#unrolled).
 
         batch: of form 'delassus'. warm_start: reactions shaped as the rows, None: zeros. omega: as for Solver.
-        lambda_, w: as for vjp.
+        lambda_, w, stream: as for vjp.
 
         Returns derivatives as vjp does, and by `warm_start`. `lambda_` is the answer of so many sweeps. Sweeps are run
         again in double and kept: 2 (n + sweeps) n doubles an environment of n rows. More rows than max_unknowns get
@@ -133,37 +146,45 @@ class Derivative:
             raise ValueError(f"batch: expected one of form 'delassus', got {batch.form!r}: sweeps go through A")
         rows, sweeps, omega = batch.layout.row_shape, whole("sweeps", sweeps), number("omega", omega)
         if warm_start is not None:
-            warm_start = take("warm_start", warm_start, batch.dtype, rows, "cpu")
+            warm_start = take("warm_start", warm_start, batch.dtype, rows, batch.device)
         cotangents, front = self._sets(batch, {"lambda_": lambda_, "w": w}, {"lambda_": rows, "w": rows})
         shapes = self._number_shapes(batch) | {"warm_start": rows}
-        out = {name: np.zeros(front + shape, batch.dtype) for name, shape in shapes.items()}
-        out["lambda_"] = np.zeros(rows, batch.dtype)
+        out = {name: front + shape for name, shape in shapes.items()} | {"lambda_": rows}
 
         def call(view, at, status, *arguments):
             self._core.unrolled_contacts(view, at, sweeps, omega, *arguments)
 
-        return self._run(call, batch, warm_start, None, cotangents, out, front)
+        return self._run(call, batch, warm_start, None, cotangents, out, front, stream)
 
     # -- pieces -------------------------------------------------------------------------------------------------------
 
-    @staticmethod
-    def _check(batch):
-        check_host_matrices(batch)
+    def _check(self, batch):
+        if not isinstance(batch, Batch):
+            raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
+        if batch.form == "bodies":
+            raise ValueError("batch: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        wanted = "cpu" if self.device in ("cpu", "emulated") else self.device
+        if batch.device != wanted:
+            raise ValueError(f"batch: expected a batch on {wanted}, got one on {batch.device}: make the Derivative with "
+                             f"device={batch.device!r}")
         batch._refresh()
 
     @staticmethod
     def _answer(batch, solution, status):
         if isinstance(solution, Solution):
-            status = solution.status if status is None else status
+            status = solution._raw if status is None and batch.device != "cpu" else \
+                solution.status if status is None else status
             solution = solution.lambda_
-        if status is not None:
+        if status is not None and batch.device != "cpu":
+            status = take("status", status, "uint8", (len(batch), STATUS_DTYPE.itemsize), batch.device)
+        elif status is not None:
             status = np.ascontiguousarray(status)
             if status.dtype != STATUS_DTYPE or status.shape != (len(batch),):
                 raise ValueError(f"status: expected {len(batch)} records of stiction.STATUS_DTYPE, got {status.dtype} "
                                  f"{status.shape}")
             status = take("status", status.view(np.uint8).reshape(-1, STATUS_DTYPE.itemsize), "uint8",
                           (len(batch), STATUS_DTYPE.itemsize), "cpu")
-        return take("lambda_", solution, batch.dtype, batch.layout.row_shape, "cpu"), status
+        return take("lambda_", solution, batch.dtype, batch.layout.row_shape, batch.device), status
 
     @staticmethod
     def _number_shapes(batch):
@@ -184,12 +205,23 @@ class Derivative:
         if len(front) > 1:
             name = next(iter(fronts))
             raise ValueError(f"{name}: expected at most one axis before {shapes[name]}, got {np.shape(given[name])}")
-        return {name: take(name, given[name], batch.dtype, front + shapes[name], "cpu") for name in fronts}, front
+        return {name: take(name, given[name], batch.dtype, front + shapes[name], batch.device) for name in fronts}, front
 
-    @staticmethod
-    def _run(call, batch, at, status, given, out, front):
-        records = np.zeros(len(batch), GRADIENT_DTYPE)
-        bytes_ = _core.Array(records.view(np.uint8).reshape(-1, GRADIENT_DTYPE.itemsize))
-        call(batch._view(False), at, status, given, {name: _core.Array(array) for name, array in out.items()}, bytes_,
-             int(np.prod(front, dtype=int)))
-        return Gradients(**out, status=records)
+    def _run(self, call, batch, at, status, given, shapes, front, stream):
+        on_device = self.device != "cpu"
+        framework = batch.framework if on_device else NUMPY
+        out = {name: framework.zeros(shape, batch.dtype, batch.device) for name, shape in shapes.items()}
+        records = framework.zeros((len(batch), GRADIENT_DTYPE.itemsize), "uint8", batch.device)
+        handle = _streams.handle_of(stream, batch.framework, batch.device)
+        call(batch._view(on_device), at, status, given, {name: look(name, array) for name, array in out.items()},
+             look("gradient_status", records), int(np.prod(front, dtype=int)), handle,
+             batch._room() if on_device else None)
+
+        def read():
+            self._core.synchronize(handle)
+            return as_numpy("status", to_host(records)).view(GRADIENT_DTYPE).reshape(-1)
+
+        found = Gradients(**out, status=read)
+        if not (on_device and (stream is not None or batch.framework.has_streams)):
+            found.status  # noqa: B018: waits
+        return found

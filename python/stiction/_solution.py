@@ -20,6 +20,12 @@ def solver_name(number):
     return _core.solver_name(number)
 
 
+def to_host(array):
+    """An array of device memory, or of the host's, in host memory."""
+    return array if isinstance(array, np.ndarray) else array.get() if hasattr(array, "get") \
+        else array.cpu() if hasattr(array, "cpu") else array.numpy()
+
+
 class Answer(NamedTuple):
     """One environment's part of a solution: views of its arrays."""
 
@@ -125,7 +131,7 @@ class Solution:
         self.synchronize()
         raw = self._raw
         if self._batch.device != "cpu":
-            raw = raw.get() if hasattr(raw, "get") else raw.cpu() if hasattr(raw, "cpu") else raw.numpy()
+            raw = to_host(raw)
         raw = as_numpy("status", raw)
         return raw if raw.dtype is STATUS_DTYPE or raw.dtype == STATUS_DTYPE else raw.view(STATUS_DTYPE).reshape(-1)
 
@@ -149,8 +155,7 @@ class Solution:
         self.synchronize()
         values = self.lambda_
         if self._batch.device != "cpu":
-            values = values.get() if hasattr(values, "get") else values.cpu() if hasattr(values, "cpu") \
-                else values.numpy()
+            values = to_host(values)
         values = as_numpy("lambda_", values)
         if self._batch.layout is not None and self._batch.layout.padded:
             values = np.concatenate([values[self._batch.rows_of(env)] for env in range(len(self))] or [values[:0, 0]])

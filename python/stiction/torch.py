@@ -25,11 +25,22 @@ def _solver(device, solver, tolerance, max_iterations, unrolled):
     return Solver(device=device, solver=solver, tolerance=tolerance, max_iterations=max_iterations, **stall)
 
 
-def _on_host(A, *tensors):
-    """Arrays of tensors without their history, for the library's derivatives."""
-    if A.device.type != "cpu":
-        raise RuntimeError(f"A: expected a tensor on cpu, got one on {A.device}: derivatives are computed there alone")
-    return (None if t is None else t.detach().contiguous().numpy() for t in (A, *tensors))
+@functools.lru_cache(maxsize=64)
+def _derivative(device, kappa):
+    """One for each device, since it keeps its memory."""
+    return Derivative(device, kappa=kappa)
+
+
+def _device_of(A):
+    return "cpu" if A.device.type == "cpu" else f"{A.device.type}:{A.device.index}"
+
+
+def _without_history(*tensors):
+    return (None if t is None else t.detach().contiguous() for t in tensors)
+
+
+def _as_tensors(arrays):
+    return tuple(array if isinstance(array, torch.Tensor) else torch.from_numpy(array) for array in arrays)
 
 
 @torch.library.custom_op("stiction::solve", mutates_args=())
@@ -55,11 +66,12 @@ def _pull_back(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: torch.Tens
                hi: torch.Tensor | None, counts: torch.Tensor | None, lambda_: torch.Tensor, records: torch.Tensor,
                by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str, kappa: float,
                ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-    A, b, mu, R, lo, hi, counts, lambda_, by_lambda, by_w = _on_host(A, b, mu, R, lo, hi, counts, lambda_, by_lambda,
-                                                                     by_w)
+    A, b, mu, R, lo, hi, counts, lambda_, records, by_lambda, by_w = _without_history(
+        A, b, mu, R, lo, hi, counts, lambda_, records, by_lambda, by_w)
     batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
-    found = Derivative(kappa=kappa).vjp(batch, lambda_, lambda_=by_lambda, w=by_w, status=status(records))
-    return tuple(torch.from_numpy(array) for array in (found.A, found.b, found.mu, found.R, found.lo, found.hi))
+    found = _derivative(_device_of(A), kappa).vjp(batch, lambda_, lambda_=by_lambda, w=by_w,
+                                                  status=status(records) if A.device.type == "cpu" else records)
+    return _as_tensors((found.A, found.b, found.mu, found.R, found.lo, found.hi))
 
 
 @_pull_back.register_fake
@@ -73,12 +85,11 @@ def _pull_back_sweeps(A: torch.Tensor, b: torch.Tensor, mu: torch.Tensor, R: tor
                       warm_start: torch.Tensor | None, by_lambda: torch.Tensor, by_w: torch.Tensor, cones: str, law: str,
                       sweeps: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor,
                                             torch.Tensor, torch.Tensor]:
-    A, b, mu, R, lo, hi, counts, warm_start, by_lambda, by_w = _on_host(A, b, mu, R, lo, hi, counts, warm_start,
-                                                                        by_lambda, by_w)
+    A, b, mu, R, lo, hi, counts, warm_start, by_lambda, by_w = _without_history(
+        A, b, mu, R, lo, hi, counts, warm_start, by_lambda, by_w)
     batch = Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, counts=counts, cones=_cones_from(cones), law=law)
-    found = Derivative().unrolled_vjp(batch, sweeps, warm_start=warm_start, lambda_=by_lambda, w=by_w)
-    return tuple(torch.from_numpy(array)
-                 for array in (found.A, found.b, found.mu, found.R, found.lo, found.hi, found.warm_start))
+    found = _derivative(_device_of(A), 0.0).unrolled_vjp(batch, sweeps, warm_start=warm_start, lambda_=by_lambda, w=by_w)
+    return _as_tensors((found.A, found.b, found.mu, found.R, found.lo, found.hi, found.warm_start))
 
 
 @_pull_back_sweeps.register_fake
@@ -164,7 +175,7 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     Batch.from_delassus. Returns lambda_ and w, shaped like b, and status as bytes uint8 (B, 32) or (32,), which
     `status(...)` names. On a GPU it is queued on the current stream.
 
-    On the CPU lambda_ and w have derivatives by A, b, mu, R, lo and hi, in reverse and once (docs/math/derivative.md).
+    lambda_ and w have derivatives by A, b, mu, R, lo and hi, in reverse and once (docs/math/derivative.md).
     Entries of A are independent. Derivatives are those of the solution, not of the iterations, and err by as much as the
     solution does: solve to 1e-6 or less. An environment that was not solved has derivatives of 0, and so has one whose
     reactions are not determined: give R. warm_start has none. Boxed friction and semidefinite cones have none, and a

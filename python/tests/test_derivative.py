@@ -161,5 +161,3 @@ def test_mistakes_name_the_argument(scenes):
         derivative.vjp(solution, solution)
     with pytest.raises(stiction.Error, match="tie_tolerance"):
         stiction.Derivative(tie_tolerance=-1)
-    with pytest.raises(ValueError, match="device"):
-        stiction.Derivative("emulated")
