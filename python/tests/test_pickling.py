@@ -97,7 +97,7 @@ def _hash(solver, batch):
 def test_another_process_has_the_same_bits():
     solver, batch = stiction.Solver(tolerance=1e-8, threads=1), padded()
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        assert pool.apply(_hash, (solver, batch)) == solved(batch).hash()
+        assert pool.apply_async(_hash, (solver, batch)).get(timeout=100) == solved(batch).hash()
 
 
 def test_tensors_come_through_as_tensors():
