@@ -40,7 +40,14 @@ class FormDerivative {
     need.env_dofs = own.env_dofs;
     return with(need);
   }
-  void synchronize(StreamRef stream) const { derivative_->synchronize(stream); }
+  void synchronize(StreamRef stream) {
+    std::shared_ptr<Derivative> last;
+    {
+      const std::lock_guard lock(mutex_);
+      last = derivative_;
+    }
+    last->synchronize(stream);
+  }
   [[nodiscard]] Device device() const noexcept { return device_; }
 
  private:
@@ -244,7 +251,7 @@ void bind_derivative(nb::module_& module) {
           "device", [](const FormDerivative& self) { return name_of(self.device()); }, "Its name: \"cpu\", \"cuda:0\".")
       .def(
           "synchronize",
-          [](const FormDerivative& self, std::uintptr_t stream) {
+          [](FormDerivative& self, std::uintptr_t stream) {
             const nb::gil_scoped_release unlocked;
             self.synchronize(stream_from(stream));
           },
