@@ -8,13 +8,13 @@ namespace stiction::cuda {
 
 template <class Make, class Real>
 DerivativePair derivative_kernels() {
-  return {Make::template kernel<PullBack<Real>>("derivative_vjp"),
-          Make::template kernel<PushForward<Real>>("derivative_jvp")};
+  return {Make::template kernel<PullBack<Real, false>>("derivative_vjp"),
+          Make::template kernel<PushForward<Real, false>>("derivative_jvp")};
 }
 template <class Make, class Real>
 DerivativePair relaxed_kernels() {
-  return {Make::template kernel<PullBackRelaxed<Real>>("relaxed_vjp"),
-          Make::template kernel<PushForwardRelaxed<Real>>("relaxed_jvp")};
+  return {Make::template kernel<PullBack<Real, true>>("relaxed_vjp"),
+          Make::template kernel<PushForward<Real, true>>("relaxed_jvp")};
 }
 template <class Make, class Real>
 KernelRef unrolled_kernel() {

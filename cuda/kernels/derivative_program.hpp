@@ -60,7 +60,9 @@ STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda:
   }
 }
 
-template <class Real>
+/// Derivatives of the exact problem, or of the relaxed one. Each is a kernel of its own: in one, the exact problem's
+/// would have the other's stack.
+template <class Real, bool kIsRelaxed>
 struct PullBack {
   using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
   static constexpr bool kSerial = false;
@@ -69,14 +71,20 @@ struct PullBack {
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const JacobianVjpJob<Real>& job = args.job.job;
     derive_checked(
-        team, id, args, [&](Offset env, double* scratch) { jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch); },
+        team, id, args,
+        [&](Offset env, double* scratch) {
+          if constexpr (kIsRelaxed)
+            relaxed_jacobian_vjp_env<RowTile<Real>>(team, args.job, env, scratch);
+          else
+            jacobian_vjp_env<RowTile<Real>>(team, job, env, scratch);
+        },
         [&](Offset env, double* scratch) {
           refuse_jacobian_vjp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
         });
   }
 };
 
-template <class Real>
+template <class Real, bool kIsRelaxed>
 struct PushForward {
   using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
   static constexpr bool kSerial = false;
@@ -85,42 +93,15 @@ struct PushForward {
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const JacobianJvpJob<Real>& job = args.job.job;
     derive_checked(
-        team, id, args, [&](Offset env, double* scratch) { jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch); },
+        team, id, args,
+        [&](Offset env, double* scratch) {
+          if constexpr (kIsRelaxed)
+            relaxed_jacobian_jvp_env<RowTile<Real>>(team, args.job, env, scratch);
+          else
+            jacobian_jvp_env<RowTile<Real>>(team, job, env, scratch);
+        },
         [&](Offset env, double* scratch) {
           refuse_jacobian_jvp<RowTile<Real>>(team, job, env, kGradientOverCapacity, scratch);
-        });
-  }
-};
-
-/// Derivatives of the relaxed problem. They are kernels of their own: else the exact problem's would have their stack.
-template <class Real>
-struct PullBackRelaxed {
-  using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
-  static constexpr bool kSerial = false;
-
-  template <Team TeamT>
-  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    derive_checked(
-        team, id, args,
-        [&](Offset env, double* scratch) { relaxed_jacobian_vjp_env<RowTile<Real>>(team, args.job, env, scratch); },
-        [&](Offset env, double* scratch) {
-          refuse_jacobian_vjp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
-        });
-  }
-};
-
-template <class Real>
-struct PushForwardRelaxed {
-  using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
-  static constexpr bool kSerial = false;
-
-  template <Team TeamT>
-  static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    derive_checked(
-        team, id, args,
-        [&](Offset env, double* scratch) { relaxed_jacobian_jvp_env<RowTile<Real>>(team, args.job, env, scratch); },
-        [&](Offset env, double* scratch) {
-          refuse_jacobian_jvp<RowTile<Real>>(team, args.job.job, env, kGradientOverCapacity, scratch);
         });
   }
 };

@@ -194,28 +194,28 @@ void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const Jacobian
 }
 
 void DeviceDerivativeMachine::vjp(const VjpJob<float>& job, StreamRef stream) {
-  queue_contacts<PullBack<float>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
+  queue_contacts<PullBack<float, false>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const VjpJob<double>& job, StreamRef stream) {
-  queue_contacts<PullBack<double>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
+  queue_contacts<PullBack<double, false>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<float>& job, StreamRef stream) {
-  queue_contacts<PushForward<float>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
+  queue_contacts<PushForward<float, false>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<double>& job, StreamRef stream) {
-  queue_contacts<PushForward<double>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
+  queue_contacts<PushForward<double, false>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PullBack<float>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
+  queue_jacobians<PullBack<float, false>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PullBack<double>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
+  queue_jacobians<PullBack<double, false>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PushForward<float>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
+  queue_jacobians<PushForward<float, false>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PushForward<double>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
+  queue_jacobians<PushForward<double, false>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
 }
 
 void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) {
