@@ -174,7 +174,8 @@ class SolverStiction(newton.solvers.SolverBase):
             model.joint_type, model.joint_parent, model.joint_X_p, model.joint_q_start, model.joint_qd_start,
             state.body_q, state.joint_q, state.joint_qd, control.joint_f, self._gravity, self._coriolis,
             control.joint_target_q, control.joint_target_qd, model.joint_target_mode, model.joint_target_ke,
-            model.joint_target_kd, model.joint_effort_limit, *springs_of(model), model.joint_damping, dt], [self._force, self._softness], device=model.device)
+            model.joint_target_kd, model.joint_effort_limit, *springs_of(model), model.joint_damping, dt],
+            [self._force, self._softness], device=model.device)
         wp.launch(kernels.free_motion, model.articulation_count, [
             model.articulation_start, model.articulation_end, model.joint_qd_start, model.joint_child, self._H,
             self._J, state.joint_qd, self._force, self._softness, self._prescribed, state.body_f, dt, self._mass_start,
