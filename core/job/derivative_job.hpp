@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+
+#include "core/base/macros.hpp"
 #include "core/job/jacobian_job.hpp"
 #include "stiction/derivative.hpp"
 
@@ -35,6 +38,14 @@ struct JvpJob : DerivativeJob<Real> {
   SolutionTangentView<Real> changes;
 };
 
+/// What is found of environments that are pulled back side by side, before others are looked at one by one.
+template <class Real>
+struct AdjointLanes {
+  Real* adjoint = nullptr;           ///< a, (32) of docs/math/derivative.md  (count * dof_count)
+  Real* moved = nullptr;             ///< M^-1 J' lambda                      (dof_count)
+  std::uint8_t* answered = nullptr;  ///< 1: all but cotangents of J and M is written; null: none is  (env_count)
+};
+
 /// Cotangents of a solution to those of J, M and v_free, through the contact batch that is assembled of them.
 template <class Real>
 struct JacobianVjpJob {
@@ -42,9 +53,14 @@ struct JacobianVjpJob {
   JacobianBatchJob<Real> assembly;  ///< how it is assembled, laid out already
   JacobianSolutionCotangentView<Real> cotangents;
   JacobianBatchCotangentView<Real> gradients;
-  Real* seed;                ///< by the reactions, with what velocities depend on them  (count * row_count)
-  Real* nu;                  ///< by b                                                   (count * row_count)
+  Real* seed;  ///< by the reactions, with what velocities depend on them  (count * row_count)
+  Real* nu;    ///< by b                                                   (count * row_count)
+  AdjointLanes<Real> lanes;
   bool has_jacobian = true;  ///< else there is nothing to assemble, and `contact` is all
+
+  [[nodiscard]] STICTION_HD bool is_answered(Offset env) const {
+    return lanes.answered != nullptr && lanes.answered[env] != 0;
+  }
 
   /// Connects the parts: an assembly that is laid out, and memory for seed and nu.
   void connect(const JacobianBatchJob<Real>& laid_out, Real* seeds, Real* nus) {

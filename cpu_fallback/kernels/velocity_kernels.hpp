@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job/derivative_job.hpp"
 #include "core/job/velocity_job.hpp"
 #include "cpu_fallback/kernels/scratch.hpp"
 
@@ -11,12 +12,14 @@ struct VelocityScratch {
   Scratch numbers;
 };
 
-/// Newton's method in velocities, compiled for one instruction set.
+/// Newton's method in velocities and its derivative, compiled for one instruction set.
 template <class Real>
 struct VelocityKernels {
   Index width;  ///< environments of a pack; 1: they are solved one by one
   /// Solves environments, or parts of some, of sizes that the method takes, in packs that follow one another.
   void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
+  /// Pulls environments back that lanes take (adjoint_pack.hpp), and says which it has answered.
+  void (*pull)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
 };
 
 /// Kernels of both precisions.

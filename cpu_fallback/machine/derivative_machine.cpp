@@ -1,8 +1,10 @@
 #include "core/machine/derivative_machine.hpp"
 
+#include <algorithm>
 #include <type_traits>
 #include <vector>
 
+#include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "cpu_fallback/kernels/isa.hpp"
@@ -13,14 +15,17 @@ namespace stiction {
 
 namespace {
 
-template <class Real>
-cpu::DerivativeKernels<Real> pick() {
-  const cpu::DerivativeKernelSet set = cpu::best_isa().derivative();
+template <class Real, class Set>
+auto of_precision(const Set& set) {
   if constexpr (std::is_same_v<Real, float>) {
     return set.f32;
   } else {
     return set.f64;
   }
+}
+template <class Real>
+cpu::DerivativeKernels<Real> pick() {
+  return of_precision<Real>(cpu::best_isa().derivative());
 }
 
 /// Environments that one thread takes at a time: less would cost more than it shares.
@@ -53,6 +58,32 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
   for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
 }
 
+/// What lanes may take of a batch. Like sizes lie side by side, so that none waits long for another in its pack.
+template <class Real>
+std::vector<LaneEnv<Real>> list_lanes(const JacobianVjpJob<Real>& job) {
+  std::vector<LaneEnv<Real>> envs;
+  for (Offset env = 0; env < job.assembly.batch.env_count; ++env)
+    if (takes_adjoint(job, env)) envs.push_back(lane_env(job.assembly.batch, env));
+  std::ranges::stable_sort(envs, [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) {
+    return a.dofs != b.dofs ? a.dofs < b.dofs : a.rows < b.rows;
+  });
+  return envs;
+}
+
+/// Pulls back what lanes take. Memory is there before the first output is written.
+template <class Real>
+void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
+  const std::vector<LaneEnv<Real>> envs = list_lanes(job);
+  const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
+  const auto count = static_cast<Offset>(envs.size()), run = Offset{2} * kernels.width;
+  const int workers = cpu::thread_count(threads);
+  std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
+  cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
+    const Offset begin = index * run;
+    kernels.pull(job, envs.data() + begin, smaller_of(run, count - begin), scratch[static_cast<std::size_t>(worker)]);
+  });
+}
+
 /// A job of J and M. The arrays that are assembled, and what goes between the parts, live as long as the call.
 template <class Real, class Job>
 void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeKernel<Job>& exact,
@@ -62,6 +93,16 @@ void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeK
   const auto size = static_cast<std::size_t>(job.contact.count * batch.row_count);
   std::vector<Real> in(size), out(size);
   job.connect(assembled->lay_out(batch, StreamRef::default_stream()), in.data(), out.data());
+  if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>) {
+    if (kappa == 0.0 && job.contact.law == Law::convex) {
+      const auto dofs = static_cast<std::size_t>(batch.dof_count);
+      std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
+      std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
+      job.lanes = {adjoint.data(), moved.data(), answered.data()};
+      pull_in_lanes(job, threads);
+      return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
+    }
+  }
   run_job<Real>(job, batch, threads, kappa, exact, relaxed);
 }
 

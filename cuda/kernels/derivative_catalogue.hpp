@@ -1,6 +1,7 @@
 #pragma once
 
 #include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/kernels/adjoint_program.hpp"
 #include "cuda/kernels/derivative_program.hpp"
 
 /// The part of a catalogue that derivatives are (catalogue.hpp). Apart, so that no solver is compiled anew for them.
@@ -21,8 +22,13 @@ KernelRef unrolled_kernel() {
   return Make::template kernel<PullSweeps<Real>>("unrolled_vjp");
 }
 template <class Make, class Real>
+KernelRef lanes_kernel() {
+  return Make::template kernel<PullLanes<Real>>("derivative_vjp_lanes");
+}
+template <class Make, class Real>
 DerivativeKernels all_derivative_kernels() {
-  return {derivative_kernels<Make, Real>(), relaxed_kernels<Make, Real>(), unrolled_kernel<Make, Real>()};
+  return {derivative_kernels<Make, Real>(), relaxed_kernels<Make, Real>(), unrolled_kernel<Make, Real>(),
+          lanes_kernel<Make, Real>()};
 }
 
 }  // namespace stiction::cuda

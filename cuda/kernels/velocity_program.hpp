@@ -2,32 +2,18 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/velocity/dof_islands.hpp"
-#include "core/algorithm/velocity/solve_pack.hpp"
 #include "core/algorithm/velocity/velocity_result.hpp"
-#include "cuda/api/kernel.hpp"
+#include "cuda/kernels/lane_memory.hpp"
 
 namespace stiction::cuda {
 
-/// What Newton's method in velocities takes beside the job. It is memory of each team, in which its lanes' numbers lie
-/// side by side, laid out for the largest environment.
+/// What Newton's method in velocities takes beside the job.
 template <class Real>
-struct VelocityArgs {
+struct VelocityArgs : LaneRoom {
   VelocityJob<Real> job;
   JacobianArrays<Real> arrays;
-  double* numbers;  ///< of each team                                 (teams * numbers_per_team)
-  Offset* lists;    ///< of each lane of each team                    (teams * kWarp * lists_per_lane)
-  Index* islands;   ///< of each lane of each team                    (teams * kWarp * islands_per_lane)
-  Offset numbers_per_team;
-  Offset lists_per_lane;
+  Index* islands;  ///< of each lane of each team                    (teams * kWarp * islands_per_lane)
   Offset islands_per_lane;
-  SlotCounts largest;
-  Index dofs;
-  Index tree_entries;
-  bool in_blocks;         ///< by teams, what is left; else by lanes
-  Index* block_lists;     ///< of each team                          (block_teams * block_lists_per_team)
-  double* block_numbers;  ///< of each team                          (block_teams * block_numbers_per_team)
-  Offset block_lists_per_team;
-  Offset block_numbers_per_team;
 };
 
 }  // namespace stiction::cuda
@@ -45,49 +31,43 @@ struct SolveVelocities {
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
-  template <class Lane>
-  struct LaneMemory {
+  /// One lane's environment after the other.
+  struct Place {
     const Args& args;
     Offset team;
     Index lane;
-    STICTION_HD void* lists(Offset) const { return args.lists + (team * cuda::kWarp + lane) * args.lists_per_lane; }
     STICTION_HD Index* islands() const { return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane; }
-    STICTION_HD VelocityWorkspace<Lane> numbers(const SlotCounts&, Index, Index) const {
-      return VelocityWorkspace<Lane>(args.numbers + team * args.numbers_per_team, args.largest, args.dofs,
-                                     args.tree_entries, lane);
-    }
   };
-  using Memory = LaneMemory<Types>;
 
   /// Solves an environment, or a part of one.
-  static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Memory& memory) {
+  static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Place& place) {
     VelocityResult result;
     part.result = &result;
     if (part.dofs <= kMostVelocityDofs)
-      solve_pack<Types>(memory.args.job, &part, 1, memory);
+      solve_pack<Types>(place.args.job, &part, 1, LaneMemory<Types>{place.args, place.team, place.lane});
     else if constexpr (kInParts)
-      solve_pack<Large>(memory.args.job, &part, 1, LaneMemory<Large>{memory.args, memory.team, memory.lane});
+      solve_pack<Large>(place.args.job, &part, 1, LaneMemory<Large>{place.args, place.team, place.lane});
     return result;
   }
 
-  static STICTION_HD void solve_env(Offset env, const Memory& memory) {
-    const Args& args = memory.args;
+  static STICTION_HD void solve_env(Offset env, const Place& place) {
+    const Args& args = place.args;
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
-      if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, memory));
+      if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, place));
     } else if constexpr (kInParts) {
-      solve_in_parts(env, memory);
+      solve_in_parts(env, place);
     }
   }
 
-  static STICTION_HD void solve_in_parts(Offset env, const Memory& memory) {
-    const Args& args = memory.args;
-    DofIslands<Real> islands(args.job.batch, env, memory.islands());
+  static STICTION_HD void solve_in_parts(Offset env, const Place& place) {
+    const Args& args = place.args;
+    DofIslands<Real> islands(args.job.batch, env, place.islands());
     islands.find();
     for (Index i = 0; i < islands.count(); ++i)
       if (!takes_size(args.job.batch, islands.part(i), args.job.law)) return;
     VelocityResult result;
-    for (Index i = 0; i < islands.count() && result.is_solved; ++i) join(result, solve(islands.part(i), memory));
+    for (Index i = 0; i < islands.count() && result.is_solved; ++i) join(result, solve(islands.part(i), place));
     finish(args.job, env, result);
   }
 
@@ -98,7 +78,7 @@ struct SolveVelocities {
       for_each(team, cuda::kWarp, [&](Index lane) {
         const Offset env = first + lane;
         if (env >= envs || (args.arrays.flags[env] & kNotAssembled) != 0 || !takes_form(args.job.batch, env)) return;
-        solve_env(env, Memory{args, id.index, lane});
+        solve_env(env, Place{args, id.index, lane});
         leave_out_answered(args.arrays, env);
       });
   }

@@ -1,5 +1,6 @@
 #include "cuda/machine/derivative_machine.hpp"
 
+#include <type_traits>
 #include <utility>
 
 #include "core/base/extents.hpp"
@@ -19,6 +20,14 @@ Offset jacobian_doubles(const Capacity& capacity) {
   const Offset dofs = capacity.env_dofs,
                vectors = larger_of(capacity.env_rows, 2) + ChainEnv<RowTile<double>>::kVectors;
   return dofs * (dofs + vectors);
+}
+
+/// A team of lanes each of which takes an environment.
+LaunchShape lanes_shape() {
+  LaunchShape shape;
+  shape.teams = 1;
+  shape.lanes = kWarp;
+  return shape;
 }
 
 /// Lanes for an environment of that size. They reach speed only.
@@ -51,6 +60,7 @@ DeviceDerivativeMachine::DeviceDerivativeMachine(std::shared_ptr<DeviceApi> api,
     api_->prepare(kernels(precision).vjp, shape_);
     api_->prepare(kernels(precision).jvp, shape_);
     api_->prepare(unrolled_kernel(precision), shape_);
+    api_->prepare(lanes_kernel(precision), lanes_shape());
   }
 }
 
@@ -69,6 +79,9 @@ const DerivativePair& DeviceDerivativeMachine::kernels(Precision precision) cons
 }
 const KernelRef& DeviceDerivativeMachine::unrolled_kernel(Precision precision) const {
   return api_->kernels().derivative[static_cast<int>(precision)].unrolled_vjp;
+}
+const KernelRef& DeviceDerivativeMachine::lanes_kernel(Precision precision) const {
+  return api_->kernels().derivative[static_cast<int>(precision)].vjp_lanes;
 }
 
 /// Memory for as many doubles. Graphs that were captured keep what they have, so that it cannot move any more.
@@ -135,7 +148,20 @@ void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const Ke
   make_room(room, batch, job.contact.count, stream);
   if (!api_->capturing(stream)) api_->wait(stream, done_.get());
   job.connect(room.machine->lay_out(batch, StreamRef(stream)), room.in, room.out);
+  if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>)
+    if (kappa_ == 0.0 && job.contact.law == Law::convex && room.teams > 0) queue_lanes(room, job, stream);
   queue_job<Program>(kernel, job, stream);
+}
+
+/// Lanes pull back what they take; the job then says what they answered.
+template <class Real>
+void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job,
+                                          StreamHandle stream) {
+  job.lanes = room.lanes;
+  AdjointArgs<Real> args{room.room, job};
+  LaunchShape shape = lanes_shape();
+  shape.teams = smaller_of(room.teams, (job.assembly.batch.env_count + kWarp - 1) / kWarp);
+  api_->launch(lanes_kernel(sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64), shape, &args, stream);
 }
 
 /// Sweeps of a contact batch, in scratch of their own that grows with their number.
@@ -156,41 +182,60 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
   queue(kernel, args, teams, stream);
 }
 
+/// What lanes take for environments of this machine's capacity.
+template <class Real>
+void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
+  const Index rows = smaller_of(most_rows_, kMostVelocityRows), dofs = smaller_of(most_dofs_, kMostVelocityDofs);
+  const Offset list_bytes = PackLists<1, DofSet>::bytes(rows);
+  room.room = lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(rows, dofs, dofs * (dofs + 1) / 2,
+                                                                               Offset{rows} * dofs, list_bytes);
+  const Offset lists = kWarp * room.room.lists_per_lane;
+  const Offset wanted = (room.capacity.envs + kWarp - 1) / kWarp;
+  room.teams = smaller_of(wanted, teams_for(room.room.numbers_per_team + lists));
+  set.add(room.lanes.moved, numbers.dofs);
+  set.add(room.lanes.adjoint, numbers.adjoints);
+  set.add(room.lanes.answered, room.capacity.envs);
+  set.add(room.room.numbers, room.teams * room.room.numbers_per_team);
+  set.add(room.room.lists, room.teams * lists);
+}
+
 /// Room for the batch, whose environments are no larger than the derivative's capacity says: larger ones get none.
 template <class Real>
 void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count,
                                         StreamHandle stream) {
-  const Offset numbers = count * batch.row_count;
+  const JacobianNumbers need{count * batch.row_count, count * batch.dof_count, batch.dof_count};
   const JacobianCapacity& has = room.capacity;
   const bool fits = has.envs >= batch.env_count && has.rows >= batch.row_count && has.cones >= batch.cone_count;
-  if (room.machine != nullptr && fits && room.numbers >= numbers) return;
+  if (room.machine != nullptr && fits && room.has.holds(need)) return;
   if (api_->capturing(stream))
     throw Error(ErrorCode::invalid_argument,
                 "the stream is captured, and this batch of J and M needs more room than those before: differentiate "
                 "one of its size before the capture");
   api_->await(done_.get());
   if (room.machine == nullptr || !fits) {
-    JacobianCapacity need;
-    need.envs = larger_of(has.envs, batch.env_count);
-    need.rows = larger_of(has.rows, batch.row_count);
-    need.cones = larger_of(has.cones, batch.cone_count);
-    need.env_rows = most_rows_;
-    need.env_dofs = most_dofs_;
-    need.matrix = need.rows * most_rows_;
-    need.factor = need.rows * most_dofs_;
+    JacobianCapacity larger;
+    larger.envs = larger_of(has.envs, batch.env_count);
+    larger.rows = larger_of(has.rows, batch.row_count);
+    larger.cones = larger_of(has.cones, batch.cone_count);
+    larger.env_rows = most_rows_;
+    larger.env_dofs = most_dofs_;
+    larger.matrix = larger.rows * most_rows_;
+    larger.factor = larger.rows * most_dofs_;
     room.capacity = {};
     room.machine.reset();
-    room.machine = std::make_unique<DeviceJacobianMachine<Real>>(api_, need, FactorUse::by_size, false, true);
-    room.capacity = need;
+    room.machine = std::make_unique<DeviceJacobianMachine<Real>>(api_, larger, FactorUse::by_size, false, true);
+    room.capacity = larger;
   }
-  if (room.numbers >= numbers) return;
-  room.numbers = 0;
+  JacobianNumbers most = room.has;
+  most.take_in(need);
+  room.has = {};
   ArraySet set;
-  set.add(room.in, numbers);
-  set.add(room.out, numbers);
+  set.add(room.in, most.rows);
+  set.add(room.out, most.rows);
+  if (kappa_ == 0.0 && most_dofs_ > 0) add_lanes(room, most, set);
   room.memory.make_room(*api_, set.bytes());
   set.place(room.memory.get());
-  room.numbers = numbers;
+  room.has = most;
 }
 
 void DeviceDerivativeMachine::vjp(const VjpJob<float>& job, StreamRef stream) {

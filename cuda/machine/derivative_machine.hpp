@@ -2,27 +2,49 @@
 
 #include <memory>
 
+#include "core/base/extents.hpp"
 #include "core/machine/derivative_machine.hpp"
 #include "cuda/api/device_api.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
+#include "cuda/kernels/adjoint_program.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 
 namespace stiction::cuda {
+
+/// Numbers between the parts of a call that differentiates J and M.
+struct JacobianNumbers {
+  Offset rows = 0;      ///< of all sets
+  Offset adjoints = 0;  ///< degrees of freedom of all sets
+  Offset dofs = 0;
+
+  [[nodiscard]] bool holds(const JacobianNumbers& other) const noexcept {
+    return rows >= other.rows && adjoints >= other.adjoints && dofs >= other.dofs;
+  }
+  void take_in(const JacobianNumbers& other) noexcept {
+    rows = larger_of(rows, other.rows);
+    adjoints = larger_of(adjoints, other.adjoints);
+    dofs = larger_of(dofs, other.dofs);
+  }
+};
 
 /// Where batches of J and M of one precision are assembled for their derivatives. It grows with the batches.
 template <class Real>
 struct JacobianRoom {
   JacobianCapacity capacity;
-  Offset numbers = 0;  ///< room of `in` and of `out`
+  JacobianNumbers has;
   std::unique_ptr<DeviceJacobianMachine<Real>> machine;
   DeviceMemory memory;
-  Real* in = nullptr;   ///< from J and M to the contact batch
-  Real* out = nullptr;  ///< and back
+  Real* in = nullptr;        ///< from J and M to the contact batch
+  Real* out = nullptr;       ///< and back
+  AdjointLanes<Real> lanes;  ///< what lanes find
+  LaneRoom room{};           ///< and what they take
+  Offset teams = 0;          ///< of such lanes
 };
 
 /// Differentiates contact batches on a device: one launch, in memory that is taken when it is made. For batches of J
-/// and M two more come before it. What sweeps and relaxed reactions take beside grows with the calls.
+/// and M two more come before it, and a third where lanes pull environments back. What sweeps and relaxed reactions
+/// take beside grows with the calls.
 class DeviceDerivativeMachine final : public DerivativeMachine {
  public:
   /// `eager`: every call is complete on return, for a device that does nothing before it is waited for.
@@ -55,9 +77,14 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   void queue_sweeps(const KernelRef& kernel, const UnrolledJob<Real>& job, StreamHandle stream);
   [[nodiscard]] const DerivativePair& kernels(Precision precision) const;
   [[nodiscard]] const KernelRef& unrolled_kernel(Precision precision) const;
+  [[nodiscard]] const KernelRef& lanes_kernel(Precision precision) const;
   [[nodiscard]] Offset teams_for(Offset slot) const;
   template <class Real>
+  void queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job, StreamHandle stream);
+  template <class Real>
   void make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count, StreamHandle stream);
+  template <class Real>
+  void add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const;
   void make_room(DeviceMemory& memory, Offset doubles, StreamHandle stream);
 
   std::shared_ptr<DeviceApi> api_;

@@ -104,22 +104,19 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   if (block_shape_.teams > 0) api_->prepare(velocity_kernels_of<Real>(*api_).newton_in_blocks, block_shape_);
 }
 
-/// A lane's numbers are laid out for the largest environment that the method takes, so that lanes side by side touch
-/// addresses side by side.
+/// A lane's numbers are laid out for the largest environment that the method takes.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
   const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
   newton_kernel_ = has_large ? kernels.newton_in_parts : kernels.newton;
-  newton_.dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
-  newton_.tree_entries = smaller_of(newton_.dofs * (newton_.dofs + 1) / 2, kMostLargeEntries);
-  newton_.largest = {rows, rows, smaller_of(Offset{rows} * newton_.dofs, Offset{kMostLargeColumns}), rows};
-  newton_.numbers_per_team = VelocityWorkspace<typename SolveVelocities<Real, true>::Types>::doubles(
-      newton_.largest, newton_.dofs, newton_.tree_entries);
+  const Index dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
   const Offset list_bytes =
       larger_of(PackLists<1, DofSet>::bytes(rows), has_large ? PackLists<1, LargeDofSet>::bytes(rows) : Offset{0});
-  newton_.lists_per_lane = (list_bytes + static_cast<Offset>(sizeof(Offset)) - 1) / static_cast<Offset>(sizeof(Offset));
+  static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<typename SolveVelocities<Real, true>::Types>>(
+      rows, dofs, smaller_of(dofs * (dofs + 1) / 2, kMostLargeEntries),
+      smaller_of(Offset{rows} * dofs, Offset{kMostLargeColumns}), list_bytes);
   newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;

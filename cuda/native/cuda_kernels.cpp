@@ -5,7 +5,8 @@ namespace stiction::cuda {
 namespace {
 
 DerivativeKernels all_derivative_kernels(Precision precision) {
-  return {cuda_derivative_kernels(precision), cuda_relaxed_kernels(precision), cuda_unrolled_kernel(precision)};
+  return {cuda_derivative_kernels(precision), cuda_relaxed_kernels(precision), cuda_unrolled_kernel(precision),
+          cuda_lanes_kernel(precision)};
 }
 
 }  // namespace

@@ -274,18 +274,7 @@ std::string bytes_of(const Derived& own) {
 template <class Real>
 JacobianBatch<Real> jacobians(MassForm form) {
   JacobianBatch<Real> batch(Law::coulomb, form, 3);
-  for (std::uint64_t seed = 1; seed < 4; ++seed) {
-    const JacobianEnvironment<double> from = random_jacobian({seed, 3, 2, 9, 3});
-    JacobianEnvironment<Real> env;
-    for (const auto& cone : from.cones) env.cones.push_back({cone.kind, cone.row_count, cone.group});
-    env.J.assign(from.J.begin(), from.J.end());
-    env.M.assign(from.M.begin(), from.M.end());
-    env.v_free.assign(from.v_free.begin(), from.v_free.end());
-    env.target.assign(from.target.begin(), from.target.end());
-    env.R.assign(from.R.begin(), from.R.end());
-    env.mu.assign(from.mu.begin(), from.mu.end());
-    batch.add(env);
-  }
+  for (std::uint64_t seed = 1; seed < 4; ++seed) batch.add(in_precision<Real>(random_jacobian({seed, 3, 2, 9, 3})));
   return batch;
 }
 

@@ -19,24 +19,6 @@ namespace {
 constexpr Capacity kRoom{
     .envs = 0, .rows = 0, .cones = 0, .nonzeros = 0, .env_rows = 40, .env_nonzeros = 0, .env_dofs = 9};
 
-template <class Real>
-JacobianEnvironment<Real> convert(const JacobianEnvironment<double>& env) {
-  JacobianEnvironment<Real> to;
-  for (const auto& cone : env.cones) to.cones.push_back({cone.kind, cone.row_count});
-  to.row_offsets = env.row_offsets;
-  to.column = env.column;
-  const auto copy = [](const std::vector<double>& from) { return std::vector<Real>(from.begin(), from.end()); };
-  to.J = copy(env.J);
-  to.M = copy(env.M);
-  to.v_free = copy(env.v_free);
-  to.target = copy(env.target);
-  to.R = copy(env.R);
-  to.mu = copy(env.mu);
-  to.lo = copy(env.lo);
-  to.hi = copy(env.hi);
-  return to;
-}
-
 /// A batch with its reactions, and two sets of what is pulled back and of what is pushed forward.
 template <class Real>
 struct Problem {
@@ -65,7 +47,7 @@ struct Problem {
     for (std::uint64_t seed = 1; seed < 8; ++seed) {
       JacobianEnvironment<double> env = environment_of(form, seed);
       if (seed == 3 && is_broken) env.M[0] = -1;
-      batch.add(convert<Real>(env));
+      batch.add(in_precision<Real>(env));
     }
     return batch;
   }

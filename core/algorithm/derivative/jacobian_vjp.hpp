@@ -32,7 +32,7 @@ STICTION_HD void seed_env(TeamT& team, const JacobianVjpJob<typename Tile::Real>
 /// A cotangent as it is stored.
 template <class Real>
 STICTION_HD void put_chain(Real* to, Offset at, Real value, bool refused) {
-  if (to != nullptr) put(to, at, refused ? 0.0 : static_cast<double>(value));
+  if (to != nullptr) to[at] = refused ? Real(0) : stored(value);
 }
 
 /// Cotangents of M: -(a p' + p a') / 2 with p = M^-1 J' lambda, and of a factor L: -(a (L'p)' + p (L'a)').
@@ -51,17 +51,18 @@ STICTION_HD void write_mass_gradient(TeamT& team, const ChainEnv<Tile>& env,
   const Offset first = set * env.batch->mass_count + env.batch->env_mass_offsets[index];
   for_each(team, env.dofs, [&](Index i) {
     const Index begin = i / block * block;
-    for (Index c = 0; c < block; ++c) {
-      const Index j = begin + c;
-      Real value(0);
-      if (!refused && (!is_factor || j <= i)) {
-        const Real one = is_factor ? env.moved_L[j] : env.moved[j];
-        const Real two = is_factor ? env.change_L[j] : env.change[j];
-        const Real sum = fma_(env.change[i], one, env.moved[i] * two);
-        value = is_factor ? sum : Real(0.5) * sum;
-      }
-      put_chain(job.gradients.M, first + static_cast<Offset>(i) * block + c, Real(0) - value, refused);
+    Real* const row = job.gradients.M + first + static_cast<Offset>(i) * block;
+    if (refused) {
+      for (Index c = 0; c < block; ++c) row[c] = Real(0);
+      return;
     }
+    // A factor has nothing above its diagonal, and M both halves, of which each counts half.
+    const Real* const moved = (is_factor ? env.moved_L : env.moved) + begin;
+    const Real* const change = (is_factor ? env.change_L : env.change) + begin;
+    const Index columns = is_factor ? i - begin + 1 : block;
+    const Real one = env.change[i], two = env.moved[i], share = is_factor ? Real(1) : Real(0.5);
+    for (Index c = 0; c < columns; ++c) row[c] = stored(Real(0) - share * fma_(one, moved[c], two * change[c]));
+    for (Index c = columns; c < block; ++c) row[c] = Real(0);
   });
 }
 
@@ -84,13 +85,14 @@ STICTION_HD void write_chain(TeamT& team, const ChainEnv<Tile>& env, const Jacob
       put_chain(to.hi, rows + i, Real(0), true);
     }
     if (to.J == nullptr) return;
-    Offset at = entries + env.batch->row_offsets[env.first_row + i];
-    env.for_each_entry(i, [&](Index k, Real) {
-      Real value(0);
-      if (!refused) value = fma_(nu, env.v_free[k] + env.moved[k], lambda[i] * env.change[k]);
-      put_chain(to.J, at, value, refused);
-      ++at;
-    });
+    Real* const row = to.J + entries + env.batch->row_offsets[env.first_row + i];
+    const Real x = refused ? Real(0) : lambda[i];
+    Index at = 0;
+    if (refused)
+      env.for_each_entry(i, [&](Index, Real) { row[at++] = Real(0); });
+    else
+      env.for_each_entry(
+          i, [&](Index k, Real) { row[at++] = stored(fma_(nu, env.v_free[k] + env.moved[k], x * env.change[k])); });
   });
   write_mass_gradient(team, env, job, index, set, refused);
   if (refused)
@@ -147,10 +149,26 @@ STICTION_HD_OUTLINE void end_jacobian_vjp(TeamT& team, const JacobianVjpJob<type
   }
 }
 
+/// Cotangents of J, M and target of an environment whose adjoint velocities lanes have found (adjoint_pack.hpp).
+template <class Tile, Team TeamT>
+STICTION_HD_OUTLINE void finish_answered(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, Offset index,
+                                         typename Tile::Real* own) {
+  ChainEnv<Tile> env(job.assembly.batch, index, own);
+  env.moved = job.lanes.moved + env.first_dof;
+  for (Offset set = 0; set < job.contact.count; ++set) {
+    env.change = job.lanes.adjoint + set * env.batch->dof_count + env.first_dof;
+    write_chain(team, env, job, index, set, false);
+  }
+}
+
 /// Pulls all sets of cotangents of one environment back, to J and M where there are such, and writes its record.
 template <class Tile, Team TeamT>
 STICTION_HD void jacobian_vjp_env(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, Offset index,
                                   double* memory) {
+  if (job.is_answered(index)) {
+    finish_answered<Tile>(team, job, index, reinterpret_cast<typename Tile::Real*>(memory));
+    return;
+  }
   auto* const own = reinterpret_cast<typename Tile::Real*>(memory + derivative_elements(job.contact, index));
   const bool is_mass = job.has_jacobian && begin_jacobian_vjp<Tile>(team, job, index, own);
   vjp_env(team, job.contact, index, memory);

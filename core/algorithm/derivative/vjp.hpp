@@ -17,6 +17,14 @@ STICTION_HD void put(Real* to, Offset at, double value) {
   if (to != nullptr) to[at] = canonical_zero(saturated<Real>(value));
 }
 
+/// put() of a number that has the precision of what is stored.
+template <class Real>
+STICTION_HD Real stored(Real value) {
+  constexpr double kEnd = sizeof(Real) == sizeof(float) ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
+  constexpr auto kLargest = static_cast<Real>(kEnd);
+  return canonical_zero(select(value == value, clamp_(value, -kLargest, kLargest), kLargest));
+}
+
 template <Team TeamT, class Real>
 STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offset index, const ModesFound& found,
                               double residual) {

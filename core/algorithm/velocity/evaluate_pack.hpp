@@ -101,26 +101,31 @@ struct DoublePack {
   /// gradient = M (v - v_free) - J' x.
   STICTION_HD_OUTLINE void refresh_gradient() const {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
-    const auto change = [&](Index k) { return v[k] - number(workspace.v_free, k); };
+    push_mass(sum, [&](Index k) { return v[k] - number(workspace.v_free, k); });
+    for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
+    for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+  }
+
+  /// sum = M change.
+  template <class F>
+  STICTION_HD void push_mass(const Doubles& sum, F&& change) const {
     for (Index k = 0; k < tree.dofs; ++k) sum.put(k, Double(0));
     if (mass == MassForm::factor) {
       push_change(sum, change);
-    } else {
-      for (Index k = 0; k < tree.dofs; ++k) {
-        const Index row = tree.begin[k];
-        const SmallOf<Types>* const path = tree.path(k);
-        const Double own = change(k);
-        Double force = number(workspace.M, row + tree.depth[k]) * own;
-        for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
-          const Double entry = number(workspace.M, row + d);
-          force = fma_(entry, change(path[d]), force);
-          sum.put(path[d], fma_(entry, own, sum[path[d]]));
-        }
-        sum.put(k, sum[k] + force);
-      }
+      return;
     }
-    for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
-    for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Index row = tree.begin[k];
+      const SmallOf<Types>* const path = tree.path(k);
+      const Double own = change(k);
+      Double force = number(workspace.M, row + tree.depth[k]) * own;
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
+        const Double entry = number(workspace.M, row + d);
+        force = fma_(entry, change(path[d]), force);
+        sum.put(path[d], fma_(entry, own, sum[path[d]]));
+      }
+      sum.put(k, sum[k] + force);
+    }
   }
 
   /// sum += L'DL change, by the factor that evaluations move v with: where the gradient is zero, they find v. It takes

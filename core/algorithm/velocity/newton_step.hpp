@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/velocity/cone_law.hpp"
+#include "core/algorithm/velocity/hessian_rows.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 
 /// The pieces of an iteration: reactions, gradient, Hessian, and the function along a line
@@ -13,6 +14,7 @@ struct NewtonPack {
   using Wide = typename Types::Wide;
   using Real = typename Types::Real;
   using Numbers = typename Types::Numbers;
+  using Value = Wide;
   const VelocityWorkspace<Types>& workspace;
   const TreeOf<Types>& tree;
   const SlotOf<Types>* slots;
@@ -25,18 +27,9 @@ struct NewtonPack {
     return {workspace.law[3 * s], workspace.law[3 * s + 1], workspace.law[3 * s + 2]};
   }
 
-  /// f(slot, number) for rows between bounds, g(shape, slot, number) for friction cones.
   template <class F, class G>
   STICTION_HD void for_each_slot(F&& f, G&& g) const {
-    for (Index s = 0; s < counts.slots; ++s) {
-      if (slots[s].rows == 1) {
-        f(slots[s], s);
-        continue;
-      }
-      with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
-        if constexpr (decltype(shape)::kKind == ConeKind::friction) g(shape, slots[s], s);
-      });
-    }
+    visit_slots(slots, counts, f, g);
   }
 
   /// Row k of a slot times a vector by degree of freedom.
@@ -131,59 +124,12 @@ struct NewtonPack {
     }
   }
 
-  /// H += J'GJ of rows `from` and on of a slot, in the rows of kColumns degrees of freedom from column `first` on.
-  template <bool kCone, int kRows, int kColumns>
-  STICTION_HD void add_columns(const SlotOf<Types>& slot, Index s, Index from, Index first) const {
-    const Numbers J = workspace.J.from(slot.entry + static_cast<Offset>(from) * slot.columns);
-    Wide out[kColumns][kRows];
-    Numbers row[kColumns];
-    for (int c = 0; c < kColumns; ++c) {
-      Wide in[kRows];
-      for (int k = 0; k < kRows; ++k) in[k] = J[k * slot.columns + first + c];
-      times_slopes<kCone, kRows>(slot, s, from, in, out[c]);
-      row[c] = workspace.H.from(tree.begin[slot.dof[first + c]]);
-    }
-    const auto add = [&](int c, Index other, const Wide(&entry)[kRows]) {
-      const Index at = slot.depth[other];
-      Wide sum = row[c][at];
-      for (int k = 0; k < kRows; ++k) sum = fma_(out[c][k], entry[k], sum);
-      row[c].put(at, sum);
-    };
-    for (Index other = 0; other < first + kColumns; ++other) {
-      Wide entry[kRows];
-      for (int k = 0; k < kRows; ++k) entry[k] = J[k * slot.columns + other];
-      for (int c = 0; c < kColumns; ++c)
-        if (other <= first + c) add(c, other, entry);
-    }
-  }
-
-  /// H += J'GJ of rows `from` and on of a slot.
-  template <bool kCone, int kRows>
-  STICTION_HD void add_slot(const SlotOf<Types>& slot, Index s, Index from) const {
-    Index first = 0;
-    for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
-    if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);
-  }
-
-  /// H += J'GJ of all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is
-  /// read once for several rows.
-  STICTION_HD_OUTLINE void add_single_rows() const {
-    for (Index s = 0; s < counts.singles;) {
-      const Index run = run_of(slots, s, counts.singles);
-      Index k = 0;
-      for (; k + 4 <= run; k += 4) add_slot<false, 4>(slots[s], s, k);
-      for (; k + 2 <= run; k += 2) add_slot<false, 2>(slots[s], s, k);
-      if (k < run) add_slot<false, 1>(slots[s], s, k);
-      s += run;
-    }
-  }
-
+  [[nodiscard]] STICTION_HD Wide entry(Offset i) const { return workspace.J[i]; }
+  [[nodiscard]] STICTION_HD const Numbers& hessian() const { return workspace.H; }
   /// H = M + J'GJ.
   STICTION_HD_OUTLINE void refresh_hessian() const {
     for (Index e = 0; e < tree.entries; ++e) workspace.H.put(e, workspace.M[e]);
-    add_single_rows();
-    for_each_slot([](const auto&, Index) {},
-                  [&](auto shape, const auto& slot, Index s) { add_slot<true, decltype(shape)::kRows>(slot, s, 0); });
+    HessianRows<NewtonPack>{*this}.add();
   }
 
   /// gradient = J' G line.

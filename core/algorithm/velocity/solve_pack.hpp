@@ -46,12 +46,11 @@ STICTION_HD bool pays_when_large(const DofTree<Set>& tree, const Slot<kLanes, Se
   return 3 * Offset{counts.rows} * counts.rows >= step;
 }
 
-/// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
-/// became of each is in its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries)
-/// makes the workspace.
-template <class Types, class Memory>
-STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
-                                    const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
+/// run(envs, lists, counts) for up to kLanes environments, or parts of some, each of a size that lanes take; large ones
+/// alone. Whether there was room for their lists, which memory.lists(bytes) is for; else it is not called.
+template <class Types, class Memory, class Run>
+STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
+                           const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory, Run&& run) {
   using Real = typename Types::Real;
   constexpr int kLanes = Types::kLanes;
   LaneEnv<Real> envs[kLanes];
@@ -71,19 +70,33 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
   SlotItem<Set>* next = lists.items;
   for (Index k = 0; k < dofs; ++k) lists.coupled[k] = Set{};
   for (Index l = 0; l < count; ++l) {
-    list_items(job.batch, envs[l], next);
+    list_items(batch, envs[l], next);
     items[l] = next;
     next += cones[l];
     add_mass_dofs(envs[l], lists.coupled);
   }
   const SlotCounts counts = merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns);
-  const bool fits = counts.fits && build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots);
-  if (!fits || (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts))) {
-    for (Index l = 0; l < count; ++l) envs[l].result->is_solved = false;
-    return;
-  }
-  const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
-  VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
+  if (!counts.fits || !build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots)) return false;
+  run(envs, lists, counts);
+  return true;
+}
+
+/// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
+/// became of each is in its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries)
+/// makes the workspace.
+template <class Types, class Memory>
+STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
+                                    const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
+  bool is_taken = false;
+  with_pack<Types>(job.batch, members, count, memory, [&](const auto& envs, const auto& lists, const auto& counts) {
+    const Index dofs = lists.tree.dofs;
+    if (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
+    is_taken = true;
+    const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
+    VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
+  });
+  if (is_taken) return;
+  for (Index l = 0; l < count; ++l) members[l].result->is_solved = false;
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -52,16 +52,6 @@ class VelocityNewton {
   STICTION_HD void for_each_part(F&& f) const {
     for (int first = 0; first < kLanes; first += Types::kDoubleLanes) f(in_double(first));
   }
-  static STICTION_HD double lane_of(double value, int) { return value; }
-  template <int W>
-  static STICTION_HD double lane_of(Pack<double, W> value, int lane) {
-    return value.v[lane];
-  }
-  static STICTION_HD bool is_set(bool mask, int) { return mask; }
-  template <class T, int W>
-  static STICTION_HD bool is_set(PackMask<T, W> mask, int lane) {
-    return (lane_bits(mask) >> lane & 1U) != 0;
-  }
   /// One number for each lane.
   template <class F>
   static STICTION_HD Wide lanes(F&& f) {

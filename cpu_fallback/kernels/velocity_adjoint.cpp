@@ -1,0 +1,18 @@
+#include "cpu_fallback/kernels/velocity_adjoint.hpp"
+
+#include "core/algorithm/derivative/adjoint_pack.hpp"
+#include "cpu_fallback/pack/lane_packs.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+template <class Real>
+void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch) {
+  for_each_pack(envs, count, [&]<class Types>(const LaneEnv<Real>* members, Index members_count) {
+    pull_pack<Types>(job, members, members_count, PackMemory<Types>{scratch});
+  });
+}
+
+template void pull_all(const JacobianVjpJob<float>&, const LaneEnv<float>*, Offset, cpu::VelocityScratch&);
+template void pull_all(const JacobianVjpJob<double>&, const LaneEnv<double>*, Offset, cpu::VelocityScratch&);
+
+}  // namespace stiction::inline STICTION_ISA

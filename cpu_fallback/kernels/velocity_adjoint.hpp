@@ -1,0 +1,12 @@
+#pragma once
+
+#include "core/base/macros.hpp"
+#include "cpu_fallback/kernels/velocity_kernels.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// Pulls environments that takes_adjoint() back, in packs that follow one another.
+template <class Real>
+void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch);
+
+}  // namespace stiction::inline STICTION_ISA

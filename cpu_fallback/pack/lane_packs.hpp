@@ -1,0 +1,47 @@
+#pragma once
+
+#include "core/algorithm/derivative/adjoint_workspace.hpp"
+#include "core/algorithm/velocity/solve_pack.hpp"
+#include "cpu_fallback/kernels/velocity_kernels.hpp"
+#include "cpu_fallback/pack/pack_width.hpp"
+
+/// Environments of Newton's method in velocities, and of its derivative, into packs.
+namespace stiction::inline STICTION_ISA {
+
+/// Where a pack's memory comes from.
+template <class Types>
+struct PackMemory {
+  cpu::VelocityScratch& scratch;
+  void* lists(Offset bytes) const { return scratch.lists.template reserve<char>(bytes); }
+  VelocityWorkspace<Types> numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
+    return make<VelocityWorkspace<Types>>(counts, dofs, tree_entries);
+  }
+  AdjointWorkspace<Types> adjoint_numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
+    return make<AdjointWorkspace<Types>>(counts, dofs, tree_entries);
+  }
+
+ private:
+  template <class Workspace>
+  Workspace make(const SlotCounts& counts, Index dofs, Index tree_entries) const {
+    const Offset doubles = Workspace::doubles(counts, dofs, tree_entries);
+    return Workspace(scratch.numbers.template reserve<double>(doubles), counts, dofs, tree_entries);
+  }
+};
+
+template <class Real>
+inline constexpr int kLanesHere = kSinglesAlone ? 1 : kPackWidth<Real>;
+
+/// run.operator()<Types>(first, count) for packs of environments that follow one another.
+template <class Real, class Run>
+void for_each_pack(const LaneEnv<Real>* envs, Offset count, Run&& run) {
+  constexpr int kWidth = kLanesHere<Real>;
+  constexpr Offset kFewest = 3;  // so few take longer in a pack than one by one
+  Offset done = 0;
+  if constexpr (kWidth > 1)
+    for (; count - done >= kFewest; done += kWidth)
+      run.template operator()<LaneTypes<Pack<Real, kWidth>>>(
+          envs + done, static_cast<Index>(count - done < kWidth ? count - done : kWidth));
+  for (; done < count; ++done) run.template operator()<LaneTypes<Real>>(envs + done, 1);
+}
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,60 @@
+#pragma once
+
+#include "core/algorithm/derivative/adjoint_workspace.hpp"
+#include "core/algorithm/velocity/solve_pack.hpp"
+#include "cuda/api/kernel.hpp"
+
+namespace stiction::cuda {
+
+/// Memory of teams of which each lane takes an environment. It is laid out for the largest one. Numbers of a team's
+/// lanes lie side by side, so that lanes side by side touch addresses side by side.
+struct LaneRoom {
+  double* numbers;  ///< of each team                                 (teams * numbers_per_team)
+  Offset* lists;    ///< of each lane of each team                    (teams * kWarp * lists_per_lane)
+  Offset numbers_per_team;
+  Offset lists_per_lane;
+  SlotCounts largest;
+  Index dofs;
+  Index tree_entries;
+};
+
+/// Room for environments of so many rows, degrees of freedom, entries of a tree and of J, without its memory.
+template <class Workspace>
+LaneRoom lay_out_lanes(Index rows, Index dofs, Index tree_entries, Offset entries, Offset list_bytes) {
+  constexpr auto kOffset = static_cast<Offset>(sizeof(Offset));
+  const SlotCounts largest{rows, rows, entries, rows};
+  return {nullptr,
+          nullptr,
+          Workspace::doubles(largest, dofs, tree_entries),
+          (list_bytes + kOffset - 1) / kOffset,
+          largest,
+          dofs,
+          tree_entries};
+}
+
+}  // namespace stiction::cuda
+
+namespace stiction::inline STICTION_ISA {
+
+/// What a lane takes for its environment.
+template <class Types>
+struct LaneMemory {
+  const cuda::LaneRoom& room;
+  Offset team;
+  Index lane;
+  STICTION_HD void* lists(Offset) const { return room.lists + (team * cuda::kWarp + lane) * room.lists_per_lane; }
+  STICTION_HD VelocityWorkspace<Types> numbers(const SlotCounts&, Index, Index) const {
+    return make<VelocityWorkspace<Types>>();
+  }
+  STICTION_HD AdjointWorkspace<Types> adjoint_numbers(const SlotCounts&, Index, Index) const {
+    return make<AdjointWorkspace<Types>>();
+  }
+
+ private:
+  template <class Workspace>
+  STICTION_HD Workspace make() const {
+    return Workspace(room.numbers + team * room.numbers_per_team, room.largest, room.dofs, room.tree_entries, lane);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA
