@@ -38,6 +38,16 @@ struct JvpJob : DerivativeJob<Real> {
   SolutionTangentView<Real> changes;
 };
 
+/// What lanes found of an environment, or of a part of one, whose cotangents they pull back.
+struct AdjointResult {
+  double scale = 0.0;             ///< max|b| of the whole environment, where this is a part; 0: it is the whole  [w]
+  double square = 0.0;            ///< of the adjoint's residual, the largest of all sets                         [-]
+  double forward_residual = 0.0;  ///< relative to that scale                                                     [-]
+  Index unknowns = 0;
+  Index degenerate = 0;
+  bool is_answered = true;
+};
+
 /// What is found of environments that are pulled back side by side, before others are looked at one by one.
 template <class Real>
 struct AdjointLanes {

@@ -6,13 +6,16 @@
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>
-void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch) {
+void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, AdjointResult* results, Offset count,
+              cpu::VelocityScratch& scratch) {
   for_each_pack(envs, count, [&]<class Types>(const LaneEnv<Real>* members, Index members_count) {
-    pull_pack<Types>(job, members, members_count, PackMemory<Types>{scratch});
+    pull_pack<Types>(job, members, results + (members - envs), members_count, PackMemory<Types>{scratch});
   });
 }
 
-template void pull_all(const JacobianVjpJob<float>&, const LaneEnv<float>*, Offset, cpu::VelocityScratch&);
-template void pull_all(const JacobianVjpJob<double>&, const LaneEnv<double>*, Offset, cpu::VelocityScratch&);
+template void pull_all(const JacobianVjpJob<float>&, const LaneEnv<float>*, AdjointResult*, Offset,
+                       cpu::VelocityScratch&);
+template void pull_all(const JacobianVjpJob<double>&, const LaneEnv<double>*, AdjointResult*, Offset,
+                       cpu::VelocityScratch&);
 
 }  // namespace stiction::inline STICTION_ISA

@@ -5,8 +5,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Pulls environments that takes_adjoint() back, in packs that follow one another.
+/// Pulls environments back, or parts of some, that lanes take, in packs that follow one another.
 template <class Real>
-void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, cpu::VelocityScratch& scratch);
+void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, AdjointResult* results, Offset count,
+              cpu::VelocityScratch& scratch);
 
 }  // namespace stiction::inline STICTION_ISA

@@ -18,8 +18,9 @@ struct VelocityKernels {
   Index width;  ///< environments of a pack; 1: they are solved one by one
   /// Solves environments, or parts of some, of sizes that the method takes, in packs that follow one another.
   void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
-  /// Pulls environments back that lanes take (adjoint_pack.hpp), and says which it has answered.
-  void (*pull)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
+  /// Pulls environments back, or parts of some, that lanes take. `results` come with the scales of parts.
+  void (*pull)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, AdjointResult* results, Offset count,
+               VelocityScratch& scratch);
 };
 
 /// Kernels of both precisions.

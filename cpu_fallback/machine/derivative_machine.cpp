@@ -1,14 +1,13 @@
 #include "core/machine/derivative_machine.hpp"
 
-#include <algorithm>
 #include <type_traits>
 #include <vector>
 
-#include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "cpu_fallback/kernels/isa.hpp"
 #include "cpu_fallback/kernels/scratch.hpp"
+#include "cpu_fallback/machine/adjoint_parts.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
 namespace stiction {
@@ -58,30 +57,21 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
   for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
 }
 
-/// What lanes may take of a batch. Like sizes lie side by side, so that none waits long for another in its pack.
-template <class Real>
-std::vector<LaneEnv<Real>> list_lanes(const JacobianVjpJob<Real>& job) {
-  std::vector<LaneEnv<Real>> envs;
-  for (Offset env = 0; env < job.assembly.batch.env_count; ++env)
-    if (takes_adjoint(job, env)) envs.push_back(lane_env(job.assembly.batch, env));
-  std::ranges::stable_sort(envs, [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) {
-    return a.dofs != b.dofs ? a.dofs < b.dofs : a.rows < b.rows;
-  });
-  return envs;
-}
-
 /// Pulls back what lanes take. Memory is there before the first output is written.
 template <class Real>
 void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
-  const std::vector<LaneEnv<Real>> envs = list_lanes(job);
+  cpu::AdjointParts<Real> parts(job);
+  const std::span<const LaneEnv<Real>> all = parts.all();
   const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
-  const auto count = static_cast<Offset>(envs.size()), run = Offset{2} * kernels.width;
+  const auto count = static_cast<Offset>(all.size()), run = Offset{2} * kernels.width;
   const int workers = cpu::thread_count(threads);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
   cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;
-    kernels.pull(job, envs.data() + begin, smaller_of(run, count - begin), scratch[static_cast<std::size_t>(worker)]);
+    kernels.pull(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
+                 scratch[static_cast<std::size_t>(worker)]);
   });
+  parts.finish();
 }
 
 /// A job of J and M. The arrays that are assembled, and what goes between the parts, live as long as the call.

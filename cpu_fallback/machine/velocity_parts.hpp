@@ -1,13 +1,12 @@
 #pragma once
 
-#include <algorithm>
 #include <span>
 #include <vector>
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/velocity/blocks/block_limits.hpp"
-#include "core/algorithm/velocity/dof_islands.hpp"
 #include "core/algorithm/velocity/velocity_result.hpp"
+#include "cpu_fallback/machine/large_parts.hpp"
 
 namespace stiction::cpu {
 
@@ -16,7 +15,7 @@ namespace stiction::cpu {
 template <class Real>
 class VelocityParts {
  public:
-  /// Like sizes lie side by side, so that none waits long for another in its pack. flags: of each environment.
+  /// Sorted by size. flags: of each environment.
   std::span<const LaneEnv<Real>> list(const VelocityJob<Real>& job, const std::uint32_t* flags) {
     parts_.clear();
     large_.clear();
@@ -29,14 +28,11 @@ class VelocityParts {
         parts_.push_back(whole);
       }
     }
-    list_large(job);
+    islands_.append(job.batch, large_, parts_,
+                    [&](const LaneEnv<Real>& part) { return takes_size(job.batch, part, job.law); });
     results_.assign(parts_.size(), VelocityResult{});
     for (std::size_t i = 0; i < results_.size(); ++i) parts_[i].result = &results_[i];
-    const auto is_smaller = [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) {
-      return a.dofs != b.dofs ? a.dofs < b.dofs : a.rows < b.rows;
-    };
-    if (!std::is_sorted(parts_.begin(), parts_.end(), is_smaller))
-      std::stable_sort(parts_.begin(), parts_.end(), is_smaller);
+    sort_by_size(parts_);
     return parts_;
   }
 
@@ -63,32 +59,10 @@ class VelocityParts {
   }
 
  private:
-  void list_large(const VelocityJob<Real>& job) {
-    Offset integers = 0;
-    const auto size = [&](Offset env) {
-      return DofIslands<Real>::integers(job.batch.env_dofs(env), job.batch.env_cones(env));
-    };
-    for (const Offset env : large_) integers += size(env);
-    if (lists_.size() < static_cast<std::size_t>(integers)) lists_.resize(static_cast<std::size_t>(integers));
-    Index* memory = lists_.data();
-    for (const Offset env : large_) {
-      DofIslands<Real> islands(job.batch, env, memory);
-      memory += size(env);
-      islands.find();
-      const std::size_t before = parts_.size();
-      bool takes_all = true;
-      for (Index i = 0; i < islands.count(); ++i) {
-        parts_.push_back(islands.part(i));
-        takes_all = takes_all && takes_size(job.batch, parts_.back(), job.law);
-      }
-      if (!takes_all) parts_.resize(before);
-    }
-  }
-
   std::vector<LaneEnv<Real>> parts_;
   std::vector<VelocityResult> results_, wholes_;  ///< of each part, of each environment
   std::vector<Offset> large_;                     ///< environments that are looked at for parts
-  std::vector<Index> lists_;                      ///< their lists
+  LargeParts<Real> islands_;
 };
 
 }  // namespace stiction::cpu

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/algorithm/derivative/adjoint_pack.hpp"
+#include "core/algorithm/velocity/dof_islands.hpp"
 #include "cuda/kernels/lane_memory.hpp"
 
 namespace stiction::cuda {
@@ -10,6 +11,8 @@ namespace stiction::cuda {
 template <class Real>
 struct AdjointArgs : LaneRoom {
   JacobianVjpJob<Real> job;
+  Index* islands;           ///< of each lane of each team                    (teams * kWarp * islands_per_lane)
+  Offset islands_per_lane;  ///< 0: no environment is larger than a lane takes
 };
 
 }  // namespace stiction::cuda
@@ -24,18 +27,48 @@ struct PullLanes {
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
+  /// An environment, or a part of one.
+  static STICTION_HD AdjointResult pull(const LaneEnv<Real>& part, double scale, const LaneMemory<Types>& memory,
+                                        const Args& args) {
+    AdjointResult result;
+    result.scale = scale;
+    if (takes_adjoint_size(part) && part.rows <= args.largest.rows)
+      pull_pack<Types>(args.job, &part, &result, 1, memory);
+    else
+      result.is_answered = false;
+    return result;
+  }
+
+  static STICTION_HD_OUTLINE AdjointResult pull_parts(Offset env, const LaneMemory<Types>& memory, const Args& args) {
+    const JacobianBatchView<Real>& batch = args.job.assembly.batch;
+    DofIslands<Real> islands(batch, env,
+                             args.islands + (memory.team * cuda::kWarp + memory.lane) * args.islands_per_lane);
+    islands.find();
+    AdjointResult result;
+    for (Index i = 0; i < islands.count(); ++i)
+      result.is_answered = result.is_answered && takes_adjoint_size(islands.part(i));
+    const double scale = free_motion(batch, env);
+    for (Index i = 0; i < islands.count() && result.is_answered; ++i)
+      join(result, pull(islands.part(i), scale, memory, args));
+    return result;
+  }
+
+  static STICTION_HD void pull_env(Offset env, const LaneMemory<Types>& memory, const Args& args) {
+    args.job.lanes.answered[env] = 0;
+    if (!takes_adjoint(args.job, env)) return;
+    const LaneEnv<Real> whole = lane_env(args.job.assembly.batch, env);
+    if (whole.dofs <= args.dofs)
+      finish(args.job, env, pull(whole, 0.0, memory, args));
+    else if (args.islands_per_lane >= DofIslands<Real>::integers(whole.dofs, whole.cones))
+      finish(args.job, env, pull_parts(env, memory, args));
+  }
+
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const Offset envs = args.job.assembly.batch.env_count;
     for (Offset first = id.index * cuda::kWarp; first < envs; first += id.count * cuda::kWarp)
       for_each(team, cuda::kWarp, [&](Index lane) {
-        const Offset env = first + lane;
-        if (env >= envs) return;
-        args.job.lanes.answered[env] = 0;
-        if (!takes_adjoint(args.job, env)) return;
-        const LaneEnv<Real> own = lane_env(args.job.assembly.batch, env);
-        if (own.rows > args.largest.rows || own.dofs > args.dofs) return;
-        pull_pack<Types>(args.job, &own, 1, LaneMemory<Types>{args, id.index, lane});
+        if (first + lane < envs) pull_env(first + lane, LaneMemory<Types>{args, id.index, lane}, args);
       });
   }
 };

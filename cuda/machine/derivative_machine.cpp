@@ -158,7 +158,8 @@ template <class Real>
 void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job,
                                           StreamHandle stream) {
   job.lanes = room.lanes;
-  AdjointArgs<Real> args{room.room, job};
+  AdjointArgs<Real> args = room.args;
+  args.job = job;
   LaunchShape shape = lanes_shape();
   shape.teams = smaller_of(room.teams, (job.assembly.batch.env_count + kWarp - 1) / kWarp);
   api_->launch(lanes_kernel(sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64), shape, &args, stream);
@@ -187,16 +188,19 @@ template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
   const Index rows = smaller_of(most_rows_, kMostVelocityRows), dofs = smaller_of(most_dofs_, kMostVelocityDofs);
   const Offset list_bytes = PackLists<1, DofSet>::bytes(rows);
-  room.room = lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(rows, dofs, dofs * (dofs + 1) / 2,
-                                                                               Offset{rows} * dofs, list_bytes);
-  const Offset lists = kWarp * room.room.lists_per_lane;
+  static_cast<LaneRoom&>(room.args) = lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(
+      rows, dofs, dofs * (dofs + 1) / 2, Offset{rows} * dofs, list_bytes);
+  room.args.islands_per_lane =
+      most_dofs_ > kMostVelocityDofs ? DofIslands<Real>::integers(most_dofs_, most_rows_) : Offset{0};
+  const Offset lists = kWarp * room.args.lists_per_lane, islands = kWarp * room.args.islands_per_lane;
   const Offset wanted = (room.capacity.envs + kWarp - 1) / kWarp;
-  room.teams = smaller_of(wanted, teams_for(room.room.numbers_per_team + lists));
+  room.teams = smaller_of(wanted, teams_for(room.args.numbers_per_team + lists + islands));
   set.add(room.lanes.moved, numbers.dofs);
   set.add(room.lanes.adjoint, numbers.adjoints);
   set.add(room.lanes.answered, room.capacity.envs);
-  set.add(room.room.numbers, room.teams * room.room.numbers_per_team);
-  set.add(room.room.lists, room.teams * lists);
+  set.add(room.args.numbers, room.teams * room.args.numbers_per_team);
+  set.add(room.args.lists, room.teams * lists);
+  set.add(room.args.islands, room.teams * islands);
 }
 
 /// Room for the batch, whose environments are no larger than the derivative's capacity says: larger ones get none.

@@ -38,7 +38,7 @@ struct JacobianRoom {
   Real* in = nullptr;        ///< from J and M to the contact batch
   Real* out = nullptr;       ///< and back
   AdjointLanes<Real> lanes;  ///< what lanes find
-  LaneRoom room{};           ///< and what they take
+  AdjointArgs<Real> args{};  ///< and what they take
   Offset teams = 0;          ///< of such lanes
 };
 

@@ -29,6 +29,29 @@ JacobianEnvironment<Real> in_precision(const JacobianEnvironment<double>& env) {
   return to;
 }
 
+/// Environments with dense J and M as one, in which nothing couples them.
+inline JacobianEnvironment<double> beside_one_another(const std::vector<JacobianEnvironment<double>>& parts) {
+  std::size_t dofs = 0, first = 0;
+  for (const auto& part : parts) dofs += part.v_free.size();
+  JacobianEnvironment<double> whole;
+  whole.M.assign(dofs * dofs, 0.0);
+  for (const auto& part : parts) {
+    const std::size_t own = part.v_free.size(), rows = whole.mu.size();
+    for (const auto member :
+         {&JacobianEnvironment<double>::v_free, &JacobianEnvironment<double>::target, &JacobianEnvironment<double>::R,
+          &JacobianEnvironment<double>::mu, &JacobianEnvironment<double>::lo, &JacobianEnvironment<double>::hi})
+      (whole.*member).insert((whole.*member).end(), (part.*member).begin(), (part.*member).end());
+    whole.cones.insert(whole.cones.end(), part.cones.begin(), part.cones.end());
+    whole.J.resize(whole.mu.size() * dofs, 0.0);
+    for (std::size_t i = 0; i < part.mu.size(); ++i)
+      for (std::size_t k = 0; k < own; ++k) whole.J[(rows + i) * dofs + first + k] = part.J[i * own + k];
+    for (std::size_t i = 0; i < own; ++i)
+      for (std::size_t j = 0; j < own; ++j) whole.M[(first + i) * dofs + first + j] = part.M[i * own + j];
+    first += own;
+  }
+  return whole;
+}
+
 /// How J and M are given.
 struct Form {
   Index mass_block;

@@ -103,6 +103,38 @@ TEST(DeviceJacobianDerivative, HasTheBitsOfTheCpu) {
     }
 }
 
+/// Robots beside one another, which a lane takes one after the other.
+TEST(DeviceJacobianDerivative, OfLargeEnvironmentsIsFoundPartByPart) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    JacobianBatch<double> batch(Law::convex, form);
+    std::vector<JacobianEnvironment<double>> parts;
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+      parts.push_back(random_jacobian({seed, 2, 1, 9, 0, 0.02}));
+      if (form == MassForm::factor) parts.back().M = cholesky(parts.back().M, 9);
+    }
+    batch.add(parts[0]);
+    batch.add(beside_one_another(parts));
+    const auto lambda = solve(batch, options(SolverKind::newton, 1e-10, 100)).contact.lambda;
+    auto view = batch.view();
+    JacobianChanges<double> bars(view);
+    std::uint64_t draw = 0;
+    for (auto* part : {&bars.lambda, &bars.w, &bars.velocity}) *part = random_numbers(part->size(), ++draw);
+    JacobianGradients<double> expected(view), own(view);
+    const ReactionView<double> at{lambda.data(), nullptr};
+    Derivative(Device::cpu()).vjp(view, at, bars.cotangents(), expected.view(), expected.status.data());
+    Capacity room = kRoom;
+    room.env_rows = 60;
+    room.env_dofs = 72;
+    const Derivative there(Device::emulated(), {}, room);
+    view.space = MemorySpace::cuda;
+    there.vjp(view, at, bars.cotangents(), own.view(), own.status.data());
+    const auto one = expected.all(), two = own.all();
+    EXPECT_TRUE(same_bits(std::span<const double>(one), std::span<const double>(two)));
+    EXPECT_EQ(bytes_of(own.status), bytes_of(expected.status));
+    EXPECT_EQ(own.status[1].flags, 0U);
+  }
+}
+
 TEST(DeviceJacobianDerivative, HasTheBitsOfTheCpuOnAnyLanes) {
   const Problem<float> problem(kForms[3], Law::coulomb);
   const auto view = problem.batch.view();

@@ -7,9 +7,9 @@
 #include <cstring>
 #include <numeric>
 
-#include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/machine/adjoint_parts.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -86,13 +86,23 @@ std::vector<std::uint8_t> answered(const JacobianBatchView<double>& view, const 
   job.gradients = to.view();
   job.connect(machine->lay_out(view, StreamRef::default_stream()), in.data(), out.data());
   job.lanes = {adjoint.data(), moved.data(), found.data()};
+  cpu::AdjointParts<double> parts(job);
   cpu::VelocityScratch scratch;
-  for (Offset env = 0; env < view.env_count; ++env) {
-    if (!takes_adjoint(job, env)) continue;
-    const LaneEnv<double> own = lane_env(view, env);
-    cpu::best_isa().velocity().f64.pull(job, &own, 1, scratch);
-  }
+  cpu::best_isa().velocity().f64.pull(job, parts.all().data(), parts.results(), static_cast<Offset>(parts.all().size()),
+                                      scratch);
+  parts.finish();
   return found;
+}
+
+/// M itself, where a factor of it was given.
+std::vector<double> full_mass_of(const JacobianEnvironment<double>& env, MassForm form) {
+  if (form == MassForm::matrix) return env.M;
+  const std::size_t dofs = env.v_free.size();
+  std::vector<double> M(env.M.size());
+  for (std::size_t i = 0; i < dofs; ++i)
+    for (std::size_t j = 0; j < dofs; ++j)
+      for (std::size_t k = 0; k < dofs; ++k) M[i * dofs + j] += env.M[i * dofs + k] * env.M[j * dofs + k];
+  return M;
 }
 
 double largest(const std::vector<double>& numbers) {
@@ -189,6 +199,47 @@ TEST(DerivativeInLanes, LeavesTheRestToTheOthers) {
   DerivativeOptions few;
   few.max_unknowns = 1;
   for (const std::uint8_t one : answered(view, lambda, few)) EXPECT_EQ(one, 0);
+}
+
+/// Robots beside one another: more degrees of freedom than a lane takes, in parts that nothing couples. Ties and
+/// residuals are measured by the whole environment's motion.
+TEST(DerivativeInLanes, TakesLargeEnvironmentsPartByPart) {
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const JacobianEnvironment<double> whole =
+        beside_one_another({draw(3, form), draw(4, form), draw(5, form), draw(6, form), draw(7, form), draw(8, form)});
+    const std::size_t dofs = whole.v_free.size();
+    ASSERT_GT(dofs, 64U);
+    const auto batch = batch_of({draw(2, form), whole, draw(5, form)}, form);
+    const auto view = batch.view();
+    const auto lambda = solved(batch);
+    EXPECT_EQ(answered(view, lambda), (std::vector<std::uint8_t>{1, 1, 1}));
+    const auto bar = random_numbers(lambda.size(), 1),
+               v_bar = random_numbers(static_cast<std::size_t>(view.dof_count), 2);
+    for (const double tolerance : {0.0, 0.1}) {
+      DerivativeOptions o;
+      o.tie_tolerance = tolerance;
+      const auto own = test::vjp(view, lambda, bar, bar, v_bar, o);
+      const ContactBatch<double> assembled = assemble(view, FactorUse::never);
+      auto seed = bar;
+      const auto row = static_cast<std::size_t>(view.env_row_offsets[1]);
+      const auto dof = static_cast<std::size_t>(view.env_dof_offsets[1]);
+      const std::vector<double> bars(v_bar.begin() + static_cast<std::ptrdiff_t>(dof),
+                                     v_bar.begin() + static_cast<std::ptrdiff_t>(dof + dofs));
+      const auto response = solve_columns(full_mass_of(whole, form), bars, dofs);
+      for (std::size_t i = 0; i < whole.mu.size(); ++i)
+        for (std::size_t k = 0; k < dofs; ++k) seed[row + i] += whole.J[i * dofs + k] * response[k];
+      const auto expected = vjp(assembled.view(), lambda, seed, bar, o);
+      for (std::size_t i = row; i < row + whole.mu.size(); ++i) {
+        EXPECT_NEAR(own.target[i], -expected.b[i], 1e-9 * largest(expected.b)) << i;
+        EXPECT_NEAR(own.R[i], expected.R[i], 1e-9 * largest(expected.R)) << i;
+        EXPECT_NEAR(own.mu[i], expected.mu[i], 1e-9 * largest(expected.mu)) << i;
+      }
+      EXPECT_EQ(own.status[1].flags, expected.status[1].flags);
+      EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
+      EXPECT_EQ(own.status[1].degenerate, expected.status[1].degenerate);
+      EXPECT_NEAR(own.status[1].forward_residual, expected.status[1].forward_residual, 1e-14);
+    }
+  }
 }
 
 }  // namespace

@@ -3,17 +3,62 @@
 #include "core/algorithm/velocity/lane_env.hpp"
 #include "core/job/derivative_job.hpp"
 
+/// Which environments of J and M lanes pull back, whole or part by part (adjoint_pack.hpp).
 namespace stiction::inline STICTION_ISA {
 
-/// Whether an environment may be taken, as far as its numbers do not decide. Its rows, J and M are known to be sound.
+/// Whether an environment may be taken, as far as sizes and numbers do not decide. Its rows, J and M are known to be
+/// sound.
 template <class Real>
 STICTION_HD bool takes_adjoint(const JacobianVjpJob<Real>& job, Offset env) {
-  const JacobianBatchView<Real>& batch = job.assembly.batch;
   if ((job.assembly.to.flags[env] & kNotAssembled) != 0) return false;
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
-  const Index dofs = batch.env_dofs(env);
-  return job.contact.law == Law::convex && is_solved && dofs > 0 && dofs <= kMostVelocityDofs &&
-         batch.env_rows(env) <= kMostVelocityRows && takes_form(batch, env);
+  return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
+}
+/// Whether a lane takes an environment, or a part of one, of that size.
+template <class Real>
+STICTION_HD bool takes_adjoint_size(const LaneEnv<Real>& env) {
+  return env.dofs > 0 && env.dofs <= kMostVelocityDofs && env.rows <= kMostVelocityRows;
+}
+
+/// max|b| of an environment that is taken part by part, whose ties are measured by it.
+template <class Real>
+STICTION_HD double free_motion(const JacobianBatchView<Real>& batch, Offset env) {
+  const Offset first = batch.env_row_offsets[env], rows = batch.env_rows(env);
+  const Real* const v_free = batch.v_free + batch.env_dof_offsets[env];
+  double largest = 0.0;
+  for (Offset row = first; row < first + rows; ++row) {
+    const Offset begin = batch.row_offsets[row], end = batch.row_offsets[row + 1];
+    double sum = 0.0 - static_cast<double>(batch.target[row]);
+    for (Offset k = begin; k < end; ++k) {
+      const Index dof = batch.column == nullptr ? static_cast<Index>(k - begin) : batch.column[k];
+      sum = fma_(static_cast<double>(batch.J[k]), static_cast<double>(v_free[dof]), sum);
+    }
+    largest = max_(abs_(sum), largest);
+  }
+  return max_(largest, 1e-300);
+}
+
+/// Takes a part in.
+STICTION_HD void join(AdjointResult& whole, const AdjointResult& part) {
+  whole.square = max_(part.square, whole.square);
+  whole.forward_residual = max_(part.forward_residual, whole.forward_residual);
+  whole.unknowns += part.unknowns;
+  whole.degenerate += part.degenerate;
+  whole.is_answered = whole.is_answered && part.is_answered;
+}
+
+/// Writes down whether an environment is answered, and its record if it is.
+template <class Real>
+STICTION_HD void finish(const JacobianVjpJob<Real>& job, Offset env, const AdjointResult& found) {
+  const bool is_answered = found.is_answered && found.unknowns <= job.contact.max_unknowns;
+  job.lanes.answered[env] = is_answered ? 1 : 0;
+  if (!is_answered) return;
+  job.contact.status[env] = {sqrt_(found.square),
+                             found.forward_residual,
+                             found.degenerate > 0 ? static_cast<std::uint32_t>(kGradientSubgradient) : 0U,
+                             found.unknowns,
+                             found.degenerate,
+                             0};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/derivative/adjoint_half.hpp"
+#include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/algorithm/derivative/find_modes.hpp"
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
@@ -25,8 +26,8 @@ class AdjointPack {
 
   STICTION_HD AdjointPack(const JacobianVjpJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
                           const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
-                          const AdjointWorkspace<Types>& workspace)
-      : job_(job), envs_(envs), tree_(tree), slots_(slots), counts_(counts), workspace_(workspace) {}
+                          const AdjointWorkspace<Types>& workspace, AdjointResult* results)
+      : job_(job), envs_(envs), tree_(tree), slots_(slots), counts_(counts), workspace_(workspace), results_(results) {}
 
   STICTION_HD_OUTLINE void run() {
     load();
@@ -35,20 +36,13 @@ class AdjointPack {
       load_cotangents(set);
       for_each_half([&](const Half& half) { pull(half); });
       for (int l = 0; l < kLanes; ++l)
-        if (lanes_[l].is_taken) write_lane(l, set);
+        if (lanes_[l].is_answered) write_lane(l, set);
     }
     for (int l = 0; l < kLanes; ++l)
-      if (lanes_[l].is_taken) write_record(l);
+      if (envs_[l].env >= 0) results_[l] = lanes_[l];
   }
 
  private:
-  struct LaneState {
-    bool is_taken = false;
-    double residual = 0.0;  ///< of the adjoint, the largest square of all sets
-    double forward_residual = 0.0;
-    Index unknowns = 0;
-    Index degenerate = 0;
-  };
   [[nodiscard]] STICTION_HD const JacobianBatchView<Real>& batch() const { return job_.assembly.batch; }
 
   template <class F>
@@ -67,11 +61,24 @@ class AdjointPack {
     }
     auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (Index row = 0; row < counts_.rows; ++row) sound = and_(sound, workspace_.R[row] > Wide(0));
-    for (int l = 0; l < kLanes; ++l) lanes_[l].is_taken = envs_[l].env >= 0 && is_set(sound, l);
+    for (int l = 0; l < kLanes; ++l) {
+      const bool has = envs_[l].env >= 0;
+      if (has) lanes_[l].scale = results_[l].scale;
+      lanes_[l].is_answered = has && is_set(sound, l);
+    }
   }
   [[nodiscard]] STICTION_HD Real mark_of(const SlotOf<Types>& slot, int l) const {
     if (slot.row_of[l] < 0) return Real(-1);
     return batch().cone_kind[envs_[l].first_cone + slot.cone_of[l]] == ConeKind::unilateral ? Real(1) : Real(0);
+  }
+
+  /// The largest |b|, that of the whole environment in lanes that have a part of one.
+  STICTION_HD Double whole_scale(int first, Double own) const {
+    double given[Types::kDoubleLanes];
+    for (int l = 0; l < Types::kDoubleLanes; ++l) given[l] = lanes_[first + l].scale;
+    Double whole;
+    load_lanes(given, whole);
+    return select(whole > Double(0), whole, own);
   }
 
   /// The modes of the answer, and H. What a solve would not call an answer is not taken.
@@ -79,19 +86,19 @@ class AdjointPack {
     const DoublePack<Types>& part = half.part;
     auto definite = part.factor_mass();
     part.find_diagonal();
-    const Double scale = part.find_scale();
+    const Double scale = whole_scale(part.first, part.find_scale());
     const auto evaluated = part.evaluate(Law::convex);
     // Behind an evaluation scratch has M^-1 J' x.
     for (int l = 0; l < Types::kDoubleLanes; ++l) write_moved(part.first + l);
     const auto found = half.find_slopes(Double(job_.contact.tie_tolerance) * scale);
     definite = and_(definite, half.factor_system());
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      LaneState& lane = lanes_[part.first + l];
+      AdjointResult& lane = lanes_[part.first + l];
       lane.forward_residual = div_(sqrt_(lane_of(evaluated.square, l)), lane_of(scale, l));
       lane.unknowns = static_cast<Index>(lane_of(found.unknowns, l));
       lane.degenerate = static_cast<Index>(lane_of(found.degenerate, l));
-      lane.is_taken = lane.is_taken && is_set(definite, l) && lane.forward_residual <= job_.contact.residual_limit &&
-                      finite_(lane.forward_residual) && lane.unknowns <= job_.contact.max_unknowns;
+      lane.is_answered = lane.is_answered && is_set(definite, l) &&
+                         lane.forward_residual <= job_.contact.residual_limit && finite_(lane.forward_residual);
     }
   }
 
@@ -130,15 +137,15 @@ class AdjointPack {
     for (Index row = 0; row < counts_.rows; ++row)
       nothing = fma_(half.array(workspace_.nu)[row] + half.array(workspace_.image)[row], Double(0), nothing);
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      LaneState& lane = lanes_[half.part.first + l];
+      AdjointResult& lane = lanes_[half.part.first + l];
       const double own = lane_of(square, l);
-      lane.is_taken = lane.is_taken && own <= kMostAdjointSquare && lane_of(nothing, l) == 0.0;
-      lane.residual = max_(own, lane.residual);
+      lane.is_answered = lane.is_answered && own <= kMostAdjointSquare && lane_of(nothing, l) == 0.0;
+      lane.square = max_(own, lane.square);
     }
   }
 
   STICTION_HD void write_moved(int l) {
-    if (!lanes_[l].is_taken) return;
+    if (!lanes_[l].is_answered) return;
     for (Index k = 0; k < envs_[l].dofs; ++k)
       put(job_.lanes.moved, dof_place(l, k, 0), workspace_.scratch[Offset{k} * Types::kStride + l]);
   }
@@ -179,33 +186,28 @@ class AdjointPack {
     put(job_.gradients.hi, to, bound > 0.0 ? image : 0.0);
   }
 
-  STICTION_HD void write_record(int l) {
-    const LaneState& lane = lanes_[l];
-    const Offset env = envs_[l].env;
-    const std::uint32_t flags = lane.degenerate > 0 ? static_cast<std::uint32_t>(kGradientSubgradient) : 0U;
-    job_.contact.status[env] = {sqrt_(lane.residual), lane.forward_residual, flags, lane.unknowns, lane.degenerate, 0};
-    job_.lanes.answered[env] = 1;
-  }
-
   const JacobianVjpJob<Real>& job_;
   const LaneEnv<Real> (&envs_)[kLanes];
   const TreeOf<Types>& tree_;
   const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
   const AdjointWorkspace<Types>& workspace_;
-  LaneState lanes_[kLanes];
+  AdjointResult lanes_[kLanes];
+  AdjointResult* results_;
 };
 
-/// Pulls up to kLanes environments back that takes_adjoint(). Those that are answered have job.lanes.answered. Memory
-/// as in solve_pack().
+/// Pulls up to kLanes environments back, or parts of some, that lanes take. What became of each is in `results`, which
+/// come with the scales of parts. Memory as in solve_pack().
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void pull_pack(const JacobianVjpJob<typename Types::Real>& job,
-                                   const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
-  with_pack<Types>(
+                                   const LaneEnv<typename Types::Real>* members, AdjointResult* results, Index count,
+                                   Memory&& memory) {
+  const bool fits = with_pack<Types>(
       job.assembly.batch, members, count, memory, [&](const auto& envs, const auto& lists, const auto& counts) {
         const AdjointWorkspace<Types> workspace = memory.adjoint_numbers(counts, lists.tree.dofs, lists.tree.entries);
-        AdjointPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
+        AdjointPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
       });
+  for (Index l = 0; l < count && !fits; ++l) results[l].is_answered = false;
 }
 
 }  // namespace stiction::inline STICTION_ISA
