@@ -7,6 +7,7 @@
 
 #include "tests/support/golden_bodies.hpp"
 #include "tests/support/golden_case.hpp"
+#include "tests/support/golden_derivatives.hpp"
 #include "tests/support/golden_forms.hpp"
 #include "tests/support/golden_matrices.hpp"
 
@@ -52,6 +53,9 @@ inline const GoldenCases& golden_cases() {
     add_block_goldens(cases);
     add_body_goldens(cases);
     add_world_goldens(cases);
+    add_contact_derivatives(cases);
+    add_jacobian_derivatives(cases);
+    add_sweep_derivatives(cases);
     return cases;
   }();
   return all;

@@ -30,6 +30,8 @@ TEST_P(DeviceGolden, EveryThirdAnswerHasTheBitsOfTheTable) {
 
 INSTANTIATE_TEST_SUITE_P(Forms, DeviceGolden, ::testing::ValuesIn(kGoldenForms),
                          [](const auto& form) { return std::string(form.param); });
+INSTANTIATE_TEST_SUITE_P(Derivatives, DeviceGolden, ::testing::Values("derivative"),
+                         [](const auto& form) { return std::string(form.param); });
 
 }  // namespace
 }  // namespace stiction::test

@@ -5,7 +5,7 @@
 #include "core/algorithm/velocity/evaluate_pack.hpp"
 #include "core/algorithm/velocity/hessian_rows.hpp"
 
-/// The adjoint velocity of environments side by side, in double (docs/math/derivative.md, (32) to (36)).
+/// The adjoint velocity of environments side by side, in double (docs/math/derivative.md, (32), (33) and (36)).
 namespace stiction::inline STICTION_ISA {
 
 /// The pack seen from lane `part.first` on.
@@ -72,7 +72,7 @@ struct AdjointHalf {
     found.degenerate = found.degenerate + one_where(and_(has, mode.is_tied));
   }
 
-  /// S of all cones at the answer, whose motion evaluate() has written.
+  /// T of all cones at the answer, whose motion evaluate() has written.
   STICTION_HD_OUTLINE ModeCounts find_slopes(Double tie) const {
     ModeCounts found;
     visit_slots(
@@ -81,7 +81,7 @@ struct AdjointHalf {
     return found;
   }
 
-  /// out = S in for the rows of a cone, in the batch's coordinates.
+  /// out = T in for the rows of a cone, in the batch's coordinates.
   template <bool kCone, int kRows>
   STICTION_HD void times_slopes(const SlotOf<Types>& slot, Index s, Index from, const Double (&in)[kRows],
                                 Double (&out)[kRows]) const {
@@ -106,7 +106,7 @@ struct AdjointHalf {
 
   [[nodiscard]] STICTION_HD Double entry(Offset i) const { return number(workspace.J, i); }
   [[nodiscard]] STICTION_HD Doubles hessian() const { return array(workspace.system); }
-  /// H = M + J'SJ, factored; the lanes in which it is positive definite.
+  /// H = M + J'TJ, factored; the lanes in which it is positive definite.
   STICTION_HD_OUTLINE Mask<Double> factor_system() const {
     const Doubles H = hessian();
     for (Index e = 0; e < tree.entries; ++e) H.put(e, number(workspace.M, e));
@@ -133,7 +133,7 @@ struct AdjointHalf {
         });
   }
 
-  /// adjoint = H^-1 (v_bar + J' (w_bar - S (lambda_bar + R w_bar))).
+  /// adjoint = H^-1 (v_bar + J' (w_bar - T (lambda_bar + R w_bar))).
   STICTION_HD_OUTLINE void solve_adjoint() const {
     const Doubles a = array(workspace.adjoint);
     for (Index k = 0; k < tree.dofs; ++k) a.put(k, number(workspace.v_bar(), k));

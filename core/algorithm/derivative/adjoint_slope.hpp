@@ -3,7 +3,7 @@
 #include "core/algorithm/derivative/cone_mode.hpp"
 
 /// How reactions of a compliant cone follow the motion z of its rows under the convex law, in lanes
-/// (docs/math/derivative.md, (33) to (35)).
+/// (docs/math/derivative.md, (34) and (35)).
 namespace stiction::inline STICTION_ISA {
 
 /// A cone at its answer, in the coordinates of the unit cone.
@@ -16,9 +16,9 @@ struct CompliantPoint {
   Wide a;          ///< exchange rate [w / lambda]
 };
 
-/// S, minus the derivative of the reactions by z, in those coordinates:
+/// T, minus the derivative of the reactions by z, in those coordinates:
 ///
-///     S_nn = normal,  S_nt = -inverse q',  S_tt = diag(p) - bend q q'
+///     T_nn = normal,  T_nt = -inverse q',  T_tt = diag(p) - bend q q'
 template <int kRows, class Wide>
 struct CompliantSlope {
   Wide normal;
