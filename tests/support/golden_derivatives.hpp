@@ -6,8 +6,8 @@
 #include "tests/support/golden_forms.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
 
-/// Golden rows of derivatives, by contacts, by J and M and of sweeps: both directions, numbers and records. On the CPU and
-/// the emulated device, which read the arrays where they are; a GPU would need them in its own memory.
+/// Golden rows of derivatives, by contacts, by J and M and of sweeps: both directions, numbers and records. On the CPU
+/// and the emulated device, which read the arrays where they are; a GPU would need them in its own memory.
 namespace stiction::test {
 
 /// Reactions of any residual are differentiated, as an iteration's budget leaves them.
@@ -48,28 +48,29 @@ Gradients<Real> room_for(const ContactBatchView<Real>& view) {
 
 inline void add_contact_derivatives(GoldenCases& cases) {
   for (const double kappa : {0.0, 1e-2})
-    add_laws(cases, std::string("derivative/contacts/") + (kappa > 0.0 ? "relaxed" : "exact"),
-             [kappa](auto real, Law law, Device device) {
-               using Real = decltype(real);
-               const auto batch = assemble(golden_jacobians<Real>(kGoldenJacobians[0], law).view(), FactorUse::never, 1);
-               const auto view = as_on(device, batch.view());
-               const auto lambda = solve(batch, golden_options(SolverKind::npgs)).lambda;
-               const auto bar = random_numbers<Real>(lambda.size(), 1), w_bar = random_numbers<Real>(lambda.size(), 2);
-               const Derivative derivative = golden_derivative(device, kappa);
-               Gradients<Real> back = room_for(view);
-               const ReactionView<Real> at{lambda.data(), nullptr};
-               derivative.vjp(view, at, SolutionCotangentView<Real>{bar.data(), w_bar.data()}, back.view(),
-                              back.status.data());
-               Changes<Real> changes{lambda, lambda, back.status};
-               derivative.jvp(view, at,
-                              BatchTangentView<Real>{back.A.data(), nullptr, bar.data(), back.R.data(), back.mu.data(),
-                                                     nullptr, nullptr},
-                              SolutionTangentView<Real>{changes.lambda.data(), changes.w.data()}, changes.status.data());
-               Digest digest;
-               digest.add(back.all()).add(changes.lambda).add(changes.w);
-               add_records(digest, back.status);
-               return add_records(digest, changes.status).value();
-             });
+    add_laws(
+        cases, std::string("derivative/contacts/") + (kappa > 0.0 ? "relaxed" : "exact"),
+        [kappa](auto real, Law law, Device device) {
+          using Real = decltype(real);
+          const auto batch = assemble(golden_jacobians<Real>(kGoldenJacobians[0], law).view(), FactorUse::never, 1);
+          const auto view = as_on(device, batch.view());
+          const auto lambda = solve(batch, golden_options(SolverKind::npgs)).lambda;
+          const auto bar = random_numbers<Real>(lambda.size(), 1), w_bar = random_numbers<Real>(lambda.size(), 2);
+          const Derivative derivative = golden_derivative(device, kappa);
+          Gradients<Real> back = room_for(view);
+          const ReactionView<Real> at{lambda.data(), nullptr};
+          derivative.vjp(view, at, SolutionCotangentView<Real>{bar.data(), w_bar.data()}, back.view(),
+                         back.status.data());
+          Changes<Real> changes{lambda, lambda, back.status};
+          derivative.jvp(view, at,
+                         BatchTangentView<Real>{back.A.data(), nullptr, bar.data(), back.R.data(), back.mu.data(),
+                                                nullptr, nullptr},
+                         SolutionTangentView<Real>{changes.lambda.data(), changes.w.data()}, changes.status.data());
+          Digest digest;
+          digest.add(back.all()).add(changes.lambda).add(changes.w);
+          add_records(digest, back.status);
+          return add_records(digest, changes.status).value();
+        });
 }
 
 /// Under the convex law lanes pull most of these back, and the last of them part by part.

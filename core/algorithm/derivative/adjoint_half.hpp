@@ -34,7 +34,7 @@ struct AdjointHalf {
 
   template <int kRows>
   STICTION_HD void find_cone_slope(const SlotOf<Types>& slot, Index s, Double tie, ModeCounts& found) const {
-    CompliantPoint<kRows, Double> point;
+    SlopePoint<kRows, Double> point;
     for (int k = 0; k < kRows; ++k) {
       const Double mu = number(workspace.mu, slot.row + k);
       point.mu[k] = mu;
@@ -43,7 +43,7 @@ struct AdjointHalf {
       point.R[k] = mu * mu * number(workspace.R, slot.row + k);
     }
     point.a = array(workspace.weight)[s];
-    const auto slope = compliant_slope(point, tie);
+    const auto slope = reaction_slope(point, tie);
     const auto has = number(workspace.marks(), slot.row) >= Double(0);
     const Doubles of_cone = array(workspace.slope_of_cone);
     of_cone.put(4 * s, slope.normal);

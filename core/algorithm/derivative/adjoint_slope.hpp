@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// A cone at its answer, in the coordinates of the unit cone.
 template <int kRows, class Wide>
-struct CompliantPoint {
+struct SlopePoint {
   Wide x[kRows];
   Wide y[kRows];
   Wide mu[kRows];  ///< 1 of the normal
@@ -20,7 +20,7 @@ struct CompliantPoint {
 ///
 ///     T_nn = normal,  T_nt = -inverse q',  T_tt = diag(p) - bend q q'
 template <int kRows, class Wide>
-struct CompliantSlope {
+struct ReactionSlope {
   Wide normal;
   Wide inverse;
   Wide bend;
@@ -35,14 +35,14 @@ struct CompliantSlope {
 /// Their change is minimal in R and the curvature c = y_n / x_n. Eliminating the normal leaves a diagonal matrix and
 /// one of rank one.
 template <int kRows, class Wide>
-STICTION_HD CompliantSlope<kRows, Wide> compliant_slope(const CompliantPoint<kRows, Wide>& point, Wide tie) {
+STICTION_HD ReactionSlope<kRows, Wide> reaction_slope(const SlopePoint<kRows, Wide>& point, Wide tie) {
   Wide z[kRows];
   for (int k = 0; k < kRows; ++k) z[k] = point.a * point.x[k] - point.y[k];
   const Wide length = tangential_norm<kRows>(z);
   const Wide to_open = length + z[0], to_stick = length - z[0], minus_tie = Wide(0) - tie;
   const auto is_open = to_open <= tie;
   const auto sticks = and_(not_(is_open), to_stick <= tie);
-  CompliantSlope<kRows, Wide> slope;
+  ReactionSlope<kRows, Wide> slope;
   slope.slides = not_(or_(is_open, sticks));
   slope.is_tied = or_(and_(is_open, to_open >= minus_tie), and_(sticks, to_stick >= minus_tie));
   const auto slides = slope.slides;
