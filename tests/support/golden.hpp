@@ -34,7 +34,8 @@ inline const std::map<std::string, std::uint64_t>& goldens() {
   return table;
 }
 
-/// First parts of the names.
+/// First parts of the names. Derivatives are not asked of a GPU: they read the arrays where they are.
+inline constexpr const char* kGoldenDerivatives = "derivative";
 inline constexpr const char* kGoldenForms[] = {"matrix", "pyramid", "jacobian", "factor", "bodies", "worlds"};
 
 /// Every row, to be computed; the order is that of golden.inc.

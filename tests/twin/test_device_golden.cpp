@@ -30,7 +30,7 @@ TEST_P(DeviceGolden, EveryThirdAnswerHasTheBitsOfTheTable) {
 
 INSTANTIATE_TEST_SUITE_P(Forms, DeviceGolden, ::testing::ValuesIn(kGoldenForms),
                          [](const auto& form) { return std::string(form.param); });
-INSTANTIATE_TEST_SUITE_P(Derivatives, DeviceGolden, ::testing::Values("derivative"),
+INSTANTIATE_TEST_SUITE_P(Derivatives, DeviceGolden, ::testing::Values(kGoldenDerivatives),
                          [](const auto& form) { return std::string(form.param); });
 
 }  // namespace
