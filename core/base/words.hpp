@@ -1,6 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 #include "core/base/pack.hpp"
 
@@ -63,6 +66,16 @@ STICTION_HD std::uint64_t nonzero_of(const Real* numbers, Index count) {
     Pack<Real, kWidth> values;
     load_lanes(numbers + k, values);
     set |= static_cast<std::uint64_t>(lane_bits(values != Pack<Real, kWidth>(0))) << k;
+  }
+#elif defined(__SSE2__) && !defined(__CUDA_ARCH__)
+  constexpr Index kWidth = 16 / static_cast<Index>(sizeof(Real));
+  for (; k + kWidth <= count; k += kWidth) {
+    int here = 0;
+    if constexpr (sizeof(Real) == sizeof(double))
+      here = _mm_movemask_pd(_mm_cmpneq_pd(_mm_loadu_pd(numbers + k), _mm_setzero_pd()));
+    else
+      here = _mm_movemask_ps(_mm_cmpneq_ps(_mm_loadu_ps(numbers + k), _mm_setzero_ps()));
+    set |= static_cast<std::uint64_t>(here) << k;
   }
 #endif
   for (; k < count; ++k) set |= static_cast<std::uint64_t>(numbers[k] != Real(0)) << k;
