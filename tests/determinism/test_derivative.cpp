@@ -274,7 +274,7 @@ std::string bytes_of(const Derived& own) {
 template <class Real>
 JacobianBatch<Real> jacobians(MassForm form) {
   JacobianBatch<Real> batch(Law::coulomb, form, 3);
-  for (std::uint64_t seed = 1; seed < 4; ++seed) batch.add(in_precision<Real>(random_jacobian({seed, 3, 2, 9, 3})));
+  for (std::uint64_t seed = 1; seed < 4; ++seed) batch.add(cast<Real>(random_jacobian({seed, 3, 2, 9, 3})));
   return batch;
 }
 

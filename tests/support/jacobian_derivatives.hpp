@@ -7,27 +7,10 @@
 
 #include "tests/support/derivative_cases.hpp"
 #include "tests/support/jacobian_systems.hpp"
+#include "tests/support/roomy_jacobians.hpp"
 
 /// Derivatives by J and M on the host, with memory of their own.
 namespace stiction::test {
-
-template <class Real>
-JacobianEnvironment<Real> in_precision(const JacobianEnvironment<double>& env) {
-  JacobianEnvironment<Real> to;
-  for (const auto& cone : env.cones) to.cones.push_back({cone.kind, cone.row_count, cone.group});
-  to.row_offsets = env.row_offsets;
-  to.column = env.column;
-  const auto copy = [](const std::vector<double>& from) { return std::vector<Real>(from.begin(), from.end()); };
-  to.J = copy(env.J);
-  to.M = copy(env.M);
-  to.v_free = copy(env.v_free);
-  to.target = copy(env.target);
-  to.R = copy(env.R);
-  to.mu = copy(env.mu);
-  to.lo = copy(env.lo);
-  to.hi = copy(env.hi);
-  return to;
-}
 
 /// Environments with dense J and M as one, in which nothing couples them.
 inline JacobianEnvironment<double> beside_one_another(const std::vector<JacobianEnvironment<double>>& parts) {

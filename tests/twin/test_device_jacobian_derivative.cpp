@@ -47,7 +47,7 @@ struct Problem {
     for (std::uint64_t seed = 1; seed < 8; ++seed) {
       JacobianEnvironment<double> env = environment_of(form, seed);
       if (seed == 3 && is_broken) env.M[0] = -1;
-      batch.add(in_precision<Real>(env));
+      batch.add(cast<Real>(env));
     }
     return batch;
   }

@@ -40,7 +40,7 @@ const char* flag_name(GradientFlag flag) noexcept;
 
 /// The record every environment gets with its derivative, on the device that computed it. 32 bytes, no padding.
 struct GradientStatus {
-  double residual;          ///< of the linear system, relative to its right-hand side; the largest of all sets [-]
+  double residual;          ///< of the linear system, relative (docs/math/derivative.md); the largest of all sets [-]
   double forward_residual;  ///< natural map of the reactions / max|b| (docs/math/residual.md) [-]
   std::uint32_t flags;      ///< GradientFlag bits
   Index unknowns;           ///< rows of the linear system
