@@ -2,7 +2,7 @@
 
 #include <cstdint>
 #if defined(__SSE2__)
-#include <emmintrin.h>
+#include <immintrin.h>
 #endif
 
 #include "core/base/pack.hpp"
