@@ -7,9 +7,9 @@
 
 namespace stiction {
 
-/// How many calls of this thread have queued work of a Solver, JacobianSolver or Derivative on a stream that was being
-/// captured into a CUDA graph. The graph has pointers to the memory of what was called. So whoever puts a larger one in
-/// its place reads this before and after a call, and keeps what was captured as long as the graph may be launched.
+/// How many calls of this thread became part of a CUDA graph. They are calls of a Solver, JacobianSolver or Derivative
+/// on a stream that was being captured. The graph has pointers to the memory of what was called. Read this before and
+/// after a call. Where it has grown, keep the object as long as the graph may be launched.
 [[nodiscard]] std::uint64_t captured_calls() noexcept;
 
 }  // namespace stiction
