@@ -58,11 +58,8 @@ struct Lemke {
       }
       t.side[row] = is_free ? 0.0 : side;
       t.ratio[row] = is_free ? 1.0 : 0.0;
-      for_each_axis(shape, s, cone, row, [&](Index axis, Index held) {
-        t.side[axis] = t.side[held] = 1.0;
-        t.ratio[axis] = t.ratio[held] = 0.0;
-      });
     });
+    if (t.n > s.n) find_axes(team, s, t);
     begin_path(team, s, t, false);
   }
 
@@ -256,12 +253,12 @@ struct Lemke {
       const double x = t.is_basic(j) ? clamp_(t.value(t.row_of(j)), t.lo[j], t.hi[j]) : t.rest(j);
       return x * t.unit[j];
     };
-    s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
-      const double normal = number(row);
-      s.x[row] = static_cast<Real>(normal);
-      for_each_axis(shape, s, cone, row, [&](Index axis, Index) {
-        s.x[axis] = static_cast<Real>(clamp_(number(axis) - normal, 0.0 - normal, normal));
-      });
+    for_each(team, s.n, [&](Index j) { s.x[j] = static_cast<Real>(number(j)); });
+    if (t.n == s.n) return;
+    for_each(team, t.n - s.n, [&](Index a) {
+      const Index axis = t.axis_of(s.n + a);
+      const double normal = number(t.normal_of(axis));
+      s.x[axis] = static_cast<Real>(clamp_(number(axis) - normal, 0.0 - normal, normal));
     });
   }
 };

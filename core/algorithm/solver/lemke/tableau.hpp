@@ -26,6 +26,7 @@ struct Tableau {
   double* column;  ///< the pivot's column                                                         (n)
   double* ratio;   ///< step at which each row blocks; before that which x_j are wanted            (n)
   double* state;   ///< what the method remembers                                                  (4)
+  double* base;    ///< with axes: of an axis its normal row, of the pair that holds it the axis   (n)
   DenseMatrix T;   ///< values of the basic variables, z0's column, the pairs' columns             (n * (n + 2))
 
   template <class System>
@@ -40,6 +41,7 @@ struct Tableau {
         column(s.wide_vector(7, n)),
         ratio(s.wide_vector(8, n)),
         state(s.wide_vector(9, n)),
+        base(s.wide_vector(11, n)),  // behind the state where there are three pairs, as there are with an axis
         T{s.wide_vector(kVectors - 2, n), n} {}
 
   [[nodiscard]] STICTION_HD Index artificial() const { return 2 * n; }
@@ -52,6 +54,9 @@ struct Tableau {
     return variable == artificial() ? 1 : static_cast<Index>(-1.0 - place[variable]);
   }
   [[nodiscard]] STICTION_HD double& value(Index row) const { return T(row, 0); }
+  /// Row of an axis that the pair `held` holds at its upper bound, and the normal row of an axis.
+  [[nodiscard]] STICTION_HD Index axis_of(Index held) const { return static_cast<Index>(base[held]); }
+  [[nodiscard]] STICTION_HD Index normal_of(Index axis) const { return static_cast<Index>(base[axis]); }
 
   [[nodiscard]] STICTION_HD double lower(Index variable) const {
     if (variable < n) return lo[variable];
@@ -106,11 +111,24 @@ STICTION_HD_OUTLINE void exchange(TeamT& team, const Tableau& t, Index row, Inde
   });
 }
 
-/// f(axis, held) for the further rows of the cone at `row`. One is the pair of that row, the other the pair that holds
-/// it at its upper bound, behind all rows.
-template <class Shape, class System, class F>
-STICTION_HD void for_each_axis(Shape, const System& s, Index cone, Index row, F&& f) {
-  for (Index k = 1; k < Shape::kRows; ++k) f(row + k, s.n + (row - cone) + k - 1);
+/// Notes which pairs are axes. The pair that holds an axis is behind all rows, as many pairs on as there are axes
+/// before.
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void find_axes(TeamT& team, const System& s, const Tableau& t) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
+    constexpr Index kRows = decltype(shape)::kRows;
+    const Index held = s.n + (row - cone) - 1;
+    for (Index k = 0; k < kRows; ++k) {
+      t.base[row + k] = static_cast<double>(row);
+      if (k > 0) t.base[held + k] = static_cast<double>(row + k);
+    }
+  });
+  for_each(team, t.n - s.n, [&](Index a) {
+    const Index held = s.n + a;
+    const Index axis = t.axis_of(held);
+    t.side[axis] = t.side[held] = 1.0;
+    t.ratio[axis] = t.ratio[held] = 0.0;
+  });
 }
 
 /// A + diag R, and zeros for the pairs of axes.
@@ -135,14 +153,22 @@ STICTION_HD_OUTLINE void write_matrix(TeamT& team, const System& s, const Tablea
 /// which its entry in the axis' row is 1.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void write_axes(TeamT& team, const System& s, const Tableau& t) {
-  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
-    for_each_axis(shape, s, cone, row, [&](Index axis, Index held) {
-      for (Index i = 0; i < s.n; ++i) t.T(i, 2 + row) = t.T(i, 2 + row) - t.T(i, 2 + axis);
-      t.T(axis, 2 + held) = 1.0;
-      t.T(held, 2 + row) = 2.0;
-      t.T(held, 2 + axis) = -1.0;
-      t.unit[held] = div_(1.0, t.unit[axis]);
-    });
+  for_each(team, s.n, [&](Index i) {
+    for (Index held = s.n; held < t.n; ++held) {
+      const Index axis = t.axis_of(held);
+      double& entry = t.T(i, 2 + t.normal_of(axis));
+      entry = entry - t.T(i, 2 + axis);
+    }
+  });
+  for_each(team, t.n - s.n, [&](Index a) {
+    const Index held = s.n + a;
+    const Index axis = t.axis_of(held);
+    t.T(axis, 2 + held) = 1.0;
+    t.T(held, 2 + t.normal_of(axis)) = 2.0;
+    t.T(held, 2 + axis) = -1.0;
+    t.unit[held] = div_(1.0, t.unit[axis]);
+    t.lo[axis] = t.lo[held] = 0.0;
+    t.hi[axis] = t.hi[held] = __builtin_huge_val();
   });
 }
 
@@ -165,10 +191,6 @@ STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Ta
                 : kKind == ConeKind::box ? static_cast<double>(s.lo[cone]) * inverse
                                          : 0.0;
     t.hi[row] = kKind == ConeKind::box ? static_cast<double>(s.hi[cone]) * inverse : infinite;
-    for_each_axis(shape, s, cone, row, [&](Index axis, Index held) {
-      t.lo[axis] = t.lo[held] = 0.0;
-      t.hi[axis] = t.hi[held] = infinite;
-    });
   });
   for_each(team, n, [&](Index i) {
     for (Index j = 0; j < n; ++j) t.T(i, 2 + j) = t.T(i, 2 + j) * (t.unit[i] * t.unit[j]);
