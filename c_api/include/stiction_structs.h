@@ -238,7 +238,7 @@ typedef struct stiction_batch_view {
   const int32_t* env_row_counts;     /**< rows in use, or null: all (env_count) */
   const int32_t* env_cone_counts;    /**< cones in use, or null: all (env_count) */
   const uint32_t* env_flags;         /**< stiction_env_flag bits found by the batch's maker, or null (env_count) */
-  const double* env_tolerance;       /**< in place of the option; below zero: the option; or null (env_count) */
+  const double* env_tolerance;       /**< in place of the option; below zero or NaN: the option; or null (env_count) */
   const int32_t* env_max_iterations; /**< in place of the option; below zero: the option; or null (env_count) */
   const uint8_t* cone_kind;          /**< stiction_cone_kind (cone_count) */
   const int64_t* cone_row_offsets;   /**< first row of each cone (cone_count + 1) */

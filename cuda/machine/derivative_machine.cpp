@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/derivative_program.hpp"
 #include "stiction/error.hpp"
 
@@ -109,6 +110,7 @@ Offset DeviceDerivativeMachine::teams_for(Offset slot) const {
 template <class Args>
 void DeviceDerivativeMachine::queue(const KernelRef& kernel, const Args& args, Offset teams, StreamHandle stream) {
   const bool capturing = api_->capturing(stream);
+  if (capturing) count_captured_call();
   if (!capturing) api_->wait(stream, done_.get());
   LaunchShape shape = shape_;
   shape.teams = smaller_of(teams, args.job.job.contact.batch.env_count);

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "core/job/fallback_order.hpp"
+#include "core/machine/count_captured_call.hpp"
 #include "core/plan/structure_view.hpp"
 #include "cuda/kernels/choose_program.hpp"
 #include "cuda/kernels/trivial_program.hpp"
@@ -195,6 +196,7 @@ template <class Real>
 void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
   const StreamHandle stream = request.stream.handle();
   const bool capturing = api_.capturing(stream);
+  if (capturing) count_captured_call();
   captured_ = captured_ || capturing;
   // The arrays are one set: a solve waits for the one before, whatever stream that was on. A graph's solves are ordered
   // where the graph is launched.
@@ -235,6 +237,7 @@ void Engine::solve(const SolveRequest<Real>& request, bool is_planned) {
 void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream) {
   if (batch.env_count == 0) return;
   const bool capturing = api_.capturing(stream);
+  if (capturing) count_captured_call();
   captured_ = captured_ || capturing;
   if (!capturing) api_.wait(stream, done_->get());
   const IslandArgs args{

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
+#include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
 #include "stiction/error.hpp"
 
@@ -202,6 +203,7 @@ template <class Real>
 template <class Work>
 void DeviceJacobianMachine<Real>::queue(StreamHandle stream, const Work& work) {
   const bool capturing = api_->capturing(stream);
+  if (capturing) count_captured_call();
   try {
     if (!capturing) api_->wait(stream, done_.get());
     work();

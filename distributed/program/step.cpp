@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <cstdio>
+#include <iterator>
 #include <string>
 
 #include "distributed/program/commands.hpp"
@@ -51,8 +53,16 @@ int run_step(Transport& transport, const StepJobArguments& arguments) {
   cli::require_distinct({{"-o", step.output}, {"--json", step.json}, {"--checkpoint", step.checkpoint}});
   if (is_first && step.json) cli::require_writable(*step.json);
   if (is_first && step.checkpoint) cli::require_replaceable(*step.checkpoint);
-  const scenes::WorldScene scene = scenes::make_world(step.scene, step.size);
   const Precision precision = cli::precision_from_option(step.precision);
+  const auto require_memory = [&](std::int64_t bodies) {
+    cli::require_world_memory(step, bodies, precision, transport.size());
+  };
+  if (step.size > 0) {
+    scenes::make_world(step.scene, 1);  // refuses a scene that is not there, or has no size
+    require_memory(step.size);
+  }
+  const scenes::WorldScene scene = scenes::make_world(step.scene, step.size);
+  require_memory(std::ssize(scene.description.bodies));
   StepJobReport report;
   report.partition = arguments.partition;
   report.step = precision == Precision::f32 ? step_in<float>(transport, arguments, scene, report.ranks)

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 
+#include "python/src/captured_objects.hpp"
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
 
@@ -23,7 +24,23 @@ class FormDerivative {
     derivative_ = std::make_shared<Derivative>(device_, options_, room_);
   }
 
-  /// One with room for the batch: for what is given, or what it needs itself where its structure can be read here.
+  /// f(derivative), with one that has room for the batch: for what is given, or what it needs itself where its
+  /// structure can be read here.
+  template <class Batch, class Room, class F>
+  void call(const Batch& batch, const std::optional<Room>& room, const F& f) {
+    captured_.call(of(batch, room), f);
+  }
+  void synchronize(StreamRef stream) {
+    std::shared_ptr<Derivative> last;
+    {
+      const std::lock_guard lock(mutex_);
+      last = derivative_;
+    }
+    last->synchronize(stream);
+  }
+  [[nodiscard]] Device device() const noexcept { return device_; }
+
+ private:
   template <class Real>
   std::shared_ptr<Derivative> of(const ContactBatchView<Real>& batch, const std::optional<Capacity>& room) {
     if (batch.space == MemorySpace::host) return derivative_;
@@ -40,17 +57,6 @@ class FormDerivative {
     need.env_dofs = own.env_dofs;
     return with(need);
   }
-  void synchronize(StreamRef stream) {
-    std::shared_ptr<Derivative> last;
-    {
-      const std::lock_guard lock(mutex_);
-      last = derivative_;
-    }
-    last->synchronize(stream);
-  }
-  [[nodiscard]] Device device() const noexcept { return device_; }
-
- private:
   std::shared_ptr<Derivative> with(const Capacity& need) {
     const std::lock_guard lock(mutex_);
     const Capacity room = larger_of(need, room_);
@@ -66,6 +72,7 @@ class FormDerivative {
   DerivativeOptions options_;
   Capacity room_;
   std::shared_ptr<Derivative> derivative_;
+  CapturedObjects captured_;
 };
 
 using ContactRoom = std::optional<Capacity>;
@@ -117,7 +124,9 @@ void vjp_contacts(FormDerivative& self, const ContactView& batch, const Array& l
         const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.of(view, room)->vjp(view, at, from, to, record, count, stream_from(stream));
+        self.call(view, room, [&](const Derivative& derivative) {
+          derivative.vjp(view, at, from, to, record, count, stream_from(stream));
+        });
       },
       batch.view);
 }
@@ -136,7 +145,9 @@ void unrolled_contacts(FormDerivative& self, const ContactView& batch, const Arr
                                   output<Real>(gradients, "warm_start", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.of(view, room)->unrolled_vjp(view, of, from, to, record, count, stream_from(stream));
+        self.call(view, room, [&](const Derivative& derivative) {
+          derivative.unrolled_vjp(view, of, from, to, record, count, stream_from(stream));
+        });
       },
       batch.view);
 }
@@ -158,7 +169,9 @@ void jvp_contacts(FormDerivative& self, const ContactView& batch, const Array& l
         const SolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows), output<Real>(changes, "w", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.of(view, room)->jvp(view, at, from, to, record, count, stream_from(stream));
+        self.call(view, room, [&](const Derivative& derivative) {
+          derivative.jvp(view, at, from, to, record, count, stream_from(stream));
+        });
       },
       batch.view);
 }
@@ -183,7 +196,9 @@ void vjp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& 
                                                   output<Real>(gradients, "hi", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.of(view, room)->vjp(view, at, from, to, record, count, stream_from(stream));
+        self.call(view, room, [&](const Derivative& derivative) {
+          derivative.vjp(view, at, from, to, record, count, stream_from(stream));
+        });
       },
       batch.view);
 }
@@ -208,7 +223,9 @@ void jvp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& 
                                                    output<Real>(changes, "velocities", dofs)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
-        self.of(view, room)->jvp(view, at, from, to, record, count, stream_from(stream));
+        self.call(view, room, [&](const Derivative& derivative) {
+          derivative.jvp(view, at, from, to, record, count, stream_from(stream));
+        });
       },
       batch.view);
 }

@@ -72,13 +72,13 @@ const Real* guess_of(const Array* array, Offset count, const char* name) {
 }
 
 FormSolver::FormSolver(Device device, const SolverOptions& options, const Capacity& capacity)
-    : capacity_(capacity), contact_(device, options, capacity) {}
+    : capacity_(capacity), contact_(std::make_shared<Solver>(device, options, capacity)) {}
 
 void FormSolver::reserve(const Capacity& need, StreamRef stream) {
   const Capacity room = larger_of(need, capacity_);
   if (same(room, capacity_)) return;
-  contact_.synchronize(stream);
-  contact_ = Solver(contact_.device(), contact_.options(), room);
+  contact_->synchronize(stream);
+  contact_ = std::make_shared<Solver>(contact_->device(), contact_->options(), room);
   capacity_ = room;
 }
 
@@ -92,28 +92,28 @@ void FormSolver::solve(const ContactView& batch, const Outputs& out, const Array
         const std::lock_guard lock(mutex_);
         if (view.space != MemorySpace::host) reserve(room ? *room : Capacity::of(view), stream);
         if (!batch.fixed || view.space != MemorySpace::host) {
-          contact_.solve(view, solution, guess, stream);
+          captured_.call(contact_, [&](const Solver& solver) { solver.solve(view, solution, guess, stream); });
           return;
         }
-        contact_.solve(batch.plan(contact_, view), view, solution, guess, stream);
+        contact_->solve(batch.plan(*contact_, view), view, solution, guess, stream);
       },
       batch.view);
 }
 
 template <class Real>
-JacobianSolver<Real>& FormSolver::jacobian(const JacobianBatchView<Real>& batch,
-                                           const std::optional<JacobianCapacity>& room) {
+std::shared_ptr<JacobianSolver<Real>> FormSolver::jacobian(const JacobianBatchView<Real>& batch,
+                                                           const std::optional<JacobianCapacity>& room) {
   auto& solver = [this]() -> auto& {
     if constexpr (std::is_same_v<Real, float>)
       return jacobian_f32_;
     else
       return jacobian_f64_;
   }();
-  const bool on_cpu = contact_.device().kind == DeviceKind::cpu;
+  const bool on_cpu = contact_->device().kind == DeviceKind::cpu;
   const JacobianCapacity need = on_cpu ? JacobianCapacity{} : room ? *room : JacobianCapacity::of(on_host(batch));
   if (!solver || !fits(need, solver->capacity()))
-    solver = std::make_unique<JacobianSolver<Real>>(contact_.device(), contact_.options(), need);
-  return *solver;
+    solver = std::make_shared<JacobianSolver<Real>>(contact_->device(), contact_->options(), need);
+  return solver;
 }
 
 void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Start& start, StreamRef stream,
@@ -126,7 +126,9 @@ void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Star
                                         guess_of<Real>(start.velocities, view.dof_count, "warm_velocities")};
         const nb::gil_scoped_release unlocked;
         const std::lock_guard lock(mutex_);
-        jacobian(view, room).solve(view, {contact.lambda, contact.w, velocity, contact.status}, guess, stream);
+        captured_.call(jacobian(view, room), [&](JacobianSolver<Real>& solver) {
+          solver.solve(view, {contact.lambda, contact.w, velocity, contact.status}, guess, stream);
+        });
       },
       batch.view);
 }
@@ -134,7 +136,7 @@ void FormSolver::solve(const JacobianView& batch, const Outputs& out, const Star
 void FormSolver::synchronize(StreamRef stream) {
   const nb::gil_scoped_release unlocked;
   const std::lock_guard lock(mutex_);
-  contact_.synchronize(stream);
+  contact_->synchronize(stream);
 }
 
 void bind_solver(nb::module_& module) {

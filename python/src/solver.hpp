@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "python/src/array.hpp"
+#include "python/src/captured_objects.hpp"
 #include "python/src/views.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
@@ -48,19 +49,21 @@ class FormSolver {
              const std::optional<JacobianCapacity>& room);
   void synchronize(StreamRef stream);
 
-  [[nodiscard]] const Solver& contact() const noexcept { return contact_; }
+  [[nodiscard]] const Solver& contact() const noexcept { return *contact_; }
 
  private:
   /// Makes the solver anew where it has too little room.
   void reserve(const Capacity& need, StreamRef stream);
   template <class Real>
-  JacobianSolver<Real>& jacobian(const JacobianBatchView<Real>& batch, const std::optional<JacobianCapacity>& room);
+  std::shared_ptr<JacobianSolver<Real>> jacobian(const JacobianBatchView<Real>& batch,
+                                                 const std::optional<JacobianCapacity>& room);
 
   std::mutex mutex_;
   Capacity capacity_;
-  Solver contact_;
-  std::unique_ptr<JacobianSolver<float>> jacobian_f32_;
-  std::unique_ptr<JacobianSolver<double>> jacobian_f64_;
+  std::shared_ptr<Solver> contact_;
+  std::shared_ptr<JacobianSolver<float>> jacobian_f32_;
+  std::shared_ptr<JacobianSolver<double>> jacobian_f64_;
+  CapturedObjects captured_;
 };
 
 /// Room for what either has room for, and whether both have the same.

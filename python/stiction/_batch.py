@@ -65,7 +65,8 @@ class Batch(BatchArrays):
             row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows [lambda]. Like b in shape;
             None: zeros.
         law: "convex" or "coulomb". groups: int32 manifold of each cone, or None.
-        env_tolerance float64 (B,), env_max_iterations int32 (B,): instead of the solver's, where not negative.
+        env_tolerance float64 (B,), env_max_iterations int32 (B,): instead of the solver's. Read in place at every solve; a
+            negative number, or NaN, is the solver's.
         """
         law = _law(law)
         accuracy = (env_tolerance, env_max_iterations)

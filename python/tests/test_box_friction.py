@@ -11,7 +11,7 @@ A, B, CORNER = np.eye(3)[None], np.array([[-2.0, 3.0, -4.0]]), [2.0, -1.0, 1.0]
 
 
 @pytest.mark.parametrize("law", ["convex", "coulomb"])
-@pytest.mark.parametrize("solver", ["auto", "pgs", "npgs", "nsgs", "jacobi", "subspace"])
+@pytest.mark.parametrize("solver", ["auto", "pgs", "npgs", "nsgs", "jacobi", "subspace", "lemke"])
 def test_each_axis_has_its_own_bound(solver, law):
     batch = Batch.from_delassus(A, B, cones="box_friction", mu=0.5, law=law)
     solution = Solver(solver=solver, tolerance=1e-10).solve(batch)
@@ -31,6 +31,34 @@ def test_a_file_keeps_it(tmp_path):
     batch.save(tmp_path / "boxed.h5")
     again = Batch.from_file(tmp_path / "boxed.h5")
     assert Solver(tolerance=1e-10).solve(again).hash() == Solver(tolerance=1e-10).solve(batch).hash()
+
+
+def violation(A, b, mu, lambda_):
+    """How far reactions of contacts of three rows are from boxed friction, by products of what must not both be there."""
+    w, worst = A @ lambda_ + b, 0.0
+    for first in range(0, len(b), 3):
+        normal = lambda_[first]
+        worst = max(worst, -normal, -w[first], abs(normal * w[first]))
+        for k in (first + 1, first + 2):
+            bound = mu * normal
+            worst = max(worst, abs(lambda_[k]) - bound, (bound - lambda_[k]) * max(-w[k], 0), (bound + lambda_[k]) * max(w[k], 0))
+    return worst
+
+
+@pytest.mark.parametrize("device", ["cpu", "emulated"])
+def test_auto_pivots_where_sweeps_fall_short(device):
+    rng = np.random.default_rng(8)
+    spread = np.exp(rng.uniform(0, np.log(100), (150, 9)))
+    turned = np.linalg.qr(rng.standard_normal((150, 9, 9)))[0]
+    A, b = (turned * spread[:, None]) @ turned.transpose(0, 2, 1), rng.uniform(-1, 1, (150, 9))
+    A = (A + A.transpose(0, 2, 1)) / 2
+    batch = Batch.from_delassus(A, b, cones="box_friction", mu=2.5)
+    swept = Solver(solver="subspace", tolerance=1e-10, max_iterations=4096).solve(batch).solved
+    solution = Solver(solver="auto", tolerance=1e-10, max_iterations=4096, device=device).solve(batch)
+    pivoted = np.array(solution.status["solver"]) == list(stiction.SOLVERS).index("lemke")
+    for env in np.flatnonzero(pivoted & solution.solved):
+        assert violation(A[env], b[env], 2.5, solution.lambda_[env]) < 1e-8
+    assert swept.sum() + 5 < solution.solved.sum()
 
 
 def test_a_solver_of_cones_says_that_it_cannot():

@@ -1,6 +1,7 @@
 """Accuracy by rule, down to the iterations that solves make."""
 
 import numpy as np
+import pytest
 
 from stiction import AccuracyPolicy, Batch, Solver
 
@@ -63,3 +64,25 @@ def test_limits_are_read_in_place(padded):
     coarse = solver.solve(batch).iterations.sum()
     tolerance[:] = 1e-10
     assert solver.solve(batch).iterations.sum() > coarse
+
+
+@pytest.mark.parametrize("device", ["cpu", "emulated"])
+@pytest.mark.parametrize("form", ["delassus", "jacobian"])
+def test_a_tolerance_of_nan_is_the_solvers(padded, form, device):
+    def hashes(tolerance, own):
+        if form == "delassus":
+            batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, env_tolerance=own)
+        else:
+            rng = np.random.default_rng(3)
+            J, M = rng.standard_normal((4, 6, 7)), np.tile(np.eye(7), (4, 1, 1))
+            batch = Batch.from_jacobian(J, M, rng.standard_normal((4, 7)), mu=0.7, R=np.full((4, 6), 1e-2),
+                                        env_tolerance=own)
+        answer = Solver(tolerance=tolerance, device=device).solve(batch)
+        return [answer.lambda_[env].tobytes() for env in range(4)], answer.iterations.tolist()
+
+    coarse, fine = hashes(1e-1, None), hashes(1e-9, None)
+    own = np.array([np.nan, 1e-9, -1.0, np.nan])
+    for k in (0, 1):
+        expected = [fine[k][env] if own[env] >= 0 else coarse[k][env] for env in range(4)]
+        assert hashes(1e-1, own)[k] == expected
+    assert coarse != fine

@@ -1,9 +1,12 @@
 // Boxed friction: what its bits depend on, and which bits depend on it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <initializer_list>
 #include <vector>
 
 #include "tests/support/boxed.hpp"
+#include "tests/support/random_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/scoped_isa.hpp"
 #include "tests/support/small_systems.hpp"
@@ -25,11 +28,11 @@ ContactBatch<double> boxed_scenes(Offset envs_each) {
 }
 
 template <class Real>
-void expect_equal_bits_everywhere() {
-  const ContactBatch<Real> batch = convert<Real>(boxed_scenes(3));
-  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::nsgs}) {
+void expect_equal_bits_everywhere(const ContactBatch<Real>& batch, std::initializer_list<SolverKind> solvers,
+                                  double tolerance, Index iterations) {
+  for (const SolverKind solver : solvers) {
     SCOPED_TRACE(to_string(solver));
-    SolverOptions own = options(solver, 1e-4, 40);
+    SolverOptions own = options(solver, tolerance, iterations);
     const auto expected = solve_hashes(batch, own);
     own.threads = 3;
     EXPECT_EQ(solve_hashes(batch, own), expected) << "threads";
@@ -48,9 +51,47 @@ void expect_equal_bits_everywhere() {
   }
 }
 
+/// All boxed, with few axes: dense environments, and one that is sparse by further rows which touch nothing.
+ContactBatch<double> pivoted_scenes() {
+  ContactBatch<double> batch;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    Recipe recipe;
+    recipe.seed = seed;
+    recipe.contacts = 1 + static_cast<int>(seed % 7);
+    recipe.mu_max = 3;
+    batch.add(boxed(random_conditioned(recipe, 100)));
+  }
+  Environment<double> sparse = environment_of(batch.view(), 4);
+  for (Index row = static_cast<Index>(sparse.b.size()); row < 80; ++row) {
+    sparse.cones.push_back(unilateral());
+    sparse.column.push_back(row);
+    sparse.A.push_back(2);
+    sparse.row_offsets.push_back(static_cast<Index>(sparse.A.size()));
+    sparse.b.push_back(row % 3 == 0 ? 1 : -1);
+    for (auto* numbers : {&sparse.R, &sparse.mu, &sparse.lo, &sparse.hi}) numbers->push_back(0);
+  }
+  batch.add(sparse);
+  return batch;
+}
+
 TEST(BoxFriction, BitsDependNeitherOnThreadsNorOnPacksNorOnTheMachine) {
-  expect_equal_bits_everywhere<float>();
-  expect_equal_bits_everywhere<double>();
+  const std::initializer_list<SolverKind> sweeps = {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi,
+                                                    SolverKind::nsgs};
+  const ContactBatch<double> scenes = boxed_scenes(3);
+  expect_equal_bits_everywhere(convert<float>(scenes), sweeps, 1e-4, 40);
+  expect_equal_bits_everywhere(scenes, sweeps, 1e-4, 40);
+}
+
+TEST(BoxFriction, BitsOfPivotsDoNeither) {
+  const std::initializer_list<SolverKind> pivots = {SolverKind::lemke, SolverKind::automatic};
+  const ContactBatch<double> scenes = pivoted_scenes();
+  const Solution<double> chosen = solve(scenes, options(SolverKind::automatic, 1e-10, 200));
+  EXPECT_GE(std::count_if(chosen.status.begin(), chosen.status.end(),
+                          [](const EnvStatus& status) { return status.solver == SolverKind::lemke; }),
+            2);
+  EXPECT_EQ(solve(scenes, options(SolverKind::lemke, 1e-10, 400)).status.back().code, EnvCode::solved) << "sparse";
+  expect_equal_bits_everywhere(convert<float>(scenes), pivots, 1e-5, 200);
+  expect_equal_bits_everywhere(scenes, pivots, 1e-10, 200);
 }
 
 TEST(BoxFriction, AFrictionConeBesideItHasTheBitsThatItHasWithoutIt) {

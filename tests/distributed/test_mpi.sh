@@ -346,6 +346,7 @@ EOF
     for arguments in "solve" "solve --scene nothing" "solve --scene wall --partition thirds" "solve --scene walker" \
       "solve --scene wall --deadline 0" "solve --scene wall --max-iterations -1" "solve $folder/nowhere.h5" "dance" \
       "step" "step nothing" "step pile --partition thirds" "step pile --checkpoint /nowhere/x.h5" \
+      "step stack --size 2000000000" "step pile --envs 1000000000000" "step walker --size 2000000000" \
       "step pile --solver newton" "step pile --solver consensus" "step pile --solver jacobi" \
       "solve --scene wall --partition slabs" "solve --scene granular-column --partition slabs --method newton" \
       "solve --scene granular-column --partition slabs -o $folder/x.h5" "step pile --partition slabs" \
@@ -360,6 +361,11 @@ EOF
       [ ! -s "$folder/out" ] || fail "$arguments: printed $(cat "$folder/out")"
       grep '^stiction-mpi: ' "$folder/err"
     done
+    # 12 bodies have 12 * 32 numbers of 8 bytes, of which two ranks have half each, and an environment a status of 32
+    # bytes: 1568 bytes.
+    ranks 2 step pile --envs 1000000000000 2> "$folder/err"
+    grep -q "pile with 1000000000000 environments of 12 bodies (--envs, --size) takes at least 1.57 PB of memory, and " \
+      "$folder/err" || fail "a scene that no memory holds: $(cat "$folder/err")"
     for solver in newton multigrid consensus; do
       ranks 2 step pile --solver $solver 2> "$folder/err"
       grep -q "solver $solver: ranks step a scene by si, npgs or pgs; choose" "$folder/err" ||

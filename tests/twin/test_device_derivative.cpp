@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "core/job/cone_counts.hpp"
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/derivative_machine.hpp"
+#include "stiction/captured_calls.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/derivative_cases.hpp"
@@ -300,9 +302,11 @@ TEST(DeviceDerivative, TheFirstCallIsCapturedAndReplayedWithOtherNumbers) {
   const cuda::Stream stream(*device);
   Gradients<float> own = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, {}, nullptr, 2);
   const VjpJob<float> job = job_of(problem, Law::coulomb, own);
+  const std::uint64_t captured = captured_calls();
   device->begin_capture(stream.get());
   machine.vjp(job, StreamRef(stream.get()));
   const auto graph = device->end_capture(stream.get());
+  EXPECT_EQ(captured_calls(), captured + 1);
   for (int again = 0; again < 2; ++again) {
     for (float& number : problem.bar) number *= 1.5F;
     const auto expected = vjp(problem.batch.view(), problem.lambda, problem.bar, problem.w_bar, {}, nullptr, 2);

@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <string>
 
 #include "cuda/emulated/emulated_device.hpp"
+#include "stiction/captured_calls.hpp"
 #include "stiction/error.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/bits.hpp"
@@ -276,9 +278,11 @@ TEST(DeviceJacobian, ACapturedSolveIsReplayedWithOtherNumbersAndCounts) {
       Machine<float> machine(device, capacity, FactorUse::by_size);
       Answer<float> answer(view);
       const StreamRef own(stream.get());
+      const std::uint64_t captured = captured_calls();
       device->begin_capture(stream.get());
       machine.solve(view, answer.view(), own);
       const auto graph = device->end_capture(stream.get());
+      EXPECT_GT(captured_calls(), captured);
       for (const std::uint64_t step : {3, 4, 7, 2, 1}) {
         SCOPED_TRACE("step " + std::to_string(step));
         const auto batch = random_batch<float>(step, {});

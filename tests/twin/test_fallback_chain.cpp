@@ -131,6 +131,28 @@ TEST(FallbackChain, LeadsFromSweepsToWhatIsCertain) {
   EXPECT_EQ(way_of(seen), Way{lemke});
 }
 
+TEST(FallbackChain, BoxedFrictionIsSweptAndThenPivotedWherePairsFit) {
+  using enum SolverKind;
+  using Way = std::vector<SolverKind>;
+  EnvFeatures seen;
+  seen.rows = 39;
+  seen.axes = 26;
+  seen.friction_cones = seen.boxed_cones = 13;
+  EXPECT_EQ(way_of(seen), (Way{subspace, lemke, npgs}));
+  seen.spread = 1e4;
+  EXPECT_EQ(way_of(seen), (Way{subspace, lemke, npgs}));
+  seen.boxed_cones = 12;
+  EXPECT_EQ(way_of(seen), (Way{subspace, npgs})) << "a friction cone is not half lines";
+  seen.boxed_cones = 13;
+  seen.is_pivots = true;
+  EXPECT_EQ(way_of(seen), Way{subspace}) << "which flags the diagonal";
+  seen.is_pivots = false;
+  seen.rows = 42;
+  seen.axes = 28;
+  seen.friction_cones = seen.boxed_cones = 14;
+  EXPECT_EQ(way_of(seen), (Way{subspace, npgs})) << "the pairs do not fit";
+}
+
 TEST(FallbackChain, OnSparseEnvironmentsGradientsComeBeforeWhatFactorises) {
   using enum SolverKind;
   using Way = std::vector<SolverKind>;
@@ -160,7 +182,7 @@ TEST(FallbackChain, OnSparseEnvironmentsGradientsComeBeforeWhatFactorises) {
   EXPECT_EQ(way_of(seen), Way{apgd});
   seen.rows = 600;
   EXPECT_EQ(way_of(seen), (Way{admm, apgd}));
-  seen.is_boxed = true;
+  seen.boxed_cones = 200;
   EXPECT_EQ(way_of(seen), Way{jacobi});
 }
 

@@ -29,10 +29,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Solvers that take boxed friction, and those that refuse it.
-const SolverKind kTake[] = {SolverKind::pgs,  SolverKind::npgs,     SolverKind::jacobi,
-                            SolverKind::nsgs, SolverKind::subspace, SolverKind::automatic};
-const SolverKind kRefuse[] = {SolverKind::apgd, SolverKind::admm, SolverKind::newton, SolverKind::lemke,
-                              SolverKind::ipm};
+const SolverKind kTake[] = {SolverKind::pgs,      SolverKind::npgs,  SolverKind::jacobi,   SolverKind::nsgs,
+                            SolverKind::subspace, SolverKind::lemke, SolverKind::automatic};
+const SolverKind kRefuse[] = {SolverKind::apgd, SolverKind::admm, SolverKind::newton, SolverKind::ipm};
 
 Solution<double> solve_one(const Environment<double>& env, SolverKind solver, Law law = Law::convex,
                            double tolerance = 1e-12, Index iterations = 20000) {
@@ -156,9 +155,10 @@ TEST(BoxFriction, MixedWithEveryOtherKindAnswersObeyTheLaw) {
     recipe.contacts = 6;
     recipe.others = 4;
     recipe.mu_max = 0.5;
-    const Environment<double> env = boxed(random_conditioned(recipe, 4), false);
     for (const SolverKind solver : kTake)
       for (const Law law : kBothLaws) {
+        // No friction cone is half lines.
+        const Environment<double> env = boxed(random_conditioned(recipe, 4), solver == SolverKind::lemke);
         SCOPED_TRACE(label(solver, law) + ", seed " + std::to_string(seed));
         const auto batch = batch_of({env}, law);
         const Solution<double> solution = solve(batch, options(solver, 1e-11, 20000));
@@ -171,6 +171,49 @@ TEST(BoxFriction, MixedWithEveryOtherKindAnswersObeyTheLaw) {
       }
   }
   EXPECT_EQ(solved, asked);
+}
+
+// Large mu, and normals that are coupled with axes: sweeps go around in circles.
+TEST(BoxFriction, AutoFindsByPivotsWhatSweepsMiss) {
+  std::size_t missed = 0;
+  for (std::uint64_t seed = 1; seed <= 400; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Environment<double> env = small_random(seed, 3, 100);
+    if (solve_one(env, SolverKind::subspace, Law::convex, 1e-10, 4096).status[0].code == EnvCode::solved) continue;
+    const oracle::BoxFrictionStates states(env);
+    if (states.found.size() != 1) continue;
+    ++missed;
+    for (const Law law : kBothLaws) {
+      const Solution<double> solution = solve_one(env, SolverKind::automatic, law, 1e-10, 4096);
+      EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
+      EXPECT_EQ(solution.status[0].solver, SolverKind::lemke);
+      for (std::size_t i = 0; i < env.b.size(); ++i) EXPECT_NEAR(solution.lambda[i], states.found[0][i], 1e-9) << i;
+    }
+  }
+  EXPECT_GT(missed, 5U);
+}
+
+TEST(BoxFriction, PivotsTakeWhatFitsAndSayWhatDoesNot) {
+  const auto contacts = [](int count, bool all) {
+    Recipe recipe;
+    recipe.seed = 3;
+    recipe.contacts = count;
+    recipe.others = 0;
+    recipe.friction_rows = 3;
+    recipe.mu_max = 0.5;
+    return boxed(random_conditioned(recipe, 4), all);
+  };
+  const Environment<double> most = contacts(13, true);
+  const Solution<double> answer = solve_one(most, SolverKind::lemke, Law::convex, 1e-12, 1000);
+  EXPECT_EQ(answer.status[0].code, EnvCode::solved);
+  EXPECT_LT(oracle::box_friction_violation(most, answer.lambda), 1e-11);
+  const auto flags = [](const Environment<double>& env) {
+    const Solution<double> solution = solve_one(env, SolverKind::lemke);
+    EXPECT_EQ(solution.status[0].code, EnvCode::unsupported);
+    return solution.status[0].flags;
+  };
+  EXPECT_EQ(flags(contacts(14, true)), static_cast<std::uint32_t>(kFlagOverCapacity));
+  EXPECT_EQ(flags(contacts(4, false)), static_cast<std::uint32_t>(kFlagUnsupportedCone));
 }
 
 TEST(BoxFriction, AsHalfLinesItIsAnsweredByLemke) {
@@ -209,7 +252,8 @@ TEST(BoxFriction, SinglePrecisionAgreesWithDouble) {
 // A from J and M, stored or as a factor, planned on the host and on the emulated device. auto does not give it to
 // Newton's method in velocities, which would answer by Coulomb's law.
 TEST(BoxFriction, FormsWithJacobiansAreAnsweredToo) {
-  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::automatic})
+  for (const SolverKind solver :
+       {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::lemke, SolverKind::automatic})
     for (const FactorUse use : {FactorUse::never, FactorUse::always}) {
       JacobianBatch<double> batch(Law::convex);
       std::vector<Environment<double>> matrices;
@@ -244,10 +288,9 @@ TEST(BoxFriction, FormsWithJacobiansAreAnsweredToo) {
 TEST(BoxFriction, SolversOfOtherLawsSayThatTheyCannotTreatIt) {
   // Environment 1 has none: only those that have some are refused.
   const auto plain = contact({1, 1, 1}, {-2, 3, -4}, 0.5);
-  Environment<double> lcp = system({unilateral()}, {2}, {-3});
   for (const SolverKind solver : kRefuse) {
     SCOPED_TRACE(to_string(solver));
-    const auto batch = batch_of({boxed(plain), solver == SolverKind::lemke ? lcp : plain});
+    const auto batch = batch_of({boxed(plain), plain});
     const Solution<double> solution = solve(batch, options(solver, 1e-8, 200));
     EXPECT_EQ(solution.status[0].code, EnvCode::unsupported);
     EXPECT_EQ(solution.status[0].flags, static_cast<std::uint32_t>(kFlagUnsupportedCone));

@@ -204,14 +204,14 @@ StepReport run_steps(const StepArguments& arguments, const WorldOptions& options
   return report;
 }
 
-void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision) {
+void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision, int ranks) {
   // State and wrench of a world, and the state that start_all() makes it begin with. What a machine keeps beside them,
   // and contacts, are more.
   constexpr double kNumbers = (3 + 4 + 6) + 6 + (3 + 4 + 6);
   const double of_number = precision == Precision::f32 ? sizeof(float) : sizeof(double);
   const auto all = static_cast<double>(arguments.environments);
   const auto each = static_cast<double>(bodies);
-  require_memory(all * (each * kNumbers * of_number + sizeof(EnvStatus)) + each * sizeof(WorldBody),
+  require_memory(all * (each / ranks * kNumbers * of_number + sizeof(EnvStatus)) + each * sizeof(WorldBody),
                  fmt::format("{} with {} environments of {} bodies (--envs, --size)", arguments.scene,
                              arguments.environments, bodies));
 }

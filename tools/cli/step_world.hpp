@@ -44,9 +44,10 @@ class SteppedWorld {
 StepReport run_steps(const StepArguments& arguments, const WorldOptions& options, const WorldDescription& description,
                      Device device, SteppedWorld& world);
 
-/// To be called before a world is described. `bodies`: of an environment.
+/// To be called before a world is described. `bodies`: of an environment. `ranks`: processes that share its states,
+/// each of which has all of its description.
 /// \throws Error(out_of_memory) if the state alone of all environments is more than there is.
-void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision);
+void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision, int ranks = 1);
 
 /// Steps a scene's world in this process.
 template <class Real>

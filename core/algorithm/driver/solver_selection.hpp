@@ -3,6 +3,7 @@
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/job/env_features.hpp"
 #include "core/job/fallback_order.hpp"
+#include "core/job/pivot_pairs.hpp"
 #include "core/job/workspace.hpp"
 
 /// Which solver an environment gets under SolverKind::automatic, and which one next if that one falls short. A function
@@ -24,11 +25,11 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   // Reciprocals and signs turn every minimum into a maximum, which is the one order-free reduction a team has.
   double largest = 0.0, inverse = 0.0, rigid = 0.0, flat = 0.0;
   Index friction_cones = 0;
-  bool is_boxed = false;
+  Index boxed_cones = 0;
   for (Index cone = 0; cone < env.cone_count; ++cone)
     if (carries_friction(env.kind[cone])) {
       ++friction_cones;
-      is_boxed = is_boxed || env.kind[cone] == ConeKind::box_friction;
+      boxed_cones += env.kind[cone] == ConeKind::box_friction ? 1 : 0;
     }
   for (Index cone = team.rank(); cone < env.cone_count; cone += team.size()) {
     const Index first = env.cone_row(cone);
@@ -57,7 +58,8 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
   seen.rows = env.n;
   seen.entries = product_entries(env);
   seen.friction_cones = friction_cones;
-  seen.is_boxed = is_boxed;
+  seen.boxed_cones = boxed_cones;
+  seen.axes = env.n - env.cone_count;
   seen.has_matrices = env.counts.semidefinite > 0;
   seen.spread = team.max(largest) * team.max(inverse);
   seen.is_pivots = team.max(flat) != 0.0;
@@ -76,13 +78,15 @@ STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (seen.has_matrices) {
     if (seen.is_pivots) return false;
-    if (seen.is_boxed) return solver == SolverKind::jacobi;
+    if (seen.boxed_cones > 0) return solver == SolverKind::jacobi;
     return solver == SolverKind::apgd || (solver == SolverKind::admm && seen.rows <= kDirectRows);
   }
   if (solver == SolverKind::jacobi) return false;
   if (seen.is_pivots && solver != SolverKind::lemke) return false;
   if (solver == SolverKind::subspace || solver == SolverKind::npgs) return true;
-  if (seen.is_boxed) return false;
+  if (seen.boxed_cones > 0)
+    return solver == SolverKind::lemke && seen.boxed_cones == seen.friction_cones && !seen.is_pivots &&
+           pairs_fit(seen.rows, seen.axes);
   if (solver == SolverKind::apgd) return true;
   if (seen.rows > kDirectRows) return false;
   return solver != SolverKind::lemke || seen.friction_cones == 0;

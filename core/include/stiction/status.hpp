@@ -38,7 +38,7 @@ enum EnvFlag : std::uint32_t {
   kFlagOverCapacity = 1U << 9,        ///< larger than the solver's capacity allows; not solved (lambda = 0, w = b)
   kFlagBadStructure = 1U << 10,       ///< offsets, cones or columns out of order or range, found on the device; of
                                       ///< this environment nothing but the status is written
-  kFlagUnsupportedCone = 1U << 11,    ///< a cone that the solver cannot treat: lemke and friction of either kind; apgd,
+  kFlagUnsupportedCone = 1U << 11,    ///< a cone that the solver cannot treat: lemke and friction not boxed; apgd,
                                       ///< admm, newton, ipm and box_friction. Of semidefinite all but jacobi, apgd
                                       ///< and admm. Not solved
   kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none

@@ -6,6 +6,7 @@
 #include "stiction/batch.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/box_friction.hpp"
+#include "stiction/captured_calls.hpp"
 #include "stiction/config.hpp"
 #include "stiction/contact_graph.hpp"
 #include "stiction/derivative.hpp"

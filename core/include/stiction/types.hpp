@@ -65,7 +65,7 @@ enum class SolverKind : std::uint8_t {
   nsgs = 4,               ///< Gauss-Seidel with the exact one-contact Coulomb solve
   admm = 5,               ///< operator splitting with a cached factor
   newton = 6,             ///< primal Newton where R > 0, proximal semismooth Newton elsewhere
-  lemke = 7,              ///< complementary pivoting, for problems without friction cones
+  lemke = 7,              ///< complementary pivoting, for problems without friction cones but boxed ones
   ipm = 8,                ///< predictor-corrector interior point
   subspace = 9,           ///< npgs with steps to where all contacts keep sticking, sliding or being open
   end,                    ///< no solver: the number after those that can answer a contact batch

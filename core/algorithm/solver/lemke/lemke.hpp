@@ -6,14 +6,14 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Lemke's complementary pivoting with bounds, for environments without friction cones (docs/math/lemke.md). An
-/// iteration is a pivot, the number of pivots is finite, and the path ends at a solution or on a ray. For a positive
-/// semidefinite A a ray means that there is none. When a path has ended the dictionary of its last basis is written
-/// anew from the system's numbers. So no rounding of the pivots is left. What is still infeasible is the beginning of
-/// another path.
+/// Lemke's complementary pivoting with bounds, for environments without friction cones but those of boxed friction
+/// (docs/math/lemke.md). An iteration is a pivot, the number of pivots is finite, and the path ends at a solution or on
+/// a ray. For a positive semidefinite A without friction a ray means that there is none. When a path has ended the
+/// dictionary of its last basis is written anew from the system's numbers. So no rounding of the pivots is left. What
+/// is still infeasible is the beginning of another path.
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
-  static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = Tableau::kVectors, .dense_matrices = 1}; }
+  static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = kPivotVectors, .dense_matrices = 1}; }
   /// A pivot costs as much as a check of the residual.
   static constexpr Index kChunk = 8;
   static constexpr double kPaths = 4.0;     ///< begun at most
@@ -24,6 +24,7 @@ struct Lemke {
   static constexpr double kFeasible = 1e-11;  ///< of the largest value
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   static constexpr bool kTakesAnyDiagonal = true;
+  static constexpr bool kTakesBoxFriction = true;
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
@@ -35,7 +36,8 @@ struct Lemke {
     const auto& counts = counts_of(s);
     Index friction = 0;
     for (Index m = 2; m <= kMaxConeRows; ++m) friction += counts.friction[m];
-    return friction > 0 ? kFlagUnsupportedCone : 0U;
+    if (friction > counts.box_friction) return kFlagUnsupportedCone;
+    return pairs_fit(s.n, s.n - s.cones) ? 0U : kFlagOverCapacity;
   }
 
   template <Law kLaw, Team TeamT, class System>
@@ -57,6 +59,7 @@ struct Lemke {
       t.side[row] = is_free ? 0.0 : side;
       t.ratio[row] = is_free ? 1.0 : 0.0;
     });
+    if (t.n > s.n) find_axes(team, s, t);
     begin_path(team, s, t, false);
   }
 
@@ -242,13 +245,20 @@ struct Lemke {
     begin_path(team, s, t, anew);
   }
 
-  /// The dictionary's own solution, clipped to the bounds.
+  /// The dictionary's own solution, clipped to the bounds. Axes are counted from their lower bounds no more.
   template <Team TeamT, class System>
   static STICTION_HD_OUTLINE void write_iterate(TeamT& team, System& s, const Tableau& t) {
     using Real = typename System::Real;
-    for_each(team, t.n, [&](Index j) {
+    const auto number = [&](Index j) {
       const double x = t.is_basic(j) ? clamp_(t.value(t.row_of(j)), t.lo[j], t.hi[j]) : t.rest(j);
-      s.x[j] = static_cast<Real>(x * t.unit[j]);
+      return x * t.unit[j];
+    };
+    for_each(team, s.n, [&](Index j) { s.x[j] = static_cast<Real>(number(j)); });
+    if (t.n == s.n) return;
+    for_each(team, t.n - s.n, [&](Index a) {
+      const Index axis = t.axis_of(s.n + a);
+      const double normal = number(t.normal_of(axis));
+      s.x[axis] = static_cast<Real>(clamp_(number(axis) - normal, 0.0 - normal, normal));
     });
   }
 };

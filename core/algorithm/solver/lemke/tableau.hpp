@@ -1,17 +1,19 @@
 #pragma once
 
 #include "core/algorithm/linear/dense/fill_matrix.hpp"
+#include "core/job/pivot_pairs.hpp"
 #include "core/team/reduce.hpp"
 
 /// The dictionary of complementary pivoting (docs/math/lemke.md): n basic variables as affine functions of n + 1
 /// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone. So the
-/// bits do not depend on how many lanes there are.
+/// bits do not depend on how many lanes there are. n is the number of pairs (core/job/pivot_pairs.hpp): the rows of the
+/// system, and behind them one for each axis of boxed friction.
 namespace stiction::inline STICTION_ISA {
 
 /// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. Of a pair x_j, y_j the one that is not
 /// basic rests: y_j at 0, x_j at the bound that side[j] names.
 struct Tableau {
-  static constexpr Index kVectors = 15;  ///< of n doubles before the n x n entries
+  static constexpr Index kVectors = kPairVectors;  ///< of n doubles before the n x n entries
   static constexpr double kRelativePivot = 1e-10;
 
   Index n;
@@ -24,11 +26,12 @@ struct Tableau {
   double* column;  ///< the pivot's column                                                         (n)
   double* ratio;   ///< step at which each row blocks; before that which x_j are wanted            (n)
   double* state;   ///< what the method remembers                                                  (4)
+  double* base;    ///< with axes: of an axis its normal row, of the pair that holds it the axis   (n)
   DenseMatrix T;   ///< values of the basic variables, z0's column, the pairs' columns             (n * (n + 2))
 
   template <class System>
   explicit STICTION_HD Tableau(const System& s)
-      : n(s.n),
+      : n(2 * s.n - s.cones),
         unit(s.wide_vector(0, n)),
         lo(s.wide_vector(1, n)),
         hi(s.wide_vector(2, n)),
@@ -38,6 +41,7 @@ struct Tableau {
         column(s.wide_vector(7, n)),
         ratio(s.wide_vector(8, n)),
         state(s.wide_vector(9, n)),
+        base(s.wide_vector(11, n)),  // behind the state where there are three pairs, as there are with an axis
         T{s.wide_vector(kVectors - 2, n), n} {}
 
   [[nodiscard]] STICTION_HD Index artificial() const { return 2 * n; }
@@ -50,6 +54,9 @@ struct Tableau {
     return variable == artificial() ? 1 : static_cast<Index>(-1.0 - place[variable]);
   }
   [[nodiscard]] STICTION_HD double& value(Index row) const { return T(row, 0); }
+  /// Row of an axis that the pair `held` holds at its upper bound, and the normal row of an axis.
+  [[nodiscard]] STICTION_HD Index axis_of(Index held) const { return static_cast<Index>(base[held]); }
+  [[nodiscard]] STICTION_HD Index normal_of(Index axis) const { return static_cast<Index>(base[axis]); }
 
   [[nodiscard]] STICTION_HD double lower(Index variable) const {
     if (variable < n) return lo[variable];
@@ -104,16 +111,78 @@ STICTION_HD_OUTLINE void exchange(TeamT& team, const Tableau& t, Index row, Inde
   });
 }
 
+/// Notes which pairs are axes. The pair that holds an axis is behind all rows, as many pairs on as there are axes
+/// before.
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void find_axes(TeamT& team, const System& s, const Tableau& t) {
+  s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
+    constexpr Index kRows = decltype(shape)::kRows;
+    const Index held = s.n + (row - cone) - 1;
+    for (Index k = 0; k < kRows; ++k) {
+      t.base[row + k] = static_cast<double>(row);
+      if (k > 0) t.base[held + k] = static_cast<double>(row + k);
+    }
+  });
+  for_each(team, t.n - s.n, [&](Index a) {
+    const Index held = s.n + a;
+    const Index axis = t.axis_of(held);
+    t.side[axis] = t.side[held] = 1.0;
+    t.ratio[axis] = t.ratio[held] = 0.0;
+  });
+}
+
+/// A + diag R, and zeros for the pairs of axes.
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void write_matrix(TeamT& team, const System& s, const Tableau& t) {
+  const DenseMatrix M{&t.T(0, 2), t.n};
+  if (t.n == s.n) return fill_matrix(team, s, M);
+  if constexpr (requires { s.A; }) {
+    for_each(team, s.n, [&](Index i) {
+      for (Index j = 0; j < s.n; ++j) M(i, j) = static_cast<double>(s.A[i + s.n * j]);
+    });
+  } else {
+    fill_matrix(team, s, M);
+  }
+  for_each(team, t.n, [&](Index i) {
+    for (Index j = i < s.n ? s.n : 0; j < t.n; ++j) M(i, j) = 0.0;
+  });
+}
+
+/// Boxed friction as half lines (docs/math/box_friction.md, equation 5), in coordinates in which an axis has the bounds
+/// -x_n and x_n. The row of an axis is about p = x_k + x_n from here on, and v holds p at 2 x_n. v has the unit in
+/// which its entry in the axis' row is 1.
+template <Team TeamT, class System>
+STICTION_HD_OUTLINE void write_axes(TeamT& team, const System& s, const Tableau& t) {
+  for_each(team, s.n, [&](Index i) {
+    for (Index held = s.n; held < t.n; ++held) {
+      const Index axis = t.axis_of(held);
+      double& entry = t.T(i, 2 + t.normal_of(axis));
+      entry = entry - t.T(i, 2 + axis);
+    }
+  });
+  for_each(team, t.n - s.n, [&](Index a) {
+    const Index held = s.n + a;
+    const Index axis = t.axis_of(held);
+    t.T(axis, 2 + held) = 1.0;
+    t.T(held, 2 + t.normal_of(axis)) = 2.0;
+    t.T(held, 2 + axis) = -1.0;
+    t.unit[held] = div_(1.0, t.unit[axis]);
+    t.lo[axis] = t.lo[held] = 0.0;
+    t.hi[axis] = t.hi[held] = __builtin_huge_val();
+  });
+}
+
 /// Writes the dictionary in which every y is basic. It is y = M x + b in rows and columns scaled by powers of two to
 /// diagonals of order one, x resting at its bounds.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Tableau& t) {
   const Index n = t.n;
-  fill_matrix(team, s, DenseMatrix{&t.T(0, 2), n});
-  for_each(team, n, [&](Index i) {
+  write_matrix(team, s, t);
+  for_each(team, s.n, [&](Index i) {
     const double diagonal = t.T(i, 2 + i);
     t.unit[i] = diagonal > 0.0 ? unit_scale(sqrt_(diagonal)) : 1.0;
   });
+  if (n > s.n) write_axes(team, s, t);
   s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
     constexpr ConeKind kKind = decltype(shape)::kKind;
     const double infinite = __builtin_huge_val();
@@ -136,7 +205,7 @@ STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Ta
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void write_values(TeamT& team, const System& s, const Tableau& t) {
   for_each(team, t.n, [&](Index i) {
-    double sum = static_cast<double>(s.b[i]) * t.unit[i];
+    double sum = i < s.n ? static_cast<double>(s.b[i]) * t.unit[i] : 0.0;
     for (Index j = 0; j < t.n; ++j) {
       const double rest = t.rest(j);
       if (rest != 0.0) sum = fma_(t.T(i, 2 + j), rest, sum);

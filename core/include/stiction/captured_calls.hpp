@@ -1,0 +1,15 @@
+#pragma once
+
+/// \file
+/// Whether calls became part of a CUDA graph, for those who replace solvers (docs/cuda.md).
+
+#include <cstdint>
+
+namespace stiction {
+
+/// How many calls of this thread became part of a CUDA graph. They are calls of a Solver, JacobianSolver or Derivative
+/// on a stream that was being captured. The graph has pointers to the memory of what was called. Read this before and
+/// after a call. Where it has grown, keep the object as long as the graph may be launched.
+[[nodiscard]] std::uint64_t captured_calls() noexcept;
+
+}  // namespace stiction
