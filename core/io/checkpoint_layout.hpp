@@ -37,10 +37,10 @@ void put_attributes(File& file, const CheckpointHead& head, std::int64_t checksu
 
 /// What the checksum is made of. Hashes are sums over elements, so writers that each have some of them add up theirs.
 struct CheckpointTotals {
-  std::vector<Offset> contact_offsets;                    ///< of the whole                           (E + 1)
-  std::uint64_t ids = 0;                                  ///< hash_of_ids() of all ids
-  std::array<std::uint64_t, kCheckpointReals> sizes{};    ///< numbers in each array of for_each_reals()
-  std::array<std::uint64_t, kCheckpointReals> hashes{};   ///< hash_bits() of each array
+  std::vector<Offset> contact_offsets;                   ///< of the whole                           (E + 1)
+  std::uint64_t ids = 0;                                 ///< hash_of_ids() of all ids
+  std::array<std::uint64_t, kCheckpointReals> sizes{};   ///< numbers in each array of for_each_reals()
+  std::array<std::uint64_t, kCheckpointReals> hashes{};  ///< hash_bits() of each array
 };
 
 /// What those contact ids add to the checksum; `first`: ids before them in a file of that many environments.
@@ -49,8 +49,8 @@ std::uint64_t hash_of_ids(const CheckpointHead& head, std::size_t environments, 
 /// Of all that a file holds.
 std::int64_t checksum_of(const CheckpointHead& head, const CheckpointTotals& totals);
 
-/// Makes a complete file that lies beside a checkpoint the checkpoint, when it is on the disk. Parts of the one that was
-/// there are removed. \throws Error(io)
+/// Makes a complete file that lies beside a checkpoint the checkpoint, when it is on the disk. Parts of the one that
+/// was there are removed. \throws Error(io)
 void put_checkpoint_in_place(const std::filesystem::path& written, const std::filesystem::path& path);
 
 }  // namespace stiction::io

@@ -47,8 +47,8 @@ std::vector<EndedContact> in_order_of_all(Transport& transport, std::vector<Ende
   const std::vector<Key> first = first_keys(transport, own);
   std::vector<Letter> letters(static_cast<std::size_t>(transport.size()));
   for (const EndedContact& contact : own)
-    letters[static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), key_of(contact)) - first.begin())].put(
-        contact);
+    letters[static_cast<std::size_t>(std::upper_bound(first.begin(), first.end(), key_of(contact)) - first.begin())]
+        .put(contact);
   std::vector<EndedContact> mine;
   for (Letter& letter : exchange_with_all(transport, letters))
     while (!letter.at_end()) mine.push_back(letter.template take<EndedContact>());

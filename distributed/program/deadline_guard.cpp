@@ -28,8 +28,11 @@ void DeadlineGuard::watch(int rank, double seconds, const std::string& what) {
   std::unique_lock lock(mutex_);
   if (ended_.wait_for(lock, std::chrono::duration<double>(std::min(seconds, kLongest)), [&] { return has_ended_; }))
     return;
-  give_up(rank, fmt::format("a rank has not answered within the deadline of {:g} s while {}", seconds, what),
-          kExitRankLost);
+  give_up(
+      rank,
+      fmt::format("a rank has not answered within the deadline of {:g} s while {}; the job ends here, start it again",
+                  seconds, what),
+      kExitRankLost);
 }
 
 }  // namespace stiction::distributed

@@ -94,9 +94,7 @@ class ParallelFile final : public SharedFile {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ErrorCode::io, path_.string() + ": " + what);
-  }
+  [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorCode::io, path_.string() + ": " + what); }
   void allocate(std::uint64_t bytes) const {
     const int disk = open(temporary_.c_str(), O_WRONLY | O_CLOEXEC);
     const int reason = disk < 0 ? errno : posix_fallocate(disk, 0, static_cast<off_t>(bytes));
@@ -120,9 +118,8 @@ class ParallelFile final : public SharedFile {
     bool is_written = made.get() >= 0;
     if (is_written && numbers > 0) {
       const Local memory(H5Screate_simple(1, &numbers, nullptr), H5Sclose);
-      is_written =
-          H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, &start, &stride, &count, &block) >= 0 &&
-          H5Dwrite(made.get(), memory_type, memory.get(), space.get(), H5P_DEFAULT, own) >= 0;
+      is_written = H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, &start, &stride, &count, &block) >= 0 &&
+                   H5Dwrite(made.get(), memory_type, memory.get(), space.get(), H5P_DEFAULT, own) >= 0;
     }
     if (!is_written) fail("dataset '" + name + "' cannot be written");
   }

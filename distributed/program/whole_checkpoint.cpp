@@ -29,7 +29,8 @@ ContactRange range_of(Transport& transport, const WorldCheckpoint<double>& own) 
   for (std::size_t env = 0; env < environments; ++env)
     for (auto c = static_cast<std::size_t>(own.contact_offsets[env]);
          c < static_cast<std::size_t>(own.contact_offsets[env + 1]); ++c)
-      known.push_back({static_cast<std::int64_t>(env), own.contact_id[c],
+      known.push_back({static_cast<std::int64_t>(env),
+                       own.contact_id[c],
                        {own.impulse[3 * c], own.impulse[3 * c + 1], own.impulse[3 * c + 2]}});
   ContactRange range;
   std::vector<Offset> counts(environments, 0);
@@ -93,7 +94,8 @@ void write_whole_checkpoint(Transport& transport, const std::filesystem::path& p
                                                     {"impulse", &contacts.impulse, of_contacts(3)}}};
   const io::CheckpointHead head{own.run, own.step};
   std::array<std::uint64_t, io::kCheckpointReals + 1> hashes{};
-  for (std::size_t which = 0; which < rows.size(); ++which) hashes[which] = hash_of(*rows[which].values, rows[which].slab);
+  for (std::size_t which = 0; which < rows.size(); ++which)
+    hashes[which] = hash_of(*rows[which].values, rows[which].slab);
   hashes.back() = io::hash_of_ids(head, environments, contacts.id, contacts.first);
 
   io::CheckpointTotals totals;

@@ -1,4 +1,5 @@
-// compare_checkpoints A B: whether two checkpoints, read by the ordinary reader, hold the same bits. Exit status 0, or 1.
+// compare_checkpoints A B: whether two checkpoints, read by the ordinary reader, hold the same bits. Exit status 0,
+// or 1.
 #include <cstdio>
 #include <cstring>
 #include <vector>
@@ -17,10 +18,12 @@ bool is_same(const char* what, const std::vector<T>& a, const std::vector<T>& b)
 }  // namespace
 
 int main(int, char** argv) {
-  const stiction::io::CheckpointFile a = stiction::io::read_checkpoint(argv[1]), b = stiction::io::read_checkpoint(argv[2]);
+  const stiction::io::CheckpointFile a = stiction::io::read_checkpoint(argv[1]),
+                                     b = stiction::io::read_checkpoint(argv[2]);
   const bool same = is_same("position", a.world.position, b.world.position) &&
                     is_same("orientation", a.world.orientation, b.world.orientation) &&
-                    is_same("twist", a.world.twist, b.world.twist) && is_same("wrench", a.world.wrench, b.world.wrench) &&
+                    is_same("twist", a.world.twist, b.world.twist) &&
+                    is_same("wrench", a.world.wrench, b.world.wrench) &&
                     is_same("contact_offsets", a.world.contact_offsets, b.world.contact_offsets) &&
                     is_same("contact_id", a.world.contact_id, b.world.contact_id) &&
                     is_same("impulse", a.world.impulse, b.world.impulse) && a.run == b.run && a.step == b.step &&
