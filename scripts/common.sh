@@ -73,6 +73,7 @@ test_packages=(
   "libtbb-dev: oneTBB is not tested"
   "libopenmpi-dev: no stiction-mpi, one scene over several processes is tested by threads alone"
   "openmpi-bin: no mpirun, stiction-mpi is not tested"
+  "libhdf5-openmpi-dev: checkpoints of ranks are one file for each rank, and not one"
   "libboost-context-dev: the GPU's generated code is not executed"
   "doxygen: comments of the public headers are not checked"
 )

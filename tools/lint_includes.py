@@ -106,6 +106,11 @@ TABLE = [
     # Newton's method over ranks plans factors of parts of its matrix.
     Row("distributed/newton", [*KERNEL, "core/plan", "distributed/transport", "distributed/solve",
                                "distributed/subdomains", "distributed/newton"]),
+    # Checkpoints that ranks write together have the layout that one process writes.
+    Row("distributed/program/shared_file.cpp", [PUBLIC, IO_PUBLIC, "core/io/checkpoint_layout.hpp", "distributed"],
+        foreign=("fcntl.h", "hdf5.h", "mpi.h", "unistd.h")),
+    Row("distributed/program/whole_checkpoint.cpp",
+        [PUBLIC, IO_PUBLIC, "core/io/checkpoint_layout.hpp", "distributed"]),
     Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
         foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),

@@ -5,7 +5,7 @@
 //   bench_domain_newton [--scene wall|pile|tower|column] [--sizes 16] [--ranks 2] [--subdomains 2,4,8,16] [--law
 //   convex]
 //                       [--cfm 1e-5] [--tolerances 1e-6] [--kinds neither,overlap,coarse,both,si]
-//                       [--limit 1000] [--csv PATH]
+//                       [--first-sweeps 48] [--limit 1000] [--csv PATH]
 //
 // --subdomains 0: one for each body, which without overlap and coarse space is block Jacobi. Kind si is sequential
 // impulses over as many ranks, which have no subdomains. A column of size s has 60 s^3 spheres, 15 times as high as
@@ -99,6 +99,7 @@ int run(int argc, char** argv) {
                              {"--cfm", "1e-5"},
                              {"--tolerances", "1e-6"},
                              {"--kinds", "neither,overlap,coarse,both"},
+                             {"--first-sweeps", "48"},
                              {"--limit", "1000"}});
   const std::string& scene = arguments.text("--scene");
   const int ranks = arguments.count("--ranks");
@@ -121,7 +122,8 @@ int run(int argc, char** argv) {
         for (const int subdomains : arguments.counts("--subdomains", 0)) {
           options.tolerance = tolerance;
           options.method = kind == "si" ? BodyMethod::impulses : BodyMethod::newton;
-          const DomainOptions domains = domains_of(kind, subdomains, batch.body_count());
+          DomainOptions domains = domains_of(kind, subdomains, batch.body_count());
+          domains.sweeps = arguments.count("--first-sweeps");
           const Counts counts = count(batch, ranks, domains, stepping, options);
           const EnvStatus& status = counts.status;
           const auto wide = [](std::int64_t number) { return static_cast<long long>(number); };

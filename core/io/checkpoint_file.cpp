@@ -1,4 +1,5 @@
 #include "core/base/fp_env.hpp"
+#include "core/io/checkpoint_layout.hpp"
 #include "core/io/hdf5_out.hpp"
 #include "core/io/readers.hpp"
 #include "stiction/error.hpp"
@@ -7,45 +8,71 @@
 namespace stiction::io {
 namespace {
 
-constexpr const char* kFormat = "world-checkpoint";
-constexpr std::int64_t kVersion = 1;
+/// Text and integers of 64 bits count in halves, which doubles hold exactly.
+class Words {
+ public:
+  void put(std::uint64_t word) {
+    halves_.push_back(static_cast<double>(word >> 32U));
+    halves_.push_back(static_cast<double>(word & 0xffffffffU));
+  }
+  /// What they add to the checksum with so many words before them.
+  [[nodiscard]] std::uint64_t hash(std::uint64_t before) const {
+    return hash_part(std::span<const double>(halves_), 2 * before);
+  }
 
-/// f(name, numbers), for every array of a world.
-template <class World, class F>
-void for_each_reals(World& world, F&& f) {
-  f("position", world.position);
-  f("orientation", world.orientation);
-  f("twist", world.twist);
-  f("wrench", world.wrench);
-  f("impulse", world.impulse);
+ private:
+  std::vector<double> halves_;
+};
+
+std::uint64_t words_before_ids(const CheckpointHead& head, std::size_t environments) {
+  return head.run.size() + 1 + environments + 1;
 }
 
-/// Of all that a file holds. A text's bytes and integers of 64 bits count in halves, which doubles hold exactly.
 std::int64_t checksum(const CheckpointFile& checkpoint) {
-  std::vector<double> words;
-  const auto put = [&](std::uint64_t word) {
-    words.push_back(static_cast<double>(word >> 32U));
-    words.push_back(static_cast<double>(word & 0xffffffffU));
-  };
-  for (const char letter : checkpoint.run) put(static_cast<unsigned char>(letter));
-  put(static_cast<std::uint64_t>(checkpoint.step));
-  for (const Offset offset : checkpoint.world.contact_offsets) put(static_cast<std::uint64_t>(offset));
-  for (const std::uint64_t id : checkpoint.world.contact_id) put(id);
-  for_each_reals(checkpoint.world, [&](const char*, const std::vector<double>& values) {
-    put(values.size());
-    put(hash_bits(std::span<const double>(values)));
+  const CheckpointHead head{checkpoint.run, checkpoint.step};
+  const WorldCheckpoint<double>& world = checkpoint.world;
+  CheckpointTotals totals;
+  totals.contact_offsets = world.contact_offsets;
+  totals.ids = hash_of_ids(head, world.contact_offsets.size() - 1, world.contact_id, 0);
+  std::size_t which = 0;
+  for_each_reals(world, [&](const char*, const std::vector<double>& values) {
+    totals.sizes[which] = values.size();
+    totals.hashes[which++] = hash_bits(std::span<const double>(values));
   });
-  return static_cast<std::int64_t>(hash_bits(std::span<const double>(words)));
+  return checksum_of(head, totals);
 }
 
 }  // namespace
 
+std::uint64_t hash_of_ids(const CheckpointHead& head, std::size_t environments, std::span<const std::uint64_t> ids,
+                          std::uint64_t first) {
+  Words words;
+  for (const std::uint64_t id : ids) words.put(id);
+  return words.hash(words_before_ids(head, environments) + first);
+}
+
+std::int64_t checksum_of(const CheckpointHead& head, const CheckpointTotals& totals) {
+  Words begin, end;
+  for (const char letter : head.run) begin.put(static_cast<unsigned char>(letter));
+  begin.put(static_cast<std::uint64_t>(head.step));
+  for (const Offset offset : totals.contact_offsets) begin.put(static_cast<std::uint64_t>(offset));
+  for (std::size_t which = 0; which < kCheckpointReals; ++which) {
+    end.put(totals.sizes[which]);
+    end.put(totals.hashes[which]);
+  }
+  const std::uint64_t before_ids = words_before_ids(head, totals.contact_offsets.size() - 1);
+  const auto ids = static_cast<std::uint64_t>(totals.contact_offsets.back());
+  return static_cast<std::int64_t>(begin.hash(0) + totals.ids + end.hash(before_ids + ids));
+}
+
 CheckpointHead read_checkpoint_head(const InputFile& file) {
   const std::string format = file.text_attribute("format").value_or("");
-  if (format != kFormat) file.refuse("attribute 'format' is '" + format + "', expected '" + kFormat + "'");
+  if (format != kCheckpointFormat)
+    file.refuse("attribute 'format' is '" + format + "', expected '" + kCheckpointFormat + "'");
   const std::int64_t version = file.integer_attribute("version").value_or(0);
-  if (version != kVersion)
-    file.refuse("attribute 'version' is " + std::to_string(version) + ", expected " + std::to_string(kVersion));
+  if (version != kCheckpointVersion)
+    file.refuse("attribute 'version' is " + std::to_string(version) + ", expected " +
+                std::to_string(kCheckpointVersion));
   CheckpointHead head;
   head.run = file.text_attribute("run").value_or("");
   head.step = file.integer_attribute("step").value_or(-1);
@@ -73,6 +100,11 @@ std::int64_t checksum_of(const InputFile& file) {
   return file.integer_attribute("checksum").value_or(0);
 }
 
+void put_checkpoint_in_place(const std::filesystem::path& written, const std::filesystem::path& path) {
+  put_on_disk(written, path);
+  remove_parts(path, {});
+}
+
 void write_checkpoint(const std::filesystem::path& path, const CheckpointFile& checkpoint) {
   write_checkpoint_part(path, checkpoint);
   remove_parts(path, {});
@@ -82,12 +114,7 @@ std::int64_t write_checkpoint_part(const std::filesystem::path& part, const Chec
   const ScopedFpEnv fp_env;
   const std::int64_t sum = checksum(checkpoint);
   OutputFile file(part);
-  file.attribute("format", kFormat);
-  file.attribute("version", kVersion);
-  file.attribute("numerics_epoch", std::int64_t{kNumericsEpoch});
-  file.attribute("run", checkpoint.run);
-  file.attribute("step", checkpoint.step);
-  file.attribute("checksum", sum);
+  put_attributes(file, {checkpoint.run, checkpoint.step}, sum);
   for_each_reals(checkpoint.world, [&](const char* name, const std::vector<double>& values) {
     file.reals(name, values, checkpoint.precision);
   });

@@ -44,6 +44,12 @@ void force_to_disk(const std::filesystem::path& path) {
   if (!forced) throw Error(ErrorCode::io, path.string() + ": cannot be forced to the disk: " + std::strerror(reason));
 }
 
+void rename_to(const std::filesystem::path& written, const std::filesystem::path& path) {
+  std::error_code trouble;
+  std::filesystem::rename(written, path, trouble);
+  if (trouble) throw Error(ErrorCode::io, path.string() + ": cannot be put in place: " + trouble.message());
+}
+
 }  // namespace
 
 OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)), temporary_(beside(path_)) {
@@ -200,16 +206,19 @@ void OutputFile::commit() {
 
 void OutputFile::commit_to_disk() {
   write_to_disk();
-  force_to_disk(temporary_);
-  put_in_place();
-  force_to_disk(path_.has_parent_path() ? path_.parent_path() : std::filesystem::path("."));
+  put_on_disk(temporary_, path_);
+  committed_ = true;
 }
 
 void OutputFile::put_in_place() {
-  std::error_code trouble;
-  std::filesystem::rename(temporary_, path_, trouble);
-  if (trouble) throw Error(ErrorCode::io, path_.string() + ": cannot be put in place: " + trouble.message());
+  rename_to(temporary_, path_);
   committed_ = true;
+}
+
+void put_on_disk(const std::filesystem::path& written, const std::filesystem::path& path) {
+  force_to_disk(written);
+  rename_to(written, path);
+  force_to_disk(path.has_parent_path() ? path.parent_path() : std::filesystem::path("."));
 }
 
 }  // namespace stiction::io

@@ -61,4 +61,7 @@ class OutputFile {
   Handle file_;
 };
 
+/// Renames a complete file, when it is on the disk, and returns when the name is there, too. \throws Error(io)
+void put_on_disk(const std::filesystem::path& written, const std::filesystem::path& path);
+
 }  // namespace stiction::io

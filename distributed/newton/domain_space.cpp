@@ -82,7 +82,9 @@ void DomainSpace::start(const BodyEnv<Real>& env, const Real* impulse, SpaceProg
     for (Index k = 0; k < 3; ++k)
       workspace_.contact[p].prox_center[k] = static_cast<double>(impulse[3 * Offset{env.contact_order[p]} + k]);
   for (const Index body : reach_.seen) start_body(workspace_, body);
-  progress.prox_weight = kProxWeightStart;
+  // Enough compliance takes the proximal term's place from the first step on. With a weight
+  // that falls each problem finds anew what opens: up to twice the steps (docs/math/domain_newton.md).
+  progress.prox_weight = progress.prox_weight_end > 0.0 ? kProxWeightStart : 0.0;
   progress.reference = 0.0;
   progress.renewed = __builtin_huge_val();
   progress.inner_steps = 0;

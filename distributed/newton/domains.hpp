@@ -18,6 +18,7 @@ struct DomainOptions {
   int count = 8;          ///< subdomains, >= 1
   bool overlap = true;    ///< a subdomain's system has the neighbours of its bodies as well
   bool is_coarse = true;  ///< there is a coarse space
+  Index sweeps = 48;      ///< of sequential impulses before the first step, >= 1
 };
 
 struct Domains {

@@ -20,6 +20,9 @@ void require_newton(const DomainOptions& domains, const BodySolverOptions& optio
   if (domains.count < 1)
     throw Error(ErrorCode::invalid_argument,
                 "domains.count = " + std::to_string(domains.count) + ": expected one or more");
+  if (domains.sweeps < 1)
+    throw Error(ErrorCode::invalid_argument,
+                "domains.sweeps = " + std::to_string(domains.sweeps) + ": expected one or more");
   if (options.method != BodyMethod::newton)
     throw Error(ErrorCode::unsupported, "method: this is Newton's; choose BodyMethod::newton, or solve_over_ranks()");
   if (options.max_contacts_per_env != 0 || options.substeps != 1)
@@ -53,6 +56,7 @@ class NewtonOfEnv {
     const EnvStatus start = judge_.verdict(env.warm_start);
     is_refused_ = start.code == EnvCode::invalid_input;
     flags_ = start.flags;
+    progress_.sweeps = domains.sweeps;
     if (is_refused_) return;
     if (env.warm_start != nullptr && (flags_ & kFlagWarmStartRejected) == 0)
       std::copy_n(env.warm_start, best_impulse_.size(), best_impulse_.begin());
@@ -295,6 +299,7 @@ std::vector<RankReport> solve_by_newton(Transport& transport, const BodyBatchVie
   digest.add(home.data(), domains.count);
   for (const bool is_set : {domains.overlap, domains.is_coarse}) digest.add(std::uint64_t{is_set ? 1U : 0U});
   digest.add(static_cast<std::uint64_t>(options.space.ordering));
+  digest.add(static_cast<std::uint64_t>(domains.sweeps));
   require_agreement(transport, digest.sum(), "another batch, other options or other subdomains");
   RankReport report;
   NewtonCounts made;

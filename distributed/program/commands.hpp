@@ -29,6 +29,7 @@ struct SolveArguments {
   std::string partition = "bisection";
   std::string method = "si";   ///< or npgs, pgs, consensus, newton
   ConsensusOptions consensus;  ///< of that method; its subdomains are Newton's too
+  Index first_sweeps = 48;     ///< of newton, before its first step
   double deadline = 60;        ///< longest wait for another rank [s]
   std::optional<std::filesystem::path> warm_start, output, json;
   bool quiet = false;
@@ -37,7 +38,8 @@ struct SolveArguments {
 struct StepJobArguments {
   cli::StepArguments step;  ///< device, threads and preconditioner are not the user's; the solver sweeps
   std::string partition = "bisection";
-  double deadline = 60;  ///< longest wait for another rank [s]
+  double deadline = 60;          ///< longest wait for another rank [s]
+  std::string checkpoint_files;  ///< one or parts; empty: one where this program can
 };
 
 /// Steps a scene, contacts of each step by all ranks; rank 0 writes and prints. Returns an exit status.

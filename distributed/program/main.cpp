@@ -1,16 +1,15 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <span>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "distributed/program/commands.hpp"
+#include "distributed/program/give_up.hpp"
 #include "distributed/transport/mpi_transport.hpp"
 #include "stiction/config.hpp"
 #include "tools/cli/commands.hpp"
@@ -54,6 +53,9 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->capture_default_str();
   app.add_option("--sweeps", a.consensus.sweeps, "Of consensus, in a subdomain between two exchanges")
       ->capture_default_str();
+  app.add_option("--first-sweeps", a.first_sweeps, "Of newton, by si before its first step; they reach the bits")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
   app.add_option("--penalty", a.consensus.penalty, "Of consensus, the first, in units of a body's mass")
       ->capture_default_str();
   app.add_flag("--asynchronous", a.consensus.asynchronous,
@@ -69,14 +71,10 @@ void declare_step(CLI::App& app, StepJobArguments& job) {
   cli::declare_steps(app, job.step);
   app.add_option("--solver", job.step.solver, "si or npgs, pgs: the bits of one process")->capture_default_str();
   declare_partition(app, "", job.partition, job.deadline);
-}
-
-/// One sentence of one rank: the lowest that can still speak is the first, and ends the others.
-[[noreturn]] void give_up(int rank, const std::string& sentence, int status) {
-  std::this_thread::sleep_for(std::chrono::milliseconds(250) * (rank < 16 ? rank : 16));
-  fmt::print(stderr, "stiction-mpi: {}\n", sentence);
-  std::fflush(stderr);
-  mpi_abort(status);
+  app.add_option(
+         "--checkpoint-files", job.checkpoint_files,
+         "one, which all ranks write, or parts, one for each rank (default: one with parallel HDF5, else parts)")
+      ->check(CLI::IsMember({"one", "parts"}));
 }
 
 int run(int argc, char** argv, int rank) {

@@ -4,8 +4,11 @@
 #include <optional>
 #include <string>
 
+#include "distributed/program/deadline_guard.hpp"
 #include "distributed/program/partition_option.hpp"
 #include "distributed/program/peak_memory.hpp"
+#include "distributed/program/shared_file.hpp"
+#include "distributed/program/whole_checkpoint.hpp"
 #include "distributed/transport/letters.hpp"
 #include "stiction/hash.hpp"
 #include "tools/cli/step_monitor.hpp"
@@ -52,7 +55,8 @@ RankSteppedWorld<Real>::RankSteppedWorld(Transport& transport, const StepJobArgu
       arguments_(arguments),
       options_(options),
       whole_(scene.description, options),
-      checkpoint_(arguments.step, options) {
+      checkpoint_(arguments.step, options),
+      is_in_parts_(arguments.checkpoint_files.empty() ? !has_shared_files() : arguments.checkpoint_files == "parts") {
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
   for (Offset env = 0; env < arguments.step.environments; ++env)
     worlds_.push_back(std::make_unique<World>(transport, whole_.view(), options_, seed));
@@ -227,10 +231,9 @@ void RankSteppedWorld<Real>::close_states() {
   states_->close();
 }
 
-/// Each rank writes a part. They are a checkpoint once rank 0 has named them.
+/// The bodies of this rank by number, with their contacts.
 template <class Real>
-void RankSteppedWorld<Real>::write_checkpoint(std::int64_t step) {
-  if (!checkpoint_.is_due(step)) return;
+WorldCheckpoint<Real> RankSteppedWorld<Real>::part_by_number() const {
   WorldCheckpoint<Real> part;
   part.contact_offsets = {0};
   for (const auto& world : worlds_) {
@@ -244,9 +247,28 @@ void RankSteppedWorld<Real>::write_checkpoint(std::int64_t step) {
     part.impulse.insert(part.impulse.end(), last.impulse.begin(), last.impulse.end());
     part.contact_offsets.push_back(static_cast<Offset>(part.contact_id.size()));
   }
+  return part;
+}
+
+template <class Real>
+void RankSteppedWorld<Real>::write_checkpoint(std::int64_t step) {
+  if (!checkpoint_.is_due(step)) return;
   const std::filesystem::path& path = *checkpoint_.path();
-  const io::CheckpointFile file = checkpoint_.file_of(step, part);
+  const io::CheckpointFile file = checkpoint_.file_of(step, part_by_number());
   if (transport_.size() == 1) return io::write_checkpoint(path, file);
+  if (!is_in_parts_) {
+    const DeadlineGuard guard(transport_.rank(), arguments_.deadline, "all write a checkpoint");
+    return write_whole_checkpoint(transport_, path, file,
+                                  share_of(whole_.view().bodies, transport_.rank(), transport_.size()),
+                                  whole_.view().bodies);
+  }
+  write_checkpoint_part(path, file);
+}
+
+/// They are a checkpoint once rank 0 has named them.
+template <class Real>
+void RankSteppedWorld<Real>::write_checkpoint_part(const std::filesystem::path& path, const io::CheckpointFile& file) {
+  const std::int64_t step = file.step;
   const std::filesystem::path name = io::checkpoint_part(path, step, transport_.rank(), transport_.size());
   io::CheckpointParts parts{file.run, step, {}, gather(transport_, io::write_checkpoint_part(name, file))};
   for (int rank = 0; rank <= transport_.size(); ++rank)

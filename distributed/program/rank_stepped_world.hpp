@@ -36,6 +36,8 @@ class RankSteppedWorld final : public cli::SteppedWorld {
   using World = RankWorld<Real>;
   void start(Offset env);
   void go_on(Offset env, const BodyRange& share, const io::CheckpointShare& file);
+  [[nodiscard]] WorldCheckpoint<Real> part_by_number() const;
+  void write_checkpoint_part(const std::filesystem::path& path, const io::CheckpointFile& file);
   BodyList<Real> by_number(const World& world, Impulses<Real>* impulses) const;
 
   Transport& transport_;
@@ -44,6 +46,7 @@ class RankSteppedWorld final : public cli::SteppedWorld {
   WorldModel<Real> whole_;
   std::vector<std::unique_ptr<World>> worlds_;
   cli::StepCheckpoint checkpoint_;
+  bool is_in_parts_;  ///< checkpoints of this job
   std::unique_ptr<RankStateFile> states_;
 };
 

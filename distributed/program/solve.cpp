@@ -38,6 +38,7 @@ std::vector<RankReport> solve_newton(Transport& transport, const BodyBatchView<R
                                      const TimeStepping& stepping, const BodySolverOptions& options,
                                      const BodySolutionView<Real>& solution, const Real* first, NewtonCounts& counts) {
   DomainOptions domains;
+  domains.sweeps = arguments.first_sweeps;
   domains.count = arguments.consensus.subdomains;
   const std::vector<int> home = seed ? random_owners(domains.count, transport.size(), *seed)
                                      : neighbouring_homes(domains.count, transport.size());

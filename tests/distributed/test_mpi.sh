@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|column|consensus|asynchronous|newton|step|restart|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|column|consensus|asynchronous|newton|step|restart|restart_one|together|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC [COMPARE_CHECKPOINTS]
 # Bits and endings are compared, never times.
 set -uo pipefail
-what=$1 stiction=$2 program=$3 mpiexec=$4
+what=$1 stiction=$2 program=$3 mpiexec=$4 compare=${5:-}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 # As root, more ranks than cores, in a container: Open MPI 4 and 5 want to be told. Other MPIs read none of it.
@@ -137,14 +137,14 @@ compare_steps() {  # compare_steps SCENE OPTIONS...
 }
 
 # Jobs of 1 to 4 ranks that are killed at random moments, and go on from their checkpoint with another number of ranks.
-restart() {  # restart KILLS STEPS
-  local kills=$1 steps=$2 kill ranks arguments=(step pile --envs 1 --seed 5 --steps "$2")
+restart() {  # restart KILLS STEPS one|parts
+  local kills=$1 steps=$2 files=$3 kill ranks arguments=(step pile --envs 1 --seed 5 --steps "$2")
   RANDOM=${STICTION_SEED:-11}
   "$stiction" "${arguments[@]}" --json "$folder/one.json" --quiet || fail "one process"
   for kill in $(seq "$kills"); do
     ranks=$((RANDOM % 4 + 1))
     timeout 200 "$mpiexec" -n "$ranks" "$program" "${arguments[@]}" --checkpoint "$folder/point.h5" \
-      --checkpoint-every 1 --quiet > "$folder/out" 2> "$folder/err" &
+      --checkpoint-files "$files" --checkpoint-every 1 --quiet > "$folder/out" 2> "$folder/err" &
     job=$!
     sleep "$((RANDOM % 2)).$((RANDOM % 10))$((RANDOM % 10))"
     # A slow machine may not have come to a checkpoint: the last job gets the time for one.
@@ -159,15 +159,19 @@ restart() {  # restart KILLS STEPS
   [ -e "$folder/point.h5" ] || fail "no job wrote a checkpoint: nothing was tested"
   mkdir "$folder/copy"
   cp "$folder"/point.h5* "$folder/copy"
-  ranks 3 "${arguments[@]}" --checkpoint "$folder/point.h5" --json "$folder/ranks.json" --quiet 2> "$folder/err" ||
+  ranks 3 "${arguments[@]}" --checkpoint "$folder/point.h5" --checkpoint-files "$files" --json "$folder/ranks.json" --quiet 2> "$folder/err" ||
     fail "the last job: $(cat "$folder/err")"
   grep -q '"resumed_at": 0,' "$folder/ranks.json" && fail "the last job began anew"
-  # Of one checkpoint alone, that of the last step: by 3 ranks, or by those of a job that ended before it was killed.
-  ranks=$(sed -n 's/.*"resumed_at": \([0-9]*\),.*/\1/p' "$folder/ranks.json")
-  [ "$ranks" = "$steps" ] && ranks=? || ranks=3
-  kinds=$(cd "$folder" && printf '%s\n' point.h5.step*.part[0-9]of[0-9] | sed 's/part[0-9]of/partof/' | sort -u)
-  # shellcheck disable=SC2053  # a pattern
-  [[ "$kinds" == point.h5.step$steps.partof$ranks ]] || fail "parts of checkpoints that are no more: $(echo "$folder"/point.h5.*)"
+  if [ "$files" = one ]; then
+    [ -z "$(find "$folder" -maxdepth 1 -name 'point.h5.step*')" ] || fail "parts beside one file: $(echo "$folder"/point.h5.*)"
+  else
+    # Of one checkpoint alone, that of the last step: by 3 ranks, or by those of a job that ended before it was killed.
+    ranks=$(sed -n 's/.*"resumed_at": \([0-9]*\),.*/\1/p' "$folder/ranks.json")
+    [ "$ranks" = "$steps" ] && ranks=? || ranks=3
+    kinds=$(cd "$folder" && printf '%s\n' point.h5.step*.part[0-9]of[0-9] | sed 's/part[0-9]of/partof/' | sort -u)
+    # shellcheck disable=SC2053  # a pattern
+    [[ "$kinds" == point.h5.step$steps.partof$ranks ]] || fail "parts of checkpoints that are no more: $(echo "$folder"/point.h5.*)"
+  fi
   "$stiction" step "${arguments[@]:1}" --checkpoint "$folder/copy/point.h5" --json "$folder/last.json" --quiet || fail "one process goes on"
   python3 - "$kills" "$folder"/{one,ranks,last}.json << 'EOF' || fail "other bits than without a stop"
 import json, sys
@@ -181,6 +185,9 @@ EOF
   another_run pile 3 "$steps" '--envs is 1 in the file and 3 here'
   another_run stack 1 "$steps" 'SCENE is pile in the file and stack here'
 }
+
+# shellcheck source=tests/distributed/mpi_checkpoints.sh
+. "$(dirname "$0")/mpi_checkpoints.sh"
 
 # By ranks, from the parts and from one file.
 another_run() {  # another_run SCENE ENVS STEPS SENTENCE
@@ -307,7 +314,14 @@ EOF
     grep -qF "$hash" "$folder/one.json" && fail "pgs has the bits of npgs"
     true
     ;;
-  restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" ;;
+  restart) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" parts ;;
+  restart_one) restart "${STICTION_KILLS:-5}" "${STICTION_STEPS:-250}" one ;;
+  together)
+    write_together stack --size 12 --envs 3 --seed 5
+    write_together walker --envs 3 --precision f32
+    write_together stack --size 40 --envs 1
+    refuse_a_full_disk
+    ;;
   json)
     ranks 2 solve --scene wall --size 4 --tolerance 0 --max-iterations 64 --json - > "$folder/report.json" 2> "$folder/err"
     python3 - "$folder/report.json" << 'EOF' || fail "the report"
