@@ -76,7 +76,7 @@ recipe_of_tools() {
 # What the compiler's system sees of this one: sources, objects, and the headers of Python and nanobind.
 show_to_compiler() {
   local folder
-  mkdir -p /tools  # nobody has made it in a new system
+  mkdir -p /tools  # a new system has none
   for folder in /src /out /tmp /tools /dev /usr/include/python3* /usr/include/x86_64-linux-gnu/python3*; do
     mkdir -p "/compiler$folder" && mount --rbind "$folder" "/compiler$folder" || return 1
   done
