@@ -61,7 +61,8 @@ TEST(Generate, BoxedFrictionIsWrittenSolvedAndCounted) {
   EXPECT_NE(run_stiction({"inspect", path}).out.find("24 box_friction of 3 rows"), std::string::npos);
   EXPECT_EQ(run_stiction({"solve", path, "--tolerance", "1e-8", "-o", solution}).status, 0);
   EXPECT_EQ(run_stiction({"verify", path, solution, "--tolerance", "1e-8"}).status, 0);
-  EXPECT_EQ(run_stiction({"solve", path, "--solver", "lemke"}).status, 1) << "another law's solver has no answer";
+  EXPECT_EQ(run_stiction({"solve", path, "--solver", "lemke", "--tolerance", "1e-8"}).status, 0);
+  EXPECT_EQ(run_stiction({"solve", path, "--solver", "apgd"}).status, 1) << "another law's solver has no answer";
 }
 
 TEST(Generate, EverySceneIsAValidBatchWithItsOrigin) {
