@@ -57,7 +57,7 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
   for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
 }
 
-/// Pulls back what lanes take. Memory is there before the first output is written.
+/// Pulls back what lanes take. Scratch grows with the packs, whose size is known when they are merged.
 template <class Real>
 void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
   cpu::AdjointParts<Real> parts(job);

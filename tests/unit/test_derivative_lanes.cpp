@@ -201,6 +201,24 @@ TEST(DerivativeInLanes, LeavesTheRestToTheOthers) {
   for (const std::uint8_t one : answered(view, lambda, few)) EXPECT_EQ(one, 0);
 }
 
+/// A batch may come without a target.
+TEST(DerivativeInLanes, TakesNoTargetForZeros) {
+  JacobianEnvironment<double> whole = beside_one_another({draw(3), draw(4), draw(5), draw(6), draw(7), draw(8)});
+  std::ranges::fill(whole.target, 0.0);
+  const auto batch = batch_of({whole});
+  auto view = batch.view();
+  const auto lambda = solved(batch);
+  const auto bar = random_numbers(lambda.size(), 1);
+  const auto expected = test::vjp(view, lambda, bar, {}, {});
+  ASSERT_EQ(answered(view, lambda), (std::vector<std::uint8_t>{1}));
+  view.target = nullptr;
+  const auto own = test::vjp(view, lambda, bar, {}, {});
+  EXPECT_TRUE(same_bits(std::span<const double>(own.R), std::span<const double>(expected.R)));
+  EXPECT_TRUE(same_bits(std::span<const double>(own.J), std::span<const double>(expected.J)));
+  EXPECT_EQ(own.status[0].flags, 0U);
+  EXPECT_EQ(own.status[0].forward_residual, expected.status[0].forward_residual);
+}
+
 /// Robots beside one another: more degrees of freedom than a lane takes, in parts that nothing couples. Ties and
 /// residuals are measured by the whole environment's motion.
 TEST(DerivativeInLanes, TakesLargeEnvironmentsPartByPart) {

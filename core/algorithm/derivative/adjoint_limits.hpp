@@ -28,7 +28,7 @@ STICTION_HD double free_motion(const JacobianBatchView<Real>& batch, Offset env)
   double largest = 0.0;
   for (Offset row = first; row < first + rows; ++row) {
     const Offset begin = batch.row_offsets[row], end = batch.row_offsets[row + 1];
-    double sum = 0.0 - static_cast<double>(batch.target[row]);
+    double sum = batch.target == nullptr ? 0.0 : 0.0 - static_cast<double>(batch.target[row]);
     for (Offset k = begin; k < end; ++k) {
       const Index dof = batch.column == nullptr ? static_cast<Index>(k - begin) : batch.column[k];
       sum = fma_(static_cast<double>(batch.J[k]), static_cast<double>(v_free[dof]), sum);
