@@ -23,6 +23,12 @@ Offset jacobian_doubles(const Capacity& capacity) {
   return dofs * (dofs + vectors);
 }
 
+[[noreturn]] void refuse_to_grow() {
+  throw Error(ErrorCode::invalid_argument,
+              "this call needs more room than those before, and the stream is captured or a graph holds the room there "
+              "is: make one call of its size before the capture, or give a Derivative of its own");
+}
+
 /// A team of lanes each of which takes an environment.
 LaunchShape lanes_shape() {
   LaunchShape shape;
@@ -90,10 +96,7 @@ void DeviceDerivativeMachine::make_room(DeviceMemory& memory, Offset doubles, St
   const auto bytes = static_cast<std::size_t>(doubles) * sizeof(double);
   const bool capturing = api_->capturing(stream);
   if (memory.bytes() < bytes) {
-    if (capturing || captured_)
-      throw Error(ErrorCode::invalid_argument,
-                  "this call needs more room than those before, and the stream is captured or a graph holds the room "
-                  "there is: make one call of its size before the capture, or give a Derivative of its own");
+    if (capturing || captured_) refuse_to_grow();
     api_->await(done_.get());
     memory.make_room(*api_, bytes);
   }
@@ -212,11 +215,12 @@ void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const Jacobian
   const JacobianNumbers need{count * batch.row_count, count * batch.dof_count, batch.dof_count};
   const JacobianCapacity& has = room.capacity;
   const bool fits = has.envs >= batch.env_count && has.rows >= batch.row_count && has.cones >= batch.cone_count;
-  if (room.machine != nullptr && fits && room.has.holds(need)) return;
-  if (api_->capturing(stream))
-    throw Error(ErrorCode::invalid_argument,
-                "the stream is captured, and this batch of J and M needs more room than those before: differentiate "
-                "one of its size before the capture");
+  const bool capturing = api_->capturing(stream);
+  if (room.machine != nullptr && fits && room.has.holds(need)) {
+    captured_ = captured_ || capturing;
+    return;
+  }
+  if (capturing || captured_) refuse_to_grow();
   api_->await(done_.get());
   if (room.machine == nullptr || !fits) {
     JacobianCapacity larger;
