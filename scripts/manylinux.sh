@@ -169,6 +169,7 @@ for suite in "${suites[@]}"; do
   # Objects lie beside build/: compiled by the same options, they are the same ones to a cache.
   place=$(basename "$work")-objects-$suite
   mkdir -p "$root/$place"
+  rm -f "$root/$place/CMakeCache.txt"  # which would keep the options of a quick try
   folders=("$root/$place:/src/$place" "$work/compiler:/compiler" "$cache:/compiler/ccache")
   in_system "build-in-$suite" STICTION_DEBIAN_MIRROR="$mirror" OMP_NUM_THREADS="$jobs" \
     STICTION_WHEEL_DEFINES="${STICTION_WHEEL_DEFINES:-}" bash /src/scripts/manylinux.sh --inside "$suite" "$place" || status=$?
