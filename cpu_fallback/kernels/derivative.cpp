@@ -1,6 +1,6 @@
 #include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/algorithm/unrolled/unrolled_vjp.hpp"
-#include "cpu_fallback/kernels/derivative_kernels.hpp"
+#include "cpu_fallback/kernels/contact_pull.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -86,13 +86,14 @@ cpu::DerivativeKernels<Real> kernels() {
           {relaxed_elements_of<Real, JvpJob<Real>>, relaxed_jvp_one<Real>},
           {relaxed_jacobian_elements_of<Real, JacobianVjpJob<Real>>, relaxed_jacobian_vjp_one<Real>},
           {relaxed_jacobian_elements_of<Real, JacobianJvpJob<Real>>, relaxed_jacobian_jvp_one<Real>},
-          {unrolled_elements_of<Real>, unrolled_one<Real>}};
+          {unrolled_elements_of<Real>, unrolled_one<Real>},
+          {}};
 }
 
 }  // namespace
 
 cpu::DerivativeKernelSet derivative_kernels() {
-  return {kernels<float>(), kernels<double>()};
+  return cpu::DerivativeKernelSet{kernels<float>(), kernels<double>()}.with(pull_kernels());
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -35,6 +35,7 @@ cpu::VelocityKernelSet velocity_kernels();
 namespace isa_avx512 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
+cpu::PullKernelSet pull_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_avx512
 #endif
@@ -58,13 +59,16 @@ BodyKernelSet avx512_si_kernels() {
   set.packs = isa_avx512::si_kernels().packs;
   return set;
 }
+DerivativeKernelSet avx512_derivative_kernels() {
+  return isa_avx2::derivative_kernels().with(isa_avx512::pull_kernels());
+}
 #endif
 
 // Widest first; the last one runs anywhere.
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
     {"avx512", has_avx512, avx512_kernels, avx512_si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels,
-     isa_avx2::world_kernels, isa_avx512::velocity_kernels, isa_avx2::derivative_kernels},
+     isa_avx2::world_kernels, isa_avx512::velocity_kernels, avx512_derivative_kernels},
 #endif
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,

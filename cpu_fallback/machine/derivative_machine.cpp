@@ -1,6 +1,9 @@
 #include "core/machine/derivative_machine.hpp"
 
+#include <algorithm>
+#include <cstdint>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "core/base/extents.hpp"
@@ -30,12 +33,15 @@ cpu::DerivativeKernels<Real> pick() {
 /// Environments that one thread takes at a time: less would cost more than it shares.
 constexpr Offset kRun = 8;
 
-/// The kernel for every environment. Scratch is there before the first output is written.
+/// The kernel for every environment, but for those that are answered. Scratch is there before it writes an output.
 template <class Job>
-void for_each_env(const Job& job, Offset envs, int threads, const cpu::DerivativeKernel<Job>& kernel) {
+void for_each_env(const Job& job, Offset envs, int threads, const cpu::DerivativeKernel<Job>& kernel,
+                  const std::uint8_t* answered = nullptr) {
+  const auto is_left = [answered](Offset env) { return answered == nullptr || answered[env] == 0; };
   const Offset runs = (envs + kRun - 1) / kRun;
   Offset largest = 0;
-  for (Offset env = 0; env < envs; ++env) largest = larger_of(largest, kernel.elements(job, env));
+  for (Offset env = 0; env < envs; ++env)
+    if (is_left(env)) largest = larger_of(largest, kernel.elements(job, env));
   const int workers = static_cast<int>(smaller_of<Offset>(cpu::thread_count(threads), larger_of<Offset>(runs, 1)));
   std::vector<cpu::GrowBuffer> scratch(static_cast<std::size_t>(workers));
   std::vector<double*> memory;
@@ -43,7 +49,8 @@ void for_each_env(const Job& job, Offset envs, int threads, const cpu::Derivativ
   for (cpu::GrowBuffer& buffer : scratch) memory.push_back(buffer.reserve<double>(largest));
   cpu::parallel_for(workers, static_cast<int>(runs), [&](int run, int worker) {
     const Offset end = smaller_of(envs, (run + 1) * kRun);
-    for (Offset env = run * kRun; env < end; ++env) kernel.run(job, env, memory[static_cast<std::size_t>(worker)]);
+    for (Offset env = run * kRun; env < end; ++env)
+      if (is_left(env)) kernel.run(job, env, memory[static_cast<std::size_t>(worker)]);
   });
 }
 
@@ -55,6 +62,29 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
   if (kappa == 0.0) return for_each_env(job, batch.env_count, threads, exact);
   std::vector<Real> lambda(static_cast<std::size_t>(batch.row_count));
   for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
+}
+
+/// Pulls a batch of contacts back: side by side what packs take, one by one what is left.
+template <class Real>
+void pull_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
+  const cpu::PullKernel<Real>& packs = kernels.pull;
+  const Offset envs = job.batch.env_count;
+  std::vector<Offset> taken;
+  for (Offset env = 0; packs.width > 1 && env < envs; ++env)
+    if (packs.takes(job, env)) taken.push_back(env);
+  std::stable_sort(taken.begin(), taken.end(), [&](Offset a, Offset b) {
+    return std::pair(job.batch.env_rows(a), job.batch.env_cones(a)) <
+           std::pair(job.batch.env_rows(b), job.batch.env_cones(b));
+  });
+  std::vector<std::uint8_t> answered(static_cast<std::size_t>(envs));
+  const auto count = static_cast<Offset>(taken.size()), run = Offset{4} * packs.width;
+  std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(cpu::thread_count(threads)));
+  cpu::parallel_for(cpu::thread_count(threads), static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
+    const Offset begin = index * run;
+    packs.run(job, taken.data() + begin, smaller_of(run, count - begin), answered.data(),
+              scratch[static_cast<std::size_t>(worker)]);
+  });
+  for_each_env(job, envs, threads, kernels.vjp, answered.data());
 }
 
 /// Pulls back what lanes take. Scratch grows with the packs, whose size is known when they are merged.
@@ -115,7 +145,9 @@ class CpuDerivativeMachine final : public DerivativeMachine {
  private:
   template <class Real>
   void pull(const VjpJob<Real>& job) const {
-    run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().vjp, pick<Real>().relaxed_vjp);
+    const cpu::DerivativeKernels<Real> kernels = pick<Real>();
+    if (kappa_ == 0.0) return pull_contacts(job, threads_, kernels);
+    run_job<Real>(job, job.batch, threads_, kappa_, kernels.vjp, kernels.relaxed_vjp);
   }
   template <class Real>
   void push(const JvpJob<Real>& job) const {

@@ -5,6 +5,7 @@
 namespace stiction::inline STICTION_ISA {
 
 cpu::KernelSet solver_kernels(SolverKind solver);
+cpu::PullKernelSet pull_kernels();
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::VelocityKernelSet velocity_kernels();
@@ -32,7 +33,7 @@ cpu::BodyKernelSet body_kernels() {
     cpu::add_isa({STICTION_ISA_NAME, [] { return cpu::find_isa(kSingle) != nullptr; }, kernels, body_kernels,
                   [] { return single_environments().newton_body_kernels(); }, jacobian_kernels,
                   [] { return single_environments().world_kernels(); }, velocity_kernels,
-                  [] { return single_environments().derivative(); }});
+                  [] { return single_environments().derivative().with(pull_kernels()); }});
 
 }  // namespace
 

@@ -52,10 +52,8 @@ STICTION_HD Offset derivative_elements(const DerivativeJob<Real>& job, Offset en
                              most_unknowns(job, env));
 }
 
-template <class Real>
-STICTION_HD DerivativeScratch lay_out(const DerivativeJob<Real>& job, Offset env, double* memory) {
-  const Offset n = job.batch.env_rows(env), cones = job.batch.env_cones(env), dofs = job.batch.env_dofs(env);
-  const Offset most = most_unknowns(job, env);
+/// That scratch, laid out.
+STICTION_HD DerivativeScratch lay_out(Offset n, Offset cones, Offset dofs, Offset most, double* memory) {
   const auto take = [&](Offset count) {
     double* const begin = memory;
     memory += count;
@@ -92,6 +90,11 @@ STICTION_HD DerivativeScratch lay_out(const DerivativeJob<Real>& job, Offset env
   s.moving = take_integers(n + 1);
   s.parts = take_integers(kScanParts);
   return s;
+}
+template <class Real>
+STICTION_HD DerivativeScratch lay_out(const DerivativeJob<Real>& job, Offset env, double* memory) {
+  return lay_out(job.batch.env_rows(env), job.batch.env_cones(env), job.batch.env_dofs(env), most_unknowns(job, env),
+                 memory);
 }
 
 /// Rows of A whose sums a lane forms side by side, so that they do not wait for each other. It reaches speed alone.

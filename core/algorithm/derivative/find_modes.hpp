@@ -137,15 +137,11 @@ STICTION_HD void list_moving_rows(TeamT& team, const EnvView<Real>& env, const D
   });
 }
 
-/// Motions, modes and directions of all cones of an environment, and whether its derivative can be had.
+/// Modes and directions of all cones at the motion in `s.w`, and whether the environment's derivative can be had.
 template <Team TeamT, class Real, class Rows>
-STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
-                                          Offset index, const Rows& rows, const DerivativeScratch& s) {
+STICTION_HD ModesFound find_modes_at_motion(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
+                                            Offset index, const Rows& rows, const DerivativeScratch& s) {
   const Real* const lambda = job.at.lambda + env.first_row;
-  for_each(team, env.n, [&](Index i) { s.seed[i] = static_cast<double>(lambda[i]); });
-  apply_rows(
-      team, env, s, s.seed, [&](Index i) { return static_cast<double>(env.b[i]); },
-      [&](Index i, double value) { s.w[i] = value; });
   const double scale = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
   const double tie = job.tie_tolerance * scale;
   std::uint32_t flags = answer_flags(env, job, index);
@@ -170,6 +166,18 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   if (result.unknowns > most_unknowns(job, index)) flags |= kGradientOverCapacity;
   result.flags = team.combine(flags);
   return result;
+}
+
+/// find_modes_at_motion() of the motion at the reactions.
+template <Team TeamT, class Real, class Rows>
+STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env, const DerivativeJob<Real>& job,
+                                          Offset index, const Rows& rows, const DerivativeScratch& s) {
+  const Real* const lambda = job.at.lambda + env.first_row;
+  for_each(team, env.n, [&](Index i) { s.seed[i] = static_cast<double>(lambda[i]); });
+  apply_rows(
+      team, env, s, s.seed, [&](Index i) { return static_cast<double>(env.b[i]); },
+      [&](Index i, double value) { s.w[i] = value; });
+  return find_modes_at_motion(team, env, job, index, rows, s);
 }
 
 template <Team TeamT, class Real>

@@ -17,6 +17,12 @@ STICTION_HD void put(Real* to, Offset at, double value) {
   if (to != nullptr) to[at] = canonical_zero(saturated<Real>(value));
 }
 
+/// put() of value times each number, which is finite. One loop over what lies in a row, so that it takes vectors.
+template <class Real>
+STICTION_HD void put_multiples(Real* to, double value, const Real* numbers, Index count) {
+  for (Index k = 0; k < count; ++k) to[k] = canonical_zero(saturated<Real>(value * static_cast<double>(numbers[k])));
+}
+
 /// put() of a number that has the precision of what is stored.
 template <class Real>
 STICTION_HD Real stored(Real value) {
@@ -60,6 +66,7 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
       for (Index k = 0; k < env.entries(i); ++k) to.A[entries + k] = 0;
       return;
     }
+    if (env.is_full) return put_multiples(to.A + entries, s.nu[i], lambda, env.n);
     const Index* const column = env.columns(i);
     for (Index k = 0; k < env.entries(i); ++k) put(to.A, entries + k, nu(i) * reaction(column[k]));
   });

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/algorithm/load/load_system.hpp"
-#include "core/algorithm/pack/gather_rows.hpp"
+#include "core/algorithm/pack/lane_rows.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 
 /// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once.
@@ -86,46 +86,6 @@ Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvVi
   flag(is_set(seen.bad_diagonal, lane), kFlagBadDiagonal);
   flag(is_set(seen.bad_guess, lane), kFlagWarmStartRejected);
   return {flags, seen.largest_b.v[lane], seen.largest_diagonal.v[lane]};
-}
-
-/// Cuts a lane's columns into tiles and returns how many there are. Where a lane has padding it goes on reading what is
-/// next, up to the next cut.
-template <class Real, int W>
-Index cut_columns(const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>* loads, int count) {
-  ColumnTile* const tiles = workspace.tile;
-  Index found = 0;
-  for (Index c = 0; c < workspace.n; ++c) {
-    bool is_cut = c == 0 || tiles[found - 1].count == kTileEdge<Real>;
-    for (int e = 0; e < count && !is_cut; ++e) {
-      const Index* const batch_row = workspace.rows_of(loads[e].lane);
-      const bool goes_on = batch_row[c - 1] >= 0 && batch_row[c] == batch_row[c - 1] + 1;
-      is_cut = !loads[e].is_written && batch_row[c] >= 0 && !goes_on;
-    }
-    if (is_cut) tiles[found++] = {c, 0};
-    ++tiles[found - 1].count;
-  }
-  return found;
-}
-
-/// Where an entrant's rows lie. The last rows of a matrix that is read where it is stored are copied, so that a tile
-/// may reach beyond its end.
-template <class Real, int W>
-void find_rows(const PackWorkspace<Real, W>& workspace, const PendingLoad<Real>& load) {
-  constexpr Index kLine = PackWorkspace<Real, W>::kLine;
-  const Index* const batch_row = workspace.rows_of(load.lane);
-  const Index rows = load.env->n;
-  const Index some = (kLine - 1 + rows - 1) / rows;
-  const Index first = some < rows ? rows - some : 0;
-  Real* const tail = workspace.tail + Offset{workspace.tail_length} * load.lane;
-  if (!load.is_written)
-    for (Index k = 0; k < (rows - first) * rows; ++k) tail[k] = load.matrix[Offset{rows} * first + k];
-  for (Index r = 0; r < workspace.n; ++r) {
-    const Index i = batch_row[r];
-    workspace.row[r * W + load.lane] = i < 0             ? workspace.zeros
-                                       : load.is_written ? load.matrix + Offset{workspace.n} * r
-                                       : i < first       ? load.matrix + Offset{rows} * i
-                                                         : tail + Offset{rows} * (i - first);
-  }
 }
 
 /// Some columns of every row from rows that lie in memory into lanes, scaled. A part of a line of lanes at a time: as

@@ -16,6 +16,7 @@ struct ColumnTile {
 template <class Real, int W>
 struct PackWorkspace {
   using Lanes = Pack<Real, W>;
+  static constexpr Index kLanes = W;
   static_assert(W % kTileEdge<Real> == 0);
   /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));

@@ -1,0 +1,81 @@
+// Environments of contacts that are pulled back side by side have the bits of one by one.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/support/derivative_cases.hpp"
+#include "tests/support/scoped_isa.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// Environments whose cones come in many orders, a few of them too large for a pack, or empty.
+template <class Real>
+ContactBatch<Real> many_kinds(Law law) {
+  ContactBatch<double> batch(law);
+  scenes::Rng rng(11);
+  for (int e = 0; e < 45; ++e) {
+    Recipe recipe;
+    recipe.seed = static_cast<std::uint64_t>(e) + 100;
+    recipe.contacts = e % 15 == 0 ? 24 : rng.below(9);
+    recipe.others = rng.below(6);
+    recipe.rank = e % 9 == 0 ? 0.4 : 1.5;
+    if (e % 3 != 0) {  // as robots have them: many go into one pack
+      recipe.order = e % 2 == 0 ? ConeOrder::friction_last : ConeOrder::friction_first;
+      recipe.friction_rows = e % 3 == 1 ? 3 : 0;
+    }
+    batch.add(e % 17 == 5 ? Environment<double>{} : random_contacts(recipe));
+  }
+  return convert<Real>(batch);
+}
+
+template <class Real>
+class DerivativeOfContacts : public testing::Test {};
+using Precisions = testing::Types<float, double>;
+TYPED_TEST_SUITE(DerivativeOfContacts, Precisions);
+
+// The baseline of x86-64 has no packs: there each environment is alone.
+TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
+  using Real = TypeParam;
+  constexpr Offset kSets = 3;
+  for (const Law law : kBothLaws)
+    for (const bool normal_last : {false, true}) {
+      const ContactBatch<Real> batch = many_kinds<Real>(law);
+      ContactBatchView<Real> view = batch.view();
+      view.normal_last = normal_last;
+      const auto rows = static_cast<std::size_t>(view.row_count);
+      // Reactions need not be an answer: each cone is in some mode, and pivots are exchanged often.
+      std::vector<Real> lambda = random_numbers<Real>(rows, 7);
+      const auto bar = random_numbers<Real>(kSets * rows, 8), w_bar = random_numbers<Real>(kSets * rows, 9);
+      DerivativeOptions options;
+      options.residual_limit = 1e30;
+      const std::vector<Real> none;
+      for (const auto* by_lambda : {&bar, &none})
+        for (const auto* by_w : {&w_bar, &none}) {
+          const auto pulled = [&](const char* isa) {
+            const ScopedIsa scoped(isa);
+            return vjp(view, lambda, *by_lambda, *by_w, options, nullptr, kSets);
+          };
+          const Gradients<Real> expected = pulled("baseline");
+          Offset answered = 0;
+          for (const GradientStatus& status : expected.status) answered += (status.flags & kGradientRefused) == 0;
+          EXPECT_GT(answered, 25);
+          for (const char* isa : usable_isas()) {
+            const Gradients<Real> own = pulled(isa);
+            EXPECT_EQ(own.all(), expected.all()) << isa;
+            for (std::size_t e = 0; e < own.status.size(); ++e) {
+              const GradientStatus &a = own.status[e], &b = expected.status[e];
+              EXPECT_EQ(a.residual, b.residual) << isa << ", " << e;
+              EXPECT_EQ(a.forward_residual, b.forward_residual) << isa << ", " << e;
+              EXPECT_EQ(a.flags, b.flags) << isa << ", " << e;
+              EXPECT_EQ(a.unknowns, b.unknowns) << isa << ", " << e;
+              EXPECT_EQ(a.degenerate, b.degenerate) << isa << ", " << e;
+            }
+          }
+        }
+    }
+}
+
+}  // namespace
