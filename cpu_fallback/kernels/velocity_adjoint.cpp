@@ -8,9 +8,14 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 void pull_all(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, AdjointResult* results, Offset count,
               cpu::VelocityScratch& scratch) {
-  for_each_pack(envs, count, [&]<class Types>(const LaneEnv<Real>* members, Index members_count) {
+  Offset small = 0;  // they come first
+  while (small < count && envs[small].dofs <= kMostVelocityDofs) ++small;
+  for_each_pack(envs, small, [&]<class Types>(const LaneEnv<Real>* members, Index members_count) {
     pull_pack<Types>(job, members, results + (members - envs), members_count, PackMemory<Types>{scratch});
   });
+  using Large = LaneTypes<Real, 1, LargeDofSet>;
+  for (Offset env = small; env < count; ++env)
+    pull_pack<Large>(job, envs + env, results + env, 1, PackMemory<Large>{scratch});
 }
 
 template void pull_all(const JacobianVjpJob<float>&, const LaneEnv<float>*, AdjointResult*, Offset,

@@ -18,8 +18,10 @@ class AdjointParts {
     for (Offset env = 0; env < batch.env_count; ++env) {
       if (!takes_adjoint(job, env)) continue;
       const LaneEnv<Real> whole = lane_env(batch, env);
-      if (takes_adjoint_size(whole)) parts_.push_back(whole);
-      if (whole.dofs > kMostVelocityDofs) large.push_back(env);
+      if (whole.dofs > kMostVelocityDofs)
+        large.push_back(env);
+      else if (takes_adjoint_size(whole))
+        parts_.push_back(whole);
     }
     islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_adjoint_size(part); });
     sort_by_size(parts_);

@@ -12,7 +12,7 @@ template <class Real>
 struct AdjointArgs : LaneRoom {
   JacobianVjpJob<Real> job;
   Index* islands;           ///< of each lane of each team                    (teams * kWarp * islands_per_lane)
-  Offset islands_per_lane;  ///< 0: no environment is larger than a lane takes
+  Offset islands_per_lane;  ///< 0: no environment is taken part by part
 };
 
 }  // namespace stiction::cuda
@@ -24,43 +24,54 @@ template <class Real>
 struct PullLanes {
   using Args = cuda::AdjointArgs<Real>;
   using Types = LaneTypes<Real, cuda::kWarp>;
+  using Large = LaneTypes<Real, cuda::kWarp, LargeDofSet>;
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
+  /// One lane's environment after the other.
+  struct Place {
+    const Args& args;
+    Offset team;
+    Index lane;
+    [[nodiscard]] STICTION_HD Index* islands() const {
+      return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane;
+    }
+  };
+
   /// An environment, or a part of one.
-  static STICTION_HD AdjointResult pull(const LaneEnv<Real>& part, double scale, const LaneMemory<Types>& memory,
-                                        const Args& args) {
+  static STICTION_HD AdjointResult pull(const LaneEnv<Real>& part, double scale, const Place& place) {
     AdjointResult result;
     result.scale = scale;
-    if (takes_adjoint_size(part) && part.rows <= args.largest.rows)
-      pull_pack<Types>(args.job, &part, &result, 1, memory);
-    else
+    if (!takes_adjoint_size(part) || part.rows > place.args.largest.rows)
       result.is_answered = false;
+    else if (part.dofs <= kMostVelocityDofs)
+      pull_pack<Types>(place.args.job, &part, &result, 1, LaneMemory<Types>{place.args, place.team, place.lane});
+    else
+      pull_pack<Large>(place.args.job, &part, &result, 1, LaneMemory<Large>{place.args, place.team, place.lane});
     return result;
   }
 
-  static STICTION_HD_OUTLINE AdjointResult pull_parts(Offset env, const LaneMemory<Types>& memory, const Args& args) {
-    const JacobianBatchView<Real>& batch = args.job.assembly.batch;
-    DofIslands<Real> islands(batch, env,
-                             args.islands + (memory.team * cuda::kWarp + memory.lane) * args.islands_per_lane);
+  static STICTION_HD_OUTLINE AdjointResult pull_parts(Offset env, const Place& place) {
+    const JacobianBatchView<Real>& batch = place.args.job.assembly.batch;
+    DofIslands<Real> islands(batch, env, place.islands());
     islands.find();
     AdjointResult result;
     for (Index i = 0; i < islands.count(); ++i)
       result.is_answered = result.is_answered && takes_adjoint_size(islands.part(i));
     const double scale = free_motion(batch, env);
-    for (Index i = 0; i < islands.count() && result.is_answered; ++i)
-      join(result, pull(islands.part(i), scale, memory, args));
+    for (Index i = 0; i < islands.count() && result.is_answered; ++i) join(result, pull(islands.part(i), scale, place));
     return result;
   }
 
-  static STICTION_HD void pull_env(Offset env, const LaneMemory<Types>& memory, const Args& args) {
+  static STICTION_HD void pull_env(Offset env, const Place& place) {
+    const Args& args = place.args;
     args.job.lanes.answered[env] = 0;
     if (!takes_adjoint(args.job, env)) return;
     const LaneEnv<Real> whole = lane_env(args.job.assembly.batch, env);
-    if (whole.dofs <= args.dofs)
-      finish(args.job, env, pull(whole, 0.0, memory, args));
+    if (whole.dofs <= kMostVelocityDofs && whole.dofs <= args.dofs)
+      finish(args.job, env, pull(whole, 0.0, place));
     else if (args.islands_per_lane >= DofIslands<Real>::integers(whole.dofs, whole.cones))
-      finish(args.job, env, pull_parts(env, memory, args));
+      finish(args.job, env, pull_parts(env, place));
   }
 
   template <Team TeamT>
@@ -68,7 +79,7 @@ struct PullLanes {
     const Offset envs = args.job.assembly.batch.env_count;
     for (Offset first = id.index * cuda::kWarp; first < envs; first += id.count * cuda::kWarp)
       for_each(team, cuda::kWarp, [&](Index lane) {
-        if (first + lane < envs) pull_env(first + lane, LaneMemory<Types>{args, id.index, lane}, args);
+        if (first + lane < envs) pull_env(first + lane, Place{args, id.index, lane});
       });
   }
 };

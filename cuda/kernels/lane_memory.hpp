@@ -2,6 +2,7 @@
 
 #include "core/algorithm/derivative/adjoint_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
+#include "core/base/extents.hpp"
 #include "cuda/api/kernel.hpp"
 
 namespace stiction::cuda {
@@ -18,18 +19,20 @@ struct LaneRoom {
   Index tree_entries;
 };
 
-/// Room for environments of so many rows, degrees of freedom, entries of a tree and of J, without its memory.
+/// Room for what Newton's method in velocities, and its derivative, take of environments of so many rows and degrees of
+/// freedom, without its memory.
 template <class Workspace>
-LaneRoom lay_out_lanes(Index rows, Index dofs, Index tree_entries, Offset entries, Offset list_bytes) {
+LaneRoom lay_out_lanes(Index env_rows, Index env_dofs) {
   constexpr auto kOffset = static_cast<Offset>(sizeof(Offset));
-  const SlotCounts largest{rows, rows, entries, rows};
-  return {nullptr,
-          nullptr,
-          Workspace::doubles(largest, dofs, tree_entries),
-          (list_bytes + kOffset - 1) / kOffset,
-          largest,
-          dofs,
-          tree_entries};
+  const Index rows = smaller_of(env_rows, kMostVelocityRows), dofs = smaller_of(env_dofs, kMostLargeDofs);
+  const Index tree_entries = smaller_of(dofs * (dofs + 1) / 2, kMostLargeEntries);
+  const SlotCounts largest{rows, rows, smaller_of(Offset{rows} * dofs, Offset{kMostLargeColumns}), rows};
+  const Offset small_lists = PackLists<1, DofSet>::bytes(rows),
+               lists = dofs > kMostVelocityDofs ? larger_of(small_lists, PackLists<1, LargeDofSet>::bytes(rows))
+                                                : small_lists;
+  return {
+      nullptr, nullptr,     Workspace::doubles(largest, dofs, tree_entries), (lists + kOffset - 1) / kOffset, largest,
+      dofs,    tree_entries};
 }
 
 }  // namespace stiction::cuda

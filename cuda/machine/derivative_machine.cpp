@@ -191,10 +191,8 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
 /// What lanes take for environments of this machine's capacity.
 template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
-  const Index rows = smaller_of(most_rows_, kMostVelocityRows), dofs = smaller_of(most_dofs_, kMostVelocityDofs);
-  const Offset list_bytes = PackLists<1, DofSet>::bytes(rows);
-  static_cast<LaneRoom&>(room.args) = lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(
-      rows, dofs, dofs * (dofs + 1) / 2, Offset{rows} * dofs, list_bytes);
+  static_cast<LaneRoom&>(room.args) =
+      lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(most_rows_, most_dofs_);
   room.args.islands_per_lane =
       most_dofs_ > kMostVelocityDofs ? DofIslands<Real>::integers(most_dofs_, most_rows_) : Offset{0};
   const Offset lists = kWarp * room.args.lists_per_lane, islands = kWarp * room.args.islands_per_lane;

@@ -108,16 +108,11 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
 /// A lane's numbers are laid out for the largest environment that the method takes.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
-  const Index rows = smaller_of(capacity.env_rows, kMostVelocityRows);
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
   const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
   newton_kernel_ = has_large ? kernels.newton_in_parts : kernels.newton;
-  const Index dofs = smaller_of(capacity.env_dofs, kMostLargeDofs);
-  const Offset list_bytes =
-      larger_of(PackLists<1, DofSet>::bytes(rows), has_large ? PackLists<1, LargeDofSet>::bytes(rows) : Offset{0});
   static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<typename SolveVelocities<Real, true>::Types>>(
-      rows, dofs, smaller_of(dofs * (dofs + 1) / 2, kMostLargeEntries),
-      smaller_of(Offset{rows} * dofs, Offset{kMostLargeColumns}), list_bytes);
+      capacity.env_rows, capacity.env_dofs);
   newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;

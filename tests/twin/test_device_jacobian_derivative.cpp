@@ -103,7 +103,7 @@ TEST(DeviceJacobianDerivative, HasTheBitsOfTheCpu) {
     }
 }
 
-/// Robots beside one another, which a lane takes one after the other.
+/// Robots beside one another, which a lane takes one after the other, and a robot that is large.
 TEST(DeviceJacobianDerivative, OfLargeEnvironmentsIsFoundPartByPart) {
   for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
     JacobianBatch<double> batch(Law::convex, form);
@@ -114,6 +114,9 @@ TEST(DeviceJacobianDerivative, OfLargeEnvironmentsIsFoundPartByPart) {
     }
     batch.add(parts[0]);
     batch.add(beside_one_another(parts));
+    JacobianEnvironment<double> large = random_jacobian({9, 4, 3, 69, 0, 0.02});
+    if (form == MassForm::factor) large.M = cholesky(large.M, 69);
+    batch.add(large);
     const auto lambda = solve(batch, options(SolverKind::newton, 1e-10, 100)).contact.lambda;
     auto view = batch.view();
     JacobianChanges<double> bars(view);
@@ -132,6 +135,7 @@ TEST(DeviceJacobianDerivative, OfLargeEnvironmentsIsFoundPartByPart) {
     EXPECT_TRUE(same_bits(std::span<const double>(one), std::span<const double>(two)));
     EXPECT_EQ(bytes_of(own.status), bytes_of(expected.status));
     EXPECT_EQ(own.status[1].flags, 0U);
+    EXPECT_EQ(own.status[2].flags, 0U);
   }
 }
 

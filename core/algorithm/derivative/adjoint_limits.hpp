@@ -14,10 +14,10 @@ STICTION_HD bool takes_adjoint(const JacobianVjpJob<Real>& job, Offset env) {
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
   return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
 }
-/// Whether a lane takes an environment, or a part of one, of that size.
+/// Whether an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
 template <class Real>
 STICTION_HD bool takes_adjoint_size(const LaneEnv<Real>& env) {
-  return env.dofs > 0 && env.dofs <= kMostVelocityDofs && env.rows <= kMostVelocityRows;
+  return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows <= kMostVelocityRows;
 }
 
 /// max|b| of an environment that is taken part by part, whose ties are measured by it.
