@@ -45,7 +45,7 @@ ALGORITHM = {
     "plan": [],
     "collision": ["rigid", "plan"],
     "jacobian": [],
-    "derivative": ["problem", "system", "sweep", "residual", "linear", "jacobian", "velocity"],
+    "derivative": ["problem", "system", "sweep", "residual", "linear", "pack", "jacobian", "velocity"],
     "unrolled": ["problem", "system", "sweep", "residual", "load", "driver", "derivative"],
     "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian"],
     "warm_start": ["plan"],

@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Scratch of W environments that are pulled back side by side: numbers of all lanes beside each other, by the rows of
-/// PullSlots, and what is found of each environment alone.
+/// Scratch of W environments that are pulled back side by side. Numbers of all lanes lie beside each other, by the rows
+/// of PullSlots; what is found of each environment alone lies apart.
 template <class Real, int W>
 struct PullWorkspace {
   using Lanes = Pack<double, W>;
