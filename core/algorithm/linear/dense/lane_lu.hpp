@@ -33,10 +33,10 @@ void exchange_lanes(Pack<double, W>* column, Index j, const Index* pivots) {
   }
 }
 
-/// Factors P K = L U, where each lane has a P of its own: pivots[j * W + lane] is the row that was exchanged with row
-/// j. Column by column, so that the one that changes stays in the first cache. Columns of L keep the order of when they
-/// were found, so solve_lane_lu() exchanges as it goes; below the diagonal lies -L. Returns the lanes whose pivots were
-/// above `floor` and finite. In others the factor is none.
+/// Factors P K = L U, where each lane has a P of its own: row j changes places with row pivots[j * W + lane]. Column by
+/// column, so that the one that changes stays in the first cache. Columns of L keep the order of when they were found,
+/// so solve_lane_lu() exchanges as it goes. Below the diagonal lies -L. Returns the lanes whose pivots were above
+/// `floor` and finite. In others the factor is none.
 template <int W>
 Mask<Pack<double, W>> factor_lane_lu(const LaneMatrix<W>& K, Index* pivots, Pack<double, W> floor) {
   using Lanes = Pack<double, W>;
