@@ -64,22 +64,33 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
   for_each_env(RelaxedJob<Job, Real>{job, kappa, lambda.data()}, batch.env_count, threads, relaxed);
 }
 
+/// The environments that packs take, like sizes side by side.
+template <class Real>
+std::vector<Offset> taken_by(const cpu::PullKernel<Real>& packs, const VjpJob<Real>& job, int threads) {
+  const ContactBatchView<Real>& batch = job.batch;
+  std::vector<std::uint8_t> is_taken(static_cast<std::size_t>(batch.env_count));
+  cpu::parallel_for(threads, batch.env_count, [&](Offset begin, Offset end) {
+    for (Offset env = begin; env < end; ++env) is_taken[static_cast<std::size_t>(env)] = packs.takes(job, env) ? 1 : 0;
+  });
+  std::vector<Offset> taken;
+  for (Offset env = 0; env < batch.env_count; ++env)
+    if (is_taken[static_cast<std::size_t>(env)] != 0) taken.push_back(env);
+  std::ranges::stable_sort(taken, {}, [&](Offset env) { return std::pair(batch.env_rows(env), batch.env_cones(env)); });
+  return taken;
+}
+
 /// Pulls a batch of contacts back: side by side what packs take, one by one what is left.
 template <class Real>
 void pull_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
-  const cpu::PullKernel<Real>& packs = kernels.pull;
   const Offset envs = job.batch.env_count;
-  std::vector<Offset> taken;
-  for (Offset env = 0; packs.width > 1 && env < envs; ++env)
-    if (packs.takes(job, env)) taken.push_back(env);
-  std::stable_sort(taken.begin(), taken.end(), [&](Offset a, Offset b) {
-    return std::pair(job.batch.env_rows(a), job.batch.env_cones(a)) <
-           std::pair(job.batch.env_rows(b), job.batch.env_cones(b));
-  });
+  const cpu::PullKernel<Real>& packs = kernels.pull;
+  if (packs.width == 1) return for_each_env(job, envs, threads, kernels.vjp);
+  const std::vector<Offset> taken = taken_by(packs, job, threads);
+  const auto count = static_cast<Offset>(taken.size()), run = Offset{2} * packs.width;
+  const int workers = cpu::thread_count(threads);
+  std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(workers));
   std::vector<std::uint8_t> answered(static_cast<std::size_t>(envs));
-  const auto count = static_cast<Offset>(taken.size()), run = Offset{4} * packs.width;
-  std::vector<cpu::Scratch> scratch(static_cast<std::size_t>(cpu::thread_count(threads)));
-  cpu::parallel_for(cpu::thread_count(threads), static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
+  cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;
     packs.run(job, taken.data() + begin, smaller_of(run, count - begin), answered.data(),
               scratch[static_cast<std::size_t>(worker)]);
