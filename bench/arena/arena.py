@@ -6,6 +6,7 @@
     bench/arena/arena.py sets build/bin/stiction FOLDER       writes the problems as files, for a solver from outside
     bench/arena/arena.py judge SETS ANSWERS --json FILE       judges its answers, adds them to the JSON
     bench/arena/arena.py join FILE FILE --json FILE           one run from two parts, made with --sets or --solvers
+    bench/arena/arena.py compare FILE FILE --json FILE        the first run, with whether another machine found the same bits
     bench/arena/arena.py page FILE HTML                       makes the page from the JSON
     bench/arena/arena.py check FILE                           whether the JSON is one
 
@@ -107,7 +108,7 @@ def compete(entrant, problems, goals, seconds, folder, found):
         found["entries"].append(entry)
         families.say(f"{entry['set']:32} {entry['solver']:22} {goal:g}: {entry['solved']}/{problems.environments} solved, "
                      f"{entry['us']} us, {entry['false_claims']} false claims, permuted {entry['permuted_equal']}, "
-                     f"threads {entry['threads_equal']} {entry['note']}")
+                     f"threads {entry['threads_equal']}, machines {entry['machines_equal']} {entry['note']}")
 
 
 def finish(arguments, found):
@@ -135,6 +136,12 @@ def judge(arguments):
 
 def join(arguments):
     finish(arguments, ledger.join(ledger.read(arguments.first), ledger.read(arguments.second)))
+
+
+def compare(arguments):
+    found, compared = ledger.compare(ledger.read(arguments.first), ledger.read(arguments.second))
+    print(f"{compared} entries compared")
+    finish(arguments, found)
 
 
 def check(arguments):
@@ -169,12 +176,13 @@ def parse(words):
     one.add_argument("answers", type=pathlib.Path)
     one.add_argument("--json", type=pathlib.Path, required=True)
     one.add_argument("--page", type=pathlib.Path)
-    one = commands.add_parser("join")
-    one.set_defaults(does=join)
-    one.add_argument("first", type=pathlib.Path)
-    one.add_argument("second", type=pathlib.Path)
-    one.add_argument("--json", type=pathlib.Path, required=True)
-    one.add_argument("--page", type=pathlib.Path)
+    for name, does in (("join", join), ("compare", compare)):
+        one = commands.add_parser(name)
+        one.set_defaults(does=does)
+        one.add_argument("first", type=pathlib.Path)
+        one.add_argument("second", type=pathlib.Path)
+        one.add_argument("--json", type=pathlib.Path, required=True)
+        one.add_argument("--page", type=pathlib.Path)
     one = commands.add_parser("page")
     one.set_defaults(does=lambda arguments: page.write(arguments.html, ledger.read(arguments.json)))
     one.add_argument("json", type=pathlib.Path)

@@ -1,4 +1,4 @@
-"""One entrant on one set: runs at every tolerance, judged, hashed, in another order and with another number of threads."""
+"""One entrant on one set: runs at every tolerance, judged, hashed, in another order, with other threads, as an older machine."""
 
 import dataclasses
 import pathlib
@@ -79,10 +79,10 @@ class Course:
                 break
         entry, _ = verdict(self.problems, answer, goal)
         note = answer.note or ("some environments ran out of time" if answer.late else "")
-        permuted, threads = self._same_bits(at_first, first)
+        permuted, threads, machines = self._same_bits(at_first, first)
         self.is_late = not np.isfinite(answer.reaction).any()
         return {"set": self.problems.key, "solver": self.entrant.name, "tolerance": goal, **entry, "setting": used, "note": note,
-                "permuted_equal": permuted, "threads_equal": threads}
+                "permuted_equal": permuted, "threads_equal": threads, "machines_equal": machines}
 
     def _judge(self, answer):
         with h5py.File(self.problems.path) as batch:
@@ -106,9 +106,10 @@ class Course:
         return self.entrant.solve(path, self.problems.law, setting, self.seconds, self.folder, **options)
 
     def _same_bits(self, setting, answer):
-        """(after permuting the environments, with 2 threads): True, False, or None where there is nothing to compare."""
+        """(after permuting the environments, with 2 threads, with the code of an older processor): True, False, or None where
+        there is nothing to compare."""
         if answer.late or answer.note:
-            return None, None
+            return None, None, None
         permuted = threads = None
         if self.problems.environments > 1:
             path = take(self.problems.path, self.order, self.folder / "permuted.h5")
@@ -118,4 +119,6 @@ class Course:
         if self.entrant.has_threads:
             again = self._solve(self.problems.path, setting, threads=2, repeat=1)
             threads = None if again.late else digest(again.reaction) == digest(answer.reaction)
-        return permuted, threads
+        again = self._solve(self.problems.path, setting, repeat=1, older=True)
+        machines = None if again.late or again.note else digest(again.reaction) == digest(answer.reaction)
+        return permuted, threads, machines

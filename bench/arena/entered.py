@@ -1,8 +1,8 @@
 """Answers of a solver from outside, judged as all others are.
 
 ANSWERS is a folder with solver.json ({"name", "version", "given", "machine"}) and files FAMILY/NAME@TOLERANCE.h5 for any of the
-sets (answer_file.py says what is in one). FAMILY/NAME@TOLERANCE.permuted.h5, FAMILY/NAME@TOLERANCE.threads.h5, both in the set's
-order, may hold what the solver answered when the environments came in another order, and with two threads.
+sets (answer_file.py says what is in one). Beside each may be .permuted.h5, .threads.h5 and .machines.h5, all in the set's order: what the solver answered when the
+environments came in another order, with two threads, and on another machine.
 """
 
 import json
@@ -38,7 +38,8 @@ def entry_of(path, key, goal, name, sets):
     entry, _ = verdict(problems, answer, goal)
     return {"set": key, "solver": name, "tolerance": goal, **entry, "setting": None, "note": answer.note,
             "permuted_equal": same_bits(path.with_suffix(".permuted.h5"), problems, answer),
-            "threads_equal": same_bits(path.with_suffix(".threads.h5"), problems, answer)}
+            "threads_equal": same_bits(path.with_suffix(".threads.h5"), problems, answer),
+            "machines_equal": same_bits(path.with_suffix(".machines.h5"), problems, answer)}
 
 
 def add(ledger, sets, folder):

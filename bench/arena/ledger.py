@@ -25,6 +25,8 @@ An entry has
     hash             of all reactions' bits
     permuted_equal   the hash after solving the environments in another order; null: one environment, or out of time
     threads_equal    the hash with 2 threads; null: the solver has no such setting, or out of time
+    machines_equal   the hash with the code that libraries have for an older processor (machine.py), and that of every machine
+                     that was compared; null: neither, or out of time
     note             why there is no answer, or none of some environments
 """
 
@@ -46,7 +48,7 @@ REFUSAL = {"solver": TEXT, "reason": TEXT, "sets": (list,)}
 ENTRY = {"set": TEXT, "solver": TEXT, "tolerance": NUMBER, "setting": NUMBER + NOTHING, "us": NUMBER + NOTHING,
          "residual_max": NUMBER + NOTHING, "residual_p95": NUMBER + NOTHING, "solved": COUNT, "claimed": COUNT + NOTHING,
          "false_claims": COUNT + NOTHING, "iterations": COUNT + NOTHING, "memory_mib": NUMBER + NOTHING, "hash": TEXT,
-         "permuted_equal": TRUTH + NOTHING, "threads_equal": TRUTH + NOTHING, "note": TEXT}
+         "permuted_equal": TRUTH + NOTHING, "threads_equal": TRUTH + NOTHING, "machines_equal": TRUTH + NOTHING, "note": TEXT}
 
 
 def problems_of(where, item, fields):
@@ -115,6 +117,26 @@ def join(first, second):
             "entries": first["entries"] + [one for one in second["entries"] if (one["set"], one["solver"]) not in done]}
 
 
+def compare(first, second):
+    """The first run, its `machines_equal` with what another machine found. ValueError where nothing can be compared."""
+    versions = {one["name"]: one["version"] for one in second["solvers"]}
+    ours = {one["name"] for one in first["solvers"] if versions.get(one["name"]) == one["version"]}
+    sets = {one["name"] for one in first["sets"] if one in second["sets"]}
+    if first["seed"] != second["seed"]:
+        sets = {name for name in sets if not name.startswith("hidden/")}
+    there = {(one["set"], one["solver"], one["tolerance"], one["setting"]): one["hash"] for one in second["entries"]}
+    entries, compared = [], 0
+    for entry in first["entries"]:
+        found = there.get((entry["set"], entry["solver"], entry["tolerance"], entry["setting"]))
+        if entry["set"] in sets and entry["solver"] in ours and found is not None and not entry["note"]:
+            compared += 1
+            entry = {**entry, "machines_equal": found == entry["hash"] and entry["machines_equal"] is not False}
+        entries.append(entry)
+    if not compared:
+        raise ValueError("the runs have no entry of the same set, solver, version and setting")
+    return {**first, "entries": entries}, compared
+
+
 def packed(ledger):
     """With entries as lists, which is how they are stored."""
     return {**ledger, "entry_columns": list(ENTRY), "entries": [[entry[name] for name in ENTRY] for entry in ledger["entries"]]}
@@ -127,7 +149,8 @@ def unpacked(stored):
                                             for one in stored.get("entries", [])):
         raise ValueError("entry_columns and entries do not fit each other")
     rest = {name: value for name, value in stored.items() if name != "entry_columns"}
-    return {**rest, "entries": [dict(zip(columns, one)) for one in stored["entries"]]}
+    younger = {} if "machines_equal" in columns else {"machines_equal": None}  # runs before there was such a column
+    return {**rest, "entries": [{**dict(zip(columns, one)), **younger} for one in stored["entries"]]}
 
 
 def write(path, ledger):

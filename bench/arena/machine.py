@@ -1,4 +1,4 @@
-"""What a run was made on."""
+"""What a run was made on, and what stands in for another machine."""
 
 import pathlib
 import platform
@@ -15,6 +15,14 @@ def processor():
     model = re.search(r"^model name[^:]*: (.*)$", text, re.M)
     count = len(re.findall(r"^processor\s*:", text, re.M))
     return f"{model.group(1).strip()}, {count} processors" if model else platform.processor() or platform.machine()
+
+
+# What libraries read that choose their code by the processor: with these they take that of one without AVX. Compiled code
+# that does not choose is the same.
+OLDER = {"STICTION_ISA": "baseline", "OPENBLAS_CORETYPE": "Nehalem", "MKL_ENABLE_INSTRUCTIONS": "SSE4_2",
+         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX2_Usable,-AVX2,-FMA_Usable,-FMA,-FMA4"}
+OLDER_XLA = "--xla_cpu_max_isa=SSE4_2"
 
 
 def versions():

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import pathlib
 import subprocess
 
@@ -9,6 +10,7 @@ import h5py
 import numpy as np
 import processes
 from answer_file import Answer
+from machine import OLDER
 
 BOXED = {"auto", "npgs", "pgs", "subspace", "nsgs"}  # those that take boxed friction
 SOLVERS = ["auto", "npgs", "pgs", "subspace", "nsgs", "admm", "newton", "ipm", "lemke"]
@@ -46,7 +48,8 @@ class Stiction:
     def settings(self, goal):
         return [goal]
 
-    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=TURNS):
+    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=TURNS, older=False):
+        environment = {**(self.environment or os.environ), **OLDER} if older else self.environment
         report, solution, notes = (pathlib.Path(folder, name) for name in ("report.json", "solution.h5", "notes"))
         notes.unlink(missing_ok=True)
         with h5py.File(path) as batch:
@@ -59,7 +62,7 @@ class Stiction:
             command = [self.program, "solve", path, "--solver", self.solver, "--law", law, "--precision", "f64", "--form", self.form,
                        "--tolerance", repr(setting), "--max-iterations", ITERATIONS, "--threads", threads, "--repeat", turns,
                        "--isolate", "--device", "cpu", "--quiet", "-o", solution, "--json", report]
-            done = processes.run(processes.weighed(command, notes, limit + STARTING), limit + STARTING, self.environment)
+            done = processes.run(processes.weighed(command, notes, limit + STARTING), limit + STARTING, environment)
             return *done, json.loads(report.read_text())["seconds"]["solve"] if done[0] in (0, 1) else None
 
         status, message, spent = call(1)

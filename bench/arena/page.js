@@ -80,19 +80,20 @@ function standing(selected, best) {
     rows.push({solver, sets: entries.length, solved, all, share: solved / all,
       lies: says.length ? says.reduce((total, entry) => total + entry.false_claims, 0) : null,
       slower: middle(entries.filter(entry => cost(entry) < Infinity).map(entry => cost(entry) / best.get(entry.set))),
-      memory: Math.max(...entries.map(entry => entry.memory_mib ?? -1)), permuted: same("permuted_equal"), threads: same("threads_equal")});
+      memory: Math.max(...entries.map(entry => entry.memory_mib ?? -1)), permuted: same("permuted_equal"), threads: same("threads_equal"),
+      machines: same("machines_equal")});
   }
   rows.sort((a, b) => b.share - a.share || b.sets - a.sets);
   const table = document.getElementById("standing");
   table.replaceChildren(heads(["solver", "sets", "environments solved", "share", "false claims", "slower than the fastest",
-    "memory, most [MiB]", "same bits, permuted", "same bits, 2 threads"], 1));
+    "memory, most [MiB]", "same bits, permuted", "same bits, 2 threads", "same bits, machines"], 1));
   for (const row of rows) {
     const line = document.createElement("tr");
     const name = element("td", "", {class: "name"});
     name.append(swatch(row.solver), row.solver);
     line.append(name, cell(row.sets), cell(`${row.solved} of ${row.all}`), cell(`${(100 * row.share).toFixed(1)} %`),
       cell(row.lies === null ? "–" : row.lies, row.lies ? "bad" : ""), cell(row.slower === null ? "–" : short(row.slower)),
-      cell(row.memory < 0 ? "–" : short(row.memory)), bits(row.permuted), bits(row.threads));
+      cell(row.memory < 0 ? "–" : short(row.memory)), bits(row.permuted), bits(row.threads), bits(row.machines));
     line.addEventListener("mouseenter", () => alone(row.solver));
     line.addEventListener("mouseleave", () => alone(null));
     table.append(line);
@@ -151,14 +152,15 @@ function alone(solver) {
 
 const columns = [["set", "set"], ["solver", "solver"], ["solved", "solved"], ["residual_max", "residual, most"],
   ["residual_p95", "residual, p95"], ["false_claims", "false claims"], ["us", "µs an environment"], ["iterations", "iterations"],
-  ["memory_mib", "memory [MiB]"], ["permuted_equal", "permuted"], ["threads_equal", "2 threads"], ["hash", "hash"], ["note", "note"]];
+  ["memory_mib", "memory [MiB]"], ["permuted_equal", "permuted"], ["threads_equal", "2 threads"], ["machines_equal", "machines"],
+  ["hash", "hash"], ["note", "note"]];
 function runs(selected) {
   const entries = [...selected.bySolver.values()].flatMap(own => [...own.values()]);
   const key = entry => entry[order.column] ?? (order.column.startsWith("residual") ? Infinity : -1);
   entries.sort((a, b) => (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0) * (order.down ? -1 : 1));
   const table = document.getElementById("runs"), line = document.createElement("tr");
   columns.forEach(([name, title], i) => {
-    const head = element("th", "", {class: i < 2 || i > 10 ? "" : "number"}), button = element("button", title, {type: "button"});
+    const head = element("th", "", {class: i < 2 || i > 11 ? "" : "number"}), button = element("button", title, {type: "button"});
     button.addEventListener("click", () => { order = {column: name, down: order.column === name && !order.down}; show(); });
     head.append(button, order.column === name ? order.down ? " ↓" : " ↑" : "");
     line.append(head);
@@ -170,7 +172,7 @@ function runs(selected) {
     row.append(element("td", entry.set, {class: "name"}), element("td", entry.solver, {class: "name"}),
       cell(`${entry.solved} of ${all}`, entry.solved < all ? "bad" : ""), cell(residual(entry.residual_max)), cell(residual(entry.residual_p95)),
       cell(entry.false_claims ?? "–", entry.false_claims ? "bad" : ""), cell(short(entry.us)), cell(entry.iterations ?? "–"),
-      cell(short(entry.memory_mib)), same(entry.permuted_equal), same(entry.threads_equal), element("td", entry.hash, {class: "hash"}),
+      cell(short(entry.memory_mib)), same(entry.permuted_equal), same(entry.threads_equal), same(entry.machines_equal), element("td", entry.hash, {class: "hash"}),
       element("td", entry.note));
     table.append(row);
   }

@@ -11,6 +11,7 @@ import time
 import answer_file
 import numpy as np
 import processes
+from machine import OLDER, OLDER_XLA
 
 HERE = pathlib.Path(__file__).resolve().parent
 TIGHTER, LEAST_TOLERANCE = [1, 1e-2, 1e-4, 1e-6, 1e-8], 1e-16  # a peer stops by another measure than the judge's
@@ -39,7 +40,7 @@ class Peer:
         """In the worker: an Answer."""
         raise NotImplementedError
 
-    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=3):
+    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=3, older=False):
         import h5py
 
         with h5py.File(path) as batch:
@@ -49,6 +50,8 @@ class Peer:
         limit = max(5.0, 3 * seconds * count)
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
                        "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false", "JAX_PLATFORMS": "cpu"}
+        if older:
+            environment |= {**OLDER, "XLA_FLAGS": f"{environment['XLA_FLAGS']} {OLDER_XLA}"}
         command = [sys.executable, HERE / "worker.py", self.name, path, law, repr(setting), repr(seconds), folder, out]
         status, message = processes.run(command, limit, environment)
         if status == 0 and out.exists():

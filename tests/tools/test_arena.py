@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """bench/arena. Its judge is compared with hand answers, `stiction verify` and the shared judge. Wrong answers, NaN and false
-claims are caught. Bits that depend on order or threads are seen. A quick run makes a JSON and a page.
+claims are caught. Bits that depend on order, threads or the processor are seen. A quick run makes a JSON and a page.
 
 usage: test_arena.py STICTION [unittest arguments]
 
@@ -68,13 +68,14 @@ def shared_judge():
 
 
 class Order(Stiction):
-    """A solver whose answer depends on what stands before an environment, or on the number of threads."""
+    """A solver whose answer depends on what stands before an environment, on the number of threads, or on the processor."""
 
-    by_place = by_threads = 0.0
+    by_place = by_threads = by_machine = 0.0
 
-    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=1):
-        answer = super().solve(path, law, setting, seconds, folder, threads, repeat)
+    def solve(self, path, law, setting, seconds, folder, threads=1, repeat=1, older=False):
+        answer = super().solve(path, law, setting, seconds, folder, threads, repeat, older)
         answer.reaction = answer.reaction + self.by_place * np.arange(len(answer.reaction)) + self.by_threads * threads
+        answer.reaction += self.by_machine * older
         return answer
 
 
@@ -208,13 +209,14 @@ class Arena(unittest.TestCase):
         answer.claimed = None
         self.assertIsNone(verdict(self.stack, answer, GOAL)[0]["false_claims"])
 
-    def test_bits_that_depend_on_order_or_threads_are_seen(self):
-        for by_place, by_threads in ((0, 0), (1e-12, 0), (0, 1e-12)):
+    def test_bits_that_depend_on_order_threads_or_the_processor_are_seen(self):
+        for by_place, by_threads, by_machine in ((0, 0, 0), (1e-12, 0, 0), (0, 1e-12, 0), (0, 0, 1e-12)):
             entrant = Order(STICTION, "auto")
             entrant.prepare(self.folder, None)
-            entrant.by_place, entrant.by_threads = by_place, by_threads
+            entrant.by_place, entrant.by_threads, entrant.by_machine = by_place, by_threads, by_machine
             entry = Course(entrant, self.stack, 1.0, self.folder).run(1e-4)
-            self.assertEqual((entry["permuted_equal"], entry["threads_equal"]), (by_place == 0, by_threads == 0))
+            self.assertEqual((entry["permuted_equal"], entry["threads_equal"], entry["machines_equal"]),
+                             (by_place == 0, by_threads == 0, by_machine == 0))
             self.assertEqual(entry["solved"], 4)
 
     def test_a_tighter_setting_mends_what_a_looser_one_claims(self):
@@ -226,8 +228,8 @@ class Arena(unittest.TestCase):
             def settings(self, goal):
                 return [1e-4, 1e-6, 1e-8]
 
-            def solve(self, path, law, setting, seconds, folder, threads=1, repeat=1):
-                answer = super().solve(path, law, 1e-9, seconds, folder, threads, repeat)
+            def solve(self, path, law, setting, seconds, folder, threads=1, repeat=1, older=False):
+                answer = super().solve(path, law, 1e-9, seconds, folder, threads, repeat, older)
                 count = len(answer.claimed)
                 asked.append((setting, count))
                 off = {1e-4: [0, 1, 1, 1], 1e-6: [0, 1, 0], 1e-8: [0]}[setting][:count]
@@ -298,6 +300,7 @@ class Arena(unittest.TestCase):
             self.assertEqual(entry["false_claims"], 0, entry)
             self.assertIn(entry["permuted_equal"], (True, None), entry)
             self.assertIs(entry["threads_equal"], True, entry)
+            self.assertIs(entry["machines_equal"], True, entry)
         self.assertIn("friction cones are none", {one["solver"]: one["reason"] for one in found["refusals"]}["stiction lemke"])
         for entry in found["entries"]:
             self.assertNotIn("Error", entry["note"], entry)  # of a wrapper, not of the solver
@@ -342,6 +345,7 @@ class Arena(unittest.TestCase):
         for name in ("solved", "residual_max", "residual_p95", "false_claims", "hash", "iterations", "permuted_equal"):
             self.assertEqual(mine[name], same[name], name)
         self.assertIsNone(mine["threads_equal"])
+        self.assertIsNone(mine["machines_equal"])
         answer.reaction[0] = np.nan
         answer_file.write(target, answer)
         arena.main(["judge", str(sets), str(answers), "--json", str(out)])

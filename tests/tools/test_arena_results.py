@@ -60,6 +60,23 @@ class Results(unittest.TestCase):
         with self.assertRaises(ValueError):
             ledger.unpacked(stored)
 
+    def test_another_machine_is_compared_entry_by_entry(self):
+        here = ledger.read(ROOT / "bench" / "results" / "amd-epyc-2-cores" / "arena.json")
+        there = copy.deepcopy(here)
+        first, second = [at for at, one in enumerate(here["entries"]) if not one["note"]][:2]
+        there["entries"][second]["hash"] = "another"
+        both, compared = ledger.compare(here, there)
+        self.assertEqual(compared, sum(not one["note"] for one in here["entries"]))
+        self.assertEqual([both["entries"][at]["machines_equal"] for at in (first, second)],
+                         [here["entries"][first]["machines_equal"] is not False, False])
+        self.assertEqual(ledger.check(both), [])
+        again, _ = ledger.compare(both, here)  # once other bits, always other bits
+        self.assertIs(again["entries"][second]["machines_equal"], False)
+        for change in ({"version": "0"}, {"name": "another"}):
+            solvers = [{**one, **change} for one in here["solvers"]]
+            with self.assertRaisesRegex(ValueError, "no entry"):
+                ledger.compare(here, {**there, "solvers": solvers})
+
     def test_two_parts_make_one_run(self):
         whole = ledger.read(ROOT / "bench" / "results" / "amd-epyc-2-cores" / "arena.json")
         parts = []
