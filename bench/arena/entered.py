@@ -1,8 +1,8 @@
 """Answers of a solver from outside, judged as all others are.
 
 ANSWERS is a folder with solver.json ({"name", "version", "given", "machine"}) and files FAMILY/NAME@TOLERANCE.h5 for any of the
-sets (answer_file.py says what is in one). Beside each may be .permuted.h5, .threads.h5 and .machines.h5, all in the set's order: what the solver answered when the
-environments came in another order, with two threads, and on another machine.
+sets (answer_file.py says what is in one). Beside each may be .permuted.h5, .threads.h5 and .machines.h5, all in the set's
+order. They hold what the solver answered with the environments in another order, with two threads, and on another machine.
 """
 
 import json
