@@ -245,7 +245,7 @@ class PullPack {
   }
   /// f(number of the unknown, its row, sum over the rows of its cone of E times in).
   template <class F>
-  void to_unknowns_by_E(const Lanes* in, const F& f) const {
+  void sum_for_unknowns(const Lanes* in, const F& f) const {
     for_each_moving([&](Index row, Index rows) {
       for (Index k = 0; k < rows && s_.unknown_of[row + k] >= 0; ++k) {
         Lanes sum(0);
@@ -263,7 +263,7 @@ class PullPack {
       seed = s_.image;
     }
     Lanes largest(0);
-    to_unknowns_by_E(seed, [&](Index k, Index, Lanes value) {
+    sum_for_unknowns(seed, [&](Index k, Index, Lanes value) {
       largest = max_(abs_(value * s_.row_scale[k]), largest);
       s_.unknown[k] = value * s_.row_scale[k];
     });
@@ -280,7 +280,7 @@ class PullPack {
     });
     apply_transposed(s_.nu, s_.image);
     Lanes left(0);
-    to_unknowns_by_E(s_.image, [&](Index k, Index row, Lanes value) {
+    sum_for_unknowns(s_.image, [&](Index k, Index row, Lanes value) {
       left = max_(abs_((value - s_.D[row] * s_.unknown[k]) * s_.row_scale[k]), left);
     });
     Lanes nothing(0);  // NaN where anything is not finite
