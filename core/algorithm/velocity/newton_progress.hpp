@@ -20,6 +20,8 @@ inline constexpr double kFirstGoal = 1e-2;
 inline constexpr int kMostUseless = 4;
 /// Steps without a better estimate before the lane is evaluated.
 inline constexpr int kMostIdle = 8;
+/// In single precision, once it has been evaluated and where one problem is solved (docs/math/velocity_newton.md).
+inline constexpr int kMostIdleOnceEvaluated = 1;
 /// Steps of one environment, at most.
 inline constexpr Index kMostSteps = 200;
 /// Evaluations of one environment, at most.

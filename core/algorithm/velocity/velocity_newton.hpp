@@ -240,11 +240,19 @@ class VelocityNewton {
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
   }
 
+  /// Steps without progress before a lane is evaluated. In single precision the gradient that steps add up is rounding
+  /// before long. An evaluation tells what it is, and often finds the answer.
+  static STICTION_HD double most_idle(const LaneProgress& lane) {
+    return sizeof(Real) == sizeof(float) && lane.evaluations > 0 && !lane.has_outer ? kMostIdleOnceEvaluated
+                                                                                    : kMostIdle;
+  }
+
   /// Steps until every lane is finished or proposes an answer. Whether any proposes one.
   STICTION_HD_OUTLINE bool iterate() {
     const Wide busy = lanes([&](int l) { return progress_[l].is_busy ? 1.0 : 0.0; });
     const Wide enough = lanes([&](int l) { return progress_[l].goal * progress_[l].scale; });
     const Wide most = lanes([&](int l) { return progress_[l].max_iterations; });
+    const Wide patience = lanes([&](int l) { return most_idle(progress_[l]); });
     Wide steps = lanes([&](int l) { return progress_[l].steps; });
     Wide least(static_cast<Real>(__builtin_huge_val()));
     Wide idle(0);
@@ -261,8 +269,7 @@ class VelocityNewton {
       const auto is_better = error < least;
       least = select(is_better, error, least);
       idle = select(is_better, Wide(0), idle + Wide(1));
-      moving = and_(moving, and_(and_(error > enough, nothing == Wide(0)),
-                                 and_(steps < most, idle < Wide(static_cast<Real>(kMostIdle)))));
+      moving = and_(moving, and_(and_(error > enough, nothing == Wide(0)), and_(steps < most, idle < patience)));
       if (!any(moving)) break;
       step(moving);
       steps = select(moving, steps + Wide(1), steps);
