@@ -31,7 +31,8 @@ class Results(unittest.TestCase):
             self.assertEqual(claims, "claims nothing" if None in false else str(sum(false)), name)
         ours = [entry for entry in run["entries"] if entry["solver"].startswith("stiction")]
         self.assertEqual(sum(entry["false_claims"] for entry in ours), 0)
-        for column, word in (("permuted_equal", "orders"), ("threads_equal", "threads")):
+        for column, word in (("permuted_equal", "orders"), ("threads_equal", "threads"),
+                             ("machines_equal", "machines")):
             compared = [entry[column] for entry in ours if entry[column] is not None]
             self.assertTrue(all(compared))
             self.assertRegex(text, rf"all {len(compared)}\s+(comparisons\s+)?of\s+{word}")
