@@ -46,6 +46,10 @@ class _Layout:
     def refresh(self):
         """Its numbers are written before each solve."""
 
+    def has(self, kind):
+        """Whether there may be cones of a kind: those that MuJoCo's rows are."""
+        return kind in ("free", "unilateral", "box", "friction")
+
     def rows_of(self, env):
         """The rows of one world that are in use, as (world, rows)."""
         return env, slice(0, int(self.integers["env_row_counts"].numpy()[env]))
