@@ -30,12 +30,10 @@ void pull(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_
       const Offset env = envs[first + members];
       const Offset* const cone_rows = batch.cone_row_offsets + batch.env_cone_offsets[env];
       const Index cones = batch.env_cones(env), rows = batch.env_rows(env);
-      PullSlots wider = slots;
-      if (!wider.take(cones, [&](Index cone) { return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]); }))
-        break;
-      most_rows = max_(rows, most_rows);
-      if (wider.rows() > most_rows + most_rows / 2) break;
-      slots = wider;
+      const Index larger = max_(rows, most_rows);
+      const auto size = [&](Index cone) { return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]); };
+      if (!slots.take(cones, size, larger + larger / 2)) break;
+      most_rows = larger;
       most_cones = max_(cones, most_cones);
     }
     if (members >= kFewest) {

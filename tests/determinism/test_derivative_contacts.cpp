@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <type_traits>
 
 #include "tests/support/derivative_cases.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -31,6 +32,12 @@ ContactBatch<Real> many_kinds(Law law) {
   return convert<Real>(batch);
 }
 
+DerivativeOptions with_any_residual() {
+  DerivativeOptions options;
+  options.residual_limit = 1e30;
+  return options;
+}
+
 template <class Real>
 class DerivativeOfContacts : public testing::Test {};
 using Precisions = testing::Types<float, double>;
@@ -49,8 +56,7 @@ TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
       // Reactions need not be an answer: each cone is in some mode, and pivots are exchanged often.
       std::vector<Real> lambda = random_numbers<Real>(rows, 7);
       const auto bar = random_numbers<Real>(kSets * rows, 8), w_bar = random_numbers<Real>(kSets * rows, 9);
-      DerivativeOptions options;
-      options.residual_limit = 1e30;
+      const DerivativeOptions options = with_any_residual();
       const std::vector<Real> none;
       for (const auto* by_lambda : {&bar, &none})
         for (const auto* by_w : {&w_bar, &none}) {
@@ -76,6 +82,55 @@ TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
           }
         }
     }
+}
+
+/// Robots of one kind go into packs, all but what is left over of a pack and what is out of the ordinary.
+TYPED_TEST(DerivativeOfContacts, AreFoundInPacks) {
+  using Real = TypeParam;
+  ContactBatch<double> doubles(Law::coulomb);
+  constexpr Offset kEnvs = 40;
+  for (Offset e = 0; e < kEnvs; ++e) {
+    Recipe recipe;
+    recipe.seed = static_cast<std::uint64_t>(e) + 1;
+    recipe.contacts = static_cast<int>(2 + e % 3);
+    recipe.friction_rows = 3;
+    recipe.order = ConeOrder::friction_last;
+    doubles.add(random_contacts(recipe));
+  }
+  const ContactBatch<Real> batch = convert<Real>(doubles);
+  const auto view = batch.view();
+  const auto lambda = random_numbers<Real>(static_cast<std::size_t>(view.row_count), 7);
+  std::vector<GradientStatus> status(static_cast<std::size_t>(kEnvs));
+  const DerivativeOptions o;
+  VjpJob<Real> job;
+  static_cast<DerivativeJob<Real>&>(job) = {
+      view, {lambda.data(), nullptr}, Law::coulomb, 1e30, o.tie_tolerance, o.max_unknowns, 1, status.data()};
+  job.cotangents = {lambda.data(), nullptr};
+  job.gradients = {};
+  for (const char* isa : usable_isas()) {
+    const ScopedIsa scoped(isa);
+    const auto set = cpu::best_isa().derivative();
+    const cpu::PullKernel<Real> packs = [&] {
+      if constexpr (std::is_same_v<Real, float>) {
+        return set.f32.pull;
+      } else {
+        return set.f64.pull;
+      }
+    }();
+    if (packs.width == 1) continue;
+    std::vector<Offset> envs;
+    for (Offset e = 0; e < kEnvs; ++e)
+      if (packs.takes(job, e)) envs.push_back(e);
+    EXPECT_EQ(static_cast<Offset>(envs.size()), kEnvs) << isa;
+    std::vector<std::uint8_t> answered(static_cast<std::size_t>(kEnvs));
+    cpu::Scratch scratch;
+    packs.run(job, envs.data(), kEnvs, answered.data(), scratch);
+    Offset stable = 0;
+    for (const GradientStatus& one : vjp(view, lambda, lambda, {}, with_any_residual(), nullptr).status)
+      stable += (one.flags & (kGradientRefused | kGradientUnstableBranch)) == 0;
+    EXPECT_GT(stable, kEnvs / 2);
+    EXPECT_GE(std::count(answered.begin(), answered.end(), 1), stable - 2) << isa;
+  }
 }
 
 }  // namespace

@@ -127,7 +127,7 @@ class PullPack {
     }
   }
 
-  /// f(first row, number of rows as a constant) for all cones that have unknowns.
+  /// f(first row, number of rows) for all cones that have unknowns.
   template <class F>
   void for_each_moving(const F& f) const {
     Index row = 0;

@@ -22,9 +22,9 @@ class PullSlots {
   }
 
   /// Makes room for an environment whose cone i has size(i) rows. False, and nothing is changed, where that takes too
-  /// many runs.
+  /// many runs, or more rows than `most_rows`.
   template <class Size>
-  [[nodiscard]] bool take(Index cones, const Size& size) {
+  [[nodiscard]] bool take(Index cones, const Size& size, Index most_rows) {
     PullSlots wider = *this;
     Index at = 0;
     for (Index first = 0; first < cones;) {
@@ -36,6 +36,7 @@ class PullSlots {
       ++at;
       first = next;
     }
+    if (wider.rows() > most_rows) return false;
     *this = wider;
     return true;
   }
