@@ -17,4 +17,18 @@ void give_up(int rank, const std::string& sentence, int status) {
   mpi_abort(status);
 }
 
+void refuse(int rank, const std::string& sentence, int status) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::seconds kPatience{5}, kAbortTakes{60};
+  const Clock::time_point begin = Clock::now();
+  bool is_spoken_for = false;
+  while (rank > 0 && Clock::now() - begin < (is_spoken_for ? kAbortTakes : kPatience)) {
+    is_spoken_for = is_spoken_for || mpi_is_refused();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  if (is_spoken_for) mpi_abort(status);
+  mpi_say_refused();
+  give_up(rank, sentence, status);
+}
+
 }  // namespace stiction::distributed

@@ -120,8 +120,8 @@ int main(int argc, char** argv) {
   } catch (const distributed::RankLost& lost) {
     distributed::give_up(rank, lost.what(), distributed::kExitRankLost);
   } catch (const std::bad_alloc&) {
-    distributed::give_up(rank, "out of memory; use a smaller batch or more machines", stiction::cli::kExitBadInput);
+    distributed::refuse(rank, "out of memory; use a smaller batch or more machines", stiction::cli::kExitBadInput);
   } catch (const std::exception& error) {
-    distributed::give_up(rank, error.what(), stiction::cli::kExitBadInput);
+    distributed::refuse(rank, error.what(), stiction::cli::kExitBadInput);
   }
 }

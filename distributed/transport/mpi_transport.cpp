@@ -18,6 +18,7 @@ namespace {
 
 constexpr int kTag = 1;
 constexpr int kLetterTag = 2;
+constexpr int kRefusedTag = 3;
 
 int count_of(std::size_t bytes) {
   if (bytes > static_cast<std::size_t>(std::numeric_limits<int>::max()))
@@ -193,6 +194,26 @@ int mpi_rank() {
 
 std::unique_ptr<Transport> mpi_transport(double deadline_seconds) {
   return std::make_unique<MpiTransport>(deadline_seconds);
+}
+
+void mpi_say_refused() {
+  int size = 0;
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  const int rank = mpi_rank();
+  std::vector<MPI_Request> requests(static_cast<std::size_t>(size - rank - 1), MPI_REQUEST_NULL);
+  for (int other = rank + 1; other < size; ++other)
+    MPI_Isend(nullptr, 0, MPI_BYTE, other, kRefusedTag, MPI_COMM_WORLD,
+              &requests[static_cast<std::size_t>(other - rank - 1)]);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+  int done = 0;
+  while (done == 0 && std::chrono::steady_clock::now() < end)
+    MPI_Testall(static_cast<int>(requests.size()), requests.data(), &done, MPI_STATUSES_IGNORE);
+}
+
+bool mpi_is_refused() {
+  int there = 0;
+  MPI_Iprobe(MPI_ANY_SOURCE, kRefusedTag, MPI_COMM_WORLD, &there, MPI_STATUS_IGNORE);
+  return there != 0;
 }
 
 void mpi_abort(int status) {

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|column|consensus|asynchronous|newton|step|restart|restart_one|together|json|killed|hung|refused STICTION STICTION_MPI MPIEXEC [COMPARE_CHECKPOINTS]
+# stiction-mpi under mpirun, more ranks than cores: test_mpi.sh bits|column|consensus|asynchronous|newton|step|restart|restart_one|together|json|killed|hung|refused|refusing STICTION STICTION_MPI MPIEXEC [COMPARE_CHECKPOINTS]
 # Bits and endings are compared, never times.
 set -uo pipefail
 what=$1 stiction=$2 program=$3 mpiexec=$4 compare=${5:-}
@@ -354,6 +354,17 @@ EOF
     [ "$status" -eq 70 ] || fail "exit status $status, expected 70"
     [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "not one sentence"
     grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
+    ;;
+  refusing)  # one speaks, and the others know of it: the first as long as it does not come seconds later
+    for case in "0 0 0:0" "1000 0 500:0" "0 2000 2000:0" "60000 0 300:1"; do
+      # shellcheck disable=SC2086
+      ranks 3 ${case%:*} 2> "$folder/err"
+      status=$?
+      [ "$status" -eq 2 ] || fail "${case%:*} ms: exit status $status, expected 2"
+      [ "$(grep -c '^stiction-mpi: ' "$folder/err")" -eq 1 ] || fail "${case%:*} ms: not one sentence: $(cat "$folder/err")"
+      grep -q "rank ${case#*:} refuses" "$folder/err" || fail "${case%:*} ms: $(cat "$folder/err")"
+      echo "after ${case%:*} ms: rank ${case#*:} speaks for three"
+    done
     ;;
   refused)
     ranks 1 solve --scene wall --size 2 --max-iterations 1 --quiet -o "$folder/wall.h5" 2> "$folder/err"
