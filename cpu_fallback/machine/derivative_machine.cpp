@@ -11,6 +11,7 @@
 #include "cpu_fallback/kernels/isa.hpp"
 #include "cpu_fallback/kernels/scratch.hpp"
 #include "cpu_fallback/machine/adjoint_parts.hpp"
+#include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
 namespace stiction {
@@ -104,8 +105,8 @@ void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
   cpu::AdjointParts<Real> parts(job);
   const std::span<const LaneEnv<Real>> all = parts.all();
   const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
-  const auto count = static_cast<Offset>(all.size()), run = Offset{2} * kernels.width;
   const int workers = cpu::thread_count(threads);
+  const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, kernels.width, workers);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
   cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;

@@ -11,6 +11,7 @@
 #include "core/base/extents.hpp"
 #include "cpu_fallback/kernels/isa.hpp"
 #include "cpu_fallback/kernels/scratch.hpp"
+#include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/machine/velocity_parts.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
@@ -152,7 +153,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     const int threads = cpu::thread_count(threads_);
     if (newton_scratch_.size() < static_cast<std::size_t>(threads))
       newton_scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));
-    const auto count = static_cast<Offset>(parts.size()), run = Offset{kPacksPerRun} * kernels.width;
+    const auto count = static_cast<Offset>(parts.size()), run = cpu::run_length(count, kernels.width, threads);
     // Small parts come first, in packs; a large one is work enough by itself.
     const auto is_small = [](const LaneEnv<Real>& part) { return part.dofs <= kMostVelocityDofs; };
     const Offset small = std::partition_point(parts.begin(), parts.end(), is_small) - parts.begin();
@@ -186,8 +187,6 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
       std::copy_n(answers_.velocity + dof, batch.env_dofs(env), solution.velocity + dof);
     solution.status[env] = answers_.status[env];
   }
-
-  static constexpr Offset kPacksPerRun = 2;
 
   int threads_;
   JacobianArrays<Real> arrays_{};

@@ -39,12 +39,10 @@ class LargeParts {
   std::vector<Index> lists_;
 };
 
-/// Like sizes side by side, so that none waits long for another in its pack.
+/// Like robots side by side, and large parts behind those that go into packs.
 template <class Real>
 void sort_by_size(std::vector<LaneEnv<Real>>& parts) {
-  const auto is_smaller = [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) {
-    return a.dofs != b.dofs ? a.dofs < b.dofs : a.rows < b.rows;
-  };
+  const auto is_smaller = [](const LaneEnv<Real>& a, const LaneEnv<Real>& b) { return a.dofs < b.dofs; };
   if (!std::ranges::is_sorted(parts, is_smaller)) std::ranges::stable_sort(parts, is_smaller);
 }
 

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/derivative/adjoint_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
-#include "cpu_fallback/kernels/velocity_kernels.hpp"
+#include "cpu_fallback/pack/alike.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
 
 /// Environments of Newton's method in velocities, and of its derivative, into packs.
@@ -31,17 +31,17 @@ struct PackMemory {
 template <class Real>
 inline constexpr int kLanesHere = kSinglesAlone ? 1 : kPackWidth<Real>;
 
-/// run.operator()<Types>(first, count) for packs of environments that follow one another.
-template <class Real, class Run>
+/// run.operator()<Types>(first, count) for packs of environments that follow one another, with steps in Numbers.
+template <class Number, class Real, class Run>
 void for_each_pack(const LaneEnv<Real>* envs, Offset count, Run&& run) {
-  constexpr int kWidth = kLanesHere<Real>;
+  constexpr int kWidth = kLanesHere<Number>;
   constexpr Offset kFewest = 3;  // so few take longer in a pack than one by one
   Offset done = 0;
   if constexpr (kWidth > 1)
     for (; count - done >= kFewest; done += kWidth)
-      run.template operator()<LaneTypes<Pack<Real, kWidth>>>(
+      run.template operator()<LaneTypes<Pack<Number, kWidth>, kWidth, DofSet, Real>>(
           envs + done, static_cast<Index>(count - done < kWidth ? count - done : kWidth));
-  for (; done < count; ++done) run.template operator()<LaneTypes<Real>>(envs + done, 1);
+  for (; done < count; ++done) run.template operator()<LaneTypes<Number, 1, DofSet, Real>>(envs + done, 1);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -63,11 +63,17 @@ struct JacobianKernels {
   KernelRef move;   ///< velocities
 };
 
-/// Newton's method in velocities, in one precision, before the Jacobian form's `place` (kernels/velocity_program.hpp).
+/// A lane for each environment (kernels/velocity_program.hpp).
+struct VelocityLanes {
+  KernelRef whole;     ///< where none has more degrees of freedom than a lane takes
+  KernelRef in_parts;  ///< where some have
+};
+
+/// Newton's method in velocities, in one precision, before the Jacobian form's `place`.
 struct VelocityKernels {
-  KernelRef newton;            ///< a lane for each environment
-  KernelRef newton_in_parts;   ///< the same where environments have more degrees of freedom than a lane takes
-  KernelRef newton_in_blocks;  ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
+  VelocityLanes newton;
+  VelocityLanes newton_in_double;  ///< before it, for what a single-precision batch asks of double; else none
+  KernelRef newton_in_blocks;      ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
 };
 
 struct DerivativePair {

@@ -20,14 +20,15 @@ struct VelocityArgs : LaneRoom {
 
 namespace stiction::inline STICTION_ISA {
 
-/// One lane per environment, before anything is assembled. What is solved has no part in that. `kInParts`: also
-/// environments of more than kMostVelocityDofs, one of their parts after the other. They take code and memory that a
-/// batch without them shall not pay for.
-template <class Real, bool kInParts>
+/// One lane per environment, before anything is assembled. What is solved has no part in that. `Number`: in which
+/// steps are taken. With the batch's own, environments that ask for double are taken if a kernel before has left them.
+/// `kInParts`: also environments of more than kMostVelocityDofs, one of their parts after the other. They take code and
+/// memory that a batch without them shall not pay for.
+template <class Real, class Number, bool kInParts>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
-  using Types = LaneTypes<Real, cuda::kWarp>;
-  using Large = LaneTypes<Real, cuda::kWarp, LargeDofSet>;
+  using Types = LaneTypes<Number, cuda::kWarp, DofSet, Real>;
+  using Large = LaneTypes<Number, cuda::kWarp, LargeDofSet, Real>;
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
@@ -71,6 +72,12 @@ struct SolveVelocities {
     finish(args.job, env, result);
   }
 
+  static STICTION_HD bool takes(const Args& args, Offset env) {
+    const bool in_double = steps_in_double(args.job, env);
+    if constexpr (sizeof(Number) > sizeof(Real)) return in_double;
+    return !in_double || (args.job.answered[env] == 0 && is_tried_again(lane_env(args.job.batch, env)));
+  }
+
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const Offset envs = args.job.batch.env_count;
@@ -78,6 +85,7 @@ struct SolveVelocities {
       for_each(team, cuda::kWarp, [&](Index lane) {
         const Offset env = first + lane;
         if (env >= envs || (args.arrays.flags[env] & kNotAssembled) != 0 || !takes_form(args.job.batch, env)) return;
+        if (!takes(args, env)) return;
         solve_env(env, Place{args, id.index, lane});
         leave_out_answered(args.arrays, env);
       });

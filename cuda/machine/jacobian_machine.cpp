@@ -101,7 +101,8 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   api_->prepare(kernels.place, kPlacing);
   api_->prepare(kernels.write, large_);
   api_->prepare(kernels.move, large_);
-  if (by_newton) api_->prepare(newton_kernel_, newton_shape_);
+  if (by_newton)
+    for (const KernelRef& kernel : {newton_kernel_, double_kernel_}) api_->prepare(kernel, newton_shape_);
   if (block_shape_.teams > 0) api_->prepare(velocity_kernels_of<Real>(*api_).newton_in_blocks, block_shape_);
 }
 
@@ -110,9 +111,12 @@ template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
   const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
-  newton_kernel_ = has_large ? kernels.newton_in_parts : kernels.newton;
-  static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<typename SolveVelocities<Real, true>::Types>>(
-      capacity.env_rows, capacity.env_dofs);
+  const auto of_size = [&](const VelocityLanes& lanes) { return has_large ? lanes.in_parts : lanes.whole; };
+  newton_kernel_ = of_size(kernels.newton);
+  double_kernel_ = sizeof(Real) == sizeof(float) ? of_size(kernels.newton_in_double) : newton_kernel_;
+  // Where steps are in double a lane's numbers take more room.
+  using InDouble = typename SolveVelocities<Real, double, true>::Types;
+  static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<InDouble>>(capacity.env_rows, capacity.env_dofs);
   newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
@@ -155,6 +159,9 @@ void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, St
   args.arrays = arrays_;
   LaunchShape shape = newton_shape_;
   shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  // Tolerances of environments are on the device, so that some of them may ask for steps in double.
+  const bool may_ask = job.tolerance < kLeastSingle || job.batch.env_tolerance != nullptr;
+  if (sizeof(Real) == sizeof(float) && may_ask) api_->launch(double_kernel_, shape, &args, stream);
   api_->launch(newton_kernel_, shape, &args, stream);
   if (block_shape_.teams == 0) return;
   VelocityBlocksArgs<Real> blocks = blocks_;

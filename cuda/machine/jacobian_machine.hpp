@@ -41,8 +41,8 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
-  LaunchShape small_, large_;  ///< of counting; of assembling and moving
-  KernelRef newton_kernel_{};
+  LaunchShape small_, large_;                    ///< of counting; of assembling and moving
+  KernelRef newton_kernel_{}, double_kernel_{};  ///< steps in the batch's precision, and in double
   LaunchShape newton_shape_, block_shape_;
   VelocityBlocksArgs<Real> blocks_{};
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out

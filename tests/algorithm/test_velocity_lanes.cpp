@@ -1,12 +1,15 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "core/algorithm/velocity/likeness.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "core/algorithm/velocity/velocity_result.hpp"
+#include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
@@ -43,11 +46,10 @@ struct Answers {
 };
 
 /// Environments of a batch in the lanes of packs, in that order.
-template <class Wide, class Set = DofSet>
-auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<Offset>& order, double tolerance,
-                    const JacobianStart<Scalar<Wide>>& start = {}) {
-  using Real = Scalar<Wide>;
-  using Types = LaneTypes<Wide, RealTraits<Wide>::kLanes, Set>;
+template <class Wide, class Set = DofSet, class Real = Scalar<Wide>>
+auto solve_in_packs(const JacobianBatch<Real>& batch, const std::vector<Offset>& order, double tolerance,
+                    const JacobianStart<Real>& start = {}) {
+  using Types = LaneTypes<Wide, RealTraits<Wide>::kLanes, Set, Real>;
   Answers<Real> answers;
   const JacobianBatchView<Real> view = batch.view();
   answers.lambda.assign(static_cast<std::size_t>(view.row_count), Real(-7));
@@ -81,9 +83,8 @@ auto solve_in_packs(const JacobianBatch<Scalar<Wide>>& batch, const std::vector<
 }
 
 /// Chains of unlike length, cones and stiffness: none fits its neighbours' slots or tree.
-template <class Real>
-JacobianBatch<Real> unlike_chains(Law law, MassForm form = MassForm::matrix) {
-  JacobianBatch<Real> batch(law, form);
+std::vector<JacobianEnvironment<double>> unlike_environments(MassForm form) {
+  std::vector<JacobianEnvironment<double>> envs;
   const std::vector<std::vector<Cone>> cones = {
       {friction(3), unilateral(), friction(3)}, cones_of_every_kind(), {unilateral()}, {box(), box(), free_row()}};
   for (std::uint64_t seed = 0; seed < 24; ++seed) {
@@ -91,8 +92,14 @@ JacobianBatch<Real> unlike_chains(Law law, MassForm form = MassForm::matrix) {
                              seed % 6 == 5 ? 0.0 : 0.01};
     const JacobianEnvironment<double> chain = random_chain(recipe);
     // The factor of every other one has the zeros of its tree.
-    batch.add(cast<Real>(in_form(form == MassForm::factor && seed % 2 == 1 ? reversed(chain) : chain, form)));
+    envs.push_back(in_form(form == MassForm::factor && seed % 2 == 1 ? reversed(chain) : chain, form));
   }
+  return envs;
+}
+template <class Real>
+JacobianBatch<Real> unlike_chains(Law law, MassForm form = MassForm::matrix) {
+  JacobianBatch<Real> batch(law, form);
+  for (const auto& env : unlike_environments(form)) batch.add(cast<Real>(env));
   return batch;
 }
 
@@ -134,12 +141,13 @@ struct Guess {
   }
 };
 
-template <class Wide>
+template <class Wide, class Real = Scalar<Wide>>
 void expect_the_bits_of_single_environments(Law law, MassForm form, double tolerance) {
-  using Real = Scalar<Wide>;
+  const auto one_by_one = [&](auto&&... arguments) { return solve_in_packs<Scalar<Wide>, DofSet, Real>(arguments...); };
+  const auto in_packs = [&](auto&&... arguments) { return solve_in_packs<Wide, DofSet, Real>(arguments...); };
   const auto batch = unlike_chains<Real>(law, form);
   const auto upward = upwards(batch.env_count());
-  const auto cold = solve_in_packs<Real>(batch, upward, tolerance);
+  const auto cold = one_by_one(batch, upward, tolerance);
   EXPECT_GE(std::count(cold.answered.begin(), cold.answered.end(), 1), law == Law::convex ? 21 : 15)
       << "fewer are solved than were";
   const Guess<Real> guess(batch.view(), cold);
@@ -150,9 +158,9 @@ void expect_the_bits_of_single_environments(Law law, MassForm form, double toler
         JacobianStart<Real>{reactions, velocities}}) {
     SCOPED_TRACE(::testing::Message() << "reactions " << (start.reactions != nullptr) << ", velocities "
                                       << (start.velocities != nullptr));
-    const auto expected = solve_in_packs<Real>(batch, upward, tolerance, start);
-    expect_the_same(expected, solve_in_packs<Wide>(batch, upward, tolerance, start));
-    expect_the_same(expected, solve_in_packs<Wide>(batch, shuffled(batch.env_count()), tolerance, start));
+    const auto expected = one_by_one(batch, upward, tolerance, start);
+    expect_the_same(expected, in_packs(batch, upward, tolerance, start));
+    expect_the_same(expected, in_packs(batch, shuffled(batch.env_count()), tolerance, start));
     const auto rejected = static_cast<std::uint32_t>(kFlagWarmStartRejected);
     // A sequence of problems reads reactions alone, where there are any.
     const bool reads = start.velocities != nullptr && (law == Law::convex || start.reactions == nullptr);
@@ -170,7 +178,61 @@ TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
       expect_the_bits_of_single_environments<Pack<float, 4>>(law, form, 1e-4);
       expect_the_bits_of_single_environments<Pack<float, 8>>(law, form, 1e-4);
       expect_the_bits_of_single_environments<Pack<float, 16>>(law, form, 1e-4);
+      expect_the_bits_of_single_environments<Pack<double, 2>, float>(law, form, 1e-6);
+      expect_the_bits_of_single_environments<Pack<double, 4>, float>(law, form, 1e-6);
+      expect_the_bits_of_single_environments<Pack<double, 8>, float>(law, form, 1e-6);
     }
+}
+
+// What is judged in double is what a single-precision batch gets: rounding is a part of the residual.
+TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
+  JacobianBatch<float> batch(Law::convex);
+  JacobianBatch<double> exact(Law::convex);
+  for (const auto& env : unlike_environments(MassForm::matrix)) {
+    batch.add(cast<float>(env));
+    exact.add(cast<double>(cast<float>(env)));
+  }
+  const auto answers = solve_in_packs<double, DofSet, float>(batch, upwards(batch.env_count()), 1e-6);
+  const std::vector<double> lambda(answers.lambda.begin(), answers.lambda.end());
+  const auto judged = verify(assemble(exact.view()).view(), std::span<const double>(lambda));
+  Offset solved = 0;
+  for (Offset env = 0; env < batch.env_count(); ++env) {
+    const auto e = static_cast<std::size_t>(env);
+    if (answers.answered[e] != 1) continue;
+    ++solved;
+    EXPECT_LE(judged[e].relative, 1e-6 * (1 + 1e-6)) << env;
+    EXPECT_NEAR(judged[e].relative, answers.status[e].residual, 1e-12) << env;
+  }
+  EXPECT_GE(solved, 21);
+}
+
+// Two robots take turns. Side by side, each kind fills slots of its own: as many as one environment has cones.
+TEST(VelocityLanes, LikeEnvironmentsAreFound) {
+  JacobianBatch<double> batch(Law::convex);
+  const std::vector<Cone> kinds[] = {{friction(3), unilateral(), friction(3)}, {friction(3), friction(3), friction(4)}};
+  constexpr Offset kEnvs = 16;
+  for (Offset env = 0; env < kEnvs; ++env) batch.add(random_chain({7, 12, kinds[env % 2]}));
+  const auto view = batch.view();
+  std::vector<SlotItem<DofSet>> items(3 * kEnvs);
+  std::vector<Likeness> keys;
+  for (Offset env = 0; env < kEnvs; ++env) {
+    const LaneEnv<double> one = lane_env(view, env);
+    list_items(view, one, items.data() + 3 * env);
+    keys.push_back(likeness_of(items.data() + 3 * env, 3, one.dofs, env >= 12, static_cast<Index>(env)));
+  }
+  std::sort(keys.begin(), keys.end());
+  std::vector<Index> order;
+  for (const Likeness& key : keys) order.push_back(key.at);
+  const bool first = order[0] % 2 == 1;
+  for (std::size_t i = 0; i < 12; ++i) EXPECT_EQ(order[i] % 2 == 1, first == (i < 6)) << "place " << i;
+  for (std::size_t i = 12; i < 16; ++i) EXPECT_GE(order[i], 12) << "steps in double come last";
+
+  const SlotItem<DofSet>* members[4];
+  const Index cones[4] = {3, 3, 3, 3};
+  for (std::size_t l = 0; l < 4; ++l) members[l] = items.data() + 3 * order[l];
+  std::vector<Slot<4, DofSet>> slots(12);
+  std::vector<unsigned char> columns(static_cast<std::size_t>(column_room<DofSet>(12)));
+  EXPECT_EQ((merge_items<4, DofSet>(members, cones, slots.data(), columns.data()).slots), 3);
 }
 
 // Rows of a large tree begin where they have entries: what is left out are exact zeros.

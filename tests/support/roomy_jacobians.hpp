@@ -10,14 +10,14 @@
 namespace stiction::test {
 
 /// The environment in another precision.
-template <class Real>
-JacobianEnvironment<Real> cast(const JacobianEnvironment<double>& from) {
+template <class Real, class From>
+JacobianEnvironment<Real> cast(const JacobianEnvironment<From>& from) {
   JacobianEnvironment<Real> to;
   for (const auto& cone : from.cones) to.cones.push_back({cone.kind, cone.row_count, cone.group});
   to.row_offsets = from.row_offsets;
   to.column = from.column;
-  const auto copy = [](std::vector<Real>& target, const std::vector<double>& source) {
-    for (const double value : source) target.push_back(static_cast<Real>(value));
+  const auto copy = [](std::vector<Real>& target, const std::vector<From>& source) {
+    for (const From value : source) target.push_back(static_cast<Real>(value));
   };
   copy(to.J, from.J);
   copy(to.M, from.M);

@@ -43,6 +43,24 @@ void expect_the_cpus_bits(const Form& form, const cuda::EmulatedDeviceOptions& o
   }
 }
 
+/// A batch in host memory, solved on the emulated device as it is.
+void expect_the_same_on_a_device(const JacobianBatchView<float>& packed, const SolverOptions& chosen,
+                                 const JacobianSolution<float>& expected) {
+  const RoomyJacobians<float> arrays(packed, 0, 5);
+  auto view = arrays.view(MemorySpace::cuda);
+  view.env_tolerance = packed.env_tolerance;
+  const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
+  const cuda::Stream stream(*device);
+  JacobianCapacity capacity = JacobianCapacity::of(packed);
+  capacity.rows = view.row_count;
+  capacity.cones = view.cone_count;
+  Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
+  Answer<float> answer(view);
+  machine.solve(view, answer.view(), StreamRef(stream.get()));
+  device->synchronize(stream.get());
+  expect_all(view, answer, packed, expected);
+}
+
 TEST(DeviceJacobian, HasTheCpusBitsInEveryForm) {
   for (const FactorUse use : {FactorUse::never, FactorUse::by_size, FactorUse::always})
     for (const bool sparse : {false, true})
@@ -66,6 +84,29 @@ TEST(DeviceJacobian, HasTheCpusBitsWhereNewtonInVelocitiesGoesFirst) {
       }
 }
 
+// Some ask for steps in double, and of these some for more than single precision can hold.
+TEST(DeviceJacobian, HasTheCpusBitsWhereStepsAreInDouble) {
+  JacobianBatch<float> batch(Law::convex);
+  std::vector<double> tolerances;
+  const double asked[] = {1e-4, 1e-6, 1e-8, -1.0};
+  for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+    const auto chain = random_chain({seed, static_cast<Index>(9 + seed), cones_of_every_kind(), 0.0, 1e-3});
+    batch.add(cast<float>(seed == 11 ? together({chain, random_chain({3, 50})}, true).env : chain));
+    tolerances.push_back(asked[seed % 4]);
+  }
+  for (const bool own : {false, true}) {
+    SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+    chosen.tolerance = 1e-6;
+    auto packed = batch.view();
+    packed.env_tolerance = own ? tolerances.data() : nullptr;
+    const auto expected = solve(packed, chosen);
+    const auto by_newton = std::ranges::count(expected.contact.status, SolverKind::velocity_newton, &EnvStatus::solver);
+    EXPECT_GT(by_newton, 4);
+    EXPECT_LT(by_newton, batch.env_count()) << "nothing is left that could be tried again";
+    expect_the_same_on_a_device(packed, chosen, expected);
+  }
+}
+
 TEST(DeviceJacobian, HasTheCpusBitsOfPartsOfLargeEnvironments) {
   for (const int form : {0, 1, 2, 3}) {
     const bool sparse = form % 2 == 1;
@@ -85,18 +126,7 @@ TEST(DeviceJacobian, HasTheCpusBitsOfPartsOfLargeEnvironments) {
     const auto packed = batch.view();
     const auto expected = solve(packed, chosen);
     for (const EnvStatus& status : expected.contact.status) EXPECT_EQ(status.solver, SolverKind::velocity_newton);
-    const RoomyJacobians<float> arrays(packed, 0, 5);
-    const auto view = arrays.view(MemorySpace::cuda);
-    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
-    const cuda::Stream stream(*device);
-    JacobianCapacity capacity = JacobianCapacity::of(packed);
-    capacity.rows = view.row_count;
-    capacity.cones = view.cone_count;
-    Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
-    Answer<float> answer(view);
-    machine.solve(view, answer.view(), StreamRef(stream.get()));
-    device->synchronize(stream.get());
-    expect_all(view, answer, packed, expected);
+    expect_the_same_on_a_device(packed, chosen, expected);
   }
 }
 
@@ -112,18 +142,7 @@ TEST(DeviceJacobian, HasTheCpusBitsWhereManyDegreesOfFreedomAreCoupled) {
     const auto packed = batch.view();
     const auto expected = solve(packed, chosen);
     for (const EnvStatus& status : expected.contact.status) EXPECT_EQ(status.solver, SolverKind::velocity_newton);
-    const RoomyJacobians<float> arrays(packed, 0, 5);
-    const auto view = arrays.view(MemorySpace::cuda);
-    const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, 5});
-    const cuda::Stream stream(*device);
-    JacobianCapacity capacity = JacobianCapacity::of(packed);
-    capacity.rows = view.row_count;
-    capacity.cones = view.cone_count;
-    Machine<float> machine(device, capacity, FactorUse::by_size, chosen);
-    Answer<float> answer(view);
-    machine.solve(view, answer.view(), StreamRef(stream.get()));
-    device->synchronize(stream.get());
-    expect_all(view, answer, packed, expected);
+    expect_the_same_on_a_device(packed, chosen, expected);
   }
 }
 

@@ -201,12 +201,14 @@ class AdjointPack {
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void pull_pack(const JacobianVjpJob<typename Types::Real>& job,
                                    const LaneEnv<typename Types::Real>* members, AdjointResult* results, Index count,
-                                   Memory&& memory) {
+                                   Memory&& memory, ListedCones<Types> listed = nullptr) {
   const bool fits = with_pack<Types>(
-      job.assembly.batch, members, count, memory, [&](const auto& envs, const auto& lists, const auto& counts) {
+      job.assembly.batch, members, count, memory,
+      [&](const auto& envs, const auto& lists, const auto& counts) {
         const AdjointWorkspace<Types> workspace = memory.adjoint_numbers(counts, lists.tree.dofs, lists.tree.entries);
         AdjointPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
-      });
+      },
+      listed);
   for (Index l = 0; l < count && !fits; ++l) results[l].is_answered = false;
 }
 

@@ -37,12 +37,14 @@ struct DoubleLanes<Pack<T, W>> {
   using Type = Pack<double, kLanes>;
 };
 
-/// What Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by.
-template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet>
+/// What Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by, `Real` for what
+/// the batch has and gets.
+template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet, class RealT = Scalar<WideT>>
 struct LaneTypes {
   using Wide = WideT;
   using Set = SetT;  ///< of degrees of freedom
-  using Real = Scalar<WideT>;
+  using Real = RealT;
+  using Number = Scalar<WideT>;
   using Double = typename DoubleLanes<WideT>::Type;
   static constexpr int kLanes = RealTraits<WideT>::kLanes;
   static constexpr int kDoubleLanes = DoubleLanes<WideT>::kLanes;
@@ -78,6 +80,25 @@ STICTION_HD void narrow(Pack<double, W> value, double* to) {
 template <class Real>
 STICTION_HD void narrow(double value, Real* to) {
   *to = static_cast<Real>(value);
+}
+/// Doubles as the nearest single-precision numbers.
+template <int W>
+STICTION_HD Pack<double, W> in_single(Pack<double, W> value) {
+  const auto single = __builtin_convertvector(value.v, typename VectorOf<float, W>::Type);
+  return __builtin_convertvector(single, typename VectorOf<double, W>::Type);
+}
+STICTION_HD double in_single(double value) {
+  return static_cast<double>(static_cast<float>(value));
+}
+/// A batch's numbers, to where a LaneArray has them.
+template <class T, int W>
+STICTION_HD void put_numbers(Pack<T, W> value, T* to) {
+  store_lanes(to, value);
+}
+template <int W>
+STICTION_HD void put_numbers(Pack<float, W> value, double* to) {
+  const Pack<double, W> wide = __builtin_convertvector(value.v, typename VectorOf<double, W>::Type);
+  store_lanes(to, wide);
 }
 template <class Double, class Wide, int kStride>
 STICTION_HD Double doubles(const LaneArray<Wide, kStride>& numbers, Offset i, int first) {

@@ -102,6 +102,13 @@ STICTION_HD bool takes_size(const JacobianBatchView<Real>& batch, const LaneEnv<
   return env.rows == 0 || pays_in_sequence(env.rows, env.dofs) || (law == Law::convex && !has_rigid_cone(batch, env));
 }
 
+/// Whether what steps in double leave of a single-precision batch is tried in single precision. An answer may be none
+/// once it is rounded, while one that such steps end at is rounded all along. Parts are not: one answer is of all.
+template <class Real>
+STICTION_HD bool is_tried_again(const LaneEnv<Real>& env) {
+  return env.dof == nullptr && env.dofs <= kMostVelocityDofs;
+}
+
 template <class Real>
 STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset env) {
   LaneEnv<Real> e;

@@ -50,11 +50,13 @@ STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<
                               const To& to) {
   using Real = typename Types::Real;
   constexpr Index kEdge = kTileEdge<Real>;
+  using Number = typename Types::Number;
   constexpr int kLanes = Types::kLanes;
+  constexpr Index kTaken = kLanes < kEdge ? kLanes : kEdge;  // rows of a tile
   const auto load_one = [&](Index c) {
-    for (int l = 0; l < kLanes; ++l) to(c)[l] = from.row[l][kStep * Index{columns[c]}];
+    for (int l = 0; l < kLanes; ++l) to(c)[l] = static_cast<Number>(from.row[l][kStep * Index{columns[c]}]);
   };
-  if constexpr (kEdge == 1 || kLanes % kEdge != 0) {
+  if constexpr (kTaken == 1 || kLanes % kTaken != 0) {
     for (Index c = 0; c < count; ++c) load_one(c);
   } else {
     if (count == 0) return;
@@ -74,16 +76,16 @@ STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<
       Index inside = 1;
       while (c + inside < count && columns[c + inside] < first + kEdge) ++inside;
       if (inside == 1) load_one(c);
-      for (int lane = 0; inside > 1 && lane < kLanes; lane += kEdge) {
+      for (int lane = 0; inside > 1 && lane < kLanes; lane += kTaken) {
         const Real* tile[kEdge];
         Real turned[kEdge][kEdge];
         constexpr Index kFirst = kStep > 0 ? 0 : kEdge - 1;  // where the tile has its first column
-        for (Index i = 0; i < kEdge; ++i) tile[i] = rows[lane + i] + (kStep * first - kFirst);
+        for (Index i = 0; i < kEdge; ++i) tile[i] = rows[lane + (i < kTaken ? i : 0)] + (kStep * first - kFirst);
         transpose_tile(tile, turned);
         for (Index k = 0; k < inside; ++k) {
-          Pack<Real, kEdge> column;
+          Pack<Real, kTaken> column;
           load_lanes(turned[kFirst + kStep * (columns[c + k] - first)], column);
-          store_lanes(to(c + k) + lane, column);
+          put_numbers(column, to(c + k) + lane);
         }
       }
       c += inside;
@@ -113,6 +115,7 @@ template <class Types, class Real>
 STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
                                    const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                    const Real (&zeros)[kTileReach<Real>]) {
+  using Number = typename Types::Number;
   for (Index k = 0; k < tree.dofs; ++k) {
     const SmallOf<Types>* const path = tree.path(k);
     const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
@@ -124,10 +127,10 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
     } else {
       for (int l = 0; l < Types::kLanes; ++l)
         for (Index d = tree.first(k); d <= tree.depth[k]; ++d)
-          row.at(d, l) = k < envs[l].dofs ? mass_entry(envs[l], k, path[d]) : Real(0);
+          row.at(d, l) = static_cast<Number>(k < envs[l].dofs ? mass_entry(envs[l], k, path[d]) : Real(0));
     }
     for (int l = 0; l < Types::kLanes; ++l)
-      if (k >= envs[l].dofs) row.at(tree.depth[k], l) = Real(1);
+      if (k >= envs[l].dofs) row.at(tree.depth[k], l) = Number(1);
   }
 }
 
@@ -137,6 +140,7 @@ template <class Types, class Real>
 STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
                                      const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                      const Real (&zeros)[kTileReach<Real>]) {
+  using Number = typename Types::Number;
   for (Index k = 0; k < tree.dofs; ++k) {
     const Index depth = tree.depth[k];
     SmallOf<Types> below[TreeOf<Types>::kMostDofs];
@@ -150,11 +154,12 @@ STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, 
     } else {
       for (int l = 0; l < Types::kLanes; ++l)
         for (Index c = 0; c < count; ++c)
-          entry(c)[l] = below[c] < envs[l].dofs ? mass_entry(envs[l], Index{below[c]}, k) : Real(0);
+          entry(c)[l] =
+              static_cast<Number>(below[c] < envs[l].dofs ? mass_entry(envs[l], Index{below[c]}, k) : Real(0));
     }
   }
   for (int l = 0; l < Types::kLanes; ++l)
-    for (Index k = envs[l].dofs; k < tree.dofs; ++k) workspace.M.at(tree.diagonal(k), l) = Real(1);
+    for (Index k = envs[l].dofs; k < tree.dofs; ++k) workspace.M.at(tree.diagonal(k), l) = Number(1);
 }
 
 /// M, or its factor, and v_free.
@@ -166,19 +171,21 @@ STICTION_HD void load_motion(const VelocityWorkspace<Types>& workspace, const Ja
   if (batch.mass_form == MassForm::factor) load_factor(workspace, batch, tree, envs, zeros);
   for (int l = 0; l < Types::kLanes; ++l)
     for (Index k = 0; k < tree.dofs; ++k)
-      workspace.v_free.at(k, l) = k < envs[l].dofs ? envs[l].v_free[dof_of(envs[l], k)] : Real(0);
+      workspace.v_free.at(k, l) =
+          static_cast<typename Types::Number>(k < envs[l].dofs ? envs[l].v_free[dof_of(envs[l], k)] : Real(0));
 }
 
 /// A row of J by its stored entries; such as name a column twice add up.
 template <class Set, class Numbers, class Real>
 STICTION_HD void load_stored(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Offset row,
                              const Set& dofs, const Numbers& to, int lane) {
+  using Number = std::remove_reference_t<decltype(to.at(0, 0))>;
   const Index columns = size_of(dofs);
-  for (Index c = 0; c < columns; ++c) to.at(c, lane) = Real(0);
+  for (Index c = 0; c < columns; ++c) to.at(c, lane) = Number(0);
   for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
     if (batch.J[k] == Real(0)) continue;
-    Real& entry = to.at(size_of(dofs & below<Set>(local_of(env, batch.column[k]))), lane);
-    entry = entry + batch.J[k];
+    Number& entry = to.at(size_of(dofs & below<Set>(local_of(env, batch.column[k]))), lane);
+    entry = entry + static_cast<Number>(batch.J[k]);
   }
 }
 
@@ -209,7 +216,8 @@ STICTION_HD void load_row(const VelocityWorkspace<Types>& workspace, const Jacob
       continue;
     }
     for (Index c = 0; c < slot.columns; ++c)
-      entries.at(c, l) = slot.row_of[l] < 0 ? Real(0) : batch.J[begin(l) + dof_of(envs[l], slot.dof[c])];
+      entries.at(c, l) = static_cast<typename Types::Number>(
+          slot.row_of[l] < 0 ? Real(0) : batch.J[begin(l) + dof_of(envs[l], slot.dof[c])]);
   }
 }
 
@@ -218,7 +226,8 @@ template <class Types, class Real>
 STICTION_HD void load_by_row(const SlotOf<Types>& slot, const LaneEnv<Real> (&envs)[Types::kLanes], const Real* array,
                              Real otherwise, const typename Types::Numbers& to) {
   if (array == nullptr) {
-    for (Index k = 0; k < slot.rows; ++k) to.put(slot.row + k, typename Types::Wide(otherwise));
+    for (Index k = 0; k < slot.rows; ++k)
+      to.put(slot.row + k, typename Types::Wide(static_cast<typename Types::Number>(otherwise)));
     return;
   }
   Real others[kMaxConeRows];
@@ -227,7 +236,7 @@ STICTION_HD void load_by_row(const SlotOf<Types>& slot, const LaneEnv<Real> (&en
   for (int l = 0; l < Types::kLanes; ++l)
     from[l] = slot.row_of[l] >= 0 ? array + envs[l].first_row + slot.row_of[l] : others;
   for (Index k = 0; k < slot.rows; ++k)
-    for (int l = 0; l < Types::kLanes; ++l) to.at(slot.row + k, l) = from[l][k];
+    for (int l = 0; l < Types::kLanes; ++l) to.at(slot.row + k, l) = static_cast<typename Types::Number>(from[l][k]);
 }
 
 /// Bounds of a row by its kind.
@@ -265,8 +274,8 @@ STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, co
     const Bounds<Real> bounds = has ? bounds_of(batch, batch.cone_kind[envs[l].first_cone + slot.cone_of[l]],
                                                 envs[l].first_row + slot.row_of[l])
                                     : Bounds<Real>{Real(0), Real(0)};
-    workspace.law.at(3 * index + 1, l) = bounds.lo;
-    workspace.law.at(3 * index + 2, l) = bounds.hi;
+    workspace.law.at(3 * index + 1, l) = static_cast<typename Types::Number>(bounds.lo);
+    workspace.law.at(3 * index + 2, l) = static_cast<typename Types::Number>(bounds.hi);
   }
 }
 

@@ -27,6 +27,22 @@ inline constexpr Index kMostSteps = 200;
 /// Evaluations of one environment, at most.
 inline constexpr int kMostEvaluations = 60;
 
+/// In single precision steps end at rounding, at a relative residual of 1e-7 to 1e-5. Below this tolerance they are
+/// taken in double.
+inline constexpr double kLeastSingle = 1e-5;
+
+/// What is asked of an environment: its own tolerance, or the solve's.
+template <class Real>
+STICTION_HD double tolerance_of(const VelocityJob<Real>& job, Offset env) {
+  const double* const own = job.batch.env_tolerance;
+  return own != nullptr && own[env] >= 0.0 ? own[env] : job.tolerance;
+}
+/// Whether the steps of an environment are taken in double, though the batch has single precision.
+template <class Real>
+STICTION_HD bool steps_in_double(const VelocityJob<Real>& job, Offset env) {
+  return sizeof(Real) == sizeof(float) && tolerance_of(job, env) < kLeastSingle;
+}
+
 /// How far an environment is.
 struct LaneProgress {
   double tolerance = 0.0;
@@ -49,9 +65,8 @@ struct LaneProgress {
   /// What the batch, or the solve, asks of an environment. `most`: steps, whatever that is.
   template <class Real>
   STICTION_HD void set_limits(const VelocityJob<Real>& job, Offset env, Index most) {
-    const double* const own_tolerance = job.batch.env_tolerance;
     const Index* const own_iterations = job.batch.env_max_iterations;
-    tolerance = own_tolerance != nullptr && own_tolerance[env] >= 0.0 ? own_tolerance[env] : job.tolerance;
+    tolerance = tolerance_of(job, env);
     max_iterations = own_iterations != nullptr && own_iterations[env] >= 0 ? own_iterations[env] : job.max_iterations;
     max_iterations = max_iterations < most ? max_iterations : most;
   }

@@ -12,7 +12,6 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct NewtonPack {
   using Wide = typename Types::Wide;
-  using Real = typename Types::Real;
   using Numbers = typename Types::Numbers;
   using Value = Wide;
   const VelocityWorkspace<Types>& workspace;
@@ -77,7 +76,7 @@ struct NewtonPack {
   STICTION_HD_OUTLINE Wide potential() const {
     Wide sum(0);
     for (Index row = 0; row < counts.rows; ++row) {
-      const Wide half = Wide(static_cast<Real>(0.5)) * (workspace.R[row] + workspace.prox[row]);
+      const Wide half = Wide(0.5) * (workspace.R[row] + workspace.prox[row]);
       sum = fma_(workspace.x[row], Wide(0) - fma_(half, workspace.x[row], workspace.z[row]), sum);
     }
     return sum;
@@ -88,7 +87,7 @@ struct NewtonPack {
     for (Index k = 0; k < tree.dofs; ++k) {
       const Numbers row = workspace.M.from(tree.begin[k]);
       const SmallOf<Types>* const path = tree.path(k);
-      Wide force = Wide(static_cast<Real>(0.5)) * row[tree.depth[k]] * workspace.step[k];
+      Wide force = Wide(0.5) * row[tree.depth[k]] * workspace.step[k];
       for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
       sum = fma_(force, workspace.step[k], sum);
     }

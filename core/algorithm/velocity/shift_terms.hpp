@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 /// What the rows' motions are shifted by: de Saxce's terms, and what the proximal term holds on to.
 template <class Types>
 struct ShiftTerms {
-  using Real = typename Types::Real;
+  using Number = typename Types::Number;
   const VelocityWorkspace<Types>& workspace;
   const SlotOf<Types>* slots;
   const SlotCounts& counts;
@@ -48,7 +48,7 @@ struct ShiftTerms {
       for (Index k = 0; k < slot.rows; ++k) {
         const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s) : 0.0;
         workspace.held.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);
-        workspace.shift.at(slot.row + k, l) = static_cast<Real>(slip - held(slot.row + k, l));
+        workspace.shift.at(slot.row + k, l) = static_cast<Number>(slip - held(slot.row + k, l));
       }
     }
   }

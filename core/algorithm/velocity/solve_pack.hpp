@@ -46,11 +46,16 @@ STICTION_HD bool pays_when_large(const DofTree<Set>& tree, const Slot<kLanes, Se
   return 3 * Offset{counts.rows} * counts.rows >= step;
 }
 
+/// The cones of members of a pack, in order, where they are known; else null.
+template <class Types>
+using ListedCones = const SlotItem<typename Types::Set>* const*;
+
 /// run(envs, lists, counts) for up to kLanes environments, or parts of some, each of a size that lanes take; large ones
 /// alone. Whether there was room for their lists, which memory.lists(bytes) is for; else it is not called.
 template <class Types, class Memory, class Run>
 STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
-                           const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory, Run&& run) {
+                           const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory, Run&& run,
+                           ListedCones<Types> listed = nullptr) {
   using Real = typename Types::Real;
   constexpr int kLanes = Types::kLanes;
   LaneEnv<Real> envs[kLanes];
@@ -70,8 +75,8 @@ STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
   SlotItem<Set>* next = lists.items;
   for (Index k = 0; k < dofs; ++k) lists.coupled[k] = Set{};
   for (Index l = 0; l < count; ++l) {
-    list_items(batch, envs[l], next);
-    items[l] = next;
+    items[l] = listed != nullptr ? listed[l] : next;
+    if (listed == nullptr) list_items(batch, envs[l], next);
     next += cones[l];
     add_mass_dofs(envs[l], lists.coupled);
   }
@@ -83,18 +88,22 @@ STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
 
 /// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
 /// became of each is in its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries)
-/// makes the workspace.
+/// makes the workspace. `listed`: their cones, where they are known.
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
-                                    const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory) {
+                                    const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory,
+                                    ListedCones<Types> listed = nullptr) {
   bool is_taken = false;
-  with_pack<Types>(job.batch, members, count, memory, [&](const auto& envs, const auto& lists, const auto& counts) {
-    const Index dofs = lists.tree.dofs;
-    if (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
-    is_taken = true;
-    const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
-    VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
-  });
+  with_pack<Types>(
+      job.batch, members, count, memory,
+      [&](const auto& envs, const auto& lists, const auto& counts) {
+        const Index dofs = lists.tree.dofs;
+        if (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
+        is_taken = true;
+        const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
+        VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
+      },
+      listed);
   if (is_taken) return;
   for (Index l = 0; l < count; ++l) members[l].result->is_solved = false;
 }

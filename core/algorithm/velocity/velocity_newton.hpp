@@ -14,10 +14,11 @@ class VelocityNewton {
  public:
   using Wide = typename Types::Wide;
   using Real = typename Types::Real;
+  using Number = typename Types::Number;
   using Double = typename Types::Double;
   static constexpr int kLanes = Types::kLanes;
   /// Share of its error to which steps in this precision can take an environment before z is computed in double again.
-  static constexpr double kAccurateTo = sizeof(Real) == sizeof(float) ? 1e-4 : 0.0;
+  static constexpr double kAccurateTo = sizeof(Number) == sizeof(float) ? 1e-4 : 0.0;
 
   STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
                              const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
@@ -55,8 +56,8 @@ class VelocityNewton {
   /// One number for each lane.
   template <class F>
   static STICTION_HD Wide lanes(F&& f) {
-    Real values[kLanes];
-    for (int l = 0; l < kLanes; ++l) values[l] = static_cast<Real>(f(l));
+    Number values[kLanes];
+    for (int l = 0; l < kLanes; ++l) values[l] = static_cast<Number>(f(l));
     Wide wide;
     load_lanes(values, wide);
     return wide;
@@ -112,7 +113,7 @@ class VelocityNewton {
   [[nodiscard]] STICTION_HD bool has_friction(int l) const {
     for (Index s = 0; s < counts_.slots; ++s)
       for (Index k = 1; k < slots_[s].rows && slots_[s].row_of[l] >= 0; ++k)
-        if (workspace_.mu.at(slots_[s].row + k, l) > Real(0)) return true;
+        if (workspace_.mu.at(slots_[s].row + k, l) > Number(0)) return true;
     return false;
   }
 
@@ -243,8 +244,8 @@ class VelocityNewton {
   /// Steps without progress before a lane is evaluated. In single precision the gradient that steps add up is rounding
   /// before long. An evaluation tells what it is, and often finds the answer.
   static STICTION_HD double most_idle(const LaneProgress& lane) {
-    return sizeof(Real) == sizeof(float) && lane.evaluations > 0 && !lane.has_outer ? kMostIdleOnceEvaluated
-                                                                                    : kMostIdle;
+    return sizeof(Number) == sizeof(float) && lane.evaluations > 0 && !lane.has_outer ? kMostIdleOnceEvaluated
+                                                                                      : kMostIdle;
   }
 
   /// Steps until every lane is finished or proposes an answer. Whether any proposes one.
@@ -254,7 +255,7 @@ class VelocityNewton {
     const Wide most = lanes([&](int l) { return progress_[l].max_iterations; });
     const Wide patience = lanes([&](int l) { return most_idle(progress_[l]); });
     Wide steps = lanes([&](int l) { return progress_[l].steps; });
-    Wide least(static_cast<Real>(__builtin_huge_val()));
+    Wide least(static_cast<Number>(__builtin_huge_val()));
     Wide idle(0);
     auto moving = busy > Wide(0);
     if (!any(moving)) return false;
@@ -274,7 +275,7 @@ class VelocityNewton {
       step(moving);
       steps = select(moving, steps + Wide(1), steps);
     }
-    Real taken[kLanes];
+    Number taken[kLanes];
     store_lanes(taken, steps);
     for (int l = 0; l < kLanes; ++l) progress_[l].steps = static_cast<Index>(taken[l]);
     return true;
@@ -290,9 +291,11 @@ class VelocityNewton {
     pack_.take_step(pack_.search(moving, descent));
   }
 
-  /// f(lane, FinalResidual) of the reactions in every lane.
+  /// f(lane, FinalResidual) of the reactions in every lane, as the batch's precision has them.
   template <class F>
   STICTION_HD void for_each_proposal(F&& f) const {
+    if constexpr (sizeof(Real) < sizeof(Number))
+      for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, in_single(workspace_.x[row]));
     for_each_part([&](const DoublePack<Types>& part) {
       const auto evaluated = part.evaluate(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l)
@@ -356,7 +359,7 @@ class VelocityNewton {
       for (Index k = 0; k < slots_[s].rows; ++k) {
         const Offset to = env.first_row + slots_[s].row_of[l] + k;
         const Index row = slots_[s].row + k;
-        job_.to.lambda[to] = canonical_zero(workspace_.x.at(row, l));
+        job_.to.lambda[to] = canonical_zero(static_cast<Real>(workspace_.x.at(row, l)));
         if (job_.to.w != nullptr)
           job_.to.w[to] = canonical_zero(saturated<Real>(workspace_.motion[Offset{row} * Types::kStride + l]));
       }

@@ -15,13 +15,13 @@ using SmallOf = typename SetTraits<typename Types::Set>::Small;
 /// Scratch of one pack, in numbers: arrays by row of a slot, by slot, by degree of freedom, by entry of J and of M.
 template <class Types>
 struct VelocityWorkspace {
-  using Real = typename Types::Real;
+  using Number = typename Types::Number;
   using Numbers = typename Types::Numbers;
   static constexpr Index kStride = Types::kStride;
   /// Of three evaluations each: the terms that the answer has, and by how much they differ from those it was found
   /// with.
   static constexpr Index kSlips = 6;
-  static constexpr Index kDouble = sizeof(Real) == sizeof(double) ? 1 : 2;
+  static constexpr Index kDouble = sizeof(Number) == sizeof(double) ? 1 : 2;
 
   Numbers J;          ///< rows x columns of each slot                           (entries)
   Numbers z;          ///< J v - target + shift                                  (rows)
@@ -83,7 +83,7 @@ struct VelocityWorkspace {
     diagonal = take_doubles(counts.rows);
     weight = take_doubles(counts.slots);
     slip = take_doubles(kSlips * Offset{counts.slots});
-    Real* rest = reinterpret_cast<Real*>(memory);
+    Number* rest = reinterpret_cast<Number*>(memory);
     const auto take = [&rest, lane](Offset count) {
       const Numbers part{rest + lane};
       rest += count * kStride;
