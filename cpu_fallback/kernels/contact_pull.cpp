@@ -7,8 +7,6 @@ namespace stiction::inline STICTION_ISA {
 
 namespace {
 
-constexpr int kWidth = kSinglesAlone ? 1 : kPackWidth<double>;
-
 template <class Real>
 bool takes(const VjpJob<Real>& job, Offset env) {
   const Index rows = job.batch.env_rows(env);
@@ -17,6 +15,7 @@ bool takes(const VjpJob<Real>& job, Offset env) {
 }
 
 #if STICTION_VECTOR_BYTES > 0
+constexpr int kWidth = kSinglesAlone ? 1 : kPackWidth<double>;
 constexpr Index kFewest = kWidth > 4 ? 3 : 2;  // fewer take longer in a pack than one by one
 
 /// Packs of environments that follow one another. One whose cones would leave too much of the others' lanes empty

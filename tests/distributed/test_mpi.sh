@@ -356,7 +356,7 @@ EOF
     grep -q 'not answered within the deadline' "$folder/err" || fail "the sentence says nothing of the deadline"
     ;;
   refusing)  # one speaks, and the others know of it: the first as long as it does not come seconds later
-    for case in "0 0 0:0" "1000 0 500:0" "0 2000 2000:0" "60000 0 300:1"; do
+    for case in "0 0 0:0" "1000 0 500:0" "0 2000 2000:0" "60000 0 3000:1"; do
       # shellcheck disable=SC2086
       ranks 3 ${case%:*} 2> "$folder/err"
       status=$?
