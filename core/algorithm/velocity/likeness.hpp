@@ -10,7 +10,7 @@ namespace stiction::inline STICTION_ISA {
 /// grows with its rows and with the square of its columns.
 struct Likeness {
   bool in_double = false;     ///< how steps are taken is another pack's affair
-  Index dofs = 0;             ///<
+  Index dofs = 0;             ///< of the environment
   std::uint64_t cones = 0;    ///< the four last kinds of cones of several rows: of each a hash of 12 bits, and how many
   std::uint64_t singles = 0;  ///< what rows that stand alone touch: each turns the bits of its degrees of freedom
   Index at = 0;               ///< where the environment is, so that the order is one of integers
